@@ -31,7 +31,7 @@ from typing import Final
 import numpy as np
 
 from acquisition.clock.judgement import JudgedClock, judge_clock
-from acquisition.clock.report import Clock
+from acquisition.clock.report import ClockState
 from acquisition.clock.samples import STANDSTILL_SPEED, Samples
 from acquisition.motion.samples import Phase
 from acquisition.processing.smoothing import smooth_nonperiodic
@@ -43,7 +43,7 @@ from config.robot.robot import RobotDescription
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
-from identification.validation.torque_prediction import validate
+from identification.validation.torque_prediction import validate_torques
 
 FIRST_SEED: Final = 900
 """Seeds below were used while the thresholds were chosen."""
@@ -69,7 +69,7 @@ class Case:
     """
 
     name: str
-    clock: Clock
+    clock: ClockState
     made: float
     found: float
     stamped_s: float
@@ -129,7 +129,7 @@ def held_out(robot: RobotDescription, trained: Samples, judged: Recording) -> Fl
     signals = smooth_nonperiodic(recording(robot, trained), BAND_HZ)
     options = EstimationOptions(model=ModelOptions(friction_terms=("coulomb", "viscous", "offset")))
     estimate = fit_smoothed(robot, [signals], options).estimate()
-    return validate(estimate, judged, cutoff_hz=BAND_HZ).relative_percent
+    return validate_torques(estimate, judged, cutoff_hz=BAND_HZ).relative_percent
 
 
 def case_of(name: str, robot: RobotDescription, log: Logged, test: Recording) -> Case:
@@ -162,7 +162,7 @@ def _passed(
     if log.case in SOUND:
         return bool(np.array_equal(clock.time_s, log.samples.time_s))
     if log.case in REFUSED:
-        return clock.report.clock is Clock.UNKNOWN
+        return clock.report.clock is ClockState.UNKNOWN
     if name == REAL:
         return bool(errors[1] <= errors[2] + MOST_WORSE)
     reduced = times[1] <= times[0] / LEAST_REDUCTION

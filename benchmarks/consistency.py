@@ -35,7 +35,7 @@ from dynamics.model.robot_model import RobotModel, regressor
 from dynamics.terms.conditions import Conditions
 from identification.consistency.closest_robot import check_consistency, cone, programme
 from identification.consistency.consistency_test import JudgedParameters, cannot_be_negative
-from identification.consistency.metric import jackknife_metric, whiten
+from identification.consistency.metric import jackknife_metric, whiten_parameters
 from identification.consistency.nominal_robot import nominal_parameters
 from identification.consistency.programme import TO_BODY, ConsistencyProgramme
 from identification.consistency.pseudo_inertia import BASIS, SIZE, pseudo_inertia
@@ -256,7 +256,7 @@ def against_log_cholesky(count: int) -> tuple[bool, float, float]:
     spent, cost = np.zeros((2, count)), np.zeros((2, count))
     for seed in range(count):
         estimate = noisy_estimate(seed)
-        task, target = programme(estimate), whiten(estimate, estimate.values)
+        task, target = programme(estimate), whiten_parameters(estimate, estimate.values)
         for way, solve in enumerate((ConsistencyProgramme.solve, log_cholesky)):
             start_s = time.perf_counter()
             found = solve(task, target)

@@ -19,7 +19,7 @@ from drivers.canopen.bus_load import cyclic_load
 from drivers.canopen.frames import SYNC_COB_ID, heartbeat_cob_id, rpdo_cob_id, tpdo_cob_id
 from mock_hw.bus.hub_client import HubClient
 from mock_hw.bus.hub_process import HubSettings, serve_hub
-from mock_hw.bus.hub_protocol import Role
+from mock_hw.bus.hub_protocol import HubRole
 from mock_hw.host.device_process import keep_pace
 
 BITRATE = 1_000_000
@@ -66,7 +66,7 @@ class Scenario:
 def play_drives(path: Path, pipe: Connection) -> None:
     """Answer every SYNC until told to end; tell how many SYNCs and set-points came when asked."""
     scenario: Scenario = pipe.recv()
-    client = HubClient(path, Role.DEVICE)
+    client = HubClient(path, HubRole.DEVICE)
     gc.freeze()
     gc.disable()
     keep_pace(realtime=True)

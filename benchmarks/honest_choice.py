@@ -21,7 +21,7 @@ from scipy.ndimage import maximum_filter1d
 from scipy.signal import bilinear, filtfilt, lfilter
 
 from acquisition.clock.judgement import judge_clock
-from acquisition.clock.report import Clock
+from acquisition.clock.report import ClockState
 from acquisition.clock.samples import Samples
 from acquisition.motion.samples import Phase
 from acquisition.processing.smoothing import smooth_nonperiodic
@@ -35,7 +35,7 @@ from identification.estimation.estimate import Estimate
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.validation.channel_choice import KINDS
 from identification.validation.model_choice import ModelChoice, choose_model
-from identification.validation.torque_prediction import validate
+from identification.validation.torque_prediction import validate_torques
 
 Effect = Literal["none", "delay", "lag8", "lag5", "zero5", "repeats"]
 
@@ -213,7 +213,7 @@ def recording(
         samples = Samples(time_s, position[rows], np.round(speed[rows] / 1e-4) * 1e-4, torque[rows])
         judged = judge_clock(samples, robot)
         rows, time_s = rows[judged.kept], judged.time_s
-        known = judged.report.clock is not Clock.UNKNOWN
+        known = judged.report.clock is not ClockState.UNKNOWN
     count = len(rows)
     found = Recording(
         joint_names=robot.joint_names,
@@ -257,7 +257,7 @@ def _ratio(model: Estimate, plain: Estimate, run: Recording) -> FloatArray:
     Both count on the rows that count for both, away from standstill: what a joint's friction is
     while it sticks depends on the torque that is applied, and no model predicts that.
     """
-    found = [validate(each, run, cutoff_hz=BAND_HZ) for each in (model, plain)]
+    found = [validate_torques(each, run, cutoff_hz=BAND_HZ) for each in (model, plain)]
     counted = found[0].counted & found[1].counted
     still = np.abs(found[0].velocity) < found[0].standstill_rad_s
     reach = 2 * round(AWAY_S / (found[0].time_s[1] - found[0].time_s[0])) + 1

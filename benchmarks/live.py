@@ -33,10 +33,10 @@ from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.runs.folder import RunFolder
 from acquisition.session.outcome import RecordOutcome
 from acquisition.session.record import MotionContext, record_motion
-from acquisition.task.states import Progress, TaskState
+from acquisition.task.states import TaskProgress, TaskState
 from config.load import LoadedCell, load_cell
 from mock_hw.bus.hub_client import HubClient
-from mock_hw.bus.hub_protocol import Role
+from mock_hw.bus.hub_protocol import HubRole
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
 from rid_daq.live.live_page import LivePage, live_page
@@ -166,7 +166,7 @@ def lateness(bench: Bench, seconds: float) -> tuple[np.ndarray, np.ndarray, floa
         bench.crowd.recv()
         state.update(since=time.monotonic(), there=there, busy=False)
 
-    def on_progress(progress: Progress) -> None:
+    def on_progress(progress: TaskProgress) -> None:
         now_s = time.monotonic()
         if progress.state is not TaskState.MOVING or progress.phase is not Phase.MAIN:
             return
@@ -205,7 +205,7 @@ def click(bench: Bench, samples: MotionSamples) -> float:
 
     def observe() -> None:
         left = set(set_points)
-        observer = HubClient(Path(bench.simulated.channel), Role.OBSERVER, timeout_s=30.0)
+        observer = HubClient(Path(bench.simulated.channel), HubRole.OBSERVER, timeout_s=30.0)
         while left:
             for frame in observer.wait(time.monotonic_ns() + 10**8):
                 if frame.can_id in left and bytes(frame.data)[:2] == QUICK_STOP and clicked:
@@ -222,7 +222,7 @@ def click(bench: Bench, samples: MotionSamples) -> float:
             line.sendall(request)
             line.recv(4096)
 
-    def on_progress(progress: Progress) -> None:
+    def on_progress(progress: TaskProgress) -> None:
         if progress.phase is Phase.MAIN and not pressing:
             pressing.append(threading.Thread(target=press))
             pressing[0].start()

@@ -41,7 +41,7 @@ from identification.choices import BAND_HZ
 from identification.model.drawn_arm import drawn_parameters
 from identification.wiring.search import find_mistakes, impossibilities
 from identification.wiring.signals import WiredSignals
-from identification.wiring.trial import Condensed, Trial
+from identification.wiring.trial import Condensed, WiringTrial
 from rid_daq.app import run
 
 TOLD_BAR: Final = 0.95
@@ -130,7 +130,7 @@ def outcomes(sound: Stated) -> Iterator[Outcome]:
         yield Outcome(sound.robot.name, made.name, refused and not named, right, visible)
 
 
-def _trial(stated: Stated, robot: RobotDescription) -> Trial | None:
+def _trial(stated: Stated, robot: RobotDescription) -> WiringTrial | None:
     """Return how well a robot explains a recording; None where stamps of it leave nothing."""
     recording = recording_of(stated, DEGREE if stated.unit == "deg" else 1.0)
     try:

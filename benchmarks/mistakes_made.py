@@ -13,7 +13,7 @@ from benchmarks.sound_robots import Sound
 from config.arrays import FloatArray
 from config.load import load_robot
 from config.robot.robot import RobotDescription
-from identification.wiring.mistakes import Kind
+from identification.wiring.mistakes import MistakeKind
 
 DEGREE: Final = math.pi / 180.0
 ALL_ROWS: Final = slice(None)
@@ -91,7 +91,7 @@ class Made:
     """
 
     name: str
-    kinds: tuple[Kind, ...]
+    kinds: tuple[MistakeKind, ...]
     joints: tuple[int, ...]
     stated: Stated
     shown: bool = False
@@ -135,21 +135,23 @@ def _of_one_joint(sound: Stated, j: int) -> Iterator[Made]:
         torque_nm[:, j] *= factor
         return replace(sound, torque_nm=torque_nm)
 
-    signs = (Kind.POSITION_SIGN, Kind.TORQUE_SIGN, Kind.DIRECTION)
+    signs = (MistakeKind.POSITION_SIGN, MistakeKind.TORQUE_SIGN, MistakeKind.DIRECTION)
     yield Made(f"{one}: position backwards", signs, (j,), moved(lambda q: -q))
     yield Made(f"{one}: torque backwards", signs, (j,), driven(-1.0))
     both = replace(moved(lambda q: -q), torque_nm=driven(-1.0).torque_nm)
     yield Made(f"{one}: turns the other way", signs, (j,), both)
-    factors = (Kind.POSITION_FACTOR,)
+    factors = (MistakeKind.POSITION_FACTOR,)
     for factor in (2.0, 0.5, 10.0, 0.1, DEGREE, 1.0 / DEGREE, gear, 1.0 / gear):
         stated = moved(lambda q, factor=factor: factor * q)  # type: ignore[misc]
         yield Made(f"{one}: position times {factor:.4g}", factors, (j,), stated)
     for factor in (2.0, 0.5, 10.0, 0.1, 1000.0, 0.001, gear, 1.0 / gear):
-        kinds = (Kind.TORQUE_FACTOR,)
+        kinds = (MistakeKind.TORQUE_FACTOR,)
         yield Made(f"{one}: torque times {factor:.4g}", kinds, (j,), driven(factor))
     for degrees in (90.0, -90.0, 180.0, 30.0):
         stated = moved(lambda q, degrees=degrees: q + degrees * DEGREE)  # type: ignore[misc]
-        yield Made(f"{one}: zero off by {degrees:g} degrees", (Kind.POSITION_OFFSET,), (j,), stated)
+        yield Made(
+            f"{one}: zero off by {degrees:g} degrees", (MistakeKind.POSITION_OFFSET,), (j,), stated
+        )
 
 
 def _orders(
@@ -159,17 +161,17 @@ def _orders(
     moved = tuple(i for i, other in enumerate(order) if i != other)
     own = moved if len(moved) == 2 else own
     position, torque_nm = sound.position[:, order], sound.torque_nm[:, order]
-    kind = Kind.POSITION_ORDER
+    kind = MistakeKind.POSITION_ORDER
     yield Made(f"positions: {name}", (kind,), own, replace(sound, position=position))
-    kind = Kind.TORQUE_ORDER
+    kind = MistakeKind.TORQUE_ORDER
     yield Made(f"torques: {name}", (kind,), own, replace(sound, torque_nm=torque_nm))
     both = replace(sound, position=position, torque_nm=torque_nm)
-    yield Made(f"columns: {name}", (Kind.AXIS_ORDER,), own, both)
+    yield Made(f"columns: {name}", (MistakeKind.AXIS_ORDER,), own, both)
 
 
 def _of_all(sound: Stated) -> Iterator[Made]:
     in_degrees = replace(sound, position=sound.position / DEGREE)
-    yield Made("degrees read as radians", (Kind.POSITION_FACTOR,), (), in_degrees)
+    yield Made("degrees read as radians", (MistakeKind.POSITION_FACTOR,), (), in_degrees)
     gears = np.array([abs(joint.gear_ratio) for joint in sound.robot.joints])
     for name, factors in (
         ("in turns", np.full(len(gears), 0.5 / math.pi)),
@@ -178,9 +180,9 @@ def _of_all(sound: Stated) -> Iterator[Made]:
     ):
         if np.any(factors != 1.0):
             unit = replace(sound, position=sound.position * factors)
-            yield Made(f"positions {name}", (Kind.POSITION_FACTOR,), (), unit)
+            yield Made(f"positions {name}", (MistakeKind.POSITION_FACTOR,), (), unit)
     as_degrees = replace(sound, unit="deg")
-    yield Made("radians read as degrees", (Kind.POSITION_FACTOR,), (), as_degrees)
+    yield Made("radians read as degrees", (MistakeKind.POSITION_FACTOR,), (), as_degrees)
     for name, factor in (
         ("10 % fast", 1.0 / 0.9),
         ("10 % slow", 1.0 / 1.1),
@@ -188,10 +190,10 @@ def _of_all(sound: Stated) -> Iterator[Made]:
         ("in milliseconds", 1000.0),
     ):
         timed = replace(sound, time_s=factor * sound.time_s)
-        yield Made(f"clock: {name}", (Kind.CLOCK,), (), timed)
+        yield Made(f"clock: {name}", (MistakeKind.CLOCK,), (), timed)
     yield Made(
         "torques in mN m",
-        (Kind.TORQUE_UNIT, Kind.TORQUE_FACTOR),
+        (MistakeKind.TORQUE_UNIT, MistakeKind.TORQUE_FACTOR),
         (),
         replace(sound, torque_nm=1e3 * sound.torque_nm),
     )
@@ -212,15 +214,17 @@ def _of_torques(sound: Stated) -> Iterator[Made]:
     n = len(sound.robot.joints)
     joints = sound.robot.joints
 
-    def made(name: str, kind: Kind, torque_nm: FloatArray, own: tuple[int, ...] = ()) -> Made:
+    def made(
+        name: str, kind: MistakeKind, torque_nm: FloatArray, own: tuple[int, ...] = ()
+    ) -> Made:
         return Made(name, (kind,), own, replace(sound, torque_nm=torque_nm))
 
-    yield made("all torques backwards", Kind.TORQUE_SIGN, -sound.torque_nm)
+    yield made("all torques backwards", MistakeKind.TORQUE_SIGN, -sound.torque_nm)
     sets = [(1, 2), tuple(range(n - 1))] + ([(0, 1, 2)] if n > 3 else [])
     for own in sets:
         torque_nm = sound.torque_nm.copy()
         torque_nm[:, list(own)] *= -1.0
-        yield made(f"torques of {len(own)} axes backwards", Kind.TORQUE_SIGN, torque_nm, own)
+        yield made(f"torques of {len(own)} axes backwards", MistakeKind.TORQUE_SIGN, torque_nm, own)
     limits = np.array([joint.limits.torque for joint in joints])
     gears = np.array([abs(joint.gear_ratio) for joint in joints])
     units = [
@@ -233,12 +237,14 @@ def _of_torques(sound: Stated) -> Iterator[Made]:
     if len(known) == n:
         units.append(("amperes called N m", 1.0 / np.array(known)))
     for name, factors in units:
-        yield made(name, Kind.TORQUE_UNIT, factors * sound.torque_nm)
+        yield made(name, MistakeKind.TORQUE_UNIT, factors * sound.torque_nm)
     speed = np.gradient(sound.position, sound.time_s, axis=0)
-    yield made("velocities called torques", Kind.TORQUE_QUANTITY, speed)
+    yield made("velocities called torques", MistakeKind.TORQUE_QUANTITY, speed)
     acceleration = np.gradient(speed, sound.time_s, axis=0)
-    yield made("accelerations called torques", Kind.TORQUE_QUANTITY, acceleration)
-    without = made("gravity removed", Kind.GRAVITY_REMOVED, sound.torque_nm - sound.gravity_nm)
+    yield made("accelerations called torques", MistakeKind.TORQUE_QUANTITY, acceleration)
+    without = made(
+        "gravity removed", MistakeKind.GRAVITY_REMOVED, sound.torque_nm - sound.gravity_nm
+    )
     yield replace(without, shown=True)
 
 
@@ -269,12 +275,15 @@ def _of_the_robot(sound: Stated) -> Iterator[Made]:
 
     other = "standard_dh" if table.convention == "modified_dh" else "modified_dh"
     convention = table.model_copy(update={"convention": other})
-    yield Made("the other convention", (Kind.CONVENTION,), (), of(kinematics=convention))
+    yield Made("the other convention", (MistakeKind.CONVENTION,), (), of(kinematics=convention))
     matrix = np.eye(n)
     matrix[n - 1, n - 2] = 1.0
     coupled = tuple(tuple(row) for row in matrix.tolist())
     yield Made(
-        "a coupling that is not there", (Kind.COUPLING,), (n - 2, n - 1), of(coupling=coupled)
+        "a coupling that is not there",
+        (MistakeKind.COUPLING,),
+        (n - 2, n - 1),
+        of(coupling=coupled),
     )
     long = max(range(n), key=lambda i: abs(table.rows[i].a_m))
     for name, key, value in (
@@ -287,7 +296,7 @@ def _of_the_robot(sound: Stated) -> Iterator[Made]:
         yield Made(name, (), (long,), of(kinematics=table.model_copy(update={"rows": tuple(rows)})))
     yield Made("gravity in cm", (), (), of(gravity_m_s2=(0.0, 0.0, -981.0)))
     down = tuple(-each for each in robot.gravity_m_s2)
-    yield Made("mounted upside down", (Kind.MOUNTING,), (), of(gravity_m_s2=down))
+    yield Made("mounted upside down", (MistakeKind.MOUNTING,), (), of(gravity_m_s2=down))
     size, sign = float(np.linalg.norm(robot.gravity_m_s2)), math.copysign(1, robot.gravity_m_s2[2])
     for name, tilt_deg, azimuth_deg in (
         ("a tilt that is not there", 30.0, 90.0),
@@ -297,7 +306,7 @@ def _of_the_robot(sound: Stated) -> Iterator[Made]:
         tilt, turn = tilt_deg * DEGREE, azimuth_deg * DEGREE
         flat, along = size * math.sin(tilt), sign * size * math.cos(tilt)
         gravity = (flat * math.cos(turn), flat * math.sin(turn), along)
-        yield Made(name, (Kind.MOUNTING,), (), of(gravity_m_s2=gravity))
+        yield Made(name, (MistakeKind.MOUNTING,), (), of(gravity_m_s2=gravity))
     limits = [joint.limits for joint in joints]
     degrees = tuple(
         joint.model_copy(

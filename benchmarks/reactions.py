@@ -40,7 +40,7 @@ from acquisition.runs.folder import RunFolder
 from acquisition.session.outcome import RecordOutcome
 from acquisition.session.record import record_motion
 from acquisition.supervision.stop_reason import StopCode
-from acquisition.task.states import Progress
+from acquisition.task.states import TaskProgress
 from benchmarks.lateness import calm_p99
 from config.load import LoadedCell, load_cell
 from config.simulation.faults import DriveFault, FaultScript, FrameFault
@@ -53,7 +53,7 @@ from drivers.canopen.frames import (
 )
 from drivers.cell import open_cell
 from mock_hw.bus.hub_client import HubClient
-from mock_hw.bus.hub_protocol import Role
+from mock_hw.bus.hub_protocol import HubRole
 from mock_hw.cell import SimulatedCell
 from mock_hw.host.device_process import keep_pace
 from mock_hw.simulation import CellSimulation
@@ -174,7 +174,7 @@ class Bench:
         )
         self._samples: MotionSamples = motion.plan(robot, loaded.config.cycle_time_s)
 
-    def move(self, on_progress: Callable[[Progress], None] | None = None) -> RecordOutcome:
+    def move(self, on_progress: Callable[[TaskProgress], None] | None = None) -> RecordOutcome:
         """Drive the motion until it ends or is stopped."""
         run = RunFolder.create(self._folder, "reactions")
         cell, robot = self._simulated.cell, self._loaded.robot
@@ -185,7 +185,7 @@ class Bench:
         asked: list[float] = []
         main_s: list[float] = []
 
-        def interrupt(progress: Progress) -> None:
+        def interrupt(progress: TaskProgress) -> None:
             if progress.phase is not Phase.MAIN or asked or interrupted_after_s is None:
                 return
             main_s.append(time.monotonic())
@@ -246,7 +246,7 @@ def _logged(log: Path) -> Iterator[Frame]:
 
 def flood(channel: Path, pipe: Connection) -> None:
     """Send emergency messages of no error while told to; the main function of a process."""
-    client = HubClient(channel, Role.DEVICE)
+    client = HubClient(channel, HubRole.DEVICE)
     keep_pace(realtime=True)
     step_ns = 10**9 // FLOOD_PER_S
     flooding = False
@@ -278,7 +278,7 @@ def lateness(bench: Bench, channel: Path, segment_s: float) -> tuple[NDArray[np.
     ours.recv()
     spans: list[tuple[float, bool]] = []
 
-    def change(progress: Progress) -> None:
+    def change(progress: TaskProgress) -> None:
         now_s = time.monotonic()
         if progress.phase is Phase.MAIN and (not spans or now_s - spans[-1][0] > segment_s):
             there = bool(spans) and not spans[-1][1]

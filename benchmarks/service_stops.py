@@ -23,7 +23,7 @@ from config.load import load_cell
 from drivers.canopen.frames import rpdo_cob_id
 from drivers.servo.cia402 import ControlWord
 from mock_hw.bus.hub_client import HubClient
-from mock_hw.bus.hub_protocol import Role
+from mock_hw.bus.hub_protocol import HubRole
 
 PATIENCE_S: Final = 300.0
 CELL: Final = "ir361"
@@ -53,7 +53,7 @@ class BusListener:
     def on_the_bus(cls, folder: Path) -> Iterator[BusListener]:
         """Listen to the one simulated bus below a runtime folder."""
         (path,) = (folder / "rid-daq").glob(f"*/{CELL}.sock")
-        client = HubClient(path, Role.OBSERVER)
+        client = HubClient(path, HubRole.OBSERVER)
         try:
             yield cls(client)
         finally:

@@ -23,7 +23,7 @@ from mock_hw.amplifier.port import AmplifierPort, PlateSettings
 from mock_hw.bus.bus_client import BusClient
 from mock_hw.bus.hub_client import HubClient
 from mock_hw.bus.hub_process import LINGER_NS
-from mock_hw.bus.hub_protocol import Role
+from mock_hw.bus.hub_protocol import HubRole
 from mock_hw.bus.lawicel_port import LawicelPort
 from mock_hw.bus.served_bus import adapter_path, hold_served_bus
 from mock_hw.host.device_process import keep_pace, leave_signals_to_parent
@@ -163,7 +163,7 @@ def _client(settings: DrivesSettings, ended: Callable[[], bool]) -> DeviceClient
     if bus is None:
         urgent = [NMT_COB_ID, SYNC_COB_ID]
         urgent += [sdo_request_cob_id(axis.node_id) for axis in settings.simulation.cell.axes]
-        return HubClient(settings.socket, Role.DEVICE, urgent)
+        return HubClient(settings.socket, HubRole.DEVICE, urgent)
     if bus.interface == "slcan":
         return BusClient(CanLink(LawicelPort(adapter_path(bus.channel), bus.bitrate)), ended)
     return BusClient(open_can(bus, watch_errors=False), ended)

@@ -19,7 +19,7 @@ from drivers.servo.cia402 import AxisUnits, MotorRatings
 from mock_hw.drive.axis import AxisPort
 from mock_hw.drive.drive import SimulatedDrive
 from mock_hw.drive.faults import DriveFaults
-from mock_hw.drive.objects import DriveIdentity
+from mock_hw.drive.objects import SimulatedIdentity
 from mock_hw.plant.plant import Plant
 from mock_hw.plant.snapshot import SnapshotWriter
 
@@ -124,7 +124,7 @@ class DriveRack:
             self._command_factors[number] = axis.direction / units.counts_per_rad
             self._torque_limit_nm[number] = 1000.0 * units.nm_per_torque_unit
             port = PlantAxis(self._measured, number, axis)
-            identity = DriveIdentity.of_axis(cell, axis, joint, simulated)
+            identity = SimulatedIdentity.of_axis(cell, axis, joint, simulated)
             self.drives.append(SimulatedDrive(identity, port, now_s))
         self._faults = None
         if faults.drives or faults.program:

@@ -24,7 +24,7 @@ from config.process.shortage import as_named
 from config.process.termination import TERMINATION, ending_signals
 from rid_daq.command_line.completion import PROGRAM, VARIABLE
 from rid_daq.command_line.root import Root
-from rid_daq.terminal.console import Console, documents_written, output_error, printable
+from rid_daq.terminal.console import Console, documents_written, make_printable, output_error
 from rid_daq.terminal.exit_codes import ExitCode, exit_code_of
 from rid_daq.terminal.fitted import fitted
 
@@ -42,7 +42,7 @@ def run(arguments: Sequence[str]) -> int:
     ending = ending_of(lambda: _call(list(arguments)))
     if ending.said:
         named = f" [{ending.refusal}]" if ending.refusal else ""
-        message = f"rid-daq: {printable(ending.message)}{named}"
+        message = f"rid-daq: {make_printable(ending.message)}{named}"
         columns = shutil.get_terminal_size().columns if sys.stderr.isatty() else None
         click.echo(message if columns is None else fitted(message, columns), err=True)
     if ending.code and "--json" in arguments and documents_written() == written:

@@ -13,11 +13,11 @@ from acquisition.clock.left_out import LEAST_GAIN, left_out_gain
 from acquisition.clock.repeats import (
     FEWEST_ROWS,
     between,
-    held_positions,
     longest_run,
+    repeated_positions,
     repeated_rows,
 )
-from acquisition.clock.report import NAMED_SHARE, Clock, ClockReport
+from acquisition.clock.report import NAMED_SHARE, ClockReport, ClockState
 from acquisition.clock.samples import Samples
 from acquisition.clock.torque_test import torque_gain
 from acquisition.processing.smoothing import GAP_STEPS
@@ -74,7 +74,7 @@ def judge_clock(
     fresh = samples.part(kept)
     missing, jitter_s = _steps(samples.time_s)
     report = ClockReport(
-        clock=Clock.UNVERIFIED,
+        clock=ClockState.UNVERIFIED,
         rows=len(samples) + copies,
         repeated_rows=int(np.count_nonzero(repeated)) + copies,
         longest_repeat=max(longest_run(repeated), 2 if copies else 1),
@@ -83,13 +83,13 @@ def judge_clock(
     )
     if len(fresh) < FEWEST_ROWS:
         return JudgedClock(kept, stamps, fresh.position, report)
-    held = held_positions(fresh)
+    held = repeated_positions(fresh)
     shares = held.mean(axis=0)
     report = replace(report, held_share=tuple(shares.tolist()))
     if shares.max() > NAMED_SHARE:
         position = between(fresh.time_s, fresh.position, held & (shares > NAMED_SHARE))
         doubt = "it is not known when the source read its positions"
-        report = replace(report, clock=Clock.UNKNOWN, doubt=doubt)
+        report = replace(report, clock=ClockState.UNKNOWN, doubt=doubt)
         return JudgedClock(kept, stamps, position, report)
     times, report = _rebuilt(samples, repeated, report, robot, coupling)
     if times is None:
@@ -97,7 +97,7 @@ def judge_clock(
     rate, corrected_s = _difference(fresh.time_s, times.time_s)
     report = replace(
         report,
-        clock=Clock.REBUILT,
+        clock=ClockState.REBUILT,
         corrected_rms_s=corrected_s,
         rate=rate,
         tick_s=times.tick_s,
@@ -140,7 +140,7 @@ def _rebuilt(
     doubtful |= report.jitter_rms_s > UNEVEN * samples.period_s
 
     def not_told(why: str) -> tuple[None, ClockReport]:
-        doubt = replace(report, clock=Clock.UNKNOWN, doubt=why)
+        doubt = replace(report, clock=ClockState.UNKNOWN, doubt=why)
         return None, doubt if doubtful else report
 
     if not np.isfinite(samples.velocity).all(axis=0).any():
@@ -156,11 +156,11 @@ def _rebuilt(
         return not_told("positions and velocities do not tell the times")
     rate, corrected_s = _difference(fresh.time_s, times.time_s)
     if corrected_s < SAME * fresh.period_s and abs(rate - 1.0) < RATE_KEPT:
-        return None, replace(report, clock=Clock.CONFIRMED)
+        return None, replace(report, clock=ClockState.CONFIRMED)
     gain = left_out_gain(fresh, repeats)
     report = replace(report, left_out_gain=gain)
     if gain == 0.0:
-        return None, replace(report, clock=Clock.CONFIRMED)
+        return None, replace(report, clock=ClockState.CONFIRMED)
     if abs(times.rate - 1.0) > RATE_BELIEVED:
         return not_told("the velocities contradict the positions and time stamps in all joints")
     torque = None if robot is None else torque_gain(robot, fresh, times.time_s, coupling)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from acquisition.clock.repeats import longest_run, repeated_rows
-from acquisition.clock.report import Clock, ClockReport
+from acquisition.clock.report import ClockReport, ClockState
 from acquisition.clock.samples import Samples
 from acquisition.recording.recording import Recording
 
@@ -31,7 +31,7 @@ class RepeatCounter:
     def report(self) -> ClockReport:
         """Return what was counted."""
         return ClockReport(
-            clock=Clock.UNVERIFIED,
+            clock=ClockState.UNVERIFIED,
             rows=self._rows,
             repeated_rows=self._repeated,
             longest_repeat=self._longest,

@@ -56,7 +56,7 @@ def repeated_rows(samples: Samples) -> BoolArray:
     return repeated
 
 
-def held_positions(samples: Samples) -> BoolArray:
+def repeated_positions(samples: Samples) -> BoolArray:
     """Return which positions are those of the row before, shape (rows, joints).
 
     Args:

@@ -11,7 +11,7 @@ NAMED_SHARE: Final = 0.005
 MISSING_SHARE: Final = 0.01
 
 
-class Clock(StrEnum):
+class ClockState(StrEnum):
     """Where the times of a recording come from, and what is known of them."""
 
     CONFIRMED = "confirmed"
@@ -47,7 +47,7 @@ class ClockReport:
         doubt: Why the clock is unknown; empty if it is not.
     """
 
-    clock: Clock
+    clock: ClockState
     rows: int
     repeated_rows: int = 0
     longest_repeat: int = 1
@@ -64,13 +64,13 @@ class ClockReport:
     @property
     def is_known(self) -> bool:
         """Whether delays and filters of the torque can be fitted."""
-        return self.clock is not Clock.UNKNOWN
+        return self.clock is not ClockState.UNKNOWN
 
     @property
     def is_sound(self) -> bool:
         """Whether no row repeats another, and nothing speaks against the stamps."""
         held = max(self.held_share, default=0.0) > NAMED_SHARE
-        stamps = self.clock in (Clock.CONFIRMED, Clock.UNVERIFIED)
+        stamps = self.clock in (ClockState.CONFIRMED, ClockState.UNVERIFIED)
         return stamps and not self.repeated_rows and not held
 
     @property
@@ -112,7 +112,7 @@ class ClockReport:
                 "Positions are renewed less often than rows are written; so many are those of the"
                 f" row before although the joint moves: {', '.join(held)}. They are interpolated"
             )
-        if self.clock is Clock.REBUILT:
+        if self.clock is ClockState.REBUILT:
             tick = "" if self.tick_s is None else f", in steps of {1e3 * self.tick_s:.4g} ms"
             said.append(
                 f"The time stamps are off by {1e3 * self.corrected_rms_s:.3g} ms RMS (their steps"

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from acquisition.hold_to_run.line import Line
+from acquisition.hold_to_run.line import HoldLine
 from acquisition.task.helper_words import MOST_JOINTS
 from acquisition.task.shared_block import SharedBlock
 from config.arrays import FloatArray
@@ -47,7 +47,7 @@ class DeadMan(SharedBlock):
     WORDS = _Words
     _words: Any
 
-    def press(self, line: Line, until_s: float) -> None:
+    def press(self, line: HoldLine, until_s: float) -> None:
         """Begin a press: hold to go along a line, which begins where the robot rests.
 
         Args:

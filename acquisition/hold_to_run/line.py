@@ -1,4 +1,4 @@
-"""`Line`: a straight way in joint space, as far as it is clear, and how fast it may be driven."""
+"""`HoldLine`: a straight way in joint space, how far it is clear, and how fast it may be driven."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ STEP: Final = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class HoldLine:
     """A line that was looked at.
 
     Attributes:
@@ -74,7 +74,7 @@ class LineCheck:
         margin = np.minimum(LIMIT_MARGIN, 0.05 * (high - low))
         self._low, self._high = low + margin, high - margin
 
-    def __call__(self, start: FloatArray, wanted: FloatArray) -> Line:
+    def __call__(self, start: FloatArray, wanted: FloatArray) -> HoldLine:
         """Return the line from a pose towards another, (joints,) each, as far as it is clear.
 
         It ends before a joint's limit, or before two bodies come too close; where they are close
@@ -89,7 +89,7 @@ class LineCheck:
             near = self._clearances.nearest(poses[clear : clear + 1])
             obstacle = self._clearances.names[int(np.argmin(near))]
             poses = poses[: max(1, clear)]
-        return Line(start, poses[-1], self._pace(poses), obstacle)
+        return HoldLine(start, poses[-1], self._pace(poses), obstacle)
 
     def _within_limits(self, start: FloatArray, wanted: FloatArray) -> tuple[float, str]:
         """Return which share of a way stays within the limits, and what ends it."""

@@ -9,7 +9,7 @@ from typing import Final, Protocol
 
 from acquisition.hold_to_run.dead_man import DeadMan
 from acquisition.hold_to_run.held_key import Held
-from acquisition.hold_to_run.line import Line
+from acquisition.hold_to_run.line import HoldLine
 from config.arrays import FloatArray
 from config.process.safety_clock import safety_now_s
 
@@ -28,7 +28,7 @@ class Keys(Protocol):
         """Return which key is held now, None where none is."""
 
 
-Plan = Callable[[str, FloatArray], Line | None]
+Plan = Callable[[str, FloatArray], HoldLine | None]
 """Says which line a key that is held leads along from a pose; None where it leads nowhere."""
 
 

@@ -9,7 +9,7 @@ from acquisition.clock.samples import Samples
 from acquisition.imports.columns import ImportRows
 from acquisition.imports.import_map import ImportMap
 from acquisition.imports.report import DamagedRow
-from acquisition.imports.tables import in_order
+from acquisition.imports.tables import find_unordered
 from acquisition.processing.smoothing import GAP_STEPS
 
 JUMP_FACTOR = 1.5
@@ -45,7 +45,7 @@ def leave_out(
         What is odd about the rows that are used, a sentence each.
     """
     rows = _leave_out_absurd(rows, import_map, damaged)
-    doubled, disordered = in_order(rows.time_s)
+    doubled, disordered = find_unordered(rows.time_s)
     for mask, reason in (
         (doubled, "with a doubled time stamp"),
         (disordered, "with a time stamp out of order"),

@@ -75,7 +75,7 @@ def read_tables(
     return first
 
 
-def in_order(stamps: FloatArray) -> tuple[BoolArray, BoolArray]:
+def find_unordered(stamps: FloatArray) -> tuple[BoolArray, BoolArray]:
     """Return which rows must go for time stamps to increase: the fewest.
 
     Args:
@@ -209,7 +209,7 @@ def _beside(
 ) -> ImportTable:
     """Put another file's columns beside a table's, interpolated to its stamps."""
     sound = np.isfinite(other.time_s)
-    sound[sound] = ~np.logical_or(*in_order(other.time_s[sound]))
+    sound[sound] = ~np.logical_or(*find_unordered(other.time_s[sound]))
     stamps, read = other.time_s[sound], other.values[sound]
     notes = first.notes
     if len(stamps) < other.rows_read:

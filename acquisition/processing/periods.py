@@ -34,7 +34,7 @@ BLOCK_VALUES = 1 << 18
 
 
 @dataclass(frozen=True)
-class RejectedPeriod:
+class PeriodRejection:
     """A period that is not part of the average; `index` counts the main periods from 0."""
 
     index: int
@@ -79,7 +79,7 @@ class PeriodAverage:
     position_bin_variance: FloatArray
     torque_bin_variance: FloatArray
     periods_kept: int
-    rejected: tuple[RejectedPeriod, ...] = ()
+    rejected: tuple[PeriodRejection, ...] = ()
     missing_samples: int = 0
     torque_filter: ButterworthFilter | None = None
     temperature_k: FloatArray | None = None
@@ -169,7 +169,7 @@ def average_table(
     if plate is not None:
         rejected |= _unfit_reaction(plate, rejected)
     good = _without(rejected, len(present))
-    reasons = tuple(RejectedPeriod(i, rejected[i]) for i in sorted(rejected))
+    reasons = tuple(PeriodRejection(i, rejected[i]) for i in sorted(rejected))
     kept = int(good.sum())
     if len(present) == 1 and not reasons:
         raise DataQualityError(

@@ -17,7 +17,7 @@ WRENCH: Final = ("force_x_n", "force_y_n", "force_z_n", "moment_x_nm", "moment_y
 
 
 @dataclass(frozen=True, eq=False)
-class Column:
+class RecordingColumn:
     """One quantity over time.
 
     Attributes:
@@ -40,7 +40,7 @@ class RecordingTable:
         origin: Run, robot, cell.
     """
 
-    columns: tuple[Column, ...]
+    columns: tuple[RecordingColumn, ...]
     origin: dict[str, str]
 
 
@@ -61,7 +61,7 @@ def recording_table(recording: Recording, robot: RobotDescription) -> RecordingT
             code="RID-ROBOT-OTHER",
         )
     slides = [joint.type == "prismatic" for joint in robot.joints]
-    columns = [Column("time_s", "s", recording.time_s)]
+    columns = [RecordingColumn("time_s", "s", recording.time_s)]
     kinds: tuple[tuple[str, FloatArray | None, str, str], ...] = (
         ("position", recording.position, "rad", "m"),
         ("torque", recording.torque_nm, "N m", "N"),
@@ -74,21 +74,23 @@ def recording_table(recording: Recording, robot: RobotDescription) -> RecordingT
             continue
         for joint, name in enumerate(recording.joint_names):
             unit = sliding if slides[joint] else turning
-            columns.append(Column(_name(quantity, name, unit), unit, values[:, joint]))
+            columns.append(RecordingColumn(_name(quantity, name, unit), unit, values[:, joint]))
     if recording.reaction is not None:
         reaction = recording.reaction
         for channel, name in enumerate(reaction.channel_names):
-            columns.append(Column(_name("plate", name, "N"), "N", reaction.channels_n[:, channel]))
+            columns.append(
+                RecordingColumn(_name("plate", name, "N"), "N", reaction.channels_n[:, channel])
+            )
         wrench = reaction.channels_n @ reaction.base_wrench_matrix.T
         for axis, name in enumerate(WRENCH):
             unit = "N" if name.endswith("_n") else "N m"
-            columns.append(Column(f"base_{name}", unit, wrench[:, axis]))
+            columns.append(RecordingColumn(f"base_{name}", unit, wrench[:, axis]))
         good = np.asarray(reaction.valid.all(axis=1))
-        columns.append(Column("plate_valid", "", good.astype(np.int32)))
+        columns.append(RecordingColumn("plate_valid", "", good.astype(np.int32)))
     columns += [
-        Column("valid", "", recording.valid.astype(np.int32)),
-        Column("phase", "", recording.phase.astype(np.int32)),
-        Column("sample_index", "", recording.sample_index),
+        RecordingColumn("valid", "", recording.valid.astype(np.int32)),
+        RecordingColumn("phase", "", recording.phase.astype(np.int32)),
+        RecordingColumn("sample_index", "", recording.sample_index),
     ]
     origin = {
         "run": recording.run_id,

@@ -14,7 +14,7 @@ from acquisition.journal.cycle_reader import CycleReader
 from acquisition.motion.samples import MotionSamples
 from acquisition.recording.recording import Recording, joined
 from acquisition.task.control_block import ControlBlock
-from acquisition.task.states import Progress
+from acquisition.task.states import TaskProgress
 from config.errors import RecordingError, RidDaqError
 
 FEWEST_PERIODS = 3
@@ -75,7 +75,7 @@ class EarlyStop:
         self._begun = 0  # periods that earlier questions had
         control.program.judge_periods()
 
-    def look(self, progress: Progress) -> None:
+    def look(self, progress: TaskProgress) -> None:
         """Ask about the periods that are over by now, unless an answer is awaited.
 
         A period is over when the row before its end was commanded.

@@ -84,7 +84,7 @@ def piece_time_s(baud_rate: int) -> float:
     return min(LONGEST_PIECE_S, PIECE_BYTES * BITS_PER_BYTE / baud_rate)
 
 
-def require_ready(amplifier: SerialAmplifier, config: AmplifierConfig) -> None:
+def require_amplifier_ready(amplifier: SerialAmplifier, config: AmplifierConfig) -> None:
     """Refuse an amplifier that is set otherwise than the cell file says, or does not measure.
 
     Raises:
@@ -135,7 +135,7 @@ class _Recorder:
     def _header(self, amplifier: SerialAmplifier) -> PlateHeader:
         task = self._task
         identity = amplifier.connect()
-        require_ready(amplifier, task.plate.amplifier)
+        require_amplifier_ready(amplifier, task.plate.amplifier)
         return PlateHeader(
             plate=task.plate,
             profile=task.profile,
@@ -154,7 +154,7 @@ class _Recorder:
         config = self._task.plate.amplifier
         with open_amplifier(config, self._task.profile) as amplifier:
             amplifier.connect()
-            require_ready(amplifier, config)
+            require_amplifier_ready(amplifier, config)
             if self._block.state is PlateState.LINE_LOST:
                 self._stream = self._last_stream + 1
                 now_s = time.monotonic()

@@ -11,7 +11,7 @@ from acquisition.session.plate_block import PlateBlock, PlateState
 from acquisition.session.plate_recorder import PlateTask, run_plate_recorder
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock
-from acquisition.task.states import Progress
+from acquisition.task.states import TaskProgress
 from config.cell.plate import CHANNEL_NAMES
 from config.errors import RecordingError
 
@@ -47,7 +47,7 @@ class PlateSession:
         start_all([self._process])
         self._await_rows()
 
-    def watch(self, progress: Progress, control: ControlBlock) -> None:
+    def watch(self, progress: TaskProgress, control: ControlBlock) -> None:
         """Stop the motion where the plate is lost, or overloaded in too many periods."""
         status = self._block.status(time.monotonic())
         if status.state in (PlateState.LINE_LOST, PlateState.FAILED) or not self._process.is_alive:

@@ -34,7 +34,7 @@ from acquisition.task.process import Ordering, run_cyclic_task
 from acquisition.task.ring import Ring
 from acquisition.task.service_beat import ServiceBeat
 from acquisition.task.set_points import PlannedMotion, SetPointSource
-from acquisition.task.states import Progress, RecorderState, TaskState
+from acquisition.task.states import RecorderState, TaskProgress, TaskState
 from config.cell.amplifier_profile import AmplifierProfile
 from config.cell.cell import CellConfig
 from config.cell.drive_profile import DriveProfile
@@ -94,7 +94,7 @@ def record_motion(
     motion: MotionSamples | SetPointSource,
     folder: RunFolder,
     *,
-    on_progress: Callable[[Progress], None] | None = None,
+    on_progress: Callable[[TaskProgress], None] | None = None,
     enough: EarlyStopRule | None = None,
     profiles: DeviceProfiles | None = None,
     context: MotionContext | None = None,
@@ -259,7 +259,7 @@ def _watch(
     monitor: HelperProcess | None,
     control: ControlBlock,
     joints: JointWatch,
-    on_progress: Callable[[Progress], None] | None,
+    on_progress: Callable[[TaskProgress], None] | None,
     early_stop: EarlyStop | None,
     plate: PlateSession | None,
 ) -> None:

@@ -9,7 +9,7 @@ from acquisition.task.helper_words import MonitorWords, RecorderWords
 from acquisition.task.program_words import ProgramWords
 from acquisition.task.shared_block import SharedBlock
 from acquisition.task.shared_memory import SharedMemory
-from acquisition.task.states import Progress, TaskState
+from acquisition.task.states import TaskProgress, TaskState
 from acquisition.task.task_words import TaskWords
 
 
@@ -61,9 +61,9 @@ class ControlBlock(SharedBlock):
         return self.task.state is TaskState.FINISHED or self.program.task_gone
 
     @property
-    def progress(self) -> Progress:
+    def progress(self) -> TaskProgress:
         """Where the task is."""
-        return Progress(
+        return TaskProgress(
             state=self.task.state,
             phase=self.task.phase,
             sample_index=self.task.sample_index,

@@ -1,4 +1,4 @@
-"""`TaskState`, `Progress` and their like: how far the processes of a motion have come."""
+"""`TaskState`, `TaskProgress` and their like: how far the processes of a motion have come."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Pace(IntEnum):
 
 
 @dataclass(frozen=True)
-class Progress:
+class TaskProgress:
     """Where the cyclic task is: for a progress bar.
 
     `sample_index` is the row of the motion last commanded, -1 before and after it;

@@ -70,7 +70,7 @@ class RefinementEntry(ConfigModel):
     band_hz: float
 
 
-class Origin(ConfigModel):
+class FeedforwardOrigin(ConfigModel):
     """Sources of a feedforward: files by their SHA-256, runs by their ids.
 
     `temperature` is the assumed temperature of the joints, as in `at_operation`; empty if friction
@@ -94,7 +94,7 @@ class FeedforwardFile(ConfigModel):
     cycle_time_ms: Annotated[int, Field(ge=1)]
     joints: tuple[str, ...]
     motion: AnyMotion
-    origin: Origin = Origin()
+    origin: FeedforwardOrigin = FeedforwardOrigin()
     feedforward: tuple[tuple[float, ...], ...] = Field(min_length=2)
 
     def onto(self, samples: MotionSamples) -> MotionSamples:
@@ -120,14 +120,14 @@ class FeedforwardFile(ConfigModel):
 
 
 def write_feedforward(
-    path: Path, motion: AnyMotion, samples: MotionSamples, origin: Origin | None = None
+    path: Path, motion: AnyMotion, samples: MotionSamples, origin: FeedforwardOrigin | None = None
 ) -> None:
     """Write a compensated motion and its sources; the file is written completely or not at all."""
     write_whole(path, feedforward_bytes(motion, samples, origin))
 
 
 def feedforward_bytes(
-    motion: AnyMotion, samples: MotionSamples, origin: Origin | None = None
+    motion: AnyMotion, samples: MotionSamples, origin: FeedforwardOrigin | None = None
 ) -> bytes:
     """Return the content of a feedforward file."""
     assert samples.feedforward is not None
@@ -136,7 +136,7 @@ def feedforward_bytes(
         cycle_time_ms=round(1e3 * samples.sample_period_s),
         joints=samples.joint_names,
         motion=motion,
-        origin=origin or Origin(),
+        origin=origin or FeedforwardOrigin(),
         feedforward=tuple(map(tuple, np.round(samples.feedforward, 9).tolist())),
     )
     return (file.model_dump_json() + "\n").encode()

@@ -185,10 +185,10 @@ def run_point_server(
         parent: Process id of the program; without it, the server ends.
     """
     leave_terminal()
-    serve(listener, ring, service, lambda: ring.concluded or os.getppid() != parent)
+    serve_points(listener, ring, service, lambda: ring.concluded or os.getppid() != parent)
 
 
-def serve(
+def serve_points(
     listener: socket.socket, ring: PointRing, service: PointService, over: Callable[[], bool]
 ) -> None:
     """Accept one client's points until `over`; close the listener once it has connected."""

@@ -24,7 +24,7 @@ Record = Callable[[SetPointSource], RecordOutcome]
 
 
 @dataclass(frozen=True)
-class StreamOptions(Ranged):
+class StreamSettings(Ranged):
     """Options of a streamed path.
 
     Attributes:
@@ -43,7 +43,7 @@ def stream_motion(
     feedforward: OnlineFeedforward,
     samples: MotionSamples,
     record: Record,
-    options: StreamOptions | None = None,
+    options: StreamSettings | None = None,
 ) -> RecordOutcome:
     """Stream a planned motion's positions; its phases and periods are kept.
 
@@ -57,7 +57,7 @@ def stream_motion(
         PreflightError: The motion comes too close to a body; nothing was moved.
         RidDaqError: As `record_motion`.
     """
-    options, samples = options or StreamOptions(), samples.whole()
+    options, samples = options or StreamSettings(), samples.whole()
     if samples.sample_period_s != cell.cycle_time_s:
         raise ConfigError(
             f"the motion has a row every {samples.sample_period_s * 1000.0:g} ms, the cell's"
@@ -87,7 +87,7 @@ def stream_points(
     feedforward: OnlineFeedforward,
     points: Iterable[FloatArray],
     record: Record,
-    options: StreamOptions | None = None,
+    options: StreamSettings | None = None,
 ) -> RecordOutcome:
     """Stream the points of an iterator: one or several at a time, at the cell's cycle.
 
@@ -105,7 +105,7 @@ def stream_points(
         ConfigError: The iterator fails before the first point.
         RidDaqError: As `record_motion`.
     """
-    options = options or StreamOptions()
+    options = options or StreamSettings()
     ring = _ring(cell, feedforward, options)
     gate = PointGate(feedforward.robot, cell.workspace, cell.cycle_time_s)
     with PointFeed(ring, gate, points) as fed:
@@ -118,7 +118,7 @@ def stream_socket(
     feedforward: OnlineFeedforward,
     path: Path,
     record: Record,
-    options: StreamOptions | None = None,
+    options: StreamSettings | None = None,
     on_listening: Callable[[], None] = lambda: None,
 ) -> RecordOutcome:
     """Stream the points that another program sends to a socket.
@@ -136,7 +136,7 @@ def stream_socket(
         DeviceTimeoutError: No client sends points in time.
         RidDaqError: As `record_motion`.
     """
-    options = options or StreamOptions()
+    options = options or StreamSettings()
     ring = _ring(cell, feedforward, options)
     service = PointService(
         feedforward.robot,
@@ -162,14 +162,14 @@ def stream_socket(
         return _recorded(feedforward, ring, record, options)
 
 
-def _ring(cell: CellConfig, feedforward: OnlineFeedforward, options: StreamOptions) -> PointRing:
+def _ring(cell: CellConfig, feedforward: OnlineFeedforward, options: StreamSettings) -> PointRing:
     compile_stage(feedforward)
     joints = len(feedforward.robot.joints)
     return PointRing.create(joints, buffer_points(options.buffer_s, cell.cycle_time_s) // 2)
 
 
 def _recorded(
-    feedforward: OnlineFeedforward, ring: PointRing, record: Record, options: StreamOptions
+    feedforward: OnlineFeedforward, ring: PointRing, record: Record, options: StreamSettings
 ) -> RecordOutcome:
     source = PointSource(
         feedforward, ring, compensated=options.compensated, buffer_s=options.buffer_s

@@ -39,7 +39,7 @@ SLOWEST: Final = 10.0
 ROUNDING: Final = 0.009  # a stream of points tolerates slightly larger differences
 
 
-class Margins(NamedTuple):
+class TorqueMargins(NamedTuple):
     """Uncertainty of torques and base wrench along rows of a motion.
 
     Attributes:
@@ -51,7 +51,7 @@ class Margins(NamedTuple):
     base: FloatArray
 
 
-MarginOf = Callable[[JointTrajectory], Margins]
+MarginOf = Callable[[JointTrajectory], TorqueMargins]
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +76,7 @@ class TimedPath:
     in_time: RowsInTime
     torque: FloatArray
     wrench: FloatArray
-    margins: Margins | None
+    margins: TorqueMargins | None
     window_s: float
     scans: int
 
@@ -213,7 +213,11 @@ class _Search:
         return free
 
     def _tighten(
-        self, found: RowsInTime, torque: FloatArray, wrench: FloatArray, margins: Margins | None
+        self,
+        found: RowsInTime,
+        torque: FloatArray,
+        wrench: FloatArray,
+        margins: TorqueMargins | None,
     ) -> bool:
         """Tighten the limits that rows exceed; return True if there are any."""
         limits, exceeded = self._timer.limits, False

@@ -8,7 +8,7 @@ from statistics import NormalDist
 import numpy as np
 
 from acquisition.motion.samples import JointTrajectory
-from compensation.timing.timed_path import Margins
+from compensation.timing.timed_path import TorqueMargins
 from config.arrays import FloatArray
 from config.errors import ConfigError
 from dynamics.model.robot_model import base_wrench_regressor, load_torque, regressor
@@ -53,7 +53,7 @@ class ModelMargin:
         """Number of standard deviations of a margin."""
         return NormalDist().inv_cdf(0.5 + 0.5 * self.confidence)
 
-    def __call__(self, path: JointTrajectory) -> Margins:
+    def __call__(self, path: JointTrajectory) -> TorqueMargins:
         """Return the margins of rows of a motion."""
         rows, n = path.position.shape
         torque, base = np.zeros((rows, n)), np.zeros((rows, 6))
@@ -63,7 +63,7 @@ class ModelMargin:
             torque[block] = self._torque(own)
             if self.base:
                 base[block] = self._base(own)
-        return Margins(self.deviations * torque, self.deviations * base)
+        return TorqueMargins(self.deviations * torque, self.deviations * base)
 
     def _torque(self, path: JointTrajectory) -> FloatArray:
         """Return the standard deviations of the torques, shape (rows, n)."""

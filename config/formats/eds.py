@@ -26,7 +26,7 @@ from config.formats.eds_object import (
     parse_limit,
     parse_value,
 )
-from config.formats.eds_text import EdsSection, parse_sections, refuse, shown
+from config.formats.eds_text import EdsSection, parse_sections, refuse_line, shown
 
 MAX_OBJECTS = 30_000
 
@@ -149,9 +149,9 @@ class _Reader:
         try:
             number = parse_integer(entry.text)
         except ConfigError as error:
-            refuse(self.name, entry.line, f"{entry.key} of [{section.name}]: {error}")
+            refuse_line(self.name, entry.line, f"{entry.key} of [{section.name}]: {error}")
         if number not in allowed:
-            refuse(
+            refuse_line(
                 self.name,
                 entry.line,
                 f"{entry.key} of [{section.name}] is {shown(entry.text)}; give {allowed[0]} to"
@@ -182,7 +182,7 @@ class _Reader:
             for item in self._of_parent(section, index, composed=index in composed):
                 found.setdefault((index, item.subindex), item)
             if len(found) > MAX_OBJECTS:
-                refuse(
+                refuse_line(
                     self.name, section.line, f"more than {MAX_OBJECTS} objects; is it one device?"
                 )
         return tuple(found[address] for address in sorted(found))
@@ -270,7 +270,7 @@ class _Reader:
     def _refuse_key(self, section: EdsSection, key: str, advice: str) -> NoReturn:
         entry = section.entries[key]
         where = f"{entry.key} of [{section.name}]"
-        refuse(self.name, entry.line, f"{where} is {shown(entry.text)}: {advice}")
+        refuse_line(self.name, entry.line, f"{where} is {shown(entry.text)}: {advice}")
 
 
 def _tried(

@@ -82,13 +82,13 @@ def parse_sections(data: bytes, name: str) -> dict[str, EdsSection]:
         if not line or line[0] in ";#":
             continue
         if len(line) > MAX_LINE_CHARACTERS:
-            refuse(
+            refuse_line(
                 name,
                 number,
                 f"the line has {len(line)} characters, at most {MAX_LINE_CHARACTERS} are allowed",
             )
         if "\0" in line:
-            refuse(
+            refuse_line(
                 name,
                 number,
                 "a zero byte: this is not a text file; save it as UTF-8",
@@ -103,7 +103,7 @@ def parse_sections(data: bytes, name: str) -> dict[str, EdsSection]:
         elif section is not None:
             _enter(section, _without_comment(line), name, number)
         elif not begun:
-            refuse(
+            refuse_line(
                 name,
                 number,
                 f"{shown(line)} is before the first [section]; is it a data sheet (EDS, DCF)?",
@@ -112,7 +112,7 @@ def parse_sections(data: bytes, name: str) -> dict[str, EdsSection]:
     return sections
 
 
-def refuse(name: str, line: int, problem: str, code: str = "RID-EDS-INVALID") -> NoReturn:
+def refuse_line(name: str, line: int, problem: str, code: str = "RID-EDS-INVALID") -> NoReturn:
     """Raise a `ConfigError` that names file and line."""
     raise ConfigError(f"{name}:{line}: {problem}", code=code)
 
@@ -132,9 +132,9 @@ def _text(data: bytes) -> str:
 def _title(line: str, name: str, number: int) -> str:
     title, closed, rest = line[1:].partition("]")
     if not closed:
-        refuse(name, number, f"{shown(line)} has no closing ]; write [section]")
+        refuse_line(name, number, f"{shown(line)} has no closing ]; write [section]")
     if rest.strip()[:1] not in ("", ";", "#"):
-        refuse(name, number, f"{shown(rest)} follows [section]; put it on a separate line")
+        refuse_line(name, number, f"{shown(rest)} follows [section]; put it on a separate line")
     return title.strip()
 
 
@@ -144,14 +144,16 @@ def _begin(sections: dict[str, EdsSection], title: str, name: str, number: int) 
         key = f"{key[:7]}{int(key[7:], 16):x}"
     earlier = sections.get(key)
     if earlier is not None:
-        refuse(
+        refuse_line(
             name,
             number,
             f"[{title}] is a duplicate of line {earlier.line}; remove one",
             "RID-FILE-DUPLICATE",
         )
     if len(sections) == MAX_SECTIONS:
-        refuse(name, number, f"more than {MAX_SECTIONS} objects; is it the file of one device?")
+        refuse_line(
+            name, number, f"more than {MAX_SECTIONS} objects; is it the file of one device?"
+        )
     return sections.setdefault(key, EdsSection(title, number))
 
 
@@ -159,7 +161,7 @@ def _enter(section: EdsSection, line: str, name: str, number: int) -> None:
     key, equals, text = line.partition("=")
     key = key.strip()
     if not equals or not key:
-        refuse(
+        refuse_line(
             name, number, f"{shown(line)} in [{section.name}] is not key=value; correct the line"
         )
     lower = key.lower()
@@ -168,7 +170,7 @@ def _enter(section: EdsSection, line: str, name: str, number: int) -> None:
     text = text.strip()
     earlier = section.entries.get(lower)
     if earlier is not None and earlier.text != text:
-        refuse(
+        refuse_line(
             name,
             number,
             f"{shown(key)} in [{section.name}] is a duplicate of line {earlier.line} with another"

@@ -118,15 +118,15 @@ def joint_dynamics(element: XmlElement) -> JointDynamics:
     stated = element.one("dynamics")
     if stated is None:
         return JointDynamics()
-    rotors = [not_negative(stated, name) for name in ROTOR_KEYS]
+    rotors = [number_not_negative(stated, name) for name in ROTOR_KEYS]
     return JointDynamics(
-        damping=not_negative(stated, "damping"),
-        friction=not_negative(stated, "friction"),
+        damping=number_not_negative(stated, "damping"),
+        friction=number_not_negative(stated, "friction"),
         rotor_inertia_kg_m2=next((each for each in rotors if each is not None), None),
     )
 
 
-def not_negative(element: XmlElement, name: str) -> float | None:
+def number_not_negative(element: XmlElement, name: str) -> float | None:
     """Return a number that is not negative; None if the attribute is missing.
 
     Raises:

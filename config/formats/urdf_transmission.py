@@ -8,7 +8,7 @@ from typing import Final
 
 from config.errors import ConfigError
 from config.formats.number import NUMBER_CODE, parse_number
-from config.formats.urdf_joint import ROTOR_KEYS, not_negative
+from config.formats.urdf_joint import ROTOR_KEYS, number_not_negative
 from config.formats.xml_tree import XmlElement
 
 _REDUCTIONS: Final = ("mechanicalReduction", "mechanical_reduction")
@@ -63,7 +63,7 @@ def transmissions_of(root: XmlElement) -> Transmissions:
                 else:
                     found.unread[name] = " ".join(text for _, text in stated)
             for name in names if len(rotors) == len(names) == 1 else ():
-                rotor = not_negative(rotors[0], "value")
+                rotor = number_not_negative(rotors[0], "value")
                 if rotor is not None:
                     found.rotors_kg_m2[name] = rotor
         except ConfigError as error:

@@ -20,7 +20,7 @@ _EXACT: Final = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class AxisFrames:
+class AxisPoses:
     """Denavit-Hartenberg rows with the placement of their frames at position zero.
 
     Attributes:
@@ -34,7 +34,7 @@ class AxisFrames:
     frames: FloatArray
 
 
-def rows_of_axes(points_m: FloatArray, directions: FloatArray, last: FloatArray) -> AxisFrames:
+def rows_of_axes(points_m: FloatArray, directions: FloatArray, last: FloatArray) -> AxisPoses:
     """Return the modified rows of a chain of joint axes.
 
     Frame 0 is the root frame if row 1 can start from it; otherwise it is the root frame translated
@@ -83,7 +83,7 @@ def rows_of_axes(points_m: FloatArray, directions: FloatArray, last: FloatArray)
         )
         frames[i + 1] = _frame(np.real(end), foot)
         place, x_before = foot, x_next
-    return AxisFrames(origin, tuple(rows), frames)
+    return AxisPoses(origin, tuple(rows), frames)
 
 
 def _on_root(point: FloatArray, direction: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from config.arrays import FloatArray
 from config.formats.urdf import UrdfCollision, UrdfTree
-from config.robot.axis_lines import AxisFrames
+from config.robot.axis_lines import AxisPoses
 from config.robot.bodies import Body, Capsule, Hull, Point
 
 CYLINDER_CORNERS: Final = 16
@@ -19,7 +19,7 @@ def bodies_of_urdf(
     tree: UrdfTree,
     carried: list[list[str]],
     places: dict[str, FloatArray],
-    axes: AxisFrames,
+    axes: AxisPoses,
 ) -> tuple[tuple[Body, ...], tuple[str, ...]]:
     """Return the collision primitives in the frames of the links, and notes for the user.
 

@@ -15,7 +15,7 @@ from scipy.optimize import nnls
 
 from config.arrays import FloatArray
 from config.formats.urdf import UrdfInertial, UrdfLink, UrdfTree
-from config.robot.axis_lines import AxisFrames
+from config.robot.axis_lines import AxisPoses
 from config.robot.nominal_links import nominal_links
 from config.robot.robot import LinkCad
 
@@ -50,7 +50,7 @@ def links_of_urdf(
     tree: UrdfTree,
     carried: list[list[str]],
     places: dict[str, FloatArray],
-    axes: AxisFrames,
+    axes: AxisPoses,
     tool_m: FloatArray,
 ) -> UrdfLinks:
     """Return mass, centre and inertia of every moving link in its frame.

@@ -35,7 +35,7 @@ class LinkInertia(Derived):
         return radius_of_gyration(self.mass_kg, self.inertia_kg_m2[:3])
 
 
-class PayloadBody(LinkInertia):
+class MountedBody(LinkInertia):
     """A body that can be mounted on the flange, in the frame of the last link."""
 
     @model_validator(mode="after")
@@ -175,12 +175,12 @@ class PlantConfig(PhysicalFile):
     spring: SimulatedSpring | None = None
     plate: SimulatedPlate | None = None
     unmodelled: Unmodelled | None = None
-    payloads: dict[str, PayloadBody] = Field(default_factory=dict)
+    payloads: dict[str, MountedBody] = Field(default_factory=dict)
     attached: str | None = None
 
     @field_validator("payloads")
     @classmethod
-    def _named(cls, payloads: dict[str, PayloadBody]) -> dict[str, PayloadBody]:
+    def _named(cls, payloads: dict[str, MountedBody]) -> dict[str, MountedBody]:
         for name in payloads:
             if not name.isidentifier():
                 raise ValueError(f"invalid payload name {name!r}; use letters, digits and _")

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from config.cell.amplifier_profile import AmplifierProfile
 from config.cell.plate import CHANNELS, AmplifierConfig
 from config.errors import DeviceTimeoutError, DriverError, ProtocolError
-from drivers.amplifier.codec import Answer
+from drivers.amplifier.codec import AmplifierReply
 from drivers.amplifier.dialogue import ANSWER_TIMEOUT_S, OFF, ON, AmplifierDialogue
 from drivers.amplifier.settings import RequiredSetting, required_settings
 from drivers.amplifier.simulated_arrivals import ArrivalReader, arrivals_path
@@ -257,7 +257,7 @@ class SerialAmplifier(ForcePlate):
     def _where(self) -> str:
         return self._dialogue.where
 
-    def _ask(self, name: str, value: str | None = None, channel: int = 0) -> Answer:
+    def _ask(self, name: str, value: str | None = None, channel: int = 0) -> AmplifierReply:
         if self._stream is not None:
             raise ProtocolError(
                 f"{self._where}: {name} cannot be read while rows are streaming",

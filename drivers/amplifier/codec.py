@@ -24,7 +24,7 @@ _LINE_END = re.compile(rb"[\r\n]")
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
+class AmplifierCommand:
     """A command to the device.
 
     Attributes:
@@ -39,7 +39,7 @@ class Request:
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class AmplifierReply:
     """An answer of the device.
 
     Attributes:
@@ -88,7 +88,7 @@ class AmplifierCodec:
         rest = self.profile.query if value is None else value
         return f"{start}{self._words[name]}{rest}".encode("ascii") + self._end
 
-    def read_request(self, line: bytes) -> Request:
+    def read_request(self, line: bytes) -> AmplifierCommand:
         """Parse a command, given without its terminator; the device's side.
 
         Raises:
@@ -101,9 +101,9 @@ class AmplifierCodec:
         if channel > CHANNELS:
             raise RequestError(NO_SUCH_CHANNEL, f"channel {channel} of {CHANNELS}")
         value = None if match[3] == self.profile.query else match[3]
-        return Request(self._names[match[2]], channel, value)
+        return AmplifierCommand(self._names[match[2]], channel, value)
 
-    def answer(self, answer: Answer) -> bytes:
+    def answer(self, answer: AmplifierReply) -> bytes:
         """Return an answer of the device as bytes: an error, a value, or OK."""
         profile = self.profile
         if answer.error:
@@ -116,7 +116,7 @@ class AmplifierCodec:
             text = profile.ok.text
         return text.encode("ascii") + self._end
 
-    def read_answer(self, line: bytes) -> Answer:
+    def read_answer(self, line: bytes) -> AmplifierReply:
         """Parse an answer, given without its terminator.
 
         Raises:
@@ -130,11 +130,11 @@ class AmplifierCodec:
                 code="RID-AMPLIFIER-ANSWER",
             )
         if text == self.profile.ok.text:
-            return Answer()
+            return AmplifierReply()
         if text == f"{self.profile.ok.text},{self.profile.charge_lost.text}":
-            return Answer(charge_lost=True)
+            return AmplifierReply(charge_lost=True)
         match = self._error.fullmatch(text)
-        return Answer(error=match[1]) if match else Answer(text=text)
+        return AmplifierReply(error=match[1]) if match else AmplifierReply(text=text)
 
     def error_text(self, number: str) -> str:
         """Return the description of an error number."""

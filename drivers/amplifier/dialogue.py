@@ -5,7 +5,7 @@ from __future__ import annotations
 from config.cell.amplifier_profile import BAUD_RATES, AmplifierProfile
 from config.cell.plate import CHANNEL_NAMES
 from config.errors import DeviceTimeoutError, ProtocolError, TransportError
-from drivers.amplifier.codec import AmplifierCodec, Answer, LineSplitter
+from drivers.amplifier.codec import AmplifierCodec, AmplifierReply, LineSplitter
 from drivers.device_text import printable
 from drivers.ports.serial_link import SerialLink
 
@@ -67,7 +67,7 @@ class AmplifierDialogue:
             code="RID-AMPLIFIER-SETTING",
         )
 
-    def ask(self, name: str, value: str | None = None, channel: int = 0) -> Answer:
+    def ask(self, name: str, value: str | None = None, channel: int = 0) -> AmplifierReply:
         """Set or read a value.
 
         Args:
@@ -95,7 +95,7 @@ class AmplifierDialogue:
             )
         return answer
 
-    def answer(self, name: str, until_s: float) -> Answer:
+    def answer(self, name: str, until_s: float) -> AmplifierReply:
         """Wait for the next line; raise `DeviceTimeoutError` if none is complete in time."""
         while (line := self.lines.next_line()) is None:
             data = self._link.read(until_s)

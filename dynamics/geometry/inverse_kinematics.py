@@ -17,7 +17,7 @@ SINGULAR: Final = 1e-3
 STEP: Final = 1e-5
 
 
-def follow(
+def follow_tool_path(
     chain: Chain, points_m: FloatArray, near: FloatArray, rotation: FloatArray | None = None
 ) -> FloatArray:
     """Return joint positions along a path of the tool point, computed point by point.
@@ -103,7 +103,7 @@ class PathSlopes(NamedTuple):
     bend: FloatArray
 
 
-def refine(
+def refine_positions(
     chain: Chain,
     points_m: FloatArray,
     direction: FloatArray,

@@ -38,7 +38,7 @@ def begin() -> FloatArray:
 
 
 @kernel
-def follow(
+def drive_presliding(
     path: FloatArray, distance: float, share: float, state: FloatArray, out: FloatArray
 ) -> None:
     """Update a joint's state along a path.

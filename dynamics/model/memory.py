@@ -61,7 +61,7 @@ def sliding(conditions: Conditions, moving: BoolArray) -> BoolArray:
     return whole
 
 
-def counted(conditions: Conditions, moving: BoolArray) -> BoolArray:
+def friction_known(conditions: Conditions, moving: BoolArray) -> BoolArray:
     """Return the samples in which friction is known, (samples, n).
 
     These are the samples that move. For a joint with presliding they are the samples in which its

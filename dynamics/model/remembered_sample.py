@@ -12,7 +12,7 @@ import numpy as np
 
 from config.arrays import FloatArray
 from dynamics.kernels.friction import BY_SPEED
-from dynamics.kernels.presliding import DIRECTION, STATE, follow
+from dynamics.kernels.presliding import DIRECTION, STATE, drive_presliding
 from dynamics.kernels.simd import kernel
 from dynamics.model import one_sample
 from dynamics.model.one_sample import ModelArrays, sample_torque
@@ -34,12 +34,14 @@ def go_to(q: FloatArray, presliding: FloatArray, state: FloatArray, found: Float
         q: Shape (n,). Positions of the actuators, link side [rad or m].
         presliding: Shape (2, n). `SampleTorque.presliding`.
         state: Shape (n, STATE). State of the hysteresis; updated.
-        found: Shape (n, FOUND). Written: the results of `follow`, of which the direction, -1 to 1,
-            replaces sign(v); `BY_SPEED` for joints without presliding.
+        found: Shape (n, FOUND). Written: the results of `drive_presliding`, of which the direction,
+            -1 to 1, replaces sign(v); `BY_SPEED` for joints without presliding.
     """
     for j in range(len(q)):
         if presliding[0, j] > 0.0:
-            follow(q[j : j + 1], presliding[0, j], presliding[1, j], state[j], found[j : j + 1])
+            drive_presliding(
+                q[j : j + 1], presliding[0, j], presliding[1, j], state[j], found[j : j + 1]
+            )
         else:
             found[j, DIRECTION] = BY_SPEED
 

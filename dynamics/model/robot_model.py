@@ -19,7 +19,7 @@ from dynamics.model.transmission import Transmission
 from dynamics.terms.armature import Armature
 from dynamics.terms.conditions import Conditions
 from dynamics.terms.friction import Friction
-from dynamics.terms.motion import Motion
+from dynamics.terms.motion import TermMotion
 from dynamics.terms.payload import Payload
 from dynamics.terms.rigid_body import RigidBodies
 from dynamics.terms.rotors import Rotors
@@ -183,9 +183,9 @@ class RobotModel:
         v: npt.ArrayLike,
         a: npt.ArrayLike,
         conditions: Conditions | None = None,
-    ) -> Motion:
-        """Return a motion of this robot; see `Motion.of`."""
-        return Motion.of(q, v, a, self.chain.n, self.coupling, conditions)
+    ) -> TermMotion:
+        """Return a motion of this robot; see `TermMotion.of`."""
+        return TermMotion.of(q, v, a, self.chain.n, self.coupling, conditions)
 
     def actuator_speed(self, v: FloatArray) -> FloatArray:
         """Return the actuators' speeds (samples, n), link side, for the joints' speeds (5.18)."""
@@ -253,7 +253,7 @@ def regressor_blocks(
         yield piece, phi
 
 
-def _fill(model: RobotModel, motion: Motion, out: FloatArray) -> None:
+def _fill(model: RobotModel, motion: TermMotion, out: FloatArray) -> None:
     factors = model.transmission.factors(motion)
     for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):
         own = out[:, :, columns]

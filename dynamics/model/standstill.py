@@ -13,7 +13,7 @@ SLOW_SHARE: Final = 0.1
 """Fraction of a joint's speed limit above which it always counts as moving."""
 
 
-def standstill(model: RobotModel, speed_rad_s: float) -> FloatArray:
+def standstill_speed(model: RobotModel, speed_rad_s: float) -> FloatArray:
     """Return the speed below which each actuator counts as standing, link side, (n,).
 
     It is the given speed [rad/s or m/s], but at most a tenth of the joint's speed limit, because a
@@ -34,9 +34,9 @@ def moving(model: RobotModel, v: FloatArray, standstill_rad_s: float) -> BoolArr
     Args:
         model: The robot.
         v: Shape (samples, n). The joints' velocities [rad/s or m/s].
-        standstill_rad_s: Below this speed a joint stands; see `standstill`.
+        standstill_rad_s: Below this speed a joint stands; see `standstill_speed`.
     """
-    return np.asarray(np.abs(model.actuator_speed(v)) >= standstill(model, standstill_rad_s))
+    return np.asarray(np.abs(model.actuator_speed(v)) >= standstill_speed(model, standstill_rad_s))
 
 
 def moving_on(model: RobotModel, v: FloatArray, standstill_rad_s: float) -> BoolArray:

@@ -10,7 +10,7 @@ import numpy as np
 from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
-from dynamics.terms.motion import Motion
+from dynamics.terms.motion import TermMotion
 from dynamics.terms.term_parameter import NonlinearParameter
 
 LOWEST_EFFICIENCY: Final = 0.2
@@ -83,7 +83,7 @@ class Transmission:
             )
         )
 
-    def factors(self, motion: Motion) -> FloatArray | None:
+    def factors(self, motion: TermMotion) -> FloatArray | None:
         """Return the factor of the torque behind each gear, (samples, n); None means 1.
 
         Raises:
@@ -98,7 +98,7 @@ class Transmission:
             factors[:, loss.joint] *= value**-s if loss.kind == "efficiency" else 1.0 + value * s
         return factors
 
-    def nonlinear_slopes(self, motion: Motion) -> FloatArray:
+    def nonlinear_slopes(self, motion: TermMotion) -> FloatArray:
         """Return the derivative of the torque by the losses, (samples, n, losses)."""
         slopes = np.zeros((*motion.joint.shape[1:], len(self.losses)))
         if not self.losses:
@@ -111,7 +111,7 @@ class Transmission:
             slopes[:, loss.joint, k] = slope * load[:, loss.joint]
         return slopes
 
-    def _direction(self, motion: Motion) -> FloatArray:
+    def _direction(self, motion: TermMotion) -> FloatArray:
         """Return 1 if the motor drives the load, -1 if the load drives it, (samples, n)."""
         load = motion.conditions.load_nm
         if load is None:
@@ -126,11 +126,11 @@ class Transmission:
             direction[:, j] = np.sign(load[:, j]) * _hysteretic_direction(motion, j)
         return np.asarray(direction)
 
-    def _joints_with_memory(self, motion: Motion) -> list[int]:
+    def _joints_with_memory(self, motion: TermMotion) -> list[int]:
         memory = motion.conditions.memory
         return [] if memory is None else [x.joint for x in self.losses if x.joint in memory.joints]
 
-    def memory_slopes(self, motion: Motion) -> FloatArray:
+    def memory_slopes(self, motion: TermMotion) -> FloatArray:
         """Return the derivative of the torque by the hysteretic directions, (samples, n)."""
         slopes = np.zeros(motion.joint.shape[1:])
         if not self._joints_with_memory(motion):
@@ -145,7 +145,7 @@ class Transmission:
         return slopes
 
 
-def _hysteretic_direction(motion: Motion, joint: int) -> FloatArray:
+def _hysteretic_direction(motion: TermMotion, joint: int) -> FloatArray:
     memory = motion.conditions.memory
     direction = None if memory is None else memory.of(joint)
     return np.sign(motion.actuator[1, :, joint]) if direction is None else direction

@@ -8,7 +8,7 @@ import numpy as np
 
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
-from dynamics.terms.motion import Motion
+from dynamics.terms.motion import TermMotion
 
 
 @dataclass(frozen=True)
@@ -45,15 +45,15 @@ class Armature:
         """The units, in the order of the names."""
         return self.units
 
-    def fill_torque(self, motion: Motion, out: FloatArray) -> None:
+    def fill_torque(self, motion: TermMotion, out: FloatArray) -> None:
         """Fill `out`, (samples, n, armatures)."""
         for column, j in enumerate(self.joints):
             out[:, j, column] = motion.actuator[2, :, j]
 
-    def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
+    def fill_base_wrench(self, motion: TermMotion, out: FloatArray) -> None:
         """Leave `out` zero, because the mounting of the motor is not known."""
 
-    def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
+    def torque_gradient(self, motion: TermMotion, weights: FloatArray) -> FloatArray:
         """Return the gradient of sums of weights * columns by the motion; see `Term`."""
         out = np.zeros((len(weights), *motion.actuator.shape))
         for column, j in enumerate(self.joints):

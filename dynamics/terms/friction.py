@@ -15,7 +15,7 @@ from config.robot.robot import Joint, RobotDescription
 from dynamics.terms.complex_step import Values, slopes
 from dynamics.terms.friction_functions import FrictionFunction, traits, unknown_function
 from dynamics.terms.memory import Presliding
-from dynamics.terms.motion import Motion
+from dynamics.terms.motion import TermMotion
 from dynamics.terms.term_parameter import NonlinearParameter
 
 SLOWEST_STRIBECK: Final = 0.02
@@ -166,7 +166,7 @@ class Friction:
         pairs = zip(self.columns, self.changing, strict=True)
         return replace(self, columns=tuple(column for column, own in pairs if own))
 
-    def nonlinear_slopes(self, motion: Motion, coefficients: FloatArray) -> FloatArray:
+    def nonlinear_slopes(self, motion: TermMotion, coefficients: FloatArray) -> FloatArray:
         """Return the torque's derivative by `nonlinear`, (samples, n, nonlinear parameters)."""
         slopes = np.zeros((*motion.joint.shape[1:], len(self.nonlinear)))
         for k, stribeck in enumerate(self.stribeck):
@@ -189,7 +189,7 @@ class Friction:
                     slopes[:, own.joint, place] = by_direction[:, own.joint] * steepness
         return slopes
 
-    def _memory_slopes(self, motion: Motion, coefficients: FloatArray) -> FloatArray:
+    def _memory_slopes(self, motion: TermMotion, coefficients: FloatArray) -> FloatArray:
         """Return the derivative of the torque by the directions of motion, (samples, n)."""
         slopes = np.zeros(motion.joint.shape[1:])
         for column, size in zip(self.columns, coefficients, strict=True):
@@ -209,7 +209,7 @@ class Friction:
                     raise unknown_function(column.function, "dynamics/terms/friction.py")
         return slopes
 
-    def fill_torque(self, motion: Motion, out: FloatArray) -> None:
+    def fill_torque(self, motion: TermMotion, out: FloatArray) -> None:
         """Fill `out`, (samples, n, coefficients).
 
         Raises:
@@ -219,10 +219,10 @@ class Friction:
             speed = motion.actuator[1, :, column.joint]
             out[:, column.joint, c] = self._values(column, motion, speed)
 
-    def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
+    def fill_base_wrench(self, motion: TermMotion, out: FloatArray) -> None:
         """Leave `out` zero: friction acts between two links and not on the base."""
 
-    def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
+    def torque_gradient(self, motion: TermMotion, weights: FloatArray) -> FloatArray:
         """Return the gradient of sums of weights * columns by the motion; see `Term`.
 
         The jump of a hard sign is ignored.
@@ -234,7 +234,7 @@ class Friction:
             out[:, 1, :, column.joint] += weights[:, :, column.joint, c] * slopes(values, speed)
         return motion.by_joints(out)
 
-    def _values(self, column: FrictionColumn, motion: Motion, v: Values) -> Values:
+    def _values(self, column: FrictionColumn, motion: TermMotion, v: Values) -> Values:
         match column.function:
             case "coulomb":
                 return self._sign(motion, column.joint, v)
@@ -265,14 +265,14 @@ class Friction:
     def _stribeck_speed(self, joint: int) -> float:
         return next(s.parameter.value for s in self.stribeck if s.joint == joint)
 
-    def _sign(self, motion: Motion, joint: int, v: Values) -> Values:
+    def _sign(self, motion: TermMotion, joint: int, v: Values) -> Values:
         direction_of_memory = _hysteretic_direction(motion, joint)
         if direction_of_memory is not None:
             return direction_of_memory
         smoothing = self.sign_smoothing_rad_s
         return np.tanh(v / smoothing) if smoothing else np.sign(v.real)
 
-    def _motion(self, motion: Motion, column: FrictionColumn, v: Values) -> Values:
+    def _motion(self, motion: TermMotion, column: FrictionColumn, v: Values) -> Values:
         """Return 1, or 0 if a hard sign is 0."""
         if self.sign_smoothing_rad_s or _hysteretic_direction(motion, column.joint) is not None:
             return 1.0
@@ -319,12 +319,12 @@ def _share(joint: Joint) -> NonlinearParameter | None:
     return NonlinearParameter(f"sp_{joint.name}", "1", share, low, high)
 
 
-def _hysteretic_direction(motion: Motion, joint: int) -> FloatArray | None:
+def _hysteretic_direction(motion: TermMotion, joint: int) -> FloatArray | None:
     memory = motion.conditions.memory
     return None if memory is None else memory.of(joint)
 
 
-def _temperature_rise(column: FrictionColumn, motion: Motion) -> FloatArray:
+def _temperature_rise(column: FrictionColumn, motion: TermMotion) -> FloatArray:
     """Return the temperature of a drive above its reference, (samples,) [K]."""
     temperature = motion.conditions.temperature_k
     if temperature is None:

@@ -21,7 +21,7 @@ from dynamics.kernels.presliding import (
     FOUND,
     KNOWN,
     begin,
-    follow,
+    drive_presliding,
 )
 from dynamics.terms.term_parameter import NonlinearParameter
 
@@ -96,7 +96,7 @@ class Memory:
                 state = begin()
                 rows, found = positions[first:end], out[first:end, column]
                 for _ in range(1 + periodic):
-                    follow(rows, own.distance.value, own.share_value, state, found)
+                    drive_presliding(rows, own.distance.value, own.share_value, state, found)
         return cls(
             joints=tuple(own.joint for own in presliding),
             direction=out[:, :, DIRECTION],

@@ -1,4 +1,4 @@
-"""`Motion`: positions, velocities and accelerations in the form that the terms of a model need."""
+"""`TermMotion`: positions, velocities and accelerations as the terms of a model need them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from dynamics.terms.conditions import Conditions
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class TermMotion:
     """A motion in joint and in actuator coordinates, and its conditions.
 
     Attributes:
@@ -39,7 +39,7 @@ class Motion:
         joints: int,
         coupling: WristCoupling | None = None,
         conditions: Conditions | None = None,
-    ) -> Motion:
+    ) -> TermMotion:
         """Copy q, v, a, each (samples, n), into new arrays.
 
         Raises:
@@ -75,13 +75,13 @@ class Motion:
         actuator = np.array(coupling.to_motors(joint), order="C")
         return cls(joint, actuator, coupling, conditions)
 
-    def part(self, samples: slice) -> Motion:
+    def part(self, samples: slice) -> TermMotion:
         """Return the motion of some of the samples."""
         joint = np.ascontiguousarray(self.joint[:, samples])
         actuator = joint
         if self.coupling is not None:
             actuator = np.ascontiguousarray(self.actuator[:, samples])
-        return Motion(joint, actuator, self.coupling, self.conditions.part(samples))
+        return TermMotion(joint, actuator, self.coupling, self.conditions.part(samples))
 
     def to_actuators(self, rows: FloatArray) -> None:
         """Convert joint torques (samples, n, any) to actuator torques C^T tau (5.19), in place."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from config.arrays import FloatArray
 from dynamics.geometry.kinematics import Chain
-from dynamics.terms.motion import Motion
+from dynamics.terms.motion import TermMotion
 from dynamics.terms.rigid_body import SYMBOLS, UNITS, fill_links, links_gradient
 
 
@@ -37,18 +37,18 @@ class Payload:
         """The units, in the order of the names."""
         return UNITS
 
-    def fill_torque(self, motion: Motion, out: FloatArray) -> None:
+    def fill_torque(self, motion: TermMotion, out: FloatArray) -> None:
         """Fill `out`, (samples, n, 10)."""
         if motion.conditions.payload:
             fill_links(self.chain, motion, self.chain.n - 1, False, out)
             motion.to_actuators(out)
 
-    def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
+    def fill_base_wrench(self, motion: TermMotion, out: FloatArray) -> None:
         """Fill `out`, (samples, 6, 10)."""
         if motion.conditions.payload:
             fill_links(self.chain, motion, self.chain.n - 1, True, out)
 
-    def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
+    def torque_gradient(self, motion: TermMotion, weights: FloatArray) -> FloatArray:
         """Return the gradient of sums of weights * columns by the motion; see `Term`."""
         if not motion.conditions.payload:
             return np.zeros((len(weights), *motion.joint.shape))

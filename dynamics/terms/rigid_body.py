@@ -13,7 +13,7 @@ from dynamics.geometry.kinematics import Chain
 from dynamics.kernels.gradients import pull_back, weights_of
 from dynamics.kernels.rigid_body import RotorArrays, fill_rigid_body
 from dynamics.kernels.threads import share_out
-from dynamics.terms.motion import Motion
+from dynamics.terms.motion import TermMotion
 
 PARAMETERS_PER_LINK: Final = 10
 SYMBOLS: Final = ("m", "sx", "sy", "sz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
@@ -49,22 +49,22 @@ class RigidBodies:
         """The units, in the order of the names."""
         return UNITS * self.chain.n
 
-    def fill_torque(self, motion: Motion, out: FloatArray) -> None:
+    def fill_torque(self, motion: TermMotion, out: FloatArray) -> None:
         """Fill `out`, (samples, n, 10 n)."""
         fill_links(self.chain, motion, 0, False, out)
         motion.to_actuators(out)
 
-    def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
+    def fill_base_wrench(self, motion: TermMotion, out: FloatArray) -> None:
         """Fill `out`, (samples, 6, 10 n)."""
         fill_links(self.chain, motion, 0, True, out)
 
-    def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
+    def torque_gradient(self, motion: TermMotion, weights: FloatArray) -> FloatArray:
         """Return the gradient of sums of weights * columns by the motion; see `Term`."""
         return links_gradient(self.chain, motion, 0, weights)
 
 
 def fill_links(
-    chain: Chain, motion: Motion, first_link: int, of_base: bool, out: FloatArray
+    chain: Chain, motion: TermMotion, first_link: int, of_base: bool, out: FloatArray
 ) -> None:
     """Fill the columns of the links from `first_link` (from 0) on, in the joints' rows.
 
@@ -94,7 +94,7 @@ def fill_links(
 
 
 def links_gradient(
-    chain: Chain, motion: Motion, first_link: int, weights: FloatArray
+    chain: Chain, motion: TermMotion, first_link: int, weights: FloatArray
 ) -> FloatArray:
     """Return the gradient of sums of weights * columns by the motion of the joints.
 

@@ -13,7 +13,7 @@ from dynamics.geometry.kinematics import Chain
 from dynamics.kernels.gradients import pull_back, weights_of
 from dynamics.kernels.rigid_body import RotorArrays, fill_rotors
 from dynamics.kernels.threads import share_out
-from dynamics.terms.motion import Motion
+from dynamics.terms.motion import TermMotion
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,16 +83,16 @@ class Rotors:
         """The units, in the order of the names."""
         return ("kg m^2",) * len(self.joint)
 
-    def fill_torque(self, motion: Motion, out: FloatArray) -> None:
+    def fill_torque(self, motion: TermMotion, out: FloatArray) -> None:
         """Fill `out`, (samples, n, rotors)."""
         self._fill(motion, False, out)
         motion.to_actuators(out)
 
-    def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
+    def fill_base_wrench(self, motion: TermMotion, out: FloatArray) -> None:
         """Fill `out`, (samples, 6, rotors)."""
         self._fill(motion, True, out)
 
-    def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
+    def torque_gradient(self, motion: TermMotion, weights: FloatArray) -> FloatArray:
         """Return the gradient of sums of weights * columns by the motion; see `Term`."""
         by_joint = np.zeros((len(weights), *motion.joint.shape))
         by_actuator = np.zeros_like(by_joint)
@@ -115,13 +115,13 @@ class Rotors:
         share_out(motion.joint.shape[1], pull)
         return by_joint + motion.by_joints(by_actuator)
 
-    def _arrays(self, motion: Motion) -> RotorArrays:
+    def _arrays(self, motion: TermMotion) -> RotorArrays:
         own = np.eye(self.chain.n)
         if motion.coupling is not None:
             own = np.ascontiguousarray(motion.coupling.motors_by_joints.T)
         return self.joint, self.link, self.axis, self.ratio, own
 
-    def _fill(self, motion: Motion, of_base: bool, out: FloatArray) -> None:
+    def _fill(self, motion: TermMotion, of_base: bool, out: FloatArray) -> None:
         chain, rotors = self.chain.arrays, self._arrays(motion)
 
         def fill(first: int, last: int) -> None:

@@ -10,7 +10,7 @@ from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.robot.robot import RobotDescription
 from dynamics.terms.complex_step import Values, slopes
-from dynamics.terms.motion import Motion
+from dynamics.terms.motion import TermMotion
 
 FOURIER_HARMONICS = 3
 
@@ -72,15 +72,15 @@ class Spring:
         """The units, in the order of the names."""
         return ("N/m", "N") if self.distances_m is not None else ("N m",) * (2 * FOURIER_HARMONICS)
 
-    def fill_torque(self, motion: Motion, out: FloatArray) -> None:
+    def fill_torque(self, motion: TermMotion, out: FloatArray) -> None:
         """Fill `out`, (samples, n, 2 or 6)."""
         out[:, self.joint] = self._columns(motion.joint[0, :, self.joint])
         motion.to_actuators(out)
 
-    def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
+    def fill_base_wrench(self, motion: TermMotion, out: FloatArray) -> None:
         """Leave `out` zero: the spring acts between two links."""
 
-    def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
+    def torque_gradient(self, motion: TermMotion, weights: FloatArray) -> FloatArray:
         """Return the gradient of sums of weights * columns by the motion; see `Term`."""
         out = np.zeros((len(weights), *motion.joint.shape))
         steepness = slopes(self._columns, motion.joint[0, :, self.joint])

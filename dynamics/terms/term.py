@@ -6,7 +6,7 @@ from abc import abstractmethod
 from typing import Protocol, runtime_checkable
 
 from config.arrays import FloatArray
-from dynamics.terms.motion import Motion
+from dynamics.terms.motion import TermMotion
 from dynamics.terms.term_parameter import NonlinearParameter
 
 
@@ -46,7 +46,7 @@ class Term(Protocol):
         """The units, in the order of the names."""
 
     @abstractmethod
-    def fill_torque(self, motion: Motion, out: FloatArray) -> None:
+    def fill_torque(self, motion: TermMotion, out: FloatArray) -> None:
         """Fill in the actuators' torque, link side, per unit parameter.
 
         Args:
@@ -54,11 +54,11 @@ class Term(Protocol):
         """
 
     @abstractmethod
-    def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
+    def fill_base_wrench(self, motion: TermMotion, out: FloatArray) -> None:
         """Fill in the base wrench per unit parameter; `out` as (samples, 6, parameters)."""
 
     @abstractmethod
-    def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
+    def torque_gradient(self, motion: TermMotion, weights: FloatArray) -> FloatArray:
         """Return the gradient of sums of weights * torque columns by the motion.
 
         Args:
@@ -83,7 +83,7 @@ class NonlinearTerm(Protocol):
         """Return the term with other values of the nonlinear parameters."""
 
     @abstractmethod
-    def nonlinear_slopes(self, motion: Motion, coefficients: FloatArray) -> FloatArray:
+    def nonlinear_slopes(self, motion: TermMotion, coefficients: FloatArray) -> FloatArray:
         """Return the torque's derivative by them, shape (samples, n, nonlinear parameters).
 
         `coefficients` are the values of the term's linear parameters.

@@ -26,7 +26,7 @@ RANK: float = 1e-10
 
 
 @dataclass(frozen=True)
-class ImprovedParameter:
+class ParameterGain:
     """One combination of parameters, and how well each model knows it.
 
     Attributes:
@@ -61,7 +61,7 @@ class Improvement:
             model.
     """
 
-    parameters: tuple[ImprovedParameter, ...]
+    parameters: tuple[ParameterGain, ...]
     shared: tuple[str, ...]
     determinant_ratio: float
 
@@ -113,7 +113,7 @@ def improvement(fitted: FittedPeriods) -> Improvement:
     of_plates = _covariance(plates, _unknowns(external, fitted, range(s, steps)), wide)
     shared = np.flatnonzero(np.isfinite(np.diagonal(of_joints) + np.diagonal(of_plates)))
     parameters = tuple(
-        ImprovedParameter(
+        ParameterGain(
             expression=base.expressions[i],
             unit=base.units[i],
             value=float(functionals[k] @ fitted.fit.solution.values[: len(fitted.base)]),

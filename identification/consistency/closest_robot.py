@@ -24,7 +24,7 @@ from identification.consistency.consistency_test import (
     judge_consistency,
 )
 from identification.consistency.constraints import bodies, not_negative
-from identification.consistency.metric import jackknife_metric, whiten
+from identification.consistency.metric import jackknife_metric, whiten_parameters
 from identification.consistency.nominal_robot import nominal_parameters
 from identification.consistency.programme import ConsistencyProgramme
 from identification.consistency.pseudo_inertia import SMALLEST_BODY, pseudo_inertia
@@ -101,7 +101,7 @@ def consistent(estimate: Estimate) -> ConsistentEstimate:
     Raises:
         EstimationError: The solver found none, or a term's constraints are not known.
     """
-    standard = programme(estimate).solve(whiten(estimate, estimate.values))
+    standard = programme(estimate).solve(whiten_parameters(estimate, estimate.values))
     return ConsistentEstimate(estimate, standard, estimate.base.from_standard(standard))
 
 
@@ -137,7 +137,7 @@ def _programme(estimate: Estimate, weight: float, floor_share: float) -> Consist
     smallest = pseudo_inertia(np.array(SMALLEST_BODY))
     nominal = pseudo_inertia(np.array([centre[body] for body in places])) + smallest
     return ConsistencyProgramme(
-        matrix=whiten(estimate, estimate.base.combination),
+        matrix=whiten_parameters(estimate, estimate.base.combination),
         weight=weight,
         centre=centre,
         scale=scale,

@@ -45,7 +45,7 @@ def full_rank_covariance(estimate: Estimate) -> FloatArray:
     return np.asarray(spread @ spread.T)
 
 
-def whiten(estimate: Estimate, values: FloatArray) -> FloatArray:
+def whiten_parameters(estimate: Estimate, values: FloatArray) -> FloatArray:
     """Return base parameters, (b, ...), in standard deviations and decorrelated."""
     sigma, factor = jackknife_metric(estimate)
     scaled = values / sigma.reshape(-1, *(1,) * (values.ndim - 1))

@@ -26,7 +26,7 @@ from identification.estimation.estimate import Estimate
 SIGNIFICANT_P: Final = 0.01
 
 
-class Method(StrEnum):
+class CrossMethod(StrEnum):
     """A way to estimate that differs from the estimate's own."""
 
     ENERGY = "energies"
@@ -34,22 +34,28 @@ class Method(StrEnum):
     KALMAN = "Kalman filter"
 
 
-_FUNCTIONS: Final[dict[Method, Callable[..., tuple[FloatArray, FloatArray]]]] = {
-    Method.ENERGY: estimate_by_energy,
-    Method.LINK_BY_LINK: estimate_link_by_link,
-    Method.KALMAN: estimate_by_kalman_filter,
+_FUNCTIONS: Final[dict[CrossMethod, Callable[..., tuple[FloatArray, FloatArray]]]] = {
+    CrossMethod.ENERGY: estimate_by_energy,
+    CrossMethod.LINK_BY_LINK: estimate_link_by_link,
+    CrossMethod.KALMAN: estimate_by_kalman_filter,
 }
 _SUSPECTS: Final = {
-    Method.ENERGY: "look at what it does without: accelerations (delays, filters, the band) and"
-    " forces that a motion there and back takes twice",
-    Method.LINK_BY_LINK: "some joint's torque or geometry is off: torque constants, gear ratios and"
-    " the rows of the robot file, or friction that the model lacks",
-    Method.KALMAN: "the simulated robot moves otherwise than the real one: something that moves is"
-    " missing in the model, or positions and torques are not of the same instant",
+    CrossMethod.ENERGY: (
+        "look at what it does without: accelerations (delays, filters, the band) and"
+        " forces that a motion there and back takes twice"
+    ),
+    CrossMethod.LINK_BY_LINK: (
+        "some joint's torque or geometry is off: torque constants, gear ratios and"
+        " the rows of the robot file, or friction that the model lacks"
+    ),
+    CrossMethod.KALMAN: (
+        "the simulated robot moves otherwise than the real one: something that moves is"
+        " missing in the model, or positions and torques are not of the same instant"
+    ),
 }
 
 
-_BY_EQUATIONS: Final = frozenset({Method.LINK_BY_LINK})
+_BY_EQUATIONS: Final = frozenset({CrossMethod.LINK_BY_LINK})
 """Methods with the joints' torque equations, whose columns pass the channel of the torque.
 
 A work or a simulation needs the torque that acted, and the recorded torque is never deconvolved.
@@ -69,7 +75,7 @@ class CrossCheck:
         trouble: Why the method cannot be used here; empty where it can.
     """
 
-    method: Method
+    method: CrossMethod
     values: FloatArray
     sigma: FloatArray
     difference: FloatArray
@@ -113,11 +119,11 @@ def cross_checks(estimate: Estimate, runs: tuple[TimeRun, ...]) -> Iterator[Cros
         estimate: The estimate to check.
         runs: The recordings that it comes from.
     """
-    for method in Method:
+    for method in CrossMethod:
         yield check(method, estimate, runs)
 
 
-def check(method: Method, estimate: Estimate, runs: tuple[TimeRun, ...]) -> CrossCheck:
+def check(method: CrossMethod, estimate: Estimate, runs: tuple[TimeRun, ...]) -> CrossCheck:
     """Estimate by one other method.
 
     The two estimates come from the same data, so their difference scatters less than the sum of

@@ -17,7 +17,7 @@ import numpy as np
 from config.arrays import FloatArray
 from config.errors import EstimationError
 from dynamics.model.inverse_dynamics import torque_derivatives
-from dynamics.model.standstill import standstill as standstill_of
+from dynamics.model.standstill import standstill_speed as standstill_of
 from dynamics.terms.conditions import Conditions
 from identification.equations.time_domain import TimeRun
 from identification.estimation.estimate import Estimate

@@ -44,7 +44,7 @@ class Candidate:
     amplitude: float = 1.0
 
 
-def refine(
+def refine_start(
     problem: ExcitationProblem,
     seed: int,
     sample_period_s: float,
@@ -113,7 +113,7 @@ def candidates(
     """Refine many starts side by side, and yield each as it is ready.
 
     Args:
-        problem, sample_period_s, iterations, periods: As for `refine`.
+        problem, sample_period_s, iterations, periods: As for `refine_start`.
         seeds: One start each. All of them give the same set of candidates wherever they are
             computed.
         jobs: Processes; -1 for one a core.
@@ -122,7 +122,7 @@ def candidates(
     Raises:
         ConfigError: The scheduler cannot be reached, or Dask is not installed.
     """
-    work = joblib.delayed(refine)
+    work = joblib.delayed(refine_start)
     tasks = (
         work(problem, seed, sample_period_s, iterations=iterations, periods=periods)
         for seed in seeds

@@ -148,7 +148,7 @@ def delay_rows(rows: FloatArray, period_s: float) -> FloatArray:
     return np.asarray(real_rows((rate * _bins(rows)).T).T)
 
 
-def smoothed(per_bin: FloatArray) -> FloatArray:
+def smooth_bins(per_bin: FloatArray) -> FloatArray:
     """Return values of bins (first axis), each the mean of its neighbourhood."""
     edges = ((NEIGHBOURS, NEIGHBOURS), *((0, 0) for _ in per_bin.shape[1:]))
     padded = np.pad(per_bin, edges, mode="reflect")
@@ -175,7 +175,7 @@ def _smooth_covariance(covariance: FloatArray) -> FloatArray:
     As for the torques: one bin's own comes from few periods, and one that stands out on purpose
     keeps its size.
     """
-    mean = smoothed(covariance)
+    mean = smooth_bins(covariance)
     own, common = (np.diagonal(c, axis1=1, axis2=2) for c in (covariance, mean))
     growth = np.sqrt(np.maximum(own / np.maximum(common, 1e-300), 1.0))
     return np.asarray(mean * growth[:, :, np.newaxis] * growth[:, np.newaxis, :])

@@ -19,7 +19,7 @@ from acquisition.signals.bins import Derivatives, differentiate_on_bins, filter_
 from config.arrays import BoolArray, FloatArray
 from config.cell.cell import ButterworthFilter
 from config.errors import EstimationError
-from dynamics.model.memory import counted, sliding, with_memory
+from dynamics.model.memory import friction_known, sliding, with_memory
 from dynamics.model.robot_model import RobotModel
 from dynamics.model.standstill import moving
 from dynamics.terms.conditions import Conditions
@@ -30,7 +30,7 @@ from identification.equations.base_wrench import (
     delay_rows,
     in_time,
     real_rows,
-    smoothed,
+    smooth_bins,
 )
 from identification.model.base_parameters import BaseParameters
 from identification.model.torque_columns import torque_columns, wrench_columns
@@ -153,7 +153,7 @@ def bin_equations(
     torque = to_bins(average.torque_nm, harmonics) / response[:, np.newaxis]
     gain = np.abs(response)[:, np.newaxis]
     sigma = np.sqrt(_smooth_variance(average.torque_bin_variance, average.periods_kept))
-    slow = ~counted(conditions, moving(model, v, standstill_rad_s))
+    slow = ~friction_known(conditions, moving(model, v, standstill_rad_s))
     return BinEquations(
         harmonics=harmonics,
         period_s=period_s,
@@ -184,7 +184,7 @@ def counted_samples(
     warmth = Conditions(temperature_k=average.temperature_k)
     conditions = with_memory(model, q, warmth, periodic=True)
     finer = len(q) // average.samples_per_period
-    return np.asarray(counted(conditions, moving(model, v, standstill_rad_s))[::finer])
+    return np.asarray(friction_known(conditions, moving(model, v, standstill_rad_s))[::finer])
 
 
 def with_free_reversals(
@@ -276,7 +276,7 @@ def _smooth_variance(variance: FloatArray, periods: int) -> FloatArray:
     A bin's own variance comes from few periods and scatters; one that stands out on purpose
     (friction that drifts shows on the motion's harmonics) keeps its own.
     """
-    return np.asarray(np.maximum(smoothed(variance), variance) / periods)
+    return np.asarray(np.maximum(smooth_bins(variance), variance) / periods)
 
 
 def _position_sigma(average: PeriodAverage) -> FloatArray:

@@ -17,7 +17,7 @@ import numpy as np
 from acquisition.processing.smoothing import SmoothedSignals, low_pass
 from acquisition.processing.unfiltered import UnfilteredSignals, window_mean, window_reach
 from config.arrays import BoolArray, FloatArray, IntArray
-from dynamics.model.memory import counted, presliding, with_memory
+from dynamics.model.memory import friction_known, presliding, with_memory
 from dynamics.model.robot_model import RobotModel
 from dynamics.model.standstill import moving, moving_on
 from dynamics.terms.conditions import Conditions
@@ -158,7 +158,7 @@ class ParallelFilter:
         if reach + before + after:
             known = ~_near(~self._known(moves), source.segment, reach + before, reach + after)
         pause = self._rows(1.0 / signals.cutoff_hz)
-        use = counted(whole, known) & _near(moves, source.segment, pause, pause)
+        use = friction_known(whole, known) & _near(moves, source.segment, pause, pause)
         rows = self._places(np.arange(len(signals)))
         return use[rows], moves[rows]
 

@@ -164,7 +164,7 @@ def time_blocks(
             )
 
 
-def rows_of(model: RobotModel, run: TimeRun) -> int:
+def count_rows(model: RobotModel, run: TimeRun) -> int:
     """Return how many rows of a recording `time_blocks` yields."""
     signals = run.signals
     if not _always_filtered(model, signals):

@@ -14,7 +14,7 @@ from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel
-from identification.equations.time_domain import rows_of, time_runs
+from identification.equations.time_domain import count_rows, time_runs
 from identification.estimation.estimate import Estimate, position_range
 from identification.estimation.fitted_periods import model_of
 from identification.estimation.options import EstimationOptions
@@ -69,7 +69,9 @@ class FittedSignals:
     @property
     def left_out_fraction(self) -> FloatArray:
         """Share of samples under the standstill speed, shape (n,)."""
-        return 1.0 - self.fit.rows_used / sum(rows_of(self.model, run) for run in self.problem.runs)
+        return 1.0 - self.fit.rows_used / sum(
+            count_rows(self.model, run) for run in self.problem.runs
+        )
 
     def estimate(self, cell_name: str = "", run_ids: tuple[str, ...] = ()) -> Estimate:
         """Return the estimate with its intervals, and where it was measured."""

@@ -16,7 +16,7 @@ from config.robot.robot import Joint
 from dynamics.geometry.kinematics import Chain
 from identification.consistency.rigid_body import LinkBody
 from identification.export.model import ExportModel, StraightFriction
-from identification.export.text import head, identifier, nested, numbers, plain, render
+from identification.export.text import head, nested, numbers, plain, render, source_name
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +114,7 @@ def _render(template: str, model: ExportModel) -> str:
     armatures = template.startswith("pinocchio")
     return render(
         template,
-        name=identifier(robot.name),
+        name=source_name(robot.name),
         head=head(model),
         left_out=[plain(line) for line in model.left_out(armatures=armatures)],
         mount=None if np.array_equal(model.upright, np.eye(3)) else _Place(upright),

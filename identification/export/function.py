@@ -15,7 +15,7 @@ from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from dynamics.terms.rotors import Rotors
 from dynamics.terms.spring import Spring
 from identification.export.model import ExportModel
-from identification.export.text import head, identifier, plain, render, temperatures
+from identification.export.text import head, plain, render, source_name, temperatures
 
 Language = Literal["c", "python"]
 
@@ -57,7 +57,7 @@ def _render(template: str, model: ExportModel, language: Language) -> str:
     warm = "temperature_k" in text
     return render(
         template,
-        name=identifier(model.robot.name),
+        name=source_name(model.robot.name),
         head=(*head(model), *(temperatures(model) if warm else ())),
         joints=model.robot.joint_names,
         n=n,

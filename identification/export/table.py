@@ -46,7 +46,9 @@ class TableRow:
     sigma_residual: float | None = None
 
 
-def table(estimate: Estimate, consistent: ExportModel | None = None) -> tuple[TableRow, ...]:
+def parameter_rows(
+    estimate: Estimate, consistent: ExportModel | None = None
+) -> tuple[TableRow, ...]:
     """Return every identified value and, where given, the physically consistent ones.
 
     Args:
@@ -98,7 +100,7 @@ def csv_table(estimate: Estimate, consistent: ExportModel | None = None) -> str:
     names = list(TableRow.__dataclass_fields__)
     writer = csv.DictWriter(text, names, lineterminator="\r\n")
     writer.writeheader()
-    for row in table(estimate, consistent):
+    for row in parameter_rows(estimate, consistent):
         values = asdict(row)
         writer.writerow(
             {k: repr(v) if isinstance(v, float) else _text(v) for k, v in values.items()}
@@ -130,7 +132,7 @@ def json_table(estimate: Estimate, consistent: ExportModel | None = None) -> str
         "consistency": None
         if consistent is None or consistent.test is None
         else asdict(consistent.test),
-        "parameters": [asdict(row) for row in table(estimate, consistent)],
+        "parameters": [asdict(row) for row in parameter_rows(estimate, consistent)],
     }
     return json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False) + "\n"
 

@@ -86,7 +86,7 @@ def plain(text: str) -> str:
     return visible.replace("*/", "* /").replace("--", "- -").replace('"""', "'''").rstrip("\\")
 
 
-def identifier(name: str) -> str:
+def source_name(name: str) -> str:
     """Return a robot's name as C and Python take one."""
     text = re.sub(r"[^A-Za-z0-9_]", "_", name)
     return text if text[:1].isalpha() else f"robot_{text}"

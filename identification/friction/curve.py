@@ -68,7 +68,7 @@ class FrictionCurve:
         return np.asarray(np.sqrt(self.odd_sigma**2 + np.diagonal(self.even_covariance)))
 
 
-def joined(curves: Sequence[FrictionCurve]) -> FrictionCurve:
+def join_curves(curves: Sequence[FrictionCurve]) -> FrictionCurve:
     """Return the curves of one joint as one, ordered by speed; `even` where all have it."""
     speed = np.concatenate([curve.speed for curve in curves])
     order = np.argsort(speed, kind="stable")

@@ -15,7 +15,7 @@ import numpy as np
 from config.arrays import FloatArray
 from config.errors import EstimationError
 from dynamics.model.robot_model import RobotModel
-from dynamics.model.standstill import standstill
+from dynamics.model.standstill import standstill_speed
 
 SAME_POSITION: Final = 0.01
 """Positions so close are one [rad or m]."""
@@ -65,7 +65,7 @@ def still_joints(
         moving_share: Share of a run's samples in which it may be faster all the same, such as when
             another joint starts with a jerk.
     """
-    slowest = standstill(model, standstill_rad_s)
+    slowest = standstill_speed(model, standstill_rad_s)
     still = np.ones(model.chain.n, dtype=bool)
     positions: list[list[float]] = [[] for _ in range(model.chain.n)]
     for q, v in motions:

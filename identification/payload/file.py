@@ -20,7 +20,7 @@ from identification.payload.body import PARAMETERS, REPORTED_UNITS
 from identification.payload.equations import Procedure
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.known import Known
-from identification.payload.verdict import Check, PayloadResult
+from identification.payload.verdict import PayloadCheck, PayloadResult
 
 LARGEST_FILE_BYTES = 5_000_000
 
@@ -175,7 +175,7 @@ def _to_payload(document: PayloadDocument) -> PayloadResult:
         cell_name=document.cell,
         run_ids=document.runs,
     )
-    lines = tuple(line.to_dataclass(Check) for line in document.checks)
+    lines = tuple(line.to_dataclass(PayloadCheck) for line in document.checks)
     payload = PayloadResult(estimate, lines)
     if payload.passed is not document.passed:
         raise EstimationError(

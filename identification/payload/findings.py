@@ -64,7 +64,7 @@ class PayloadFinding:
         )
 
 
-def inertia_size(estimate: PayloadEstimate) -> float:
+def largest_moment(estimate: PayloadEstimate) -> float:
     """Return what a share of inertia is taken of: the largest moment about the flange [kg m^2].
 
     A controller needs the inertia about the wrist's axes, so an interval counts against all of it.
@@ -85,7 +85,7 @@ def payload_findings(estimate: PayloadEstimate) -> tuple[PayloadFinding, ...]:
         [
             [WEAK_MASS_SHARE * max(abs(float(estimate.values[0])), 1e-3)],
             np.full(3, WEAK_CENTRE_M),
-            np.full(6, WEAK_INERTIA_SHARE * inertia_size(estimate)),
+            np.full(6, WEAK_INERTIA_SHARE * largest_moment(estimate)),
         ]
     )
     seen = np.array(estimate.seen)

@@ -76,7 +76,7 @@ def require_once(known: Sequence[Known]) -> None:
         )
 
 
-def rows_of(known: Sequence[Known], values: FloatArray) -> FloatArray:
+def known_rows(known: Sequence[Known], values: FloatArray) -> FloatArray:
     """Return what is known as equations of the ten parameters near some values, (any, 11)."""
     slopes, at = reported_slopes(values), reported(values)
     rows = np.zeros((len(known), PARAMETERS_PER_LINK + 1))

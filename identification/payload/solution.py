@@ -15,7 +15,7 @@ from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.choices import REPORTED
 from identification.payload.body import reported, reported_slopes
 from identification.payload.equations import Layout, PayloadEquations, independent
-from identification.payload.known import Known, require_once, rows_of, started, with_held
+from identification.payload.known import Known, known_rows, require_once, started, with_held
 from identification.regression.intervals import Cluster, jackknife
 from identification.regression.least_squares import triangular_factor
 
@@ -183,7 +183,7 @@ def _with_known(system: _System, found: _Measured, known: Sequence[Known]) -> Pa
     held = [quantity for quantity in known if quantity.held]
     values = started(found.values[:ten], known)
     for _ in range(MOST_STEPS):
-        rows, bound = rows_of(weighed, values), rows_of(held, values)
+        rows, bound = known_rows(weighed, values), known_rows(held, values)
         rows /= np.array([[quantity.sigma] for quantity in weighed]).reshape(-1, 1)
         matrix = np.vstack([measured, rows[:, :ten] @ axes])
         rhs = np.concatenate([target, rows[:, ten]])

@@ -14,7 +14,7 @@ from identification.choices import REPORTED, PayloadLimits
 from identification.consistency.consistency_test import SMALLEST_P
 from identification.payload.body import REPORTED_UNITS
 from identification.payload.estimate import PayloadEstimate
-from identification.payload.findings import inertia_size
+from identification.payload.findings import largest_moment
 from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.procedures import PayloadOptions, identify_payload
 from identification.payload.rating import HeaviestPayload
@@ -47,7 +47,7 @@ HEAVY: Final = (
 
 
 @dataclass(frozen=True)
-class Check:
+class PayloadCheck:
     """One line of a verdict: what was reached, how it must stand to its limit.
 
     `advice` says what to look for where it fails; it is not kept in files.
@@ -77,7 +77,7 @@ class PayloadResult:
     """
 
     estimate: PayloadEstimate
-    checks: tuple[Check, ...]
+    checks: tuple[PayloadCheck, ...]
 
     @property
     def passed(self) -> bool:
@@ -123,7 +123,7 @@ def checks(
     limits: PayloadLimits,
     repeats: Repeats | None = None,
     left_on: tuple[float, float] | None = None,
-) -> tuple[Check, ...]:
+) -> tuple[PayloadCheck, ...]:
     """Hold an estimate against limits.
 
     Args:
@@ -132,12 +132,12 @@ def checks(
         repeats: The same from each run alone, where there were several.
         left_on: Mass and standard deviation of what `left_on_flange` finds.
     """
-    rank = Check(
+    rank = PayloadCheck(
         "independent parameters that the motion shows", estimate.rank, "≥", PARAMETERS_PER_LINK
     )
     names, shares = estimate.robot.joint_names, estimate.residual_share.tolist()
     fit = [
-        Check(
+        PayloadCheck(
             f"residual of {joint} (RMS, of its torque)",
             100.0 * share,
             "≤",
@@ -148,7 +148,7 @@ def checks(
         for joint, share in zip(names, shares, strict=True)
     ]
     agreed = [
-        Check(
+        PayloadCheck(
             f"{known.name} = {known.value:g} {REPORTED_UNITS[REPORTED.index(known.name)]} as known,"
             " from what the recordings say",
             off,
@@ -163,7 +163,7 @@ def checks(
         mass, sigma = left_on
         said = "mass on the flange in the runs without payload, by the model"
         limit = LARGEST_CONTRADICTION * sigma
-        agreed.append(Check(said, abs(mass), "≤", limit, "kg", LEFT_ON))
+        agreed.append(PayloadCheck(said, abs(mass), "≤", limit, "kg", LEFT_ON))
     if not rank.passed:
         return (rank, *agreed, *fit)
     two_sigma = 2.0 * estimate.sigma
@@ -171,33 +171,33 @@ def checks(
     if heaviest is not None:
         share = 100.0 * float(estimate.reported[0] - two_sigma[0]) / heaviest.mass_kg
         said = f"mass of the payload, as a share of {heaviest.source} ({heaviest.mass_kg:.4g} kg)"
-        agreed.append(Check(said, share, "≤", 100.0, "%", HEAVY))
+        agreed.append(PayloadCheck(said, share, "≤", 100.0, "%", HEAVY))
     lines = [
         rank,
         *agreed,
         *fit,
-        Check(
+        PayloadCheck(
             "interval of the mass (2σ)",
             100.0 * float(two_sigma[0] / abs(estimate.reported[0])),
             "≤",
             limits.mass_percent,
             "%",
         ),
-        Check(
+        PayloadCheck(
             "interval of the centre of gravity (2σ, worst coordinate)",
             1e3 * float(two_sigma[1:4].max()),
             "≤",
             limits.centre_mm,
             "mm",
         ),
-        Check(
+        PayloadCheck(
             "interval of the inertia (2σ, worst, of the largest about the flange)",
-            100.0 * float(two_sigma[4:].max()) / inertia_size(estimate),
+            100.0 * float(two_sigma[4:].max()) / largest_moment(estimate),
             "≤",
             limits.inertia_percent,
             "%",
         ),
-        Check(
+        PayloadCheck(
             "probability that a body that can exist explains the data",
             estimate.consistent[1],
             "≥",
@@ -207,7 +207,7 @@ def checks(
     ]
     if repeats is not None:
         lines.append(
-            Check(
+            PayloadCheck(
                 f"scatter between {len(repeats.values)} runs over the quoted standard deviation",
                 repeats.ratio,
                 "≤",

@@ -12,7 +12,7 @@ from config.robot.robot import RobotDescription
 from identification.sensitivity.problem import (
     Assumptions,
     Comparison,
-    Excitation,
+    SampledMotion,
     SensitivityProblem,
     deviation_percent,
     estimated,
@@ -56,7 +56,7 @@ class SensitivityRow:
     percent: tuple[float | None, ...]
 
 
-def thesis_motion(robot: RobotDescription, axes: Sequence[int]) -> Excitation:
+def thesis_motion(robot: RobotDescription, axes: Sequence[int]) -> SampledMotion:
     """Return a motion like those of chapter 5: harmonics 1 and 20 of 30 s, around mid-range.
 
     Args:
@@ -82,7 +82,7 @@ def thesis_motion(robot: RobotDescription, axes: Sequence[int]) -> Excitation:
             q[:, j] += amplitude * np.sin(angle)
             v[:, j] += amplitude * omega * np.cos(angle)
             a[:, j] -= amplitude * omega**2 * np.sin(angle)
-    return Excitation(q, v, a)
+    return SampledMotion(q, v, a)
 
 
 def thesis_cases(axes: int, share: float = SHARE, bias_nm: float = -12.0) -> list[SensitivityCase]:

@@ -16,7 +16,7 @@ from identification.payload.body import reported
 from identification.sensitivity.problem import (
     Assumptions,
     Comparison,
-    Estimator,
+    MotionEstimator,
     SensitivityProblem,
 )
 
@@ -69,7 +69,7 @@ def draw_batch(
     """
     random = np.random.default_rng([seed, batch])
     right = Assumptions()
-    estimator = Estimator.of(problem, right, against)
+    estimator = MotionEstimator.of(problem, right, against)
     tau = problem.torque(right, True)
     alone = problem.torque(right, False)
     motion, model = problem.motion, problem.model

@@ -56,7 +56,7 @@ class Assumptions:
 
 
 @dataclass(frozen=True, eq=False)
-class Excitation:
+class SampledMotion:
     """A motion, sampled: q, v, a of shape (samples, n)."""
 
     q: FloatArray
@@ -88,7 +88,7 @@ class SensitivityProblem:
     robot: RobotDescription
     parameters: FloatArray
     payload: PayloadBody
-    motion: Excitation
+    motion: SampledMotion
     noise_nm: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
@@ -161,7 +161,7 @@ class SensitivityProblem:
 
 
 @dataclass(frozen=True, eq=False)
-class Estimator:
+class MotionEstimator:
     """Least squares of payload and friction on one motion, ready for many right sides.
 
     Attributes:
@@ -180,7 +180,7 @@ class Estimator:
     @classmethod
     def of(
         cls, problem: SensitivityProblem, assumed: Assumptions, against: Comparison
-    ) -> Estimator:
+    ) -> MotionEstimator:
         """Set up an estimator that assumes what `assumed` says.
 
         Raises:
@@ -249,7 +249,7 @@ def estimated(
     tau = problem.torque(assumed, True)
     if against == "difference":
         tau = tau - problem.torque(assumed, False)
-    return reported(Estimator.of(problem, assumed, against).parameters(tau))
+    return reported(MotionEstimator.of(problem, assumed, against).parameters(tau))
 
 
 def deviation_percent(problem: SensitivityProblem, values: FloatArray) -> FloatArray:

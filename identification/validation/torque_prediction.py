@@ -125,7 +125,7 @@ class Validation:
         return all(known) if known else None
 
 
-def validate(
+def validate_torques(
     estimate: Estimate,
     recording: Recording,
     *,

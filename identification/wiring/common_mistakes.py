@@ -15,8 +15,8 @@ from config.robot.robot import RobotDescription
 from identification.wiring.mistakes import (
     DEGREES,
     ORDERS,
-    Kind,
     Mistake,
+    MistakeKind,
     of_robot,
     offset,
     reordered,
@@ -44,16 +44,16 @@ def common_mistakes(robot: RobotDescription) -> Iterator[Mistake]:
     n, coupling = len(robot.joints), _matrix(robot)
     for mistake in _of_wiring(robot):
         yield mistake
-        if robot.coupling is not None and mistake.kind is not Kind.POSITION_OFFSET:
+        if robot.coupling is not None and mistake.kind is not MistakeKind.POSITION_OFFSET:
             at_joints = mistake.at_joints(coupling)
             if not np.allclose(at_joints.position, mistake.position):
                 yield at_joints
     for factor in CLOCKS:
-        yield replace(scaled(Kind.CLOCK, (), factor, n=n), clock=factor)
+        yield replace(scaled(MistakeKind.CLOCK, (), factor, n=n), clock=factor)
     for other in _conventions(robot):
-        yield of_robot(Kind.CONVENTION, (), other)
+        yield of_robot(MistakeKind.CONVENTION, (), other)
     for joints, other in _couplings(robot):
-        mistake = of_robot(Kind.COUPLING, joints, other)
+        mistake = of_robot(MistakeKind.COUPLING, joints, other)
         yield mistake  # the motors' positions are right, and the joints' follow from them
         yield replace(mistake, position=np.linalg.inv(_matrix(other)) @ _matrix(robot))
     yield from torque_units(robot)
@@ -73,7 +73,7 @@ def _position_units(robot: RobotDescription) -> Iterator[Mistake]:
     """Yield the units that all positions together may be in, other than that of the joint."""
     n = len(robot.joints)
     for factor in (DEGREES, 1.0 / DEGREES):
-        yield scaled(Kind.POSITION_FACTOR, (), factor, n=n, position=np.full(n, factor))
+        yield scaled(MistakeKind.POSITION_FACTOR, (), factor, n=n, position=np.full(n, factor))
     gears = np.array([abs(joint.gear_ratio) for joint in robot.joints])
     units = (
         ("in turns", np.full(n, TURN)),
@@ -83,7 +83,7 @@ def _position_units(robot: RobotDescription) -> Iterator[Mistake]:
     for what, factors in units:
         if np.any(factors != 1.0):
             typical = float(np.exp(np.mean(np.log(factors))))
-            mistake = scaled(Kind.POSITION_FACTOR, (), typical, n=n, position=factors)
+            mistake = scaled(MistakeKind.POSITION_FACTOR, (), typical, n=n, position=factors)
             yield replace(mistake, what=what)
 
 
@@ -108,7 +108,9 @@ def torque_units(robot: RobotDescription) -> Iterator[Mistake]:
     for what, factors in units:
         if np.any(factors != 1.0):
             typical = float(np.exp(np.mean(np.log(factors))))
-            yield replace(scaled(Kind.TORQUE_UNIT, (), typical, n=n, torque=factors), what=what)
+            yield replace(
+                scaled(MistakeKind.TORQUE_UNIT, (), typical, n=n, torque=factors), what=what
+            )
 
 
 def _of_joint(robot: RobotDescription, j: int) -> Iterator[Mistake]:
@@ -120,13 +122,13 @@ def _of_joint(robot: RobotDescription, j: int) -> Iterator[Mistake]:
         return values
 
     reversed_ = alone(-1.0)
-    yield scaled(Kind.POSITION_SIGN, (j,), -1.0, n=n, position=reversed_)
-    yield scaled(Kind.DIRECTION, (j,), -1.0, n=n, position=reversed_, torque=reversed_)
+    yield scaled(MistakeKind.POSITION_SIGN, (j,), -1.0, n=n, position=reversed_)
+    yield scaled(MistakeKind.DIRECTION, (j,), -1.0, n=n, position=reversed_, torque=reversed_)
     own = {abs(gear), 1.0 / abs(gear)} - {1.0}
     for factor in (*FACTORS, DEGREES, 1.0 / DEGREES, *sorted(own)):
-        yield scaled(Kind.POSITION_FACTOR, (j,), factor, n=n, position=alone(factor))
+        yield scaled(MistakeKind.POSITION_FACTOR, (j,), factor, n=n, position=alone(factor))
     for factor in (*TORQUE_FACTORS, *sorted(own)):
-        yield scaled(Kind.TORQUE_FACTOR, (j,), factor, n=n, torque=alone(factor))
+        yield scaled(MistakeKind.TORQUE_FACTOR, (j,), factor, n=n, torque=alone(factor))
     if robot.joints[j].type == "revolute":
         for step in range(1, OFFSET_STEPS):
             angle = math.remainder(2.0 * math.pi * step / OFFSET_STEPS, 2.0 * math.pi)
@@ -139,8 +141,8 @@ def _signs(n: int) -> Iterator[Mistake]:
     sizes = range(1, n + 1) if n <= MOST_SIGN_SETS else (1, n)
     for joints in chain.from_iterable(combinations(range(n), size) for size in sizes):
         yield reversed_torques(joints, n)
-    yield scaled(Kind.POSITION_SIGN, (), -1.0, n=n, position=everyone)
-    yield scaled(Kind.DIRECTION, (), -1.0, n=n, position=everyone, torque=everyone)
+    yield scaled(MistakeKind.POSITION_SIGN, (), -1.0, n=n, position=everyone)
+    yield scaled(MistakeKind.DIRECTION, (), -1.0, n=n, position=everyone, torque=everyone)
 
 
 def reversed_torques(joints: tuple[int, ...], n: int) -> Mistake:
@@ -148,7 +150,7 @@ def reversed_torques(joints: tuple[int, ...], n: int) -> Mistake:
     factors = np.ones(n)
     factors[list(joints)] = -1.0
     named = () if 1 < len(joints) == n else joints
-    return scaled(Kind.TORQUE_SIGN, named, -1.0, n=n, torque=factors)
+    return scaled(MistakeKind.TORQUE_SIGN, named, -1.0, n=n, torque=factors)
 
 
 def _orders(n: int) -> Iterator[Mistake]:

@@ -17,7 +17,7 @@ from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain
 from dynamics.model.robot_model import regressor
-from identification.wiring.mistakes import Kind, Mistake, of_robot
+from identification.wiring.mistakes import Mistake, MistakeKind, of_robot
 from identification.wiring.signals import WiredSignals
 from identification.wiring.trial import Condensed, plain_model, rows_used
 
@@ -73,7 +73,7 @@ class GravitySearch:
 
     def is_oblique(self, found: Mistake) -> bool:
         """Return whether a mistake is gravity along no axis of the base."""
-        robot = found.robot if found.kind is Kind.MOUNTING else None
+        robot = found.robot if found.kind is MistakeKind.MOUNTING else None
         return robot is not None and bool(np.count_nonzero(robot.gravity_m_s2) > 1)
 
     def is_turned(self, oblique: Mistake, other: Mistake) -> bool:
@@ -82,7 +82,7 @@ class GravitySearch:
         A wrong zero position of the first joint turns gravity about its axis: no data tell an
         oblique base from one that is mounted along an axis and has a wrong zero position.
         """
-        if other.kind is not Kind.MOUNTING or self.is_oblique(other):
+        if other.kind is not MistakeKind.MOUNTING or self.is_oblique(other):
             return False
         chain = Chain.from_description(self.signals.robot)
         one, two = (np.array(each.robot.gravity_m_s2) for each in (oblique, other) if each.robot)
@@ -121,7 +121,7 @@ class GravitySearch:
         return size * best
 
     def _mistake(self, gravity: FloatArray) -> Mistake:
-        return of_robot(Kind.MOUNTING, (), _with_gravity(self.signals.robot, gravity))
+        return of_robot(MistakeKind.MOUNTING, (), _with_gravity(self.signals.robot, gravity))
 
     def _condensed(self, gravity: FloatArray) -> Condensed:
         """Return the equations with another gravity."""

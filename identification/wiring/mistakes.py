@@ -18,7 +18,7 @@ DEGREES: Final = math.pi / 180.0
 ROUNDING: Final = 1e-12
 
 
-class Kind(StrEnum):
+class MistakeKind(StrEnum):
     """What kind of mistake it is."""
 
     POSITION_SIGN = "position sign"
@@ -39,7 +39,7 @@ class Kind(StrEnum):
     GRAVITY_REMOVED = "gravity removed"
 
 
-ORDERS: Final = (Kind.POSITION_ORDER, Kind.TORQUE_ORDER, Kind.AXIS_ORDER)
+ORDERS: Final = (MistakeKind.POSITION_ORDER, MistakeKind.TORQUE_ORDER, MistakeKind.AXIS_ORDER)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ class Mistake:
             none.
     """
 
-    kind: Kind
+    kind: MistakeKind
     joints: tuple[int, ...]
     factor: float
     position: FloatArray
@@ -73,7 +73,7 @@ class Mistake:
     @property
     def is_first_zero(self) -> bool:
         """True if it is the zero position of the first joint."""
-        return self.kind is Kind.POSITION_OFFSET and self.joints == (0,)
+        return self.kind is MistakeKind.POSITION_OFFSET and self.joints == (0,)
 
     @property
     def moves(self) -> bool:
@@ -114,7 +114,7 @@ class Mistake:
 
 
 def scaled(
-    kind: Kind,
+    kind: MistakeKind,
     joints: tuple[int, ...],
     factor: float,
     *,
@@ -139,18 +139,18 @@ def offset(robot: RobotDescription, joint: int, offset_rad: float) -> Mistake:
     n = len(robot.joints)
     shift = np.zeros(n)
     shift[joint] = offset_rad
-    return replace(scaled(Kind.POSITION_OFFSET, (joint,), offset_rad, n=n), offset_rad=shift)
+    return replace(scaled(MistakeKind.POSITION_OFFSET, (joint,), offset_rad, n=n), offset_rad=shift)
 
 
-def reordered(kind: Kind, joints: tuple[int, ...], order: Sequence[int]) -> Mistake:
+def reordered(kind: MistakeKind, joints: tuple[int, ...], order: Sequence[int]) -> Mistake:
     """Return a mistake of one of the `ORDERS`: joint i's signal stands at joint order[i]'s."""
     whole = np.eye(len(order))
     right = whole[list(order)]
-    position = whole if kind is Kind.TORQUE_ORDER else right
-    torque = whole if kind is Kind.POSITION_ORDER else right
+    position = whole if kind is MistakeKind.TORQUE_ORDER else right
+    torque = whole if kind is MistakeKind.POSITION_ORDER else right
     return Mistake(kind, joints, 1.0, position, torque, np.zeros(len(order)))
 
 
-def of_robot(kind: Kind, joints: tuple[int, ...], right: RobotDescription) -> Mistake:
+def of_robot(kind: MistakeKind, joints: tuple[int, ...], right: RobotDescription) -> Mistake:
     """Return a mistake of the robot file, by the robot as it should be."""
     return replace(scaled(kind, joints, 1.0, n=len(right.joints)), robot=right)

@@ -15,7 +15,7 @@ import numpy as np
 
 from identification.wiring.common_mistakes import torque_units
 from identification.wiring.gravity import GravitySearch
-from identification.wiring.mistakes import Kind, Mistake, of_robot, scaled
+from identification.wiring.mistakes import Mistake, MistakeKind, of_robot, scaled
 from identification.wiring.possible import keeps_limits
 from identification.wiring.signals import WiredSignals
 from identification.wiring.trial import Condensed, rows_used
@@ -48,7 +48,7 @@ def wrong_scale(
     low, high = weight.plausible
     if weight.share < low and gravity.without().held_out(still).cost <= fit.cost + AS_GOOD:
         nothing = signals.robot.model_copy(update={"gravity_m_s2": (0.0, 0.0, 0.0)})
-        return (of_robot(Kind.GRAVITY_REMOVED, (), nothing),)
+        return (of_robot(MistakeKind.GRAVITY_REMOVED, (), nothing),)
     units: list[tuple[float, Mistake]] = []
     for unit in torque_units(signals.robot):
         right, after = stated.weight(unit.torque), stated.held_out(unit.torque)
@@ -62,7 +62,7 @@ def wrong_scale(
     if abs(weight.share) < KNOWN_SIGMAS * weight.sigma:
         return ()  # the factor would be one over noise
     factor = 1.0 / weight.share
-    every = scaled(Kind.TORQUE_FACTOR, (), factor, n=n, torque=np.full(n, factor))
+    every = scaled(MistakeKind.TORQUE_FACTOR, (), factor, n=n, torque=np.full(n, factor))
     return (every,) if keeps_limits(every, signals, every.undone(signals)) else ()
 
 
@@ -90,7 +90,7 @@ def copied_motion(signals: WiredSignals) -> Mistake | None:
             n = use.shape[1]
             everyone = len(named) == n
             mistake = scaled(
-                Kind.TORQUE_QUANTITY, () if everyone else tuple(named.tolist()), 1.0, n=n
+                MistakeKind.TORQUE_QUANTITY, () if everyone else tuple(named.tolist()), 1.0, n=n
             )
             return replace(mistake, what=what)
     return None

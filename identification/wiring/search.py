@@ -12,11 +12,11 @@ import numpy as np
 from config.arrays import FloatArray
 from identification.wiring.common_mistakes import OFFSET_STEPS, common_mistakes
 from identification.wiring.gravity import GravitySearch
-from identification.wiring.mistakes import Kind, Mistake, offset
+from identification.wiring.mistakes import Mistake, MistakeKind, offset
 from identification.wiring.possible import keeps_limits
 from identification.wiring.scale import copied_motion, wrong_scale
 from identification.wiring.signals import WiredSignals
-from identification.wiring.trial import Condensed, Trial, plain_model
+from identification.wiring.trial import Condensed, WiringTrial, plain_model
 from identification.wiring.weight import ArmWeight
 
 AS_GOOD: Final = 0.1
@@ -40,8 +40,8 @@ class Found:
 
     mistake: Mistake
     alternatives: tuple[Mistake, ...]
-    before: Trial
-    after: Trial
+    before: WiringTrial
+    after: WiringTrial
     weight: ArmWeight | None = None
 
     @property
@@ -55,8 +55,8 @@ class _Tried:
     """A mistake undone: its fit, and the fit to parts that were left out."""
 
     mistake: Mistake
-    after: Trial
-    held_out: Trial
+    after: WiringTrial
+    held_out: WiringTrial
 
 
 def find_mistakes(signals: WiredSignals) -> tuple[Found, ...]:
@@ -86,7 +86,7 @@ def find_mistakes(signals: WiredSignals) -> tuple[Found, ...]:
         if better is None:
             break
         found.append(better)
-        if better.mistake.kind is Kind.GRAVITY_REMOVED:
+        if better.mistake.kind is MistakeKind.GRAVITY_REMOVED:
             break
         signals, fits = better.mistake.undone(signals), better.after.good
     return tuple(found)
@@ -126,7 +126,7 @@ def _best(signals: WiredSignals, stated: Condensed, gravity: GravitySearch) -> F
             after = Condensed.of(undone, own).trial(still)
             if not after.may_be_better_than(screened, before.impossible):
                 continue
-        if mistake.kind is Kind.POSITION_OFFSET:
+        if mistake.kind is MistakeKind.POSITION_OFFSET:
             mistake = _best_zero(signals, mistake, SCREENED_RAD)
         undone = mistake.undone(signals)
         if not keeps_limits(mistake, signals, undone):
@@ -180,7 +180,7 @@ def _with_exact_zeros(signals: WiredSignals, mistakes: list[Mistake]) -> list[Mi
     still, model = np.eye(len(signals.robot.joints)), plain_model(signals)
     grids: dict[int, list[Mistake]] = {}
     for mistake in mistakes:
-        if mistake.kind is Kind.POSITION_OFFSET:
+        if mistake.kind is MistakeKind.POSITION_OFFSET:
             grids.setdefault(mistake.joints[0], []).append(mistake)
     exact = []
     for grid in grids.values():
@@ -188,7 +188,7 @@ def _with_exact_zeros(signals: WiredSignals, mistakes: list[Mistake]) -> list[Mi
             grid, key=lambda each: Condensed.of(each.undone(signals), model).trial(still).cost
         )
         exact.append(_best_zero(signals, near, 2.0 * math.pi / OFFSET_STEPS))
-    return [each for each in mistakes if each.kind is not Kind.POSITION_OFFSET] + exact
+    return [each for each in mistakes if each.kind is not MistakeKind.POSITION_OFFSET] + exact
 
 
 def _best_zero(signals: WiredSignals, near: Mistake, within_rad: float) -> Mistake:
@@ -229,7 +229,7 @@ def _distinct(best: Mistake, near: list[Mistake]) -> tuple[Mistake, ...]:
     seen, kept = {(best.kind, best.joints, best.what)}, []
     for mistake in near:
         own = (mistake.kind, mistake.joints, mistake.what)
-        if own not in seen and mistake.kind is not Kind.POSITION_OFFSET:
+        if own not in seen and mistake.kind is not MistakeKind.POSITION_OFFSET:
             kept.append(mistake)
         seen.add(own)
     return tuple(kept[:MOST_ALTERNATIVES])

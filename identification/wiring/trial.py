@@ -15,7 +15,7 @@ from dynamics.model.robot_model import RobotModel, regressor
 from dynamics.model.transmission import Transmission
 from identification.model.options import ModelOptions
 from identification.regression.fit_grade import GOOD_SHARE
-from identification.wiring.mistakes import Kind, Mistake
+from identification.wiring.mistakes import Mistake, MistakeKind
 from identification.wiring.signals import WiredSignals
 from identification.wiring.weight import ArmWeight, DrawnWeight
 
@@ -37,7 +37,7 @@ BRAKES: Final = ("fc_", "fv_")
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
+class WiringTrial:
     """How well a robot explains torques, joint by joint.
 
     Attributes:
@@ -57,7 +57,7 @@ class Trial:
         """True if no joint leaves more than a good fit does."""
         return not (np.any(self.residual_share > GOOD_SHARE) or np.any(self.driving))
 
-    def far_better_than(self, other: Trial, *, few_data: bool = False) -> bool:
+    def far_better_than(self, other: WiringTrial, *, few_data: bool = False) -> bool:
         """Return True if the other fit is impossible, or has twice the residual somewhere.
 
         All joints together must gain as well. Less than that a model gains by any freedom that
@@ -71,7 +71,7 @@ class Trial:
         halved = bool(np.any((times >= FAR_BETTER_TIMES) & (other.residual_share > floor)))
         return halved or self.impossible < other.impossible
 
-    def may_be_better_than(self, other: Trial, impossible: int) -> bool:
+    def may_be_better_than(self, other: WiringTrial, impossible: int) -> bool:
         """Return whether all rows may show this fit far better than another, on a part of them.
 
         Args:
@@ -82,7 +82,7 @@ class Trial:
         possible = self.impossible < max(impossible, other.impossible)
         return possible or bool(np.any(times >= SCREEN_TIMES))
 
-    def overfits(self, held_out: Trial) -> bool:
+    def overfits(self, held_out: WiringTrial) -> bool:
         """Return whether left-out parts tell that the data are too few to tell a good fit."""
         return bool(np.nanmedian(held_out.residual_share / self.residual_share) > FEW_DATA_TIMES)
 
@@ -146,15 +146,15 @@ class Condensed:
         drawn_weight = DrawnWeight.of(signals, model) if screened_by is None else None
         return cls(products, use.sum(axis=0).astype(np.float64), brakes, power, drawn_weight)
 
-    def trial(self, torque: FloatArray) -> Trial:
+    def trial(self, torque: FloatArray) -> WiringTrial:
         """Fit the robot to torques, (n, n) times the stated ones, each joint's of one size."""
         whole = self.products.sum(axis=0)
         values, sizes = self._fit(whole, torque)
         left = self._left(whole, values, torque)
         shares = _as_shares(left, sizes, self.rows)
-        return Trial(shares, self._driving(values, torque), self._weight(values))
+        return WiringTrial(shares, self._driving(values, torque), self._weight(values))
 
-    def held_out(self, torque: FloatArray) -> Trial:
+    def held_out(self, torque: FloatArray) -> WiringTrial:
         """Return how well each part is predicted by a fit to the others.
 
         A joint has driving friction if it has in every one of these fits, and if the model
@@ -170,7 +170,7 @@ class Condensed:
         shares = np.minimum(_as_shares(left, sizes, self.rows), 1.0)
         weight = self.weight(torque)
         surest = math.nan if weight is None else weight.share + 2.0 * weight.sigma
-        return Trial(shares, driving & (shares < EXPLAINED_SHARE), surest)
+        return WiringTrial(shares, driving & (shares < EXPLAINED_SHARE), surest)
 
     def weight(self, torque: FloatArray) -> ArmWeight | None:
         """Return how heavy the arm is by these torques, (n, n) times the stated ones."""
@@ -186,7 +186,7 @@ class Condensed:
             is_drawn=self.drawn_weight.is_drawn,
         )
 
-    def explains_weight(self, held_out: Trial) -> bool:
+    def explains_weight(self, held_out: WiringTrial) -> bool:
         """Return whether a fit explains the torques of all joints that carry weight."""
         if self.drawn_weight is None or not self.drawn_weight.is_visible:
             return False
@@ -204,7 +204,7 @@ class Condensed:
             return True
         values, _ = self._fit(self.products.sum(axis=0), torque)
         low, high = self.drawn_weight.plausible
-        if mistake.kind is Kind.TORQUE_UNIT:
+        if mistake.kind is MistakeKind.TORQUE_UNIT:
             return low <= self.drawn_weight.share(values) <= high
         shares = self.drawn_weight.shares(values)[list(mistake.changed)]
         return not bool(np.any((shares < low / HOLDS_TIMES) | (shares > HOLDS_TIMES * high)))

@@ -19,9 +19,9 @@ from config.simulation.plant import SimulatedPlate
 from drivers.amplifier.codec import (
     NO_SUCH_CHANNEL,
     AmplifierCodec,
-    Answer,
+    AmplifierCommand,
+    AmplifierReply,
     LineSplitter,
-    Request,
     RequestError,
 )
 from drivers.amplifier.frames import encode_event, event_layout
@@ -92,7 +92,7 @@ class SimulatedAmplifier:
         self._reported = 0
         self._overrun = False
         self._out: list[Outgoing] = []
-        self._do: dict[str, Callable[[Request, Charges], Answer]] = {
+        self._do: dict[str, Callable[[AmplifierCommand, Charges], AmplifierReply]] = {
             "operate": self._operate,
             "range": self._set,
             "sensitivity": self._set,
@@ -163,26 +163,26 @@ class SimulatedAmplifier:
 
     # Answers
 
-    def _answer(self, line: bytes, charges: Charges, now_s: float) -> Answer | None:
+    def _answer(self, line: bytes, charges: Charges, now_s: float) -> AmplifierReply | None:
         try:
             request = self._codec.read_request(line)
         except RequestError as error:
-            return Answer(error=error.number)
+            return AmplifierReply(error=error.number)
         if self.physics.converting:
             return self._while_streaming(request, now_s)
         if request.channel and request.name not in _PER_CHANNEL:
-            return Answer(error=NO_SUCH_CHANNEL)
+            return AmplifierReply(error=NO_SUCH_CHANNEL)
         if request.value is None:
             if request.name in _PER_CHANNEL:
-                return Answer(self._per_channel(request))
+                return AmplifierReply(self._per_channel(request))
             if request.name == "time":
-                return Answer(f"{self._ticks(now_s) & 0xFFFF_FFFF:08X}")
-            return Answer(self._tell[request.name]())
+                return AmplifierReply(f"{self._ticks(now_s) & 0xFFFF_FFFF:08X}")
+            return AmplifierReply(self._tell[request.name]())
         if request.name not in self._do:
-            return Answer(error=ONLY_ASKED)
+            return AmplifierReply(error=ONLY_ASKED)
         return self._do[request.name](request, charges)
 
-    def _while_streaming(self, request: Request, now_s: float) -> Answer | None:
+    def _while_streaming(self, request: AmplifierCommand, now_s: float) -> AmplifierReply | None:
         """Answer by an event what is answered so; only the stream's end is taken otherwise."""
         asked = request.value is None
         if asked and request.name == "time":
@@ -195,37 +195,37 @@ class SimulatedAmplifier:
             return None
         if request.name == "stream" and request.value in ("0", "1"):
             return self._stream(request, _no_charges)
-        return Answer(error=NOT_WHILE_STREAMING)
+        return AmplifierReply(error=NOT_WHILE_STREAMING)
 
-    def _operate(self, request: Request, charges: Charges) -> Answer:
+    def _operate(self, request: AmplifierCommand, charges: Charges) -> AmplifierReply:
         if request.value not in ("0", "1"):
-            return Answer(error=NOT_UNDERSTOOD)
+            return AmplifierReply(error=NOT_UNDERSTOOD)
         if request.value == "1":
             self.physics.operate(charges())
         else:
             self.physics.reset()
-        return Answer()
+        return AmplifierReply()
 
-    def _per_channel(self, request: Request) -> str:
+    def _per_channel(self, request: AmplifierCommand) -> str:
         settings = self.physics.settings
         values = settings.range_n if request.name == "range" else settings.sensitivity_pc_n
         asked = values if not request.channel else values[request.channel - 1 : request.channel]
         return ",".join(f"{value:g}" for value in asked)
 
-    def _set(self, request: Request, charges: Charges) -> Answer:
+    def _set(self, request: AmplifierCommand, charges: Charges) -> AmplifierReply:
         value = _number(request.value)
         if value is None:
-            return Answer(error=NOT_UNDERSTOOD)
+            return AmplifierReply(error=NOT_UNDERSTOOD)
         lowest, highest = _LIMITS[request.name]
         if not lowest <= value <= highest or value == 0.0:
-            return Answer(error=OUT_OF_RANGE)
+            return AmplifierReply(error=OUT_OF_RANGE)
         physics, settings = self.physics, self.physics.settings
         if request.name == "low_pass":
             physics.apply(replace(settings, low_pass_hz=value))
-            return Answer()
+            return AmplifierReply()
         if request.name == "rate":
             physics.apply(replace(settings, rate_hz=value))
-            return Answer()
+            return AmplifierReply()
         which = range(CHANNELS) if not request.channel else (request.channel - 1,)
         ranges, sensitivities = list(settings.range_n), list(settings.sensitivity_pc_n)
         for channel in which:
@@ -233,31 +233,31 @@ class SimulatedAmplifier:
         changed = replace(settings, range_n=tuple(ranges), sensitivity_pc_n=tuple(sensitivities))
         physics.apply(changed)
         if changed == settings or not physics.operating:
-            return Answer()
+            return AmplifierReply()
         physics.reset()
         physics.operate(charges())
-        return Answer(charge_lost=True)
+        return AmplifierReply(charge_lost=True)
 
-    def _set_format(self, request: Request, charges: Charges) -> Answer:
+    def _set_format(self, request: AmplifierCommand, charges: Charges) -> AmplifierReply:
         del charges
         if request.value not in ("0", "1"):
-            return Answer(error=NOT_UNDERSTOOD)
+            return AmplifierReply(error=NOT_UNDERSTOOD)
         self._form = _FORMS[int(request.value)]
         self._encode_rows = row_encoder(self._profile, self._form)
         self._event = event_layout(self._profile, self._form)
-        return Answer()
+        return AmplifierReply()
 
-    def _set_trigger(self, request: Request, charges: Charges) -> Answer:
+    def _set_trigger(self, request: AmplifierCommand, charges: Charges) -> AmplifierReply:
         del charges
         if request.value not in ("0", "1"):
-            return Answer(error=NOT_UNDERSTOOD)
+            return AmplifierReply(error=NOT_UNDERSTOOD)
         self._trigger = request.value == "1"
-        return Answer()
+        return AmplifierReply()
 
-    def _stream(self, request: Request, charges: Charges) -> Answer:
+    def _stream(self, request: AmplifierCommand, charges: Charges) -> AmplifierReply:
         del charges
         if request.value not in ("0", "1"):
-            return Answer(error=NOT_UNDERSTOOD)
+            return AmplifierReply(error=NOT_UNDERSTOOD)
         if request.value == "1" and not self.physics.converting:
             self._sequence = self._edges = self._marks = 0
             self._reported = self.physics.overload
@@ -267,7 +267,7 @@ class SimulatedAmplifier:
             now_s = self.physics.time_s
             self._put_event("stopped", 0, now_s, now_s)
             self.physics.stop()
-        return Answer()
+        return AmplifierReply()
 
     def _values(self) -> str:
         settings = self.physics.settings

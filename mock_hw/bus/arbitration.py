@@ -11,7 +11,7 @@ from mock_hw.bus.wire_time import (
     INTERMISSION_BITS,
     REMOTE_FLAG,
     arbitration_key,
-    frame_bits,
+    wire_bits,
 )
 
 FOREVER_NS = 2**62
@@ -122,7 +122,7 @@ class CanWire:
         if not queue:
             del self._queues[winner]
         data = b"" if frame.can_id & REMOTE_FLAG else frame.data[: frame.length]
-        bits = frame_bits(frame.can_id, data, frame.length)
+        bits = wire_bits(frame.can_id, data, frame.length)
         self._free_ns = start_ns + round(bits * self._bit_ns)
         self.next_ns = start_ns + round((bits - INTERMISSION_BITS) * self._bit_ns)
         self._sending = Delivery(winner, WireFrame(self.next_ns, *frame[1:]))

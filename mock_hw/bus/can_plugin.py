@@ -12,7 +12,7 @@ from drivers.ports.can_ports import Arrival
 from drivers.ports.python_can import can
 from mock_hw.bus.arbitration import FOREVER_NS, WireFrame
 from mock_hw.bus.hub_client import HubClient
-from mock_hw.bus.hub_protocol import OWN_PORT, Role
+from mock_hw.bus.hub_protocol import OWN_PORT, HubRole
 from mock_hw.bus.wire_time import (
     ERROR_FLAG,
     EXTENDED_FLAG,
@@ -76,7 +76,7 @@ class RidSimBus(can.BusABC):
         del kwargs  # bitrate and the like: the hub's to decide
         try:
             path = socket_path(str(channel))
-            role = Role.MASTER if participant else Role.OBSERVER
+            role = HubRole.MASTER if participant else HubRole.OBSERVER
             self._client = HubClient(path, role, own_frames=receive_own_messages)
         except DriverError as error:
             raise can.CanInitializationError(str(error)) from error

@@ -19,15 +19,15 @@ from mock_hw.bus.hub_protocol import (
     HEADER,
     OWN_PORT,
     PACKET_BYTES,
+    HubRole,
     PacketKind,
-    Role,
     misuse,
     pack,
     unpack_frames,
     unpack_header,
     unpack_identifiers,
 )
-from mock_hw.bus.pace import Pace
+from mock_hw.bus.pace import PaceKeeper
 from mock_hw.bus.wire_time import ERROR_FLAG
 
 AFTER_RUN_NS = 2_000_000_000
@@ -48,7 +48,7 @@ class _Client:
     def __init__(self, key: int, connection: socket.socket) -> None:
         self.key = key
         self.socket = connection
-        self.role: Role | None = None
+        self.role: HubRole | None = None
         self.urgent: frozenset[int] = frozenset()
         self.own_frames = False
         self.idle = True
@@ -107,8 +107,8 @@ class CanHub:
         self._to_wake: list[_Client] = []
         self._next_key = self._busy = self._masters = 0
         self._horizon_ns = 0
-        self._alone = Pace(1.0)
-        self._paced = Pace(pace)
+        self._alone = PaceKeeper(1.0)
+        self._paced = PaceKeeper(pace)
         self.next_s = 0.0
 
     def run(self, stop_fds: Sequence[int], stop_at_ns: int = FOREVER_NS) -> None:
@@ -175,7 +175,7 @@ class CanHub:
             self._handle_event()
         self._give_out(observers_only=True)
 
-    def _later(self, pace: Pace, next_ns: int, until_ns: int) -> bool:
+    def _later(self, pace: PaceKeeper, next_ns: int, until_ns: int) -> bool:
         """Return whether an event is for later than `until_ns`, and then when, as `next_s`."""
         if (wall_ns := pace.wall_ns(next_ns, until_ns)) > until_ns:
             self.next_s = wall_ns * 1e-9
@@ -222,7 +222,7 @@ class CanHub:
         for client in self._clients.values():
             own = client.key == key
             if client.role is not None and (client.own_frames or not own):
-                if cut_off and client.role == Role.MASTER:
+                if cut_off and client.role == HubRole.MASTER:
                     continue
                 client.inbox.append(FRAME.pack(*frame._replace(port=OWN_PORT)) if own else record)
                 if frame.can_id in client.urgent:
@@ -234,7 +234,7 @@ class CanHub:
 
     def _give_out(self, *, observers_only: bool) -> None:
         for client in [*self._clients.values()]:
-            if client.inbox and not (observers_only and client.role != Role.OBSERVER):
+            if client.inbox and not (observers_only and client.role != HubRole.OBSERVER):
                 self._send_inbox(client, pack(PacketKind.FRAMES, 0, 0, self._now_ns))
 
     def _send_inbox(self, client: _Client, header: bytes) -> None:
@@ -301,7 +301,7 @@ class CanHub:
         kind, flag, number, time_ns = unpack_header(packet)
         if kind == PacketKind.HELLO and client.role is None:
             client.own_frames = bool(number)
-            self._join(client, Role(flag), packet)
+            self._join(client, HubRole(flag), packet)
         elif kind in (PacketKind.SEND, PacketKind.IDLE) and client.role is not None:
             now_ns = time.monotonic_ns() if self._realtime else self._now_ns
             latest_ns = now_ns + _LONGEST_WAIT_NS
@@ -312,7 +312,7 @@ class CanHub:
                     raise misuse(f"nobody sends a frame at {frame.time_ns} ns")
                 self._queue(client, frame, now_ns)
             if kind == PacketKind.IDLE and client in self._timed:
-                if self._faults is not None and client.role == Role.MASTER and not flag:
+                if self._faults is not None and client.role == HubRole.MASTER and not flag:
                     time_ns += self._faults.hold_up_ns()
                 client.number, client.on_frames = number, bool(flag)
                 client.due_ns = now_ns if client.inbox and flag else time_ns
@@ -324,12 +324,12 @@ class CanHub:
 
     def _queue(self, client: _Client, frame: WireFrame, now_ns: int) -> None:
         source, faults = (client.key, frame.port), self._faults
-        if self._realtime and client.role == Role.DEVICE and frame.time_ns:
+        if self._realtime and client.role == HubRole.DEVICE and frame.time_ns:
             now_ns = max(now_ns - _LONGEST_AGO_NS, min(now_ns, frame.time_ns))
         if faults is None:
             self._wire.queue(source, frame, now_ns)
             return
-        from_master = client.role == Role.MASTER
+        from_master = client.role == HubRole.MASTER
         for each, spoiled in faults.take(source, frame, now_ns, from_master=from_master):
             self._wire.queue(each, spoiled, now_ns)
         if faults.bus_off:
@@ -338,32 +338,32 @@ class CanHub:
         if faults.unplugged:
             faults.unplugged = False
             for each_client in [*self._clients.values()]:
-                if each_client.role == Role.MASTER:
+                if each_client.role == HubRole.MASTER:
                     self._drop(each_client)
 
     def _send_to_masters(self, frame: WireFrame) -> None:
         """Give every master a frame of its own adapter, at once."""
         for client in self._clients.values():
-            if client.role == Role.MASTER:
+            if client.role == HubRole.MASTER:
                 client.inbox.append(FRAME.pack(*frame))
                 if client.on_frames:
                     client.due_ns = min(client.due_ns, frame.time_ns)
 
-    def _join(self, client: _Client, role: Role, packet: bytes) -> None:
+    def _join(self, client: _Client, role: HubRole, packet: bytes) -> None:
         now_ns = time.monotonic_ns() if self._realtime else self._now_ns
-        if role == Role.MASTER and self._faults and now_ns < self._faults.unplugged_until_ns:
+        if role == HubRole.MASTER and self._faults and now_ns < self._faults.unplugged_until_ns:
             self._drop(client)
             return
         client.urgent = unpack_identifiers(packet[HEADER.size :])
         client.role = role
-        if role == Role.MASTER and not self._realtime and not self._masters:
+        if role == HubRole.MASTER and not self._realtime and not self._masters:
             self._joining.append(client)
             return
-        self._masters += role == Role.MASTER
+        self._masters += role == HubRole.MASTER
         self._welcome(client)
 
     def _welcome(self, client: _Client) -> None:
-        if client.role != Role.OBSERVER and not self._realtime:
+        if client.role != HubRole.OBSERVER and not self._realtime:
             self._timed.append(client)
             client.idle = False
             self._busy += 1
@@ -382,7 +382,7 @@ class CanHub:
             self._timed.remove(client)
             if not client.idle:
                 self._busy -= 1
-            if client.role == Role.MASTER:
+            if client.role == HubRole.MASTER:
                 self._masters -= 1
                 if not self._masters:
                     back_ns = self._faults.unplugged_until_ns if self._faults else 0

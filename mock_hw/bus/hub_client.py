@@ -16,8 +16,8 @@ from mock_hw.bus.hub_protocol import (
     FRAMES_PER_PACKET,
     HEADER,
     PACKET_BYTES,
+    HubRole,
     PacketKind,
-    Role,
     pack,
     pack_identifiers,
     unpack_frames,
@@ -52,7 +52,7 @@ class HubClient:
     def __init__(
         self,
         path: Path,
-        role: Role,
+        role: HubRole,
         urgent: Iterable[int] = (),
         timeout_s: float = 30.0,
         *,
@@ -85,7 +85,7 @@ class HubClient:
             raise
         self._socket.settimeout(None)
         self.simulated_time = bool(flag)
-        self.lockstep = self.simulated_time and role != Role.OBSERVER
+        self.lockstep = self.simulated_time and role != HubRole.OBSERVER
 
     def fileno(self) -> int:
         """Return the socket's file descriptor, -1 when closed."""

@@ -51,7 +51,7 @@ class PacketKind(IntEnum):
     WAKE = 6
 
 
-class Role(IntEnum):
+class HubRole(IntEnum):
     """What a client is to the hub: masters and devices hold lock-step time, observers never do."""
 
     MASTER = 1

@@ -1,4 +1,4 @@
-"""`Pace`: when simulated time comes, on the wall clock."""
+"""`PaceKeeper`: when simulated time comes, on the wall clock."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Final
 CATCHES_UP_NS: Final = 50_000_000
 
 
-class Pace:
+class PaceKeeper:
     """So many simulated seconds a second, and later where somebody keeps them waiting.
 
     What is late by up to `CATCHES_UP_NS` is made up for, so that an even pace is kept. After a

@@ -67,7 +67,7 @@ def _header(can_id: int, length: int) -> tuple[int, int, int, int]:
     return count, stuffed, state, _crc(0, bits, count)
 
 
-def frame_bits(can_id: int, data: bytes, length: int | None = None) -> int:
+def wire_bits(can_id: int, data: bytes, length: int | None = None) -> int:
     """Return how many bit times a frame takes, the intermission after it included.
 
     Args:

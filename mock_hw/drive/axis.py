@@ -15,7 +15,7 @@ from config.cell.servo_profile import TorqueObject
 from drivers.canopen.sdo import object_name
 from mock_hw.drive import objects as od
 from mock_hw.drive.object_dictionary import ObjectDictionary
-from mock_hw.drive.objects import DriveIdentity
+from mock_hw.drive.objects import SimulatedIdentity
 from mock_hw.drive.power_stage import DriveClock, PowerStage
 
 _INT16_MAX = 2**15 - 1
@@ -108,7 +108,7 @@ class DrivenAxis:
         objects: ObjectDictionary,
         power: PowerStage,
         port: AxisPort,
-        identity: DriveIdentity,
+        identity: SimulatedIdentity,
         now_s: float,
         clock: DriveClock,
     ) -> None:

@@ -69,7 +69,7 @@ class SimulatedDrive:
         ignores_quick_stop: Whether it does not take RPDOs that command a quick stop: a fault.
     """
 
-    def __init__(self, identity: od.DriveIdentity, port: AxisPort, now_s: float = 0.0) -> None:
+    def __init__(self, identity: od.SimulatedIdentity, port: AxisPort, now_s: float = 0.0) -> None:
         self.node_id = identity.node_id
         self._now_s = now_s
         self.clock = DriveClock()

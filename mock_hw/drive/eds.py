@@ -9,12 +9,12 @@ from operator import attrgetter
 
 from config.formats.eds_object import Access, DataType
 from drivers.canopen.pdo import RPDO_COMMUNICATION, TPDO_COMMUNICATION
-from mock_hw.drive.object_dictionary import Entry
+from mock_hw.drive.object_dictionary import ObjectEntry
 from mock_hw.drive.objects import (
     ERROR_HISTORY,
     HEARTBEAT_CONSUMER,
     PDO_NUMBERS,
-    DriveIdentity,
+    SimulatedIdentity,
     drive_entries,
 )
 
@@ -40,7 +40,7 @@ _WITH_NODE_ID = frozenset(
 _BIT_RATES_KBIT_S = (10, 20, 50, 125, 250, 500, 800, 1000)
 
 
-def drive_eds(identity: DriveIdentity, file_name: str, created: datetime) -> str:
+def drive_eds(identity: SimulatedIdentity, file_name: str, created: datetime) -> str:
     """Return the data sheet of a simulated drive (CiA 306-1), with every object that it has.
 
     Identifiers are counted from the node id, so that drives that differ in it alone have the same
@@ -61,7 +61,7 @@ def drive_eds(identity: DriveIdentity, file_name: str, created: datetime) -> str
     return "\n".join(sections)
 
 
-def _about(who: tuple[Entry, ...], file_name: str, created: datetime) -> Iterator[str]:
+def _about(who: tuple[ObjectEntry, ...], file_name: str, created: datetime) -> Iterator[str]:
     numbers = dict(zip(("VendorNumber", "ProductNumber", "RevisionNumber"), who[1:4], strict=True))
     said = {key: f"0x{int(entry.default):08X}" for key, entry in numbers.items()}
     date, time = created.strftime("%m-%d-%Y"), created.strftime("%I:%M%p")
@@ -111,7 +111,7 @@ def _lists(indices: tuple[int, ...]) -> Iterator[str]:
         yield _section(title, SupportedObjects=len(members), **listed)
 
 
-def _object(index: int, entries: tuple[Entry, ...], node_id: int) -> Iterator[str]:
+def _object(index: int, entries: tuple[ObjectEntry, ...], node_id: int) -> Iterator[str]:
     if [entry.subindex for entry in entries] == [0]:
         yield _section(f"{index:04X}", **_variable(entries[0], node_id))
         return
@@ -125,7 +125,7 @@ def _object(index: int, entries: tuple[Entry, ...], node_id: int) -> Iterator[st
         yield _section(f"{index:04X}sub{entry.subindex:X}", **_variable(entry, node_id))
 
 
-def _variable(entry: Entry, node_id: int) -> dict[str, object]:
+def _variable(entry: ObjectEntry, node_id: int) -> dict[str, object]:
     keys: dict[str, object] = {
         "ParameterName": entry.name,
         "ObjectType": _VAR,
@@ -139,12 +139,12 @@ def _variable(entry: Entry, node_id: int) -> dict[str, object]:
     return keys
 
 
-def _access(entry: Entry) -> Access:
+def _access(entry: ObjectEntry) -> Access:
     """Return the access, which also says which PDOs may carry an object."""
     return "rww" if entry.access == "rw" and entry.mapping == "r" else entry.access
 
 
-def _default(entry: Entry, node_id: int) -> str:
+def _default(entry: ObjectEntry, node_id: int) -> str:
     if isinstance(entry.default, bytes):
         return entry.default.decode("ascii")
     if entry.key == _SERIAL_NUMBER:

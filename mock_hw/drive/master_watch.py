@@ -22,7 +22,7 @@ class MasterWatch:
     """
 
     def __init__(
-        self, objects: ObjectDictionary, clock: DriveClock, identity: od.DriveIdentity
+        self, objects: ObjectDictionary, clock: DriveClock, identity: od.SimulatedIdentity
     ) -> None:
         self._objects = objects
         self._clock = clock

@@ -16,7 +16,7 @@ COMMUNICATION_AREA = range(0x1000, 0x2000)
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class ObjectEntry:
     """One object: address, type, access and what it may hold.
 
     Attributes:
@@ -84,7 +84,7 @@ class ObjectDictionary:
         mirrors: Objects that take over what others are set to.
     """
 
-    def __init__(self, entries: Iterable[Entry], mirrors: Iterable[Mirror] = ()) -> None:
+    def __init__(self, entries: Iterable[ObjectEntry], mirrors: Iterable[Mirror] = ()) -> None:
         self._mirrors = {mirror.of: mirror for mirror in mirrors}
         self._entries = {entry.key: entry for entry in entries}
         self._indices = {index for (index, _), entry in self._entries.items() if not entry.hidden}
@@ -106,7 +106,7 @@ class ObjectDictionary:
     def __contains__(self, key: Key) -> bool:
         return key in self._entries
 
-    def entry(self, index: int, subindex: int) -> Entry:
+    def entry(self, index: int, subindex: int) -> ObjectEntry:
         """Return what an object is.
 
         Raises:

@@ -26,7 +26,7 @@ from drivers.canopen.pdo import (
 from drivers.canopen.sdo import object_name
 from drivers.servo.cia402 import DRIVE_PROFILE, AxisUnits, MotorRatings
 from drivers.servo.requirements import MODES, TARGETS
-from mock_hw.drive.object_dictionary import Entry, Mirror
+from mock_hw.drive.object_dictionary import Mirror, ObjectEntry
 
 ERROR_REGISTER = (0x1001, 0)
 ERROR_HISTORY = 0x1003
@@ -81,7 +81,7 @@ _CODES = {8: "B", 16: "H", 32: "I"}
 
 
 @dataclass(frozen=True)
-class DriveIdentity:
+class SimulatedIdentity:
     """What is fixed in one simulated drive: its address, its motor, encoder and gear, its family.
 
     Attributes:
@@ -116,7 +116,7 @@ class DriveIdentity:
     @classmethod
     def of_axis(
         cls, cell: CellConfig, axis: DriveAxis, joint: Joint, simulated: SimulatedAxis
-    ) -> DriveIdentity:
+    ) -> SimulatedIdentity:
         """Return the drive that fits a cell's axis, a robot's joint and a plant's motor.
 
         A prismatic joint's ratio (rad/m) cannot stand in 6091h, which then says 1:1.
@@ -156,7 +156,7 @@ class DriveIdentity:
         return AxisUnits.of_motor(self.motor, self.profile, 1.0)
 
 
-def drive_entries(identity: DriveIdentity) -> Iterator[Entry]:
+def drive_entries(identity: SimulatedIdentity) -> Iterator[ObjectEntry]:
     """Yield every object of a simulated drive; those that nobody sees are `hidden`.
 
     What its family lacks is there all the same: it is how the drive is built.
@@ -173,7 +173,7 @@ def drive_entries(identity: DriveIdentity) -> Iterator[Entry]:
             yield entry
 
 
-def _all_entries(identity: DriveIdentity) -> Iterator[Entry]:
+def _all_entries(identity: SimulatedIdentity) -> Iterator[ObjectEntry]:
     yield from _communication_entries(identity)
     fixed = {pdo.pdo: pdo for pdo in identity.profile.pdos}
     for number in PDO_NUMBERS:
@@ -184,7 +184,7 @@ def _all_entries(identity: DriveIdentity) -> Iterator[Entry]:
     yield from _channel_entries(identity.profile)
 
 
-def _as_delivered(entry: Entry, fixed: dict[str, FixedPdo], node_id: int) -> Entry:
+def _as_delivered(entry: ObjectEntry, fixed: dict[str, FixedPdo], node_id: int) -> ObjectEntry:
     """Return an object of a PDO record as a drive with fixed PDOs has it.
 
     Types can be written, mappings and identifiers cannot.
@@ -210,7 +210,7 @@ def _as_delivered(entry: Entry, fixed: dict[str, FixedPdo], node_id: int) -> Ent
     return entry
 
 
-def _channel_entries(profile: ServoProfile) -> Iterator[Entry]:
+def _channel_entries(profile: ServoProfile) -> Iterator[ObjectEntry]:
     """Yield what fixed PDOs carry and nothing else has: a channel of the maker's."""
     known = {extra.object for extra in profile.settings}
     for pdo in profile.pdos:
@@ -221,7 +221,9 @@ def _channel_entries(profile: ServoProfile) -> Iterator[Entry]:
                 code = _CODES[listed.bits].lower() if signed else _CODES[listed.bits]
                 access: Literal["ro", "rw"] = "rw" if pdo.receives else "ro"
                 mapping: Literal["r", "t"] = "r" if pdo.receives else "t"
-                yield Entry(*object_address(listed.object), "channel", code, 0, access, mapping)
+                yield ObjectEntry(
+                    *object_address(listed.object), "channel", code, 0, access, mapping
+                )
 
 
 def mirrors(profile: ServoProfile) -> Iterator[Mirror]:
@@ -243,128 +245,140 @@ def mirrors(profile: ServoProfile) -> Iterator[Mirror]:
                 yield Mirror(key, internal, settings)
 
 
-def _makers_entries(identity: DriveIdentity) -> Iterator[Entry]:
+def _makers_entries(identity: SimulatedIdentity) -> Iterator[ObjectEntry]:
     """Yield what the family has besides, or in place of CiA 402's: torque, limit, settings."""
     profile, motor = identity.profile, identity.motor
     torque, limit = profile.torque, profile.torque_limit
     if torque.object != object_name(*TORQUE) and not profile.pdos:
-        yield Entry(*object_address(torque.object), "torque or current", "h", 0, mapping="t")
+        yield ObjectEntry(*object_address(torque.object), "torque or current", "h", 0, mapping="t")
     if limit is not None and limit.object != object_name(*TORQUE_LIMIT):
         code = _CODES[limit.bits]
         access: Literal["ro", "rw"] = "rw" if profile.torque_limit_written else "ro"
         value = min(motor.limit(limit, _LARGEST), (1 << limit.bits) - 1)
-        yield Entry(*object_address(limit.object), "torque or current limit", code, value, access)
+        yield ObjectEntry(
+            *object_address(limit.object), "torque or current limit", code, value, access
+        )
     if any(each.of != "rated_torque" for each in (torque, limit) if each is not None):
-        yield Entry(0x6075, 0, "rated current [mA]", "I", round(1e3 * (motor.current_a or 0.0)))
+        yield ObjectEntry(
+            0x6075, 0, "rated current [mA]", "I", round(1e3 * (motor.current_a or 0.0))
+        )
     if profile.by_position:
-        yield Entry(*TARGETS[profile.mode], "target position", "i", 0, "rw", "r")
+        yield ObjectEntry(*TARGETS[profile.mode], "target position", "i", 0, "rw", "r")
     if profile.by_ramp:
-        yield Entry(*PROFILE_ACCELERATION, "profile acceleration", "I", 10_000_000, "rw")
+        yield ObjectEntry(*PROFILE_ACCELERATION, "profile acceleration", "I", 10_000_000, "rw")
     for extra in profile.settings:
         code = _CODES[extra.bits].lower() if extra.value < 0 else _CODES[extra.bits]
         value = 0 if extra.written else extra.value
-        yield Entry(*object_address(extra.object), "by its family", code, value, "rw")
+        yield ObjectEntry(*object_address(extra.object), "by its family", code, value, "rw")
     bits = profile.referenced
     if bits is not None and bits.object != object_name(*STATUSWORD):
         held = identity.referenced_bits
-        yield Entry(*object_address(bits.object), "referenced", _CODES[bits.bits], held)
+        yield ObjectEntry(*object_address(bits.object), "referenced", _CODES[bits.bits], held)
 
 
-def _communication_entries(identity: DriveIdentity) -> Iterator[Entry]:
+def _communication_entries(identity: SimulatedIdentity) -> Iterator[ObjectEntry]:
     node_id = identity.node_id
-    yield Entry(0x1000, 0, "device type: servo drive", "I", 0x0002_0000 | DRIVE_PROFILE)
-    yield Entry(*ERROR_REGISTER, "error register", "B", 0, mapping="t")
-    yield Entry(ERROR_HISTORY, 0, "number of errors", "B", 0, "rw", allowed=frozenset((0,)))
+    yield ObjectEntry(0x1000, 0, "device type: servo drive", "I", 0x0002_0000 | DRIVE_PROFILE)
+    yield ObjectEntry(*ERROR_REGISTER, "error register", "B", 0, mapping="t")
+    yield ObjectEntry(ERROR_HISTORY, 0, "number of errors", "B", 0, "rw", allowed=frozenset((0,)))
     for number in range(1, ERROR_HISTORY_LENGTH + 1):
-        yield Entry(ERROR_HISTORY, number, "an error, newest first", "I", 0)
-    yield Entry(0x1005, 0, "SYNC identifier", "I", SYNC_COB_ID)
-    yield Entry(*SYNC_PERIOD_US, "SYNC period [us]", "I", 0, "rw")
-    yield Entry(0x1008, 0, "device name", "s", b"rid-daq simulated servo drive")
-    yield Entry(0x100A, 0, "software version", "s", b"1.0")
+        yield ObjectEntry(ERROR_HISTORY, number, "an error, newest first", "I", 0)
+    yield ObjectEntry(0x1005, 0, "SYNC identifier", "I", SYNC_COB_ID)
+    yield ObjectEntry(*SYNC_PERIOD_US, "SYNC period [us]", "I", 0, "rw")
+    yield ObjectEntry(0x1008, 0, "device name", "s", b"rid-daq simulated servo drive")
+    yield ObjectEntry(0x100A, 0, "software version", "s", b"1.0")
     if identity.profile.watch == "life_guarding":
-        yield Entry(*GUARD_TIME, "guard time [ms]", "H", 0, "rw")
-        yield Entry(*LIFE_TIME_FACTOR, "life time factor", "B", 0, "rw")
-    yield Entry(0x1010, 0, "ways to store", "B", 1)
-    yield Entry(*STORE, "store all", "I", STORES_ON_COMMAND, "rw", "", frozenset((STORE_WORD,)))
-    yield Entry(0x1014, 0, "EMCY identifier", "I", emcy_cob_id(node_id))
-    yield Entry(HEARTBEAT_CONSUMER, 0, "number of consumers", "B", CONSUMERS)
+        yield ObjectEntry(*GUARD_TIME, "guard time [ms]", "H", 0, "rw")
+        yield ObjectEntry(*LIFE_TIME_FACTOR, "life time factor", "B", 0, "rw")
+    yield ObjectEntry(0x1010, 0, "ways to store", "B", 1)
+    yield ObjectEntry(
+        *STORE, "store all", "I", STORES_ON_COMMAND, "rw", "", frozenset((STORE_WORD,))
+    )
+    yield ObjectEntry(0x1014, 0, "EMCY identifier", "I", emcy_cob_id(node_id))
+    yield ObjectEntry(HEARTBEAT_CONSUMER, 0, "number of consumers", "B", CONSUMERS)
     for number in range(1, CONSUMERS + 1):
-        yield Entry(HEARTBEAT_CONSUMER, number, "heartbeat consumer", "I", 0, "rw")
-    yield Entry(*HEARTBEAT_PRODUCER, "heartbeat period [ms]", "H", 0, "rw")
-    yield Entry(0x1018, 0, "identity", "B", 4)
-    yield Entry(0x1018, 1, "vendor", "I", identity.profile.vendor or 0)
-    yield Entry(0x1018, 2, "product", "I", _PRODUCT_CODE)
-    yield Entry(0x1018, 3, "revision", "I", 0x0001_0000)
-    yield Entry(0x1018, 4, "serial number", "I", node_id)
-    yield Entry(0x1029, 0, "error behaviour", "B", 1)
-    yield Entry(*COMMUNICATION_ERROR, "on a communication error", "B", 0, "rw", "", range(3))
+        yield ObjectEntry(HEARTBEAT_CONSUMER, number, "heartbeat consumer", "I", 0, "rw")
+    yield ObjectEntry(*HEARTBEAT_PRODUCER, "heartbeat period [ms]", "H", 0, "rw")
+    yield ObjectEntry(0x1018, 0, "identity", "B", 4)
+    yield ObjectEntry(0x1018, 1, "vendor", "I", identity.profile.vendor or 0)
+    yield ObjectEntry(0x1018, 2, "product", "I", _PRODUCT_CODE)
+    yield ObjectEntry(0x1018, 3, "revision", "I", 0x0001_0000)
+    yield ObjectEntry(0x1018, 4, "serial number", "I", node_id)
+    yield ObjectEntry(0x1029, 0, "error behaviour", "B", 1)
+    yield ObjectEntry(*COMMUNICATION_ERROR, "on a communication error", "B", 0, "rw", "", range(3))
 
 
-def _pdo_entries(node_id: int, number: int) -> Iterator[Entry]:
+def _pdo_entries(node_id: int, number: int) -> Iterator[ObjectEntry]:
     """Yield a receive and a transmit PDO; the first ones are in use after a reset."""
     off = 0 if number == 1 else INVALID
     communication, mapping = RPDO_COMMUNICATION + number - 1, RPDO_MAPPING + number - 1
-    yield Entry(communication, 0, "RPDO", "B", 5)
-    yield Entry(communication, 1, "identifier", "I", rpdo_cob_id(node_id, number) | off, "rw")
-    yield Entry(communication, 2, "transmission type", "B", 255, "rw", "", _PDO_TYPES)
-    yield Entry(communication, 5, "deadline [ms]", "H", 0, "rw")
+    yield ObjectEntry(communication, 0, "RPDO", "B", 5)
+    yield ObjectEntry(communication, 1, "identifier", "I", rpdo_cob_id(node_id, number) | off, "rw")
+    yield ObjectEntry(communication, 2, "transmission type", "B", 255, "rw", "", _PDO_TYPES)
+    yield ObjectEntry(communication, 5, "deadline [ms]", "H", 0, "rw")
     yield from _mapping_entries(mapping, CONTROLWORD if number == 1 else None)
     communication, mapping = TPDO_COMMUNICATION + number - 1, TPDO_MAPPING + number - 1
     identifier = tpdo_cob_id(node_id, number) | NO_RTR | off
-    yield Entry(communication, 0, "TPDO", "B", 5)
-    yield Entry(communication, 1, "identifier", "I", identifier, "rw")
-    yield Entry(communication, 2, "transmission type", "B", 255, "rw", "", _PDO_TYPES)
-    yield Entry(communication, 3, "inhibit time [100 us]", "H", 0, "rw")
-    yield Entry(communication, 5, "event timer [ms]", "H", 0, "rw")
+    yield ObjectEntry(communication, 0, "TPDO", "B", 5)
+    yield ObjectEntry(communication, 1, "identifier", "I", identifier, "rw")
+    yield ObjectEntry(communication, 2, "transmission type", "B", 255, "rw", "", _PDO_TYPES)
+    yield ObjectEntry(communication, 3, "inhibit time [100 us]", "H", 0, "rw")
+    yield ObjectEntry(communication, 5, "event timer [ms]", "H", 0, "rw")
     yield from _mapping_entries(mapping, STATUSWORD if number == 1 else None)
 
 
-def _mapping_entries(index: int, first: tuple[int, int] | None) -> Iterator[Entry]:
-    yield Entry(index, 0, "number of objects", "B", 0 if first is None else 1, "rw", "", range(9))
+def _mapping_entries(index: int, first: tuple[int, int] | None) -> Iterator[ObjectEntry]:
+    yield ObjectEntry(
+        index, 0, "number of objects", "B", 0 if first is None else 1, "rw", "", range(9)
+    )
     default = 0 if first is None else MappedObject(*first, 16).entry()
     for position in range(1, 9):
-        yield Entry(index, position, "object", "I", default if position == 1 else 0, "rw")
+        yield ObjectEntry(index, position, "object", "I", default if position == 1 else 0, "rw")
 
 
-def _profile_entries(identity: DriveIdentity) -> Iterator[Entry]:
+def _profile_entries(identity: SimulatedIdentity) -> Iterator[ObjectEntry]:
     ramps = frozenset((0, 1, 2))
     mode = MODES[identity.profile.mode]
     rated = 1e-3 * identity.rated_torque_mnm * identity.profile.rated_torque_units
     quick_stops = frozenset((0, 1, 2, 5, 6))
-    yield Entry(*ABORT_CONNECTION, "abort connection", "h", 1, "rw", "", range(4))
-    yield Entry(*ERROR_CODE, "error code", "H", 0, mapping="t")
-    yield Entry(*CONTROLWORD, "controlword", "H", 0, "rw", "rt")
-    yield Entry(*STATUSWORD, "statusword", "H", 0, mapping="t")
-    yield Entry(*QUICK_STOP_OPTION, "quick-stop reaction", "h", 2, "rw", "", quick_stops)
-    yield Entry(*SHUTDOWN_OPTION, "shutdown reaction", "h", 0, "rw", "", range(2))
-    yield Entry(*DISABLE_OPERATION_OPTION, "disable reaction", "h", 1, "rw", "", range(2))
-    yield Entry(*FAULT_REACTION_OPTION, "fault reaction", "h", 2, "rw", "", ramps)
-    yield Entry(*MODE, "mode", "b", 0, "rw", "r", frozenset((0, mode)))
-    yield Entry(*MODE_DISPLAY, "mode display", "b", 0, mapping="t")
-    yield Entry(*POSITION, "position", "i", 0, mapping="t")
-    yield Entry(*FOLLOWING_ERROR_WINDOW, "window", "I", FOLLOWING_ERROR_OFF, "rw")
-    yield Entry(*FOLLOWING_ERROR_TIME_MS, "following-error time [ms]", "H", 0, "rw")
-    yield Entry(*VELOCITY, "velocity", "i", 0, mapping="t")
-    yield Entry(*TORQUE_LIMIT, "torque limit [0.1 %]", "H", 3000, "rw", "r")
-    yield Entry(0x6076, 0, "rated torque", "I", round(rated))
+    yield ObjectEntry(*ABORT_CONNECTION, "abort connection", "h", 1, "rw", "", range(4))
+    yield ObjectEntry(*ERROR_CODE, "error code", "H", 0, mapping="t")
+    yield ObjectEntry(*CONTROLWORD, "controlword", "H", 0, "rw", "rt")
+    yield ObjectEntry(*STATUSWORD, "statusword", "H", 0, mapping="t")
+    yield ObjectEntry(*QUICK_STOP_OPTION, "quick-stop reaction", "h", 2, "rw", "", quick_stops)
+    yield ObjectEntry(*SHUTDOWN_OPTION, "shutdown reaction", "h", 0, "rw", "", range(2))
+    yield ObjectEntry(*DISABLE_OPERATION_OPTION, "disable reaction", "h", 1, "rw", "", range(2))
+    yield ObjectEntry(*FAULT_REACTION_OPTION, "fault reaction", "h", 2, "rw", "", ramps)
+    yield ObjectEntry(*MODE, "mode", "b", 0, "rw", "r", frozenset((0, mode)))
+    yield ObjectEntry(*MODE_DISPLAY, "mode display", "b", 0, mapping="t")
+    yield ObjectEntry(*POSITION, "position", "i", 0, mapping="t")
+    yield ObjectEntry(*FOLLOWING_ERROR_WINDOW, "window", "I", FOLLOWING_ERROR_OFF, "rw")
+    yield ObjectEntry(*FOLLOWING_ERROR_TIME_MS, "following-error time [ms]", "H", 0, "rw")
+    yield ObjectEntry(*VELOCITY, "velocity", "i", 0, mapping="t")
+    yield ObjectEntry(*TORQUE_LIMIT, "torque limit [0.1 %]", "H", 3000, "rw", "r")
+    yield ObjectEntry(0x6076, 0, "rated torque", "I", round(rated))
     torque = identity.profile.torque
     if torque.asked and torque.object == object_name(*TORQUE):
-        yield Entry(*TORQUE, "torque", _CODES[torque.bits].lower(), 0)
+        yield ObjectEntry(*TORQUE, "torque", _CODES[torque.bits].lower(), 0)
     else:
-        yield Entry(*TORQUE, "torque [0.1 %]", "h", 0, mapping="t")
-    yield Entry(*PROFILE_DECELERATION, "profile deceleration", "I", 10_000_000, "rw")
-    yield Entry(*QUICK_STOP_DECELERATION, "quick-stop deceleration", "I", 10_000_000, "rw")
-    yield Entry(0x608F, 0, "encoder resolution", "B", 2)
-    yield Entry(0x608F, 1, "encoder increments", "I", identity.encoder_increments)
-    yield Entry(0x608F, 2, "motor revolutions", "I", 1)
-    yield Entry(0x6091, 0, "gear ratio", "B", 2)
-    yield Entry(0x6091, 1, "motor revolutions", "I", identity.gear.numerator)
-    yield Entry(0x6091, 2, "shaft revolutions", "I", identity.gear.denominator)
-    yield Entry(*TORQUE_OFFSET, "torque offset [0.1 %]", "h", 0, "rw", "r")
-    yield Entry(0x60C2, 0, "interpolation period", "B", 2)
-    yield Entry(*INTERPOLATION_PERIOD, "interpolation period", "B", 1, "rw", "", range(1, 256))
-    yield Entry(*INTERPOLATION_INDEX, "its power of ten [s]", "b", -3, "rw", "", range(-4, -1))
-    yield Entry(*FOLLOWING_ERROR, "following error", "i", 0, mapping="t")
-    yield Entry(*TARGET_VELOCITY, "target velocity", "i", 0, "rw", "rt")
+        yield ObjectEntry(*TORQUE, "torque [0.1 %]", "h", 0, mapping="t")
+    yield ObjectEntry(*PROFILE_DECELERATION, "profile deceleration", "I", 10_000_000, "rw")
+    yield ObjectEntry(*QUICK_STOP_DECELERATION, "quick-stop deceleration", "I", 10_000_000, "rw")
+    yield ObjectEntry(0x608F, 0, "encoder resolution", "B", 2)
+    yield ObjectEntry(0x608F, 1, "encoder increments", "I", identity.encoder_increments)
+    yield ObjectEntry(0x608F, 2, "motor revolutions", "I", 1)
+    yield ObjectEntry(0x6091, 0, "gear ratio", "B", 2)
+    yield ObjectEntry(0x6091, 1, "motor revolutions", "I", identity.gear.numerator)
+    yield ObjectEntry(0x6091, 2, "shaft revolutions", "I", identity.gear.denominator)
+    yield ObjectEntry(*TORQUE_OFFSET, "torque offset [0.1 %]", "h", 0, "rw", "r")
+    yield ObjectEntry(0x60C2, 0, "interpolation period", "B", 2)
+    yield ObjectEntry(
+        *INTERPOLATION_PERIOD, "interpolation period", "B", 1, "rw", "", range(1, 256)
+    )
+    yield ObjectEntry(
+        *INTERPOLATION_INDEX, "its power of ten [s]", "b", -3, "rw", "", range(-4, -1)
+    )
+    yield ObjectEntry(*FOLLOWING_ERROR, "following error", "i", 0, mapping="t")
+    yield ObjectEntry(*TARGET_VELOCITY, "target velocity", "i", 0, "rw", "rt")
     listed = 1 << mode - 1 if mode > 0 else 0
-    yield Entry(0x6502, 0, "supported modes", "I", listed)
+    yield ObjectEntry(0x6502, 0, "supported modes", "I", listed)

@@ -96,7 +96,7 @@ class SimulatedRegisters:
             if not gateway:
                 return []
             return [frame(bytes((request[0] | 0x80, GATEWAY_NO_ANSWER)), unit)]
-        pdu = answer(request, holds)
+        pdu = answer_request(request, holds)
         if fault is not None and kind == "exception":
             pdu = bytes((request[0] | 0x80, fault.code))
         elif kind == "short" and len(pdu) > 4:
@@ -113,7 +113,7 @@ class SimulatedRegisters:
         return [*late, whole]
 
 
-def answer(request: bytes, registers: Mapping[int, int]) -> bytes:
+def answer_request(request: bytes, registers: Mapping[int, int]) -> bytes:
     """Return the answer to a request's function and data (Modbus 6.3, 6.4, 6.6, 6.12)."""
     function = request[0]
     if function in (READ_HOLDING, READ_INPUT):

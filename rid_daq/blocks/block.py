@@ -9,7 +9,7 @@ from typing import Annotated, Generic, Literal, TypeVar
 from pydantic import Field, Strict, model_validator
 
 from config.model import ConfigModel
-from rid_daq.blocks.formats import measured, number
+from rid_daq.blocks.formats import format_measured, number
 from rid_daq.blocks.plot import Plot
 
 T = TypeVar("T")
@@ -196,5 +196,5 @@ def _shown(cell: Cell, column: Column) -> str:
     if isinstance(cell, str):
         return cell
     if isinstance(cell, Interval):
-        return " ± ".join(measured(cell.value, cell.reach))
+        return " ± ".join(format_measured(cell.value, cell.reach))
     return number(cell, column.digits)

@@ -32,7 +32,7 @@ def number(value: float | int | None, digits: int = 4) -> str:
     return minus(text)
 
 
-def measured(value: float | None, reach: float | None) -> tuple[str, str]:
+def format_measured(value: float | None, reach: float | None) -> tuple[str, str]:
     """Return a value and its interval: the interval to two significant digits, both to the same.
 
     Args:

@@ -21,7 +21,7 @@ SHELLS: Final = ("bash", "zsh", "fish")
 _LOGIN: Final = "login shell"
 
 
-def script(shell: str) -> str:
+def completion_script(shell: str) -> str:
     """Return what a shell runs to complete the words of this program.
 
     Args:
@@ -65,7 +65,7 @@ def _written(target: Path, shell: str) -> Path:
     folder = target.parent
     with system_errors(RecordingError, f"{folder}: cannot be made", code="RID-FILE-WRITE"):
         folder.mkdir(parents=True, exist_ok=True)
-    write_whole(target, script(shell).encode())
+    write_whole(target, completion_script(shell).encode())
     return target
 
 
@@ -87,7 +87,7 @@ def _chosen(text: str) -> str:
 
 def _show(ctx: click.Context, _param: click.Parameter, text: str | None) -> None:
     if text is not None and not ctx.resilient_parsing:
-        click.echo(script(_chosen(text)), nl=False)
+        click.echo(completion_script(_chosen(text)), nl=False)
         ctx.exit()
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.hold_to_run.line import Line
+from acquisition.hold_to_run.line import HoldLine
 from config.robot.robot import RobotDescription
 
 REST_ROWS = 10
@@ -77,7 +77,7 @@ class AxisMotion:
         )
 
 
-def travelled(line: Line, rows: NDArray[Any], number: int) -> float:
+def travelled(line: HoldLine, rows: NDArray[Any], number: int) -> float:
     """Return which share of a line the set-points of an axis went along."""
     target = rows["target_position"][:, number]
     return float((target[-1] - target[0]) / (line.goal[number] - line.start[number]))

@@ -22,7 +22,7 @@ from rid_daq.report.sections.runs import CellSection
 from rid_daq.report.sections.timing import Timing
 from rid_daq.report.sections.tracking import TrackingSection
 from rid_daq.report.sections.validation import TruthCase, ValidationSection
-from rid_daq.report.sections.verdict import Check, Verdict
+from rid_daq.report.sections.verdict import VerdictCheck, VerdictSection
 from rid_daq.report_page.write import write_result
 from rid_daq.session.session import unfinished
 from rid_daq.session.versions import software_versions
@@ -129,18 +129,18 @@ def _verdict(
     memory: tuple[str, str],
     tracking: TrackingSection | None,
     retiming: RetimingSection | None,
-) -> Verdict:
+) -> VerdictSection:
     over = {axis.joint: axis.error_over_floor or 0.0 for axis in validation.axes}
     worst = max(over, key=lambda joint: over[joint])
     on, off = truth
     checks = [
-        Check.of(
+        VerdictCheck.of(
             f"validation error over the floor, worst axis ({worst})",
             over[worst],
             "≤",
             FLOOR_RATIO_LIMIT,
         ),
-        Check.of(
+        VerdictCheck.of(
             "true parameters inside two sigma, unmodelled effects off",
             100.0 * off.inside / off.of,
             "≥",
@@ -153,7 +153,7 @@ def _verdict(
     passed = all(line.passed for line in checks)
     reduced = "" if tracking is None else ", path errors are reduced many times"
     faster = "" if retiming is None else ", and one is driven faster within all limits"
-    return Verdict.of(
+    return VerdictSection.of(
         checks,
         f"Passed: the model predicts the validation run as well as the truth does{reduced}{faster}"
         if passed
@@ -174,7 +174,7 @@ def _memory(estimate: EstimateSection) -> str:
     )
 
 
-def _path_checks(tracking: TrackingSection) -> list[Check]:
+def _path_checks(tracking: TrackingSection) -> list[VerdictCheck]:
     """Return what the compensated paths are held to: the circle, then what tuned nothing."""
     checks = []
     for (what, limits), motion in zip(PATH_LIMITS, tracking.motions, strict=True):
@@ -185,5 +185,5 @@ def _path_checks(tracking: TrackingSection) -> list[Check]:
             strict=True,
         ):
             text = f"{what}: error reduced {words}"
-            checks.append(Check.of(text, ratio or 0.0, "≥", limit, "times"))
+            checks.append(VerdictCheck.of(text, ratio or 0.0, "≥", limit, "times"))
     return checks

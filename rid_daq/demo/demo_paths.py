@@ -15,7 +15,7 @@ from acquisition.motion.paths.segments import ArcSegment, LineSegment, SplineSeg
 from acquisition.motion.samples import MotionSamples
 from acquisition.runs.folder import RunFolder
 from compensation.compensated_motion import compensated_motion
-from compensation.feedforward.file import Origin, TuningEntry, feedforward_bytes
+from compensation.feedforward.file import FeedforwardOrigin, TuningEntry, feedforward_bytes
 from compensation.feedforward.repeated_error import repeated_error
 from compensation.feedforward.tuning import Tuning, tune
 from compensation.loops.frequency_response import frequency_responses
@@ -26,7 +26,7 @@ from compensation.online.online import in_order
 from config.cell.cell import CellConfig
 from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
-from rid_daq.blocks.formats import measured
+from rid_daq.blocks.formats import format_measured
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.report.sections.runs import RunSection
 from rid_daq.report.sections.tracking import TrackingSection
@@ -38,7 +38,7 @@ NEAR: Final = (0.1, -0.1, 0.4)
 BAND_HZ: Final = (0.75, 15.0)
 
 
-class Record(Protocol):
+class PathRecorder(Protocol):
     """Records a motion: as its file says, or with samples and files of its own."""
 
     @abstractmethod
@@ -123,7 +123,9 @@ class Precompensation:
         """Return a motion with its feedforward, and the file of its run that says so."""
         ahead = compensated_motion(planned, self.estimate, self.loops, self.tuning.tuning)
         entry = TuningEntry.of(self.tuning, self.reference, same_motion)
-        return ahead, {FEEDFORWARD: feedforward_bytes(motion, ahead, Origin(tuning=entry))}
+        return ahead, {
+            FEEDFORWARD: feedforward_bytes(motion, ahead, FeedforwardOrigin(tuning=entry))
+        }
 
 
 @dataclass(frozen=True)
@@ -137,7 +139,7 @@ class PathChapter:
 
 
 def run_path_chapter(
-    record: Record,
+    record: PathRecorder,
     motions: PathMotions,
     robot: RobotDescription,
     cell: CellConfig,
@@ -192,7 +194,8 @@ def _loop_sentence(loops: list[VelocityLoop], tuning: Tuning) -> str:
         loops, tuning.tuning.scale.tolist(), tuning.tuning.delay_s.tolist(), strict=True
     ):
         parts.append(
-            f"{loop.joint_name} {' ± '.join(measured(loop.gain, 2.0 * loop.sigma['gain']))} and"
+            f"{loop.joint_name}"
+            f" {' ± '.join(format_measured(loop.gain, 2.0 * loop.sigma['gain']))} and"
             f" {1e3 * loop.integral_time_s:.4g} ms"
         )
         if (scale, delay_s) != (1.0, 0.0):

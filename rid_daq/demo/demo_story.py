@@ -25,7 +25,7 @@ from identification.estimation.fitted_periods import fit_periodic
 from identification.estimation.options import EstimationOptions
 from identification.validation.period_comparison import compare_period
 from identification.validation.presliding_choice import choose_presliding
-from identification.validation.torque_prediction import validate
+from identification.validation.torque_prediction import validate_torques
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
 from rid_daq.demo.demo_paths import PathMotions, run_path_chapter
@@ -129,8 +129,8 @@ def run_story(
         timed = run_timing_chapter(fresh, motions.timed, robot, chapter.precompensation, folder)
     truth = estimate.base.from_standard(true_parameters(estimate.model, robot, plant))
     noise_nm = np.sqrt(average.torque_variance)
-    validation = validate(estimate, validated.measured.recording, noise_nm=noise_nm)
-    floor = validate(replace(estimate, values=truth), validated.measured.recording)
+    validation = validate_torques(estimate, validated.measured.recording, noise_nm=noise_nm)
+    floor = validate_torques(replace(estimate, values=truth), validated.measured.recording)
     period = compare_period(estimate, average)
     return Story(
         runs=(

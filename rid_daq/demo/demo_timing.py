@@ -25,7 +25,7 @@ from identification.estimation.file import write_estimate
 from identification.estimation.fitted_periods import fit_periodic
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
-from rid_daq.demo.demo_paths import Precompensation, Record
+from rid_daq.demo.demo_paths import PathRecorder, Precompensation
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.report.sections.retiming import RetimingSection
 from rid_daq.report.sections.runs import RunSection
@@ -103,7 +103,7 @@ class TimingChapter:
 
 
 def run_timing_chapter(
-    record: Record,
+    record: PathRecorder,
     motions: TimingMotions,
     robot: RobotDescription,
     by: Precompensation,

@@ -27,7 +27,7 @@ from bokeh.models.renderers import GlyphRenderer
 from bokeh.models.ui import UIElement
 from bokeh.plotting import figure
 
-from rid_daq.terminal.console import printable
+from rid_daq.terminal.console import make_printable
 
 NARROWEST_PX: Final = 290
 SCALED_PADDING: Final = 0.12
@@ -63,12 +63,12 @@ def _column(values: Any) -> Any:
     array = np.asarray(values)
     if array.dtype.kind in "fiub":
         return np.ascontiguousarray(array, dtype=np.float32)
-    return [printable(str(value)) for value in array.tolist()]
+    return [make_printable(str(value)) for value in array.tolist()]
 
 
 def words(text: str) -> str:
     """Return a text as a plot shows it: no invisible characters, no formula."""
-    return printable(text).replace("$$", "$ $").replace("\\(", "\\ (").replace("\\[", "\\ [")
+    return make_printable(text).replace("$$", "$ $").replace("\\(", "\\ (").replace("\\[", "\\ [")
 
 
 def panel(

@@ -10,7 +10,7 @@ from acquisition.motion.samples import Phase
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.joint_values import JointValues, JointWatch
 from acquisition.task.ring import Ring
-from acquisition.task.states import Progress, RecorderState, TaskState
+from acquisition.task.states import RecorderState, TaskProgress, TaskState
 from config.cell.cell import CellConfig
 from config.plausible import ZERO_CELSIUS_K
 from config.process.safety_clock import safety_now_s
@@ -93,7 +93,7 @@ class MotionPicture:
             "over": control.task_gone,
         }
 
-    def _how_far(self, progress: Progress, now_s: float) -> dict[str, object]:
+    def _how_far(self, progress: TaskProgress, now_s: float) -> dict[str, object]:
         motion = self._motion
         if progress.sample_index >= 0:
             if self._began is None:
@@ -124,7 +124,7 @@ class MotionPicture:
             return (self._motion.rows - row) * self._motion.cell.cycle_time_s
         return (self._motion.rows - row) * (now_s - began_s) / (row - first)
 
-    def _joints(self, progress: Progress) -> list[dict[str, object]]:
+    def _joints(self, progress: TaskProgress) -> list[dict[str, object]]:
         values, temperatures = self._values, progress.temperature_k
         shown = []
         for i, joint in enumerate(self._motion.robot.joints):

@@ -87,7 +87,7 @@ def loops_and_bytes(path: Path, loaded: LoadedCell) -> tuple[tuple[VelocityLoop,
     return loops, data
 
 
-def with_feedforward(
+def add_feedforward(
     path: Path, motion: AnyMotion, samples: MotionSamples
 ) -> tuple[MotionSamples, bytes]:
     """Return a planned motion with the feedforward of a file, and the file's bytes.

@@ -1,4 +1,4 @@
-"""`Ended`: the result of an operation that has announced all else while it ran."""
+"""`EndResult`: the result of an operation that has announced all else while it ran."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rid_daq.blocks.block import Text
 
 
 @dataclass(frozen=True)
-class Ended:
+class EndResult:
     """Result of an operation that has shown all else before its end.
 
     Attributes:

@@ -14,12 +14,11 @@ from acquisition.runs.manifest import RunStatus
 from acquisition.session.outcome import RecordOutcome
 from acquisition.supervision.stop_reason import StopCode
 from config.errors import DataQualityError, RecordingError
-from rid_daq.blocks.block import AnyBlock, Text
-from rid_daq.blocks.block import Verdict as VerdictBlock
+from rid_daq.blocks.block import AnyBlock, Text, Verdict
 from rid_daq.report.result import Result
 from rid_daq.report.result_file import REPORT
 from rid_daq.report.sections.timing import loop_sentence
-from rid_daq.report.sections.verdict import Verdict
+from rid_daq.report.sections.verdict import VerdictSection
 from rid_daq.runs.run_data import RunData
 from rid_daq.runs.run_quality import RunQuality
 from rid_daq.terminal.exit_codes import ExitCode, exit_code_of_stop
@@ -125,10 +124,10 @@ class RecordedRun:
         late = self.outcome.late_stop
         return self if late is None else replace(self, outcome=replace(self.outcome, stop=late))
 
-    def verdict(self, goals: Sequence[str]) -> Verdict:
+    def verdict(self, goals: Sequence[str]) -> VerdictSection:
         """Return how the motion ended, how far its goals are, and what is lost."""
         if self.outcome.stop is not None:
-            return Verdict.failed("Stopped before its end", self.stop_sentence)
+            return VerdictSection.failed("Stopped before its end", self.stop_sentence)
         sentences = [". ".join(goals or [self.timing_sentence])]
         good = self.quality is None or self.quality.good
         if self.quality is not None:
@@ -137,8 +136,8 @@ class RecordedRun:
             sentences = [*trouble, *sentences, *lost]
         sentence = " ".join(f"{line.removesuffix('.')}." for line in sentences)
         if not good:
-            return Verdict.failed(_NOT_GOOD, sentence)
-        return Verdict.of([], "Recorded completely", sentence)
+            return VerdictSection.failed(_NOT_GOOD, sentence)
+        return VerdictSection.of([], "Recorded completely", sentence)
 
     def document(self) -> dict[str, object]:
         """Return what programs are told of the run."""
@@ -170,10 +169,10 @@ class RecordedRun:
         for sentence in [] if self.quality is None else self.quality.sentences():
             yield Text(text=sentence)
         if self.trouble:
-            yield VerdictBlock(passed=False, text=self.trouble)
+            yield Verdict(passed=False, text=self.trouble)
             yield Text(text=f"Kept: {self.outcome.rows} rows in {self.folder.path}")
         else:
-            yield VerdictBlock(passed=True, text=f"Recorded: {self.folder.path}")
+            yield Verdict(passed=True, text=f"Recorded: {self.folder.path}")
         yield Text(text=f"Report: {self.report}")
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from identification.payload.verdict import PayloadResult
 from rid_daq.report.sections.payload import EmptyFlange, payload_verdict
 from rid_daq.report.sections.runs import CellSection
-from rid_daq.report.sections.verdict import Verdict
+from rid_daq.report.sections.verdict import VerdictSection
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Certificate:
     empty: EmptyFlange | None = None
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> VerdictSection:
         """Whether the payload is as sure as was asked for."""
         return payload_verdict(self.payload, self.empty)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from identification.wiring.mistakes import Kind
+from identification.wiring.mistakes import MistakeKind
 from rid_daq.report.sections.section import Numbers, Section, Texts
 
 
@@ -40,7 +40,7 @@ class Explanation(Section):
         places: The lines that they stand in; left out if they were not looked for.
     """
 
-    kind: Kind
+    kind: MistakeKind
     joints: Texts
     factor: float
     words: str

@@ -24,7 +24,7 @@ from rid_daq.report.sections.timing import Timing
 from rid_daq.report.sections.tracking import TrackingSection
 from rid_daq.report.sections.validation import TruthCase, ValidationSection
 from rid_daq.report.sections.velocity_loops import VelocityLoopsSection
-from rid_daq.report.sections.verdict import Verdict
+from rid_daq.report.sections.verdict import VerdictSection
 from rid_daq.session.versions import software_versions
 
 SCHEMA: Final = "rid-daq result 1"
@@ -34,7 +34,7 @@ _NOT_SECTIONS: Final = (
     *("format", "title", "robot", "verdict", "software", "notes", "cell", "model", "seed"),
     "without_unmodelled",
 )
-NOTHING_JUDGED: Final = Verdict.of([], "Nothing to judge", "No limit was set for this run.")
+NOTHING_JUDGED: Final = VerdictSection.of([], "Nothing to judge", "No limit was set for this run.")
 
 
 class WithoutUnmodelled(Section):
@@ -70,7 +70,7 @@ class Result(Section):
     format: Literal["rid-daq result 1"] = Field(default=SCHEMA, alias="schema")
     title: str
     robot: str
-    verdict: Verdict
+    verdict: VerdictSection
     software: dict[str, str]
     notes: Texts | None = None
     cell: CellSection | None = None

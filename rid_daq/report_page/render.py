@@ -21,7 +21,7 @@ from rid_daq.report.shown.sections import SHOWN
 from rid_daq.report.shown.verdict import check_tables
 from rid_daq.report_page.drawings.page_colours import colours
 from rid_daq.report_page.live_figures import LiveFigures, dark_map, library, script
-from rid_daq.terminal.console import printable
+from rid_daq.terminal.console import make_printable
 
 
 def render_report(result: Result, before: Result | None = None) -> str:
@@ -123,7 +123,7 @@ def _plot_svg(plot: Plot, name: str) -> Markup:
 
 def _visible(value: object) -> object:
     """Return what an expression of the page gave, its invisible characters visible."""
-    return printable(value) if type(value) is str else value
+    return make_printable(value) if type(value) is str else value
 
 
 @contextlib.contextmanager

@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from typing import Final
 
 from rid_daq.service.records import Job
-from rid_daq.terminal.console import printable
+from rid_daq.terminal.console import make_printable
 
 LOG: Final = logging.getLogger("rid_daq.service")
 
@@ -45,9 +45,9 @@ class _Sentences(logging.Formatter):
             )
         if record.levelno >= logging.WARNING:
             words = f"{record.levelname.lower()}: {words}"
-        line = f"{datetime.fromtimestamp(record.created):%H:%M:%S}  {printable(words)}"
+        line = f"{datetime.fromtimestamp(record.created):%H:%M:%S}  {make_printable(words)}"
         if record.exc_info:
-            line += f"\n{printable(self.formatException(record.exc_info))}"
+            line += f"\n{make_printable(self.formatException(record.exc_info))}"
         return line
 
 

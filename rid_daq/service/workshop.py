@@ -222,7 +222,7 @@ class Workshop:
         """Write what became of a job whose worker has ended."""
         job, cell = running.job, running.cell
         document, ended = running.document, running.ended
-        state, reason = outcome_of(running, self.closing)
+        state, reason = outcome_of_job(running, self.closing)
         run = running.run or (document or {}).get("run")
         job = self._jobs.change(
             job,
@@ -367,7 +367,7 @@ def _give_up(running: RunningJob) -> None:
         running.stop("the service could not watch it: see its log", StopCode.INTERRUPTED)
 
 
-def outcome_of(running: RunningJob, closing: bool) -> tuple[JobState, str]:
+def outcome_of_job(running: RunningJob, closing: bool) -> tuple[JobState, str]:
     """Return what became of a job whose process has ended, and why in a sentence."""
     ended, document, code = running.ended, running.document, running.process.returncode
     if ended is None and running.stopping and running.run is None and code in _BY_TERM:

@@ -149,14 +149,14 @@ def is_served(cell: CellConfig) -> bool:
 
         return is_bus_served(as_served(cell.can))
     from mock_hw.bus.hub_client import HubClient
-    from mock_hw.bus.hub_protocol import Role
+    from mock_hw.bus.hub_protocol import HubRole
     from mock_hw.host.runtime_directory import socket_path
 
     path = socket_path(cell.can.channel)
     if not path.exists():
         return False
     try:
-        HubClient(path, Role.OBSERVER, timeout_s=2.0).close()
+        HubClient(path, HubRole.OBSERVER, timeout_s=2.0).close()
     except TransportError:
         return False
     return True

@@ -17,7 +17,7 @@ import click
 from config.errors import ConfigError, PreflightError
 from rid_daq.terminal.context import Progress as Progress
 from rid_daq.terminal.fitted import fitted
-from rid_daq.terminal.progress_bar import MovingBar, counted
+from rid_daq.terminal.progress_bar import MovingBar, format_count
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -53,7 +53,7 @@ SERVICE_HELP: Final = (
 )
 
 
-def printable(text: str) -> str:
+def make_printable(text: str) -> str:
     """Return text with control characters made visible: it may come from a device or a file."""
     return "".join(c if c.isprintable() or c in "\n\t" else _escaped(c) for c in text)
 
@@ -99,7 +99,7 @@ def _escaped(character: str) -> str:
 
 
 def _cell(text: str) -> str:
-    return printable(text).replace("\n", "\\n").replace("\t", "\\t")
+    return make_printable(text).replace("\n", "\\n").replace("\t", "\\t")
 
 
 def _as_json(value: object) -> object:
@@ -145,7 +145,7 @@ class Console:
         """Write a sentence for people; nothing with `--json`."""
         if not self.as_json:
             columns = self.columns
-            text = printable(text)
+            text = make_printable(text)
             _write(text if columns is None else fitted(text, columns))
 
     def next_step(self, *words: object, lead: str = "Next") -> None:
@@ -160,7 +160,7 @@ class Console:
         from rich.text import Text
 
         style = "bold" if passed is None else "bold green" if passed else "bold red"
-        shown = fitted(printable(text), self.columns or _WIDEST)
+        shown = fitted(make_printable(text), self.columns or _WIDEST)
         _rich_console().print(Text(shown, style=style), soft_wrap=True)
 
     def document(self, document: Mapping[str, object] | BaseModel) -> None:
@@ -355,4 +355,5 @@ class _Lines:
         tenth = int(10.0 * done / self._total) if self._total > 0 else 10
         if tenth > self._shown:
             self._shown = tenth
-            _write(f"{self._title}: {counted(done)} of {counted(self._total)} {self._unit}  {line}")
+            amount = f"{format_count(done)} of {format_count(self._total)}"
+            _write(f"{self._title}: {amount} {self._unit}  {line}")

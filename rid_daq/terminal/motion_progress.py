@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.processing.recording_tally import RecordingTally
 from acquisition.task.joint_values import JointValues
-from acquisition.task.states import Progress, TaskState
+from acquisition.task.states import TaskProgress, TaskState
 
 _STATES = {
     TaskState.STARTING: "starting",
@@ -26,7 +26,7 @@ _PHASES = {
 }
 
 
-def motion_words(progress: Progress) -> str:
+def motion_words(progress: TaskProgress) -> str:
     """Return what the cyclic task is doing."""
     if progress.state is TaskState.MOVING:
         return _PHASES[progress.phase]
@@ -51,7 +51,7 @@ def progress_shown(
     show: Callable[[float, str], None],
     watched: Callable[[], str],
     seen_enough: Callable[[], bool] = lambda: False,
-) -> Callable[[Progress], None]:
+) -> Callable[[TaskProgress], None]:
     """Return what shows the cyclic task's progress, counted as `total_of` counts.
 
     Args:
@@ -64,7 +64,7 @@ def progress_shown(
     """
     done = 0.0
 
-    def update(progress: Progress) -> None:
+    def update(progress: TaskProgress) -> None:
         nonlocal done
         row = progress.sample_index
         left_out = progress.phase is Phase.RUN_OUT and seen_enough()

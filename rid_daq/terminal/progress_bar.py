@@ -58,7 +58,7 @@ def shortened(text: str, room: int) -> str:
     return f"{text[: room - 1]}…" if room > 1 else ""
 
 
-def counted(number: float) -> str:
+def format_count(number: float) -> str:
     """Return how much is done as a person reads it."""
     return f"{number:.0f}" if number >= 10 or number == int(number) else f"{number:.1f}"
 
@@ -95,8 +95,8 @@ class MovingBar:
 
     def update(self, done: float, line: str) -> None:
         """Show that `done` of the total is done; `line` says how it goes."""
-        of = "" if self._total is None else f"/{counted(self._total)}"
-        count = f"{counted(done)}{of} {self._unit}"
+        of = "" if self._total is None else f"/{format_count(self._total)}"
+        count = f"{format_count(done)}{of} {self._unit}"
         layout = bar_line(self._display.console.width, self._title, count, line)
         self._bar.bar_width = layout.bar
         self._display.update(

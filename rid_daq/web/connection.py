@@ -11,7 +11,7 @@ from http import HTTPStatus
 from typing import Final, cast
 
 from rid_daq.web.door import Door
-from rid_daq.web.reception import Admitted, Line, Peer, Reply
+from rid_daq.web.reception import Admitted, OpenConnection, Peer, Reply
 from rid_daq.web.request_head import RequestHead
 
 _END_OF_HEAD = b"\r\n\r\n"
@@ -165,7 +165,7 @@ class Connection(asyncio.Protocol):
                     self._linger_s, self._linger_bytes = _PATIENT_S, _PATIENT_BYTES
                 self._reply(decided.bytes(), whole=head is not None and head.body_bytes == left)
                 return
-            case Line():
+            case OpenConnection():
                 self._speaker = decided.speaker()
                 self._become_line(decided.owner)
             case Admitted():

@@ -54,7 +54,7 @@ class Reply:
 
 
 @dataclass(frozen=True)
-class Line:
+class OpenConnection:
     """A connection that stays, apart from the application's.
 
     Attributes:
@@ -84,7 +84,7 @@ class Admitted:
 class Reception(Protocol):
     """What decides about requests by their heads."""
 
-    def receive(self, head: RequestHead, peer: Peer) -> Reply | Line | Admitted | None:
+    def receive(self, head: RequestHead, peer: Peer) -> Reply | OpenConnection | Admitted | None:
         """Return the answer, the protocol that takes over, or that the application is asked.
 
         None passes the connection on to the door's speaker as it is.

@@ -83,7 +83,7 @@ def bokeh_library(request: Request, version: str) -> Response:
 
 
 @router.get("/runs/{run}")
-def run_blocks(
+def send_run_blocks(
     run: str,
     service: Service,
     who: Who,
@@ -109,7 +109,7 @@ def motion(
 
 
 @router.get("/cells/{cell}/preflight")
-def preflight(cell: OfCell, service: Service, view: AsWanted) -> Response:
+def send_preflight(cell: OfCell, service: Service, view: AsWanted) -> Response:
     """Return the lines of the newest preflight, devices with red ones first."""
     from rid_daq.preflight.bus_check import CheckLine
     from rid_daq.preflight.check_words import all_blocks
@@ -121,7 +121,7 @@ def preflight(cell: OfCell, service: Service, view: AsWanted) -> Response:
 
 
 @router.get("/jobs/{job}/warm-up")
-def warm_up(job: OfJob, service: Service, view: AsWanted) -> Response:
+def send_warm_up(job: OfJob, service: Service, view: AsWanted) -> Response:
     """Return the course of a job's warm-up until now."""
     from rid_daq.workbench.run_blocks import warm_up_plot
 

@@ -17,7 +17,7 @@ from config.errors import ConfigError, PreflightError
 from config.process.safety_clock import safety_now_s
 from rid_daq.blocks.block import AnyBlock, Table
 from rid_daq.blocks.plot import Plot
-from rid_daq.terminal.console import Console, Progress, printable
+from rid_daq.terminal.console import Console, Progress, make_printable
 from rid_daq.terminal.job_events import (
     Answered,
     AnyEvent,
@@ -91,11 +91,11 @@ class JobConsole(Console):
 
     def say(self, text: str = "") -> None:
         """Tell a sentence."""
-        self.events.write(Said(at_s=time.time(), text=printable(text)))
+        self.events.write(Said(at_s=time.time(), text=make_printable(text)))
 
     def verdict(self, passed: bool | None, text: str) -> None:
         """Tell the sentence that matters."""
-        self.events.write(Judged(at_s=time.time(), passed=passed, text=printable(text)))
+        self.events.write(Judged(at_s=time.time(), passed=passed, text=make_printable(text)))
 
     def result(
         self, document: Mapping[str, object] | BaseModel, blocks: Iterable[AnyBlock]
@@ -206,7 +206,7 @@ class JobConsole(Console):
 def _printable(value: Any) -> Any:
     """Return a value with the control characters of its texts made visible."""
     if isinstance(value, str):
-        return printable(value)
+        return make_printable(value)
     if isinstance(value, dict):
         return {key: _printable(each) for key, each in value.items()}
     return [_printable(each) for each in value] if isinstance(value, (list, tuple)) else value

@@ -20,7 +20,7 @@ from rid_daq.operations.catalogue import operation
 from rid_daq.operations.perform import perform
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.request_check import request_of, require_ending
-from rid_daq.terminal.console import printable
+from rid_daq.terminal.console import make_printable
 from rid_daq.terminal.job_events import Ended
 from rid_daq.worker.job_console import EventFile, JobConsole
 from rid_daq.worker.orders import Orders
@@ -130,7 +130,7 @@ def _ended(ending: Ending) -> Ended:
         at_s=time.time(),
         exit_code=ending.code,
         error=ending.kind or None,
-        message=printable(ending.message) or None,
+        message=make_printable(ending.message) or None,
         code=ending.refusal or None,
     )
 

@@ -30,7 +30,7 @@ from drivers.ports.can_link import CanLink
 from drivers.servo.cia402 import AxisUnits
 from mock_hw.drive.axis import AxisPort
 from mock_hw.drive.drive import SimulatedDrive
-from mock_hw.drive.objects import DriveIdentity
+from mock_hw.drive.objects import SimulatedIdentity
 
 WIRE_S = 120e-6
 STEP_S = 0.002
@@ -99,7 +99,7 @@ class ObedientCell(can.BusABC):
             gear = Fraction(abs(joint.gear_ratio)).limit_denominator(1_000_000)
             profile = cell.servo_of(axis)
             own = round(profile.encoder_increments or increments)
-            identity = DriveIdentity(axis.node_id, own, gear, rated_mnm, profile, referenced)
+            identity = SimulatedIdentity(axis.node_id, own, gear, rated_mnm, profile, referenced)
             units = AxisUnits.of_motor(identity.motor, profile, joint.gear_ratio, axis.direction)
             middle = 0.5 * (joint.limits.position_min + joint.limits.position_max)
             self.units.append(units)

@@ -38,7 +38,7 @@ from mock_hw.bus.faults import BusFaults
 from mock_hw.bus.hub import CanHub
 from mock_hw.bus.hub_client import HubClient
 from mock_hw.bus.hub_process import listening_socket
-from mock_hw.bus.hub_protocol import Role
+from mock_hw.bus.hub_protocol import HubRole
 from mock_hw.drives_process import run_rack
 from mock_hw.rack import DriveRack
 
@@ -203,7 +203,7 @@ class Rig:
 
         def serve_drives() -> None:
             urgent = [NMT_COB_ID, SYNC_COB_ID, *map(sdo_request_cob_id, nodes.values())]
-            client = HubClient(self.path, Role.DEVICE, urgent)
+            client = HubClient(self.path, HubRole.DEVICE, urgent)
             self.rack = DriveRack(cell, robot, plant, 1, self.truth, 0.0, script)  # type: ignore[arg-type]
             served.set()
             with contextlib.suppress(TransportError):

@@ -21,7 +21,7 @@ from config.errors import ConfigError
 from config.formats.eds import MAX_OBJECTS, parse_eds
 from config.formats.eds_text import MAX_BYTES, MAX_LINE_CHARACTERS
 from mock_hw.drive.eds import drive_eds
-from mock_hw.drive.objects import DriveIdentity
+from mock_hw.drive.objects import SimulatedIdentity
 
 pytestmark = pytest.mark.slow
 
@@ -124,7 +124,7 @@ def test_sheets_changed_anywhere_are_read_or_refused_with_their_line(sheets: int
 
 def test_a_whole_drives_sheet_changed_anywhere() -> None:
     sheet = drive_eds(
-        DriveIdentity(5, 4096, Fraction(100), 1500), "drive.eds", datetime(2026, 1, 2)
+        SimulatedIdentity(5, 4096, Fraction(100), 1500), "drive.eds", datetime(2026, 1, 2)
     )
     data, chance = sheet.encode(), random.Random(9)
     counts = Counter(outcome(changed(data, chance)) for _ in range(1000))

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from compensation.online.point_codec import LONGEST_LINE, MOST_POINTS, PROTOCOL, PointDecoder
 from compensation.online.point_feed import PointGate, feed
 from compensation.online.point_ring import PointRing, PointsFailed
-from compensation.online.point_server import CHUNK_BYTES, PointService, listening, serve
+from compensation.online.point_server import CHUNK_BYTES, PointService, listening, serve_points
 from config.errors import ProtocolError
 from config.load import load_robot
 from config.robot.bodies import Plane, Workspace
@@ -121,7 +121,7 @@ def test_whatever_a_client_sends_the_server_says_why_and_ends(parts: list[bytes]
 
     def served() -> None:
         try:
-            serve(listener, ring, PointService(ROBOT, Workspace(), 0.008, 64), over.is_set)
+            serve_points(listener, ring, PointService(ROBOT, Workspace(), 0.008, 64), over.is_set)
         except BaseException as error:
             trouble.append(error)
 

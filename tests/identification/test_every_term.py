@@ -18,7 +18,7 @@ from dynamics.model.inverse_dynamics import mass_matrix, regressor_gradient, tor
 from dynamics.model.one_sample import SampleTorque
 from dynamics.model.robot_model import RobotModel, base_wrench_regressor, regressor, torque
 from dynamics.terms.conditions import Conditions
-from dynamics.terms.motion import Motion
+from dynamics.terms.motion import TermMotion
 from dynamics.terms.term import Term
 from identification.consistency.constraints import not_negative
 from identification.export.function import python_function
@@ -175,13 +175,13 @@ class Cable:
     parameter_names = ("k_cable",)
     parameter_units = ("N m/rad",)
 
-    def fill_torque(self, motion: Motion, out: FloatArray) -> None:
+    def fill_torque(self, motion: TermMotion, out: FloatArray) -> None:
         out[:, 0, 0] = motion.joint[0, :, 0]
 
-    def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
+    def fill_base_wrench(self, motion: TermMotion, out: FloatArray) -> None:
         pass
 
-    def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
+    def torque_gradient(self, motion: TermMotion, weights: FloatArray) -> FloatArray:
         out = np.zeros((len(weights), *motion.joint.shape))
         out[:, 0, :, 0] = weights[:, :, 0, 0]
         return out

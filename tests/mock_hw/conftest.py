@@ -15,10 +15,10 @@ from drivers.canopen.frames import Frame, sdo_answer_cob_id, sdo_request_cob_id
 from mock_hw.bus.hub import CanHub
 from mock_hw.bus.hub_client import HubClient
 from mock_hw.bus.hub_process import listening_socket
-from mock_hw.bus.hub_protocol import Role
+from mock_hw.bus.hub_protocol import HubRole
 from mock_hw.drive.axis import AxisPort
 from mock_hw.drive.drive import SimulatedDrive
-from mock_hw.drive.objects import DriveIdentity
+from mock_hw.drive.objects import SimulatedIdentity
 
 
 class ServedHub:
@@ -29,7 +29,7 @@ class ServedHub:
         self.log = log
         self.clients: list[HubClient] = []
 
-    def join(self, role: Role, urgent: tuple[int, ...] = ()) -> HubClient:
+    def join(self, role: HubRole, urgent: tuple[int, ...] = ()) -> HubClient:
         self.clients.append(HubClient(self.path, role, urgent))
         return self.clients[-1]
 
@@ -103,7 +103,7 @@ class Bench:
     def __init__(self, node_id: int = 3) -> None:
         self.node_id = node_id
         self.axis = IdealAxis()
-        identity = DriveIdentity(node_id, 4096, Fraction(100), 2000)
+        identity = SimulatedIdentity(node_id, 4096, Fraction(100), 2000)
         self.drive = SimulatedDrive(identity, self.axis)
         self.now_s = 0.0
         self.sent: list[tuple[float, Frame]] = []

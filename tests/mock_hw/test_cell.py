@@ -25,7 +25,7 @@ from drivers.canopen.emcy import parse_emcy
 from drivers.cell import Cell, open_cell
 from mock_hw.bus.arbitration import WireFrame
 from mock_hw.bus.hub_client import HubClient
-from mock_hw.bus.hub_protocol import Role
+from mock_hw.bus.hub_protocol import HubRole
 from mock_hw.cell import SimulatedCell
 from mock_hw.drives_process import LONGEST_WAIT_S
 from mock_hw.plant.snapshot import AxisSnapshot, SnapshotReader
@@ -170,7 +170,7 @@ def simulated_drive_faults(simulated: SimulatedCell, cell: Cell) -> None:
 @contextlib.contextmanager
 def a_stranger(simulated: SimulatedCell) -> Iterator[HubClient]:
     """A listener that may also send."""
-    client = HubClient(Path(simulated.channel), Role.OBSERVER)
+    client = HubClient(Path(simulated.channel), HubRole.OBSERVER)
     try:
         yield client
     finally:
@@ -192,7 +192,7 @@ def watch(observer: HubClient, seconds: float) -> list[WireFrame]:
 
 def test_a_killed_masters_axes_are_at_rest_in_time(loaded: LoadedCell) -> None:
     with simulate(loaded) as simulated:
-        observer = HubClient(Path(simulated.channel), Role.OBSERVER)
+        observer = HubClient(Path(simulated.channel), HubRole.OBSERVER)
         before = simulated.axes().position
         command = [sys.executable, "-c", MOVE_FOR_EVER + "move()", simulated.channel, "once"]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as master:
@@ -251,7 +251,7 @@ if __name__ == "__main__":
     ) as master:
         assert master.stdout is not None
         assert master.stdout.readline() == "moving\n"
-        observer = HubClient(channel, Role.OBSERVER)
+        observer = HubClient(channel, HubRole.OBSERVER)
         reader = SnapshotReader(short_path / "ir361.axes")
         master.wait(120.0)
     with raises_code(TransportError, "RID-MOCK-ENDED", "ir361.sock: "):

@@ -31,7 +31,7 @@ from drivers.settings.write_log import WriteLog, read_write_log
 from mock_hw.drive import objects as od
 from mock_hw.drive.drive import SimulatedDrive
 from mock_hw.drive.eds import drive_eds
-from mock_hw.drive.objects import DriveIdentity
+from mock_hw.drive.objects import SimulatedIdentity
 from tests.builders.obedient_cell import ObedientCell
 from tests.builders.raised_codes import raises_code
 
@@ -362,7 +362,9 @@ class TestBundledFamilies:
 
     def test_nothing_is_left_out_of_what_it_needs(self, name: str) -> None:
         cell = cell_of(bundled(name), ServoProfile())
-        identity = DriveIdentity(1, INCREMENTS, Fraction(100), 1000, cell.servo_of(cell.axes[0]))
+        identity = SimulatedIdentity(
+            1, INCREMENTS, Fraction(100), 1000, cell.servo_of(cell.axes[0])
+        )
         sheet = parse_eds(drive_eds(identity, "d.eds", datetime(2026, 1, 2)).encode(), "d.eds")
         assert [f for f in eds_findings(sheet, cell, cell.axes[0]) if f.verdict == "red"] == []
 

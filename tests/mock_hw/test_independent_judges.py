@@ -18,7 +18,7 @@ from canopen.profiles.p402 import BaseNode402
 from config.load import LoadedCell, load_cell
 from drivers.cell import open_cell
 from mock_hw.cell import SimulatedCell
-from mock_hw.drive.objects import DriveIdentity, drive_entries
+from mock_hw.drive.objects import SimulatedIdentity, drive_entries
 from mock_hw.simulation import CellSimulation
 
 PATIENCE_S = 120.0
@@ -51,7 +51,7 @@ def dictionary(loaded: LoadedCell, number: int) -> canopen.ObjectDictionary:
     """What an EDS file of the drive would say."""
     assert loaded.plant is not None
     axis = loaded.config.axes[number]
-    identity = DriveIdentity.of_axis(
+    identity = SimulatedIdentity.of_axis(
         loaded.config, axis, loaded.robot.joints[number], loaded.plant.axes[number]
     )
     objects = canopen.ObjectDictionary()

@@ -13,7 +13,7 @@ from config.formats.eds import parse_eds
 from drivers.servo.bring_up import bus_load
 from drivers.servo.eds_check import eds_findings
 from mock_hw.drive.eds import drive_eds
-from mock_hw.drive.objects import DriveIdentity
+from mock_hw.drive.objects import SimulatedIdentity
 from tests.builders.raised_codes import raises_code
 from tests.mock_hw.test_families import INCREMENTS, bundled, cell_of, opened
 
@@ -56,7 +56,7 @@ def test_torque_and_position_of_several_frames_are_the_axis_s(name: str) -> None
 
 def test_a_sheet_whose_fixed_pdos_are_others_is_refused() -> None:
     cell = cell_of(bundled("faulhaber_mc3000"), ServoProfile())
-    identity = DriveIdentity(1, INCREMENTS, Fraction(100), 1000, cell.servo_of(cell.axes[0]))
+    identity = SimulatedIdentity(1, INCREMENTS, Fraction(100), 1000, cell.servo_of(cell.axes[0]))
     text = drive_eds(identity, "d.eds", datetime(2026, 1, 2))
     held = f"DefaultValue={0x2304_0220}"
     assert text.count(held) == 1

@@ -12,7 +12,7 @@ from config.load import load_cell
 from identification.choices import LoadFormat
 from identification.payload.body import PayloadBody
 from identification.payload.file import write_payload
-from identification.payload.verdict import Check, PayloadResult
+from identification.payload.verdict import PayloadCheck, PayloadResult
 from rid_daq.app import run
 from tests.builders.certified import estimate_of
 
@@ -25,7 +25,7 @@ def exported(
     centre = estimate.body.centre_m.copy()
     centre[2] = z_m
     body = PayloadBody(estimate.body.mass_kg, centre, estimate.body.inertia_kg_m2)
-    passed = (Check("rank", 10, "≥", 10),)
+    passed = (PayloadCheck("rank", 10, "≥", 10),)
     payload = PayloadResult(replace(estimate, values=body.parameters), passed)
     write_payload(folder / "payload.json", payload)
     capsys.readouterr()

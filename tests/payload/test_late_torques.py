@@ -19,7 +19,7 @@ from identification.estimation.estimate import Estimate
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from identification.payload.procedures import PayloadOptions, identify_payload
-from rid_daq.operations.identify.run_estimation import EstimationRequest, estimate_runs
+from rid_daq.operations.identify.run_estimation import EstimationJob, estimate_runs
 from rid_daq.operations.payload.payload_estimate import PayloadRequest, payload_runs
 from rid_daq.runs.run_data import RunData
 
@@ -56,7 +56,7 @@ def test_what_a_model_says_of_torques_holds_for_a_payload(
             recording = replace(recording, samples_per_period=None)
         return RunData.of(RunFolder(tmp_path, "run"), recording, robot, None)
 
-    how = EstimationRequest(EstimationOptions(model=OPTIONS))
+    how = EstimationJob(EstimationOptions(model=OPTIONS))
     model = estimate_runs([run(lab.measured(robot, motion, None, seed=1))], how).estimate
     true = lab.measured(robot, motion, lab.medium, seed=2)
     changed = replace(true, torque_nm=through(true.torque_nm, true.sample_period_s))

@@ -24,7 +24,7 @@ from identification.model.options import ModelOptions
 from identification.payload.body import PayloadBody
 from identification.payload.file import read_payload
 from rid_daq.app import run
-from rid_daq.operations.identify.run_estimation import EstimationRequest, estimate_runs
+from rid_daq.operations.identify.run_estimation import EstimationJob, estimate_runs
 from rid_daq.runs.run_data import RunData
 from tests.builders.known_model import known
 
@@ -119,7 +119,7 @@ def test_a_model_with_friction_terms_of_its_own_weighs_a_payload(
         for joint in data.robot.joints
     )
     chosen = data.robot.model_copy(update={"joints": joints})
-    how = EstimationRequest(EstimationOptions(band_hz=9.4))
+    how = EstimationJob(EstimationOptions(band_hz=9.4))
     model = workshop / "chosen.json"
     write_estimate(model, estimate_runs([data], how, robot=chosen).estimate)
     for procedure in ("model", "apart"):
@@ -357,7 +357,7 @@ def test_what_was_left_on_the_flange_shows_where_a_model_of_the_robot_is_given(
     imported: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     runs, model = ["--runs", str(imported / "runs")], str(imported / "empty.json")
-    how = EstimationRequest(EstimationOptions(ModelOptions(rotors=False)))
+    how = EstimationJob(EstimationOptions(ModelOptions(rotors=False)))
     empty = RunData.load(find_run(imported / "runs", "empty"))
     write_estimate(Path(model), estimate_runs([empty], how).estimate)
     words = ["payload", "identify", "--loaded", "first", "--procedure", "together", *runs]

@@ -134,11 +134,11 @@ def test_a_known_mass_stays(table: dict[tuple[str, str], dict[str, float]]) -> N
 def test_draws_scatter_as_the_theory_of_least_squares_says(
     problems: dict[Any, SensitivityProblem],
 ) -> None:
-    from identification.sensitivity.problem import Estimator
+    from identification.sensitivity.problem import MotionEstimator
 
     problem = problems["wrist"]
     values = draw_batch(problem, PriorUncertainty(), "model", 0, 400, 1).values
-    inverse = Estimator.of(problem, Assumptions(), "model").inverse
+    inverse = MotionEstimator.of(problem, Assumptions(), "model").inverse
     mass = float(np.sqrt((inverse @ inverse.T)[0, 0]))
     assert values[:, 0].std() == pytest.approx(mass, rel=0.15)
     assert values[:, 0].mean() == pytest.approx(problem.payload.mass_kg, abs=5.0 * mass / 20.0)

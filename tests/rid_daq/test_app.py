@@ -18,7 +18,7 @@ from rid_daq.command_line.root import COMMANDS
 from rid_daq.operations.catalogue import operation
 from rid_daq.operations.operation import Operation, OperationResult
 from rid_daq.requests.request import Request
-from rid_daq.terminal.console import as_command, printable
+from rid_daq.terminal.console import as_command, make_printable
 from rid_daq.terminal.exit_codes import ExitCode, exit_code_of
 
 CODES = {
@@ -232,7 +232,7 @@ def test_a_pipe_that_breaks_elsewhere_is_no_closed_output(monkeypatch: pytest.Mo
 
 
 def test_control_characters_of_devices_never_reach_the_terminal() -> None:
-    assert printable("drive says \x1b[2J\x07\n\tµ") == "drive says \\x1b[2J\\x07\n\tµ"
+    assert make_printable("drive says \x1b[2J\x07\n\tµ") == "drive says \\x1b[2J\\x07\n\tµ"
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.plausible import Plausible
 from config.robot.robot import Place, Positive, RobotDescription, Vector3
-from dynamics.geometry.inverse_kinematics import follow
+from dynamics.geometry.inverse_kinematics import follow_tool_path
 from dynamics.geometry.kinematics import Chain, link_transforms
 
 NEGLIGIBLE: Final = 1e-9
@@ -105,7 +105,7 @@ class CircleMotion(Motion):
         near = np.array(self.near, dtype=float)
         rotation = None if n == 3 else link_transforms(chain, near[np.newaxis])[0, -1][:3, :3]
         period_s = self.turn_s(sample_period_s)
-        position = follow(chain, self.points(np.arange(POINTS) / POINTS), near, rotation)
+        position = follow_tool_path(chain, self.points(np.arange(POINTS) / POINTS), near, rotation)
         bins = to_bins(position, MOST_HARMONICS)
         significant = np.abs(bins[1:]).max(axis=1) > NEGLIGIBLE
         harmonics = int(np.flatnonzero(significant)[-1]) + 1

@@ -35,7 +35,7 @@ from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.plausible import Plausible
 from config.robot.robot import Place, Positive, RobotDescription
-from dynamics.geometry.inverse_kinematics import PathSlopes, reach, refine
+from dynamics.geometry.inverse_kinematics import PathSlopes, reach, refine_positions
 from dynamics.geometry.kinematics import Chain, link_transforms
 
 COARSE_M: Final = 0.005
@@ -206,13 +206,13 @@ class _Way:
         near = CubicSpline(lengths, found)
         grid = np.linspace(0.0, section.length_m, _grid_points(section, FINE_M))
         points = section.at(grid)
-        on_grid = refine(chain, *points, near(grid), rotation)
+        on_grid = refine_positions(chain, *points, near(grid), rotation)
         return cls(section, chain, rotation, near, pose, grid, points, on_grid)
 
     def joints(self, length_m: FloatArray) -> PathSlopes:
         """Return the joint positions, and their derivatives by the length, at lengths."""
         points = self.section.at(length_m)
-        return refine(self.chain, *points, self.near(length_m), self.rotation)
+        return refine_positions(self.chain, *points, self.near(length_m), self.rotation)
 
 
 def _grid_points(section: PathSection, spacing_m: float) -> int:

@@ -36,7 +36,7 @@ class PathPoints(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class PathPiece:
     """One curve, measured by its length.
 
     Attributes:
@@ -77,17 +77,19 @@ class Piece:
         across = second - direction * (direction * second).sum(axis=1, keepdims=True)
         return PathPoints(point, direction, across / speed**2)
 
-    def between(self, begin_m: float, end_m: float) -> Piece:
+    def between(self, begin_m: float, end_m: float) -> PathPiece:
         """Return the part between two lengths."""
         begin, end = self.parameters(np.array([begin_m, end_m])).tolist()
-        return measured(self.label, self.curve, np.linspace(begin, end, CELLS + 1), self.speed_m_s)
+        return measure_curve(
+            self.label, self.curve, np.linspace(begin, end, CELLS + 1), self.speed_m_s
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class PathSection:
     """A part of a path from rest to rest: pieces that join smoothly."""
 
-    pieces: tuple[Piece, ...]
+    pieces: tuple[PathPiece, ...]
 
     @property
     def ends_m(self) -> FloatArray:
@@ -124,10 +126,10 @@ class PathSection:
         return found
 
 
-def measured(label: str, curve: Curve, knots: FloatArray, speed_m_s: float) -> Piece:
+def measure_curve(label: str, curve: Curve, knots: FloatArray, speed_m_s: float) -> PathPiece:
     """Return a curve with its length measured from knot to knot."""
     cells = _length_between(curve, knots[:-1], knots[1:])
-    return Piece(label, curve, knots, np.concatenate([[0.0], np.cumsum(cells)]), speed_m_s)
+    return PathPiece(label, curve, knots, np.concatenate([[0.0], np.cumsum(cells)]), speed_m_s)
 
 
 def path_sections(
@@ -149,14 +151,14 @@ def path_sections(
     for number, segment in enumerate(segments, start=1):
         label = f"segment {number} ({segment.kind})"
         knots, curve = segment.curve_from(at, label)
-        whole.append(measured(label, curve, knots, segment.speed_m_s or speed_m_s))
+        whole.append(measure_curve(label, curve, knots, segment.speed_m_s or speed_m_s))
         at = curve(knots[-1:])[0][0]
     joints = [
         _joint(whole[k], whole[k + 1], segment.blend_m, blend_m, k + 1)
         for k, segment in enumerate(segments[:-1])
     ]
     parts: list[PathSection] = []
-    pieces: list[Piece] = []
+    pieces: list[PathPiece] = []
     begin_m = 0.0
     for k, piece in enumerate(whole):
         joint = joints[k] if k < len(joints) else None
@@ -182,7 +184,7 @@ class _Joint(NamedTuple):
 
 
 def _joint(
-    before: Piece, after: Piece, own_m: float | None, default_m: float, number: int
+    before: PathPiece, after: PathPiece, own_m: float | None, default_m: float, number: int
 ) -> _Joint:
     ends = before.at(np.array([before.length_m])), after.at(np.array([0.0]))
     straight_on = float(ends[0].direction[0] @ ends[1].direction[0])
@@ -201,7 +203,7 @@ def _joint(
     return _Joint(False, min(wanted_m, 0.5 * before.length_m, 0.5 * after.length_m))
 
 
-def _blend(before: Piece, after: Piece, reach_m: float, number: int) -> Piece:
+def _blend(before: PathPiece, after: PathPiece, reach_m: float, number: int) -> PathPiece:
     """Return the quintic from one segment to the next, by its Bernstein points."""
     leave, meet = before.at(np.array([before.length_m - reach_m])), after.at(np.array([reach_m]))
     speed = 2.0 * reach_m
@@ -219,7 +221,7 @@ def _blend(before: Piece, after: Piece, reach_m: float, number: int) -> Piece:
 
     label = f"the corner between segments {number} and {number + 1}"
     slower = min(before.speed_m_s, after.speed_m_s)
-    return measured(label, curve, np.linspace(0.0, 1.0, CELLS + 1), slower)
+    return measure_curve(label, curve, np.linspace(0.0, 1.0, CELLS + 1), slower)
 
 
 def _bernstein(x: FloatArray, points: FloatArray) -> FloatArray:

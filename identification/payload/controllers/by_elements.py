@@ -11,7 +11,7 @@ import numpy as np
 from config.errors import EstimationError
 from config.formats.urdf import rotation_of_rpy
 from identification.payload.body import PayloadBody
-from identification.payload.controllers.text import NUMBER, Digits, comments, found, numbers
+from identification.payload.controllers.text import NUMBER, Digits, comments, found, match_numbers
 
 KGF_CM_S2: Final = 0.0980665
 """One kgf cm s^2 in kg m^2: 9.80665 N times 0.01 m times s^2."""
@@ -91,7 +91,7 @@ def from_ur(text: str) -> PayloadBody:
         rf"(?m)^\s*set_target_payload\(\s*{NUMBER}\s*,\s*\[\s*{NUMBER}{2 * further}\s*\]\s*,"
         rf"\s*\[\s*{NUMBER}{5 * further}\s*\]"
     )
-    values = numbers(found(pattern, text, "set_target_payload(m, [x, y, z], [six elements])"))
+    values = match_numbers(found(pattern, text, "set_target_payload(m, [x, y, z], [six elements])"))
     return PayloadBody.of_reported(values)
 
 

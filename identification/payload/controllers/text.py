@@ -49,6 +49,6 @@ def found(pattern: str, text: str, what: str) -> re.Match[str]:
     return match
 
 
-def numbers(match: re.Match[str]) -> FloatArray:
+def match_numbers(match: re.Match[str]) -> FloatArray:
     """Return the groups of a match as numbers."""
     return np.array([float(group) for group in match.groups()])

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.hold_to_run.line import Line, LineCheck
+from acquisition.hold_to_run.line import HoldLine, LineCheck
 from acquisition.journal.cycles import read_journal
 from acquisition.runs.manifest import RECORDING
 from config.arrays import FloatArray
@@ -125,7 +125,7 @@ class AxisBench:
         self._context = context
         self._unattended = unattended
         self._check = LineCheck(session.cell, self._robot, SPEED_SHARE)
-        self._line: Line | None = None
+        self._line: HoldLine | None = None
         self._gave_up = False
 
     def test(self, number: int) -> AxisVerdict | None:
@@ -161,7 +161,7 @@ class AxisBench:
     def _move(self, number: int) -> RecordedRun:
         name = self._robot.joints[number].name
 
-        def line(key: str, pose: FloatArray) -> Line | None:
+        def line(key: str, pose: FloatArray) -> HoldLine | None:
             return self._line if key == HOLD else None
 
         def ready(pose: FloatArray) -> None:
@@ -190,7 +190,7 @@ class AxisBench:
             ),
         )
 
-    def _small(self, number: int, pose: FloatArray) -> Line:
+    def _small(self, number: int, pose: FloatArray) -> HoldLine:
         """Return a small way of one joint, towards the middle of its range.
 
         Raises:
@@ -213,7 +213,7 @@ class AxisBench:
     def _rows(self) -> NDArray[Any]:
         return read_journal(self.last.folder.file(RECORDING)).rows
 
-    def _answered(self, motion: AxisMotion, number: int, line: Line) -> Seen:
+    def _answered(self, motion: AxisMotion, number: int, line: HoldLine) -> Seen:
         """Ask a person what was seen.
 
         Raises:

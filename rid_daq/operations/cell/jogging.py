@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from acquisition.hold_to_run.line import Line, LineCheck
+from acquisition.hold_to_run.line import HoldLine, LineCheck
 from acquisition.runs.manifest import require_label
 from config.arrays import FloatArray
 from config.errors import ConfigError
@@ -74,7 +74,7 @@ def _homing(
 ) -> HeldRun:
     context.say("Hold SPACE to go to the home pose; let go to stop; q ends.")
 
-    def line(key: str, pose: FloatArray) -> Line | None:
+    def line(key: str, pose: FloatArray) -> HoldLine | None:
         return _said(check(pose, home), "the home pose", context) if key == HOLD else None
 
     return HeldRun(
@@ -125,7 +125,7 @@ class Jogging:
             self._context.say(f"Chosen: {self._joints[number].name}.")
         return key == QUIT
 
-    def line(self, key: str, pose: FloatArray) -> Line | None:
+    def line(self, key: str, pose: FloatArray) -> HoldLine | None:
         """Return where a held key leads from a pose.
 
         A page says the joint with the key (`2+`), so that no choice which came late, or from
@@ -146,7 +146,7 @@ class Jogging:
         return _said(self._check(pose, wanted), f"{joint.name} {direction}", self._context)
 
 
-def _said(line: Line, where: str, context: Context) -> Line:
+def _said(line: HoldLine, where: str, context: Context) -> HoldLine:
     """Say what a line ends in front of, and return it."""
     if line.is_empty and line.obstacle:
         context.say(f"{where}: no further, {line.obstacle} is in the way.")

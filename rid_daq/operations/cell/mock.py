@@ -11,13 +11,13 @@ from pydantic import Field
 
 from config.ranges import Pace, Seed
 from rid_daq.blocks.block import AnyBlock, Next, Text
-from rid_daq.operations.ended import Ended
+from rid_daq.operations.ended import EndResult
 from rid_daq.operations.operation import Context, Operation, OperationResult
 from rid_daq.requests.option import FILES, Option
 from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
-    from rid_daq.operations.cell.served_devices import ServedCell
+    from rid_daq.operations.cell.served_devices import DeviceServer
 
 
 class MockRequest(Request):
@@ -119,7 +119,7 @@ class MockServed:
     """
 
     request: MockRequest
-    served: ServedCell
+    served: DeviceServer
     exit_code: int = 0
 
     def document(self) -> dict[str, object]:
@@ -168,7 +168,7 @@ def run(request: MockRequest, context: Context) -> OperationResult:
         begun = MockServed(request, served)
         context.result(begun.document(), begun.blocks())
         served.wait()
-    return Ended("Ended.")
+    return EndResult("Ended.")
 
 
 OPERATION: Final = Operation(

@@ -21,7 +21,7 @@ from config.simulation.plant import PlantConfig
 from mock_hw.bus.served_bus import SIMULATED
 from mock_hw.cell import SimulatedCell
 from mock_hw.drive.eds import drive_eds
-from mock_hw.drive.objects import DriveIdentity
+from mock_hw.drive.objects import SimulatedIdentity
 from mock_hw.host.runtime_directory import runtime_directory
 from mock_hw.simulation import CellSimulation
 from rid_daq.operations.cell.mock import MockRequest
@@ -32,7 +32,7 @@ LOOK_S: Final = 2.0
 
 
 @dataclass(frozen=True)
-class ServedCell:
+class DeviceServer:
     """A cell whose simulated devices are served.
 
     Attributes:
@@ -89,7 +89,7 @@ class ServedCell:
 
 
 @contextlib.contextmanager
-def serve_cell(request: MockRequest) -> Iterator[ServedCell]:
+def serve_cell(request: MockRequest) -> Iterator[DeviceServer]:
     """Serve a cell's simulated devices as long as the `with` lasts.
 
     Raises:
@@ -122,7 +122,7 @@ def serve_cell(request: MockRequest) -> Iterator[ServedCell]:
         faults=script,
     )
     with SimulatedCell(simulation) as simulated:
-        yield ServedCell(loaded, simulated.cell, simulated.channel, simulated.address)
+        yield DeviceServer(loaded, simulated.cell, simulated.channel, simulated.address)
 
 
 def write_eds_files(cell: str, folder: Path) -> tuple[str, list[str]]:
@@ -142,7 +142,7 @@ def write_eds_files(cell: str, folder: Path) -> tuple[str, list[str]]:
         loaded.config.axes, loaded.robot.joints, plant.axes, strict=True
     ):
         name = f"node{axis.node_id}.eds"
-        identity = DriveIdentity.of_axis(loaded.config, axis, joint, simulated)
+        identity = SimulatedIdentity.of_axis(loaded.config, axis, joint, simulated)
         eds_files[name] = drive_eds(identity, name, created).encode("ascii")
     present = [name for name in eds_files if (folder / name).exists()]
     if present:

@@ -263,9 +263,9 @@ class DesignResult:
 
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield what is in the motion file, how it was found, and the next commands."""
-        from rid_daq.operations.experiment.shown_motion import motion_blocks
+        from rid_daq.operations.experiment.shown_motion import designed_motion_blocks
 
-        return motion_blocks(self.designed, self.request)
+        return designed_motion_blocks(self.designed, self.request)
 
 
 def run(request: DesignRequest, context: Context) -> DesignResult:

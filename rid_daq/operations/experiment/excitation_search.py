@@ -28,7 +28,7 @@ ROOM: Final = 0.5
 
 
 @dataclass(frozen=True)
-class Trial:
+class SearchTrial:
     """One start of a search: when it was ready, and what came of it."""
 
     elapsed_s: float
@@ -43,13 +43,13 @@ class Search:
 
     criterion: Criterion
     best: Candidate
-    trials: tuple[Trial, ...]
+    trials: tuple[SearchTrial, ...]
     interrupted_by: signal.Signals | None
 
     @property
-    def curve(self) -> tuple[Trial, ...]:
+    def curve(self) -> tuple[SearchTrial, ...]:
         """The trials that were the best so far when they were ready."""
-        best: list[Trial] = []
+        best: list[SearchTrial] = []
         for trial in self.trials:
             if not trial.broken and (not best or trial.objective < best[-1].objective):
                 best.append(trial)
@@ -122,7 +122,7 @@ class _Work:
         self._context = context
         self._began_s = began_s
         self._scheduler = scheduler
-        self.trials: list[Trial] = []
+        self.trials: list[SearchTrial] = []
         self.best: Candidate | None = None
         self.interrupted_by: signal.Signals | None = None
 
@@ -171,7 +171,7 @@ class _Work:
 
     def _take(self, candidate: Candidate) -> None:
         elapsed_s, check = time.monotonic() - self._began_s, candidate.check
-        self.trials.append(Trial(elapsed_s, candidate.seed, check.objective, check.broken))
+        self.trials.append(SearchTrial(elapsed_s, candidate.seed, check.objective, check.broken))
         if not check.broken and (self.best is None or _key(candidate) < _key(self.best)):
             self.best = candidate
 

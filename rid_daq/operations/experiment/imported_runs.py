@@ -20,7 +20,7 @@ from config.formats.bounded_file import read_file
 from config.load import to_yaml
 from config.robot.robot import RobotDescription
 from rid_daq.operations.experiment.import_ import ImportRequest, first_and_last
-from rid_daq.report.sections.verdict import Verdict
+from rid_daq.report.sections.verdict import VerdictSection
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.origins import note_map
 from rid_daq.runs.run_data import IMPORT, MAP, ROBOT, SOURCES, RunData, result_of
@@ -130,7 +130,7 @@ def _keep(
         sentences = [*report.lines()[:2], *report.findings]
         result = result_of(data).updated(
             title=f"Import of {report.file}",
-            verdict=Verdict.of([], headline, f"{'. '.join(sentences)}."),
+            verdict=VerdictSection.of([], headline, f"{'. '.join(sentences)}."),
         )
         page = write_result(folder, result)
         folder.finish(RunStatus.COMPLETE, {"robot": robot.name, "rows": report.rows_used})

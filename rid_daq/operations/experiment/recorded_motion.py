@@ -17,7 +17,7 @@ from config.cell.cell import CellConfig
 from config.load import load_cell, read_faults
 from config.simulation.faults import NO_SCRIPT, FaultScript
 from identification.estimation.limit_torque import limit_warmth
-from rid_daq.operations.cell_files import estimate_for, motion_and_bytes, with_feedforward
+from rid_daq.operations.cell_files import add_feedforward, estimate_for, motion_and_bytes
 from rid_daq.operations.experiment.record import RecordRequest
 from rid_daq.operations.operation import Context
 from rid_daq.preflight.axis_test import AxisTestRule
@@ -67,7 +67,7 @@ def record_motion_file(request: RecordRequest, context: Context) -> RecordedMoti
     files = {MOTION: text}  # what the run is made from, beside the cell's own files: read once
     samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
     if request.feedforward is not None:
-        samples, files[FEEDFORWARD] = with_feedforward(request.feedforward, motion, samples)
+        samples, files[FEEDFORWARD] = add_feedforward(request.feedforward, motion, samples)
         verify_limits(samples, loaded.robot)
         verify_command(samples, loaded.config, loaded.robot)
     if request.model is not None:

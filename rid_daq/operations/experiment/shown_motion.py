@@ -92,7 +92,7 @@ def motion_document(designed: Designed, output: Path) -> dict[str, object]:
     return shown
 
 
-def motion_blocks(designed: Designed, request: DesignRequest) -> Iterator[AnyBlock]:
+def designed_motion_blocks(designed: Designed, request: DesignRequest) -> Iterator[AnyBlock]:
     """Yield what is in a motion file, how it was found, and the next commands.
 
     Args:

@@ -17,7 +17,7 @@ from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from rid_daq.operations.identify.compared_models import Compared, RunPrediction
-    from rid_daq.report.sections.verdict import Verdict
+    from rid_daq.report.sections.verdict import VerdictSection
 
 
 class CompareRequest(Request):
@@ -64,13 +64,13 @@ class CompareResult:
         return ExitCode.DONE if self.compared.difference.agree else ExitCode.VERDICT_FAILED
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> VerdictSection:
         """The largest difference against its limit."""
-        from rid_daq.report.sections.verdict import Check, Verdict
+        from rid_daq.report.sections.verdict import VerdictCheck, VerdictSection
 
         difference = self.compared.difference
         worst = difference.worst
-        line = Check.of(
+        line = VerdictCheck.of(
             f"largest difference ({difference.names[worst]})",
             float(abs(difference.sigmas[worst])),
             "≤",
@@ -92,7 +92,7 @@ class CompareResult:
                 " Both were identified from some of the same runs, so their errors are alike and"
                 " equal parameters prove nothing."
             )
-        return Verdict.of([line], headline, sentence)
+        return VerdictSection.of([line], headline, sentence)
 
     def document(self) -> dict[str, object]:
         """Return the numbers."""

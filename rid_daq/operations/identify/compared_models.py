@@ -11,7 +11,7 @@ from config.errors import ConfigError
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import read_estimate
 from identification.validation.estimate_difference import EstimateDifference, compare_estimates
-from identification.validation.torque_prediction import relative_of_both, validate
+from identification.validation.torque_prediction import relative_of_both, validate_torques
 from rid_daq.operations.identify.compare import CompareRequest
 from rid_daq.runs.measured_torques import require_torques
 from rid_daq.runs.run_data import RunData, every_lack
@@ -88,7 +88,9 @@ def _side(request: CompareRequest, what: str) -> tuple[str, Estimate, RunData | 
 
 def _prediction(one: Estimate, other: Estimate, data: RunData) -> RunPrediction:
     run_id = data.folder.run_id
-    found = [validate(each, data.recording, cutoff_hz=each.band_hz) for each in (one, other)]
+    found = [
+        validate_torques(each, data.recording, cutoff_hz=each.band_hz) for each in (one, other)
+    ]
     return RunPrediction(
         data, (run_id in one.run_ids, run_id in other.run_ids), relative_of_both(*found)
     )

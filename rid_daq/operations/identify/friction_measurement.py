@@ -10,7 +10,7 @@ from acquisition.motion.kinds.reversed import ReversedMotion
 from acquisition.motion.motion_file import load_motion
 from acquisition.runs.catalogue import find_runs
 from config.errors import ConfigError
-from identification.friction.curve import FrictionCurve, joined
+from identification.friction.curve import FrictionCurve, join_curves
 from identification.friction.experiments import constant_velocity_curves, reversed_curves
 from identification.friction.fits import fit_friction
 from identification.validation.estimated_friction import EstimatedFriction
@@ -59,7 +59,7 @@ def measure_friction(request: FrictionRequest) -> FrictionMeasured:
             )
         for curve in _curves(one):
             curves.setdefault(curve.joint, []).append(curve)
-    whole = [joined(curves[name]) for name in first.robot.joint_names if name in curves]
+    whole = [join_curves(curves[name]) for name in first.robot.joint_names if name in curves]
     model = request.model
     compared = None if model is None else EstimatedFriction(estimate_for(model, first.robot))
     fits = [fit_friction(curve, first.robot) for curve in whole]

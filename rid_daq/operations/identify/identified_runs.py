@@ -18,7 +18,7 @@ from identification.calibration.base_reaction import weight_words
 from identification.calibration.drive_gains import DriveGains
 from identification.consistency.closest_robot import check_consistency
 from identification.consistency.consistency_test import ConsistencyTest
-from identification.cross_checks.agreement import CrossCheck, Method
+from identification.cross_checks.agreement import CrossCheck, CrossMethod
 from identification.equations.bus_delay import refused_delay_findings
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import write_estimate
@@ -30,7 +30,7 @@ from identification.validation.period_comparison import compare_period
 from identification.wiring.held_out import held_out_share
 from rid_daq.operations.identify.identify import IdentifyRequest
 from rid_daq.operations.identify.run_estimation import (
-    EstimationRequest,
+    EstimationJob,
     asked_terms,
     check_otherwise,
     compare_friction,
@@ -52,7 +52,7 @@ from rid_daq.report.sections.curves import CurvesSection
 from rid_daq.report.sections.estimate import EstimateSection
 from rid_daq.report.sections.plate import PlateSection
 from rid_daq.report.sections.runs import ClockSection
-from rid_daq.report.sections.verdict import Verdict
+from rid_daq.report.sections.verdict import VerdictSection
 from rid_daq.report_page.write import write_result
 from rid_daq.runs import made_file
 from rid_daq.runs.measured_torques import require_torques
@@ -195,18 +195,21 @@ def identify_runs(request: IdentifyRequest, context: Context) -> IdentifiedRuns:
     return IdentifiedRuns(output, result, report, notes, gains, unused, clocks_of(data))
 
 
-def _method(request: IdentifyRequest) -> EstimationRequest:
+def _method(request: IdentifyRequest) -> EstimationJob:
     """Return what is estimated, as a request says it."""
     asked = request.how.options
     model = asked.model.options()
     model = replace(model, payload=model.payload or bool(request.loaded))
     options = EstimationOptions(model, asked.weighting, None, asked.band_hz, asked.standstill_rad_s)
-    return EstimationRequest(options, request.how.cad_prior)
+    return EstimationJob(options, request.how.cad_prior)
 
 
 def _verdict(
-    before: Verdict, section: EstimateSection, wiring: WiringDiagnosis, plate: PlateSection | None
-) -> Verdict | None:
+    before: VerdictSection,
+    section: EstimateSection,
+    wiring: WiringDiagnosis,
+    plate: PlateSection | None,
+) -> VerdictSection | None:
     """Return the verdict of a bad fit or a mistake, what takes its place, or None to leave it."""
     bad = [axis.joint for axis in section.axes if axis.grade is Grade.BAD]
     why = [mistake.sentence for mistake in section.mistakes or ()] + list(wiring.sentences)
@@ -221,7 +224,7 @@ def _verdict(
     if bad:
         why.append(f"The model does not explain the torque of {', '.join(bad)}.")
         why += [OTHER_ROBOT] if section.mistakes == () else []
-    return Verdict.failed(headline, " ".join(why))
+    return VerdictSection.failed(headline, " ".join(why))
 
 
 def _loaded(request: IdentifyRequest, data: tuple[RunData, ...]) -> tuple[str, ...]:
@@ -243,7 +246,7 @@ def _loaded(request: IdentifyRequest, data: tuple[RunData, ...]) -> tuple[str, .
     return ids
 
 
-def _chosen(data: tuple[RunData, ...], how: EstimationRequest, context: Context) -> ModelChoice:
+def _chosen(data: tuple[RunData, ...], how: EstimationJob, context: Context) -> ModelChoice:
     with context.progress("Choosing the model", float(STEPS), "steps") as shown:
         return compare_friction(
             data, how, lambda done, _, name: shown.update(float(done), f"next: {name}")
@@ -251,11 +254,11 @@ def _chosen(data: tuple[RunData, ...], how: EstimationRequest, context: Context)
 
 
 def _cross_checked(
-    data: tuple[RunData, ...], how: EstimationRequest, estimate: Estimate, context: Context
+    data: tuple[RunData, ...], how: EstimationJob, estimate: Estimate, context: Context
 ) -> list[str]:
     checks: list[CrossCheck] = []
-    with context.progress("Cross-checking", float(len(Method)), "methods") as shown:
-        shown.update(0.0, f"next: {next(iter(Method))}")
+    with context.progress("Cross-checking", float(len(CrossMethod)), "methods") as shown:
+        shown.update(0.0, f"next: {next(iter(CrossMethod))}")
         for number, check in enumerate(check_otherwise(estimate, data, how), 1):
             checks.append(check)
             shown.update(float(number), check.sentence)

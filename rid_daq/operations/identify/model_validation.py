@@ -22,7 +22,7 @@ from identification.regression.fit_grade import BAD_SHARE, Grade
 from identification.validation.base_wrench_validation import validate_base_wrench
 from identification.validation.diagnosis import diagnose
 from identification.validation.extrapolation import extrapolation_findings
-from identification.validation.torque_prediction import Validation, validate
+from identification.validation.torque_prediction import Validation, validate_torques
 from rid_daq.blocks.formats import number
 from rid_daq.operations.cell_files import estimate_for, motion_for, require_robot
 from rid_daq.operations.identify.validate import ValidateRequest
@@ -32,7 +32,7 @@ from rid_daq.report.sections.estimate import EstimateSection
 from rid_daq.report.sections.reaction import BaseLoadSection, ReactionSection
 from rid_daq.report.sections.runs import ClockSection
 from rid_daq.report.sections.validation import ValidationSection
-from rid_daq.report.sections.verdict import Check, Verdict
+from rid_daq.report.sections.verdict import VerdictCheck, VerdictSection
 from rid_daq.report_page.write import write_result
 from rid_daq.requests.request import refuse_unused
 from rid_daq.runs.measured_torques import require_torques
@@ -62,7 +62,7 @@ class Validated:
             none.
     """
 
-    verdict: Verdict
+    verdict: VerdictSection
     validation: ValidationSection | None = None
     reaction: ReactionSection | None = None
     base_load: BaseLoadSection | None = None
@@ -107,7 +107,7 @@ def validate_run(request: ValidateRequest) -> Validated:
     if not external:
         require_torques([data])
     band_hz = request.band_hz or estimate.band_hz
-    validation = validate(
+    validation = validate_torques(
         estimate,
         data.recording,
         cutoff_hz=band_hz,
@@ -253,9 +253,11 @@ def _limits(text: str | None, data: RunData) -> tuple[float, ...] | None:
     return values * (count if len(values) == 1 else 1)
 
 
-def _verdict(section: ValidationSection, load: BaseLoadSection | None, robot: str) -> Verdict:
+def _verdict(
+    section: ValidationSection, load: BaseLoadSection | None, robot: str
+) -> VerdictSection:
     checks = [
-        Check.of(
+        VerdictCheck.of(
             f"relative torque error, {axis.joint}",
             axis.relative_error_percent,
             "≤",
@@ -269,14 +271,14 @@ def _verdict(section: ValidationSection, load: BaseLoadSection | None, robot: st
     errors = ", ".join(f"{number(axis.relative_error_percent, 3)}" for axis in section.axes)
     sentence = f"Relative torque error, axis by axis: {errors} %."
     if not checks:
-        return Verdict.of([], "Torques predicted, and not judged", sentence)
+        return VerdictSection.of([], "Torques predicted, and not judged", sentence)
     doubtful = [axis.joint for axis in section.axes if axis.grade is Grade.DOUBTFUL]
     doubt = f"; the fit of {', '.join(doubtful)} is doubtful" if doubtful else ""
     return _judged(checks, f"Passed: the model of {robot} predicts this run{doubt}", sentence)
 
 
-def _judged(checks: Sequence[Check], passed: str, sentence: str) -> Verdict:
+def _judged(checks: Sequence[VerdictCheck], passed: str, sentence: str) -> VerdictSection:
     """Return a verdict whose headline names what is beyond its limit."""
     failed = [line.text.rsplit(" ", 1)[-1] for line in checks if not line.passed]
     headline = f"Failed: {', '.join(failed)} beyond the limit" if failed else passed
-    return Verdict.of(checks, headline, sentence)
+    return VerdictSection.of(checks, headline, sentence)

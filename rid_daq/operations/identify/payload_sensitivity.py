@@ -28,7 +28,7 @@ from identification.sensitivity.cases import (
 )
 from identification.sensitivity.monte_carlo import Draws, PriorUncertainty, collected, monte_carlo
 from identification.sensitivity.problem import (
-    Excitation,
+    SampledMotion,
     SensitivityProblem,
     deviation_percent,
 )
@@ -178,13 +178,13 @@ def _body(cell: LoadedCell, payload: str) -> PayloadBody:
     )
 
 
-def _excitation(cell: LoadedCell, motion: Path) -> Excitation:
+def _excitation(cell: LoadedCell, motion: Path) -> SampledMotion:
     loaded = FourierMotion.require(
         load_motion(motion), f"--motion {motion}: sensitivity needs a periodic (fourier) motion"
     )
     trajectory = loaded.trajectory(cell.robot, cell.config.cycle_time_s)
     time_s = trajectory.sample_times_s
-    return Excitation(
+    return SampledMotion(
         trajectory.position(time_s), trajectory.velocity(time_s), trajectory.acceleration(time_s)
     )
 

@@ -48,7 +48,7 @@ COMPARED_HZ: Final = 200.0
 
 
 @dataclass(frozen=True, eq=False)
-class EstimationRequest(Ranged):
+class EstimationJob(Ranged):
     """What a person may choose about an estimate from runs.
 
     Attributes:
@@ -83,7 +83,7 @@ class Identified:
 
 def estimate_runs(
     data: Sequence[RunData],
-    how: EstimationRequest | None = None,
+    how: EstimationJob | None = None,
     *,
     robot: RobotDescription | None = None,
     chosen: ModelChoice | None = None,
@@ -99,7 +99,7 @@ def estimate_runs(
             drawings.
         DataQualityError, EstimationError: The data do not show the parameters.
     """
-    how = how or EstimationRequest()
+    how = how or EstimationJob()
     robot = robot or one_robot(data)
     channel = None if chosen is None or not chosen.channel.changes else chosen.channel
     warming = None if chosen is None else chosen.warming
@@ -148,7 +148,7 @@ def estimate_runs(
 
 
 def compare_friction(
-    data: Sequence[RunData], how: EstimationRequest, watch: Watch | None = None
+    data: Sequence[RunData], how: EstimationJob, watch: Watch | None = None
 ) -> ModelChoice:
     """Choose the friction terms of each joint by these runs alone.
 
@@ -180,7 +180,7 @@ def compare_friction(
 
 
 def _chosen_by_periods(
-    robot: RobotDescription, data: Sequence[RunData], how: EstimationRequest, watch: Watch | None
+    robot: RobotDescription, data: Sequence[RunData], how: EstimationJob, watch: Watch | None
 ) -> ModelChoice:
     """Choose by mean periods: on their bins a delay is exact, and no filter is looked for."""
     averages = averages_of(data)
@@ -195,7 +195,7 @@ def _chosen_by_periods(
 
 
 def check_otherwise(
-    estimate: Estimate, data: Sequence[RunData], how: EstimationRequest
+    estimate: Estimate, data: Sequence[RunData], how: EstimationJob
 ) -> Iterator[CrossCheck]:
     """Estimate by other methods from the runs that an estimate comes from, one after the other."""
     loaded = [item.folder.run_id in how.loaded for item in data]
@@ -203,9 +203,7 @@ def check_otherwise(
     yield from cross_checks(estimate, time_runs(estimate.model, signals, loaded))
 
 
-def asked_terms(
-    estimate: Estimate, data: Sequence[RunData], how: EstimationRequest
-) -> tuple[str, ...]:
+def asked_terms(estimate: Estimate, data: Sequence[RunData], how: EstimationJob) -> tuple[str, ...]:
     """Name friction terms that held-out parts of the runs ask for; see `asked_findings`.
 
     Rows of recordings come at `COMPARED_HZ` or a little more often: a comparison needs no others.
@@ -235,7 +233,7 @@ def _thinned_recording(recording: Recording) -> Recording:
 def gains_of_drives(
     estimate: Estimate,
     data: Sequence[RunData],
-    how: EstimationRequest,
+    how: EstimationJob,
     mass_kg: float,
     mass_sigma_kg: float,
 ) -> DriveGains:
@@ -252,7 +250,7 @@ def gains_of_drives(
 
 
 def _signals_for(
-    estimate: Estimate, data: Sequence[RunData], how: EstimationRequest
+    estimate: Estimate, data: Sequence[RunData], how: EstimationJob
 ) -> list[SmoothedSignals]:
     """Return runs as the estimate had them; mean periods with their unfiltered signals."""
     if data[0].is_periodic:
@@ -269,7 +267,7 @@ def warmed(
 
 
 def signals_of(
-    data: Sequence[RunData], how: EstimationRequest, channel: TorqueChannel | None = None
+    data: Sequence[RunData], how: EstimationJob, channel: TorqueChannel | None = None
 ) -> list[SmoothedSignals]:
     """Return runs as low-passed recordings in time: of periodic ones the mean period.
 

@@ -11,12 +11,12 @@ import numpy as np
 
 from acquisition.runs.folder import RunFolder
 from config.robot.robot import RobotDescription
-from identification.wiring.mistakes import DEGREES, Kind, Mistake
+from identification.wiring.mistakes import DEGREES, Mistake, MistakeKind
 from identification.wiring.search import Found, find_mistakes, impossibilities
 from identification.wiring.signals import WiredSignals
 from identification.wiring.weight import ArmWeight
 from rid_daq.blocks.formats import number
-from rid_daq.operations.identify.run_estimation import EstimationRequest, signals_of
+from rid_daq.operations.identify.run_estimation import EstimationJob, signals_of
 from rid_daq.report.mistake_entry import (
     ArmWeightEntry,
     Explanation,
@@ -26,62 +26,69 @@ from rid_daq.report.mistake_entry import (
 from rid_daq.runs.origins import key_lines
 from rid_daq.runs.run_data import RunData
 
-_IN_MAP: Final[dict[Kind, str]] = {
-    Kind.POSITION_SIGN: "map: `position_sign` of {each}",
-    Kind.TORQUE_SIGN: "map: `torque_sign` of {each}",
-    Kind.DIRECTION: "map: `position_sign` and `torque_sign` of {each}",
-    Kind.POSITION_FACTOR: "map: `units.position`, or `gear_ratio` of {each}",
-    Kind.POSITION_OFFSET: "map: `zero_offset` of {each}",
-    Kind.POSITION_ORDER: "map: `position` of {each}",
-    Kind.TORQUE_FACTOR: "map: `units`, or `torque_constant_nm_per_a` of {each}",
-    Kind.TORQUE_ORDER: "map: `torque` or `current` of {each}",
-    Kind.AXIS_ORDER: "map: the columns of {each}",
-    Kind.CLOCK: "map: `time.unit`, or `rate_hz`",
-    Kind.CONVENTION: "robot file: `kinematics.convention`",
-    Kind.COUPLING: "robot file: `coupling`",
-    Kind.MOUNTING: "robot file: `gravity_m_s2`",
-    Kind.TORQUE_UNIT: "map: `units`, or `torque_constant_nm_per_a` of {each}; robot file: `cad`",
-    Kind.TORQUE_QUANTITY: "map: `torque` or `current` of {each}",
-    Kind.GRAVITY_REMOVED: "map: `torque` or `current` of {each}; the controller: record the torques"
-    " of the motors, before gravity is compensated",
+_IN_MAP: Final[dict[MistakeKind, str]] = {
+    MistakeKind.POSITION_SIGN: "map: `position_sign` of {each}",
+    MistakeKind.TORQUE_SIGN: "map: `torque_sign` of {each}",
+    MistakeKind.DIRECTION: "map: `position_sign` and `torque_sign` of {each}",
+    MistakeKind.POSITION_FACTOR: "map: `units.position`, or `gear_ratio` of {each}",
+    MistakeKind.POSITION_OFFSET: "map: `zero_offset` of {each}",
+    MistakeKind.POSITION_ORDER: "map: `position` of {each}",
+    MistakeKind.TORQUE_FACTOR: "map: `units`, or `torque_constant_nm_per_a` of {each}",
+    MistakeKind.TORQUE_ORDER: "map: `torque` or `current` of {each}",
+    MistakeKind.AXIS_ORDER: "map: the columns of {each}",
+    MistakeKind.CLOCK: "map: `time.unit`, or `rate_hz`",
+    MistakeKind.CONVENTION: "robot file: `kinematics.convention`",
+    MistakeKind.COUPLING: "robot file: `coupling`",
+    MistakeKind.MOUNTING: "robot file: `gravity_m_s2`",
+    MistakeKind.TORQUE_UNIT: (
+        "map: `units`, or `torque_constant_nm_per_a` of {each}; robot file: `cad`"
+    ),
+    MistakeKind.TORQUE_QUANTITY: "map: `torque` or `current` of {each}",
+    MistakeKind.GRAVITY_REMOVED: (
+        "map: `torque` or `current` of {each}; the controller: record the torques"
+        " of the motors, before gravity is compensated"
+    ),
 }
-_LINES_OF_MAP: Final[dict[Kind, tuple[str, ...]]] = {
-    Kind.POSITION_SIGN: ("map.yaml joints.*.position_sign",),
-    Kind.TORQUE_SIGN: ("map.yaml joints.*.torque_sign",),
-    Kind.DIRECTION: ("map.yaml joints.*.position_sign", "map.yaml joints.*.torque_sign"),
-    Kind.POSITION_FACTOR: ("map.yaml units.position", "map.yaml joints.*.gear_ratio"),
-    Kind.POSITION_OFFSET: ("map.yaml joints.*.zero_offset",),
-    Kind.POSITION_ORDER: ("map.yaml joints.*.position",),
-    Kind.TORQUE_FACTOR: ("map.yaml units", "map.yaml joints.*.torque_constant_nm_per_a"),
-    Kind.TORQUE_ORDER: ("map.yaml joints.*.torque", "map.yaml joints.*.current"),
-    Kind.AXIS_ORDER: ("map.yaml joints.*.position",),
-    Kind.CLOCK: ("map.yaml time.unit", "map.yaml rate_hz"),
-    Kind.TORQUE_UNIT: ("map.yaml units", "map.yaml joints.*.torque_constant_nm_per_a"),
-    Kind.TORQUE_QUANTITY: ("map.yaml joints.*.torque", "map.yaml joints.*.current"),
-    Kind.GRAVITY_REMOVED: ("map.yaml joints.*.torque", "map.yaml joints.*.current"),
+_LINES_OF_MAP: Final[dict[MistakeKind, tuple[str, ...]]] = {
+    MistakeKind.POSITION_SIGN: ("map.yaml joints.*.position_sign",),
+    MistakeKind.TORQUE_SIGN: ("map.yaml joints.*.torque_sign",),
+    MistakeKind.DIRECTION: ("map.yaml joints.*.position_sign", "map.yaml joints.*.torque_sign"),
+    MistakeKind.POSITION_FACTOR: ("map.yaml units.position", "map.yaml joints.*.gear_ratio"),
+    MistakeKind.POSITION_OFFSET: ("map.yaml joints.*.zero_offset",),
+    MistakeKind.POSITION_ORDER: ("map.yaml joints.*.position",),
+    MistakeKind.TORQUE_FACTOR: ("map.yaml units", "map.yaml joints.*.torque_constant_nm_per_a"),
+    MistakeKind.TORQUE_ORDER: ("map.yaml joints.*.torque", "map.yaml joints.*.current"),
+    MistakeKind.AXIS_ORDER: ("map.yaml joints.*.position",),
+    MistakeKind.CLOCK: ("map.yaml time.unit", "map.yaml rate_hz"),
+    MistakeKind.TORQUE_UNIT: ("map.yaml units", "map.yaml joints.*.torque_constant_nm_per_a"),
+    MistakeKind.TORQUE_QUANTITY: ("map.yaml joints.*.torque", "map.yaml joints.*.current"),
+    MistakeKind.GRAVITY_REMOVED: ("map.yaml joints.*.torque", "map.yaml joints.*.current"),
 }
-_LINES_OF_ROBOT: Final[dict[Kind, tuple[str, ...]]] = {
-    Kind.CONVENTION: ("robot.yaml kinematics.convention",),
-    Kind.COUPLING: ("robot.yaml coupling",),
-    Kind.MOUNTING: ("robot.yaml gravity_m_s2",),
+_LINES_OF_ROBOT: Final[dict[MistakeKind, tuple[str, ...]]] = {
+    MistakeKind.CONVENTION: ("robot.yaml kinematics.convention",),
+    MistakeKind.COUPLING: ("robot.yaml coupling",),
+    MistakeKind.MOUNTING: ("robot.yaml gravity_m_s2",),
 }
-_LINES_OF_CELL: Final[dict[Kind, tuple[str, ...]]] = {
-    Kind.POSITION_SIGN: ("robot.yaml kinematics.rows.*.alpha_rad", "cell.yaml axes.*.direction"),
-    Kind.TORQUE_SIGN: ("cell.yaml axes.*.direction",),
-    Kind.DIRECTION: ("cell.yaml axes.*.direction",),
-    Kind.POSITION_FACTOR: ("robot.yaml joints.*.gear_ratio",),
-    Kind.POSITION_OFFSET: (
+_LINES_OF_CELL: Final[dict[MistakeKind, tuple[str, ...]]] = {
+    MistakeKind.POSITION_SIGN: (
+        "robot.yaml kinematics.rows.*.alpha_rad",
+        "cell.yaml axes.*.direction",
+    ),
+    MistakeKind.TORQUE_SIGN: ("cell.yaml axes.*.direction",),
+    MistakeKind.DIRECTION: ("cell.yaml axes.*.direction",),
+    MistakeKind.POSITION_FACTOR: ("robot.yaml joints.*.gear_ratio",),
+    MistakeKind.POSITION_OFFSET: (
         "cell.yaml axes.*.position_zero_counts",
         "robot.yaml kinematics.rows.*.theta_rad",
     ),
-    Kind.POSITION_ORDER: ("cell.yaml axes.*.node_id",),
-    Kind.TORQUE_FACTOR: ("robot.yaml joints.*.gear_ratio",),
-    Kind.TORQUE_ORDER: ("cell.yaml axes.*.node_id",),
-    Kind.AXIS_ORDER: ("cell.yaml axes.*.node_id",),
-    Kind.CLOCK: ("cell.yaml cycle_time_ms",),
-    Kind.TORQUE_UNIT: ("robot.yaml joints.*.gear_ratio",),
-    Kind.TORQUE_QUANTITY: (),
-    Kind.GRAVITY_REMOVED: (),
+    MistakeKind.POSITION_ORDER: ("cell.yaml axes.*.node_id",),
+    MistakeKind.TORQUE_FACTOR: ("robot.yaml joints.*.gear_ratio",),
+    MistakeKind.TORQUE_ORDER: ("cell.yaml axes.*.node_id",),
+    MistakeKind.AXIS_ORDER: ("cell.yaml axes.*.node_id",),
+    MistakeKind.CLOCK: ("cell.yaml cycle_time_ms",),
+    MistakeKind.TORQUE_UNIT: ("robot.yaml joints.*.gear_ratio",),
+    MistakeKind.TORQUE_QUANTITY: (),
+    MistakeKind.GRAVITY_REMOVED: (),
 }
 OTHER_ROBOT: Final = (
     "Compare lengths, axes and zero positions in the robot file with the robot: the file may be"
@@ -91,31 +98,39 @@ ALONG_AXIS: Final = math.cos(math.radians(2.0))
 _NEVER_ADDED: Final = frozenset({"torque", "current", "rate_hz", "time.unit"})
 """Keys of a map of which it states this or another: where they are not stated, none is to add."""
 
-_IN_CELL: Final[dict[Kind, str]] = {
-    Kind.POSITION_SIGN: "robot file: the sign of `alpha_rad` in {rows}; cell file: `direction` in"
-    " {axes}",
-    Kind.TORQUE_SIGN: "cell file: `direction` in {axes}; the drive: its torque's sign (6077h)",
-    Kind.DIRECTION: "cell file: `direction` in {axes}",
-    Kind.POSITION_FACTOR: "robot file: `gear_ratio` in {joints}; the drive: its encoder's"
+_IN_CELL: Final[dict[MistakeKind, str]] = {
+    MistakeKind.POSITION_SIGN: (
+        "robot file: the sign of `alpha_rad` in {rows}; cell file: `direction` in {axes}"
+    ),
+    MistakeKind.TORQUE_SIGN: (
+        "cell file: `direction` in {axes}; the drive: its torque's sign (6077h)"
+    ),
+    MistakeKind.DIRECTION: "cell file: `direction` in {axes}",
+    MistakeKind.POSITION_FACTOR: "robot file: `gear_ratio` in {joints}; the drive: its encoder's"
     " resolution (608Fh)",
-    Kind.POSITION_OFFSET: "cell file: `position_zero_counts` in {axes}; robot file: `theta_rad` in"
-    " {rows}",
-    Kind.POSITION_ORDER: "cell file: `node_id` in {axes}",
-    Kind.TORQUE_FACTOR: "robot file: `gear_ratio` in {joints}; the drive: its rated torque (6076h)",
-    Kind.TORQUE_ORDER: "cell file: `node_id` in {axes}",
-    Kind.AXIS_ORDER: "cell file: `node_id` in {axes}",
-    Kind.CLOCK: "cell file: `cycle_time_ms`",
-    Kind.CONVENTION: "robot file: `kinematics.convention`",
-    Kind.COUPLING: "robot file: `coupling`",
-    Kind.MOUNTING: "robot file: `gravity_m_s2`",
-    Kind.TORQUE_UNIT: "cell file: the rated torque of {axes}; the drive: its rated torque (6076h)",
-    Kind.TORQUE_QUANTITY: "the drive: what it maps as its torque (6077h)",
-    Kind.GRAVITY_REMOVED: "the drive: what it maps as its torque (6077h)",
+    MistakeKind.POSITION_OFFSET: (
+        "cell file: `position_zero_counts` in {axes}; robot file: `theta_rad` in {rows}"
+    ),
+    MistakeKind.POSITION_ORDER: "cell file: `node_id` in {axes}",
+    MistakeKind.TORQUE_FACTOR: (
+        "robot file: `gear_ratio` in {joints}; the drive: its rated torque (6076h)"
+    ),
+    MistakeKind.TORQUE_ORDER: "cell file: `node_id` in {axes}",
+    MistakeKind.AXIS_ORDER: "cell file: `node_id` in {axes}",
+    MistakeKind.CLOCK: "cell file: `cycle_time_ms`",
+    MistakeKind.CONVENTION: "robot file: `kinematics.convention`",
+    MistakeKind.COUPLING: "robot file: `coupling`",
+    MistakeKind.MOUNTING: "robot file: `gravity_m_s2`",
+    MistakeKind.TORQUE_UNIT: (
+        "cell file: the rated torque of {axes}; the drive: its rated torque (6076h)"
+    ),
+    MistakeKind.TORQUE_QUANTITY: "the drive: what it maps as its torque (6077h)",
+    MistakeKind.GRAVITY_REMOVED: "the drive: what it maps as its torque (6077h)",
 }
 
 
 def wired_signals(
-    data: Sequence[RunData], how: EstimationRequest, robot: RobotDescription
+    data: Sequence[RunData], how: EstimationJob, robot: RobotDescription
 ) -> WiredSignals:
     """Return what runs of one robot say, those left out that carried an unknown payload.
 
@@ -226,7 +241,7 @@ def _sentence(found: Found, words: str, joints: Sequence[str], worst: int) -> st
     says = f"{words[0].upper()}{words[1:]}"
     if found.weight is not None:
         return f"{says}: {found.weight.sentence}."
-    if found.mistake.kind is Kind.TORQUE_QUANTITY:
+    if found.mistake.kind is MistakeKind.TORQUE_QUANTITY:
         return f"{says}: the numbers agree row by row."
     sentence = f"{says}: that explains the data far better."
     before, after = (100.0 * trial.residual_share[worst] for trial in (found.before, found.after))
@@ -285,33 +300,35 @@ def _words(mistake: Mistake, robot: RobotDescription) -> str:
     joint = _listed(names) if names else "every joint"
     each = joint if len(names) == 1 else f"{joint} each"
     order = f"{joint} are swapped" if len(names) == 2 else f"come in the order {', '.join(names)}"
-    says: dict[Kind, Callable[[], str]] = {
-        Kind.POSITION_SIGN: lambda: f"the position of {joint} has the wrong sign",
-        Kind.TORQUE_SIGN: lambda: f"the torque of {joint} has the wrong sign",
-        Kind.DIRECTION: lambda: f"{joint} turns the other way than its file says",
-        Kind.POSITION_FACTOR: lambda: _factor(f"the position of {joint}", mistake, robot),
-        Kind.POSITION_OFFSET: lambda: (
+    says: dict[MistakeKind, Callable[[], str]] = {
+        MistakeKind.POSITION_SIGN: lambda: f"the position of {joint} has the wrong sign",
+        MistakeKind.TORQUE_SIGN: lambda: f"the torque of {joint} has the wrong sign",
+        MistakeKind.DIRECTION: lambda: f"{joint} turns the other way than its file says",
+        MistakeKind.POSITION_FACTOR: lambda: _factor(f"the position of {joint}", mistake, robot),
+        MistakeKind.POSITION_OFFSET: lambda: (
             f"the zero position of {joint} is off: add {math.degrees(mistake.factor):.3g}° to its"
             " position"
         ),
-        Kind.POSITION_ORDER: lambda: f"the positions of {order}",
-        Kind.TORQUE_FACTOR: lambda: _factor(f"the torque of {joint}", mistake, robot),
-        Kind.TORQUE_ORDER: lambda: f"the torques of {order}",
-        Kind.TORQUE_UNIT: lambda: f"the torques are in {mistake.what}",
-        Kind.TORQUE_QUANTITY: lambda: f"the torque column of {each} holds its {mistake.what}",
-        Kind.AXIS_ORDER: lambda: f"the axes {order}",
-        Kind.CLOCK: lambda: f"a second of the time stamps is {number(mistake.factor, 3)} s",
-        Kind.CONVENTION: lambda: (
+        MistakeKind.POSITION_ORDER: lambda: f"the positions of {order}",
+        MistakeKind.TORQUE_FACTOR: lambda: _factor(f"the torque of {joint}", mistake, robot),
+        MistakeKind.TORQUE_ORDER: lambda: f"the torques of {order}",
+        MistakeKind.TORQUE_UNIT: lambda: f"the torques are in {mistake.what}",
+        MistakeKind.TORQUE_QUANTITY: lambda: (
+            f"the torque column of {each} holds its {mistake.what}"
+        ),
+        MistakeKind.AXIS_ORDER: lambda: f"the axes {order}",
+        MistakeKind.CLOCK: lambda: f"a second of the time stamps is {number(mistake.factor, 3)} s",
+        MistakeKind.CONVENTION: lambda: (
             "the kinematic table is written in the other convention than"
             f" {robot.kinematics.convention}"
         ),
-        Kind.COUPLING: lambda: (
+        MistakeKind.COUPLING: lambda: (
             f"the wrist's coupling at {joint} is another"
             if robot.coupling is not None
             else f"the wrist is coupled at {joint}"
         ),
-        Kind.MOUNTING: lambda: f"gravity points along {_direction(mistake.robot, robot)}",
-        Kind.GRAVITY_REMOVED: lambda: "gravity is missing in the torques",
+        MistakeKind.MOUNTING: lambda: f"gravity points along {_direction(mistake.robot, robot)}",
+        MistakeKind.GRAVITY_REMOVED: lambda: "gravity is missing in the torques",
     }
     return says[mistake.kind]()
 
@@ -334,9 +351,9 @@ def _direction(right: RobotDescription | None, stated: RobotDescription) -> str:
 
 
 def _factor(what: str, mistake: Mistake, robot: RobotDescription) -> str:
-    if mistake.kind is Kind.POSITION_FACTOR and mistake.factor == DEGREES:
+    if mistake.kind is MistakeKind.POSITION_FACTOR and mistake.factor == DEGREES:
         return f"{what} is in degrees"
-    if mistake.kind is Kind.POSITION_FACTOR and mistake.factor == 1.0 / DEGREES:
+    if mistake.kind is MistakeKind.POSITION_FACTOR and mistake.factor == 1.0 / DEGREES:
         return f"{what} is in radians"
     if mistake.what:
         return f"{what} is {mistake.what}"

@@ -14,7 +14,12 @@ from acquisition.motion.motion_file import AnyMotion
 from acquisition.runs.catalogue import find_run, find_runs
 from acquisition.supervision.commanded import verify_command
 from compensation.compensated_motion import compensated_motion, refuse_torque, with_period
-from compensation.feedforward.file import Origin, RefinementEntry, TuningEntry, write_feedforward
+from compensation.feedforward.file import (
+    FeedforwardOrigin,
+    RefinementEntry,
+    TuningEntry,
+    write_feedforward,
+)
 from compensation.feedforward.refinement import Refinement, refinement
 from compensation.feedforward.repeated_error import RepeatedError, repeated_error
 from compensation.feedforward.tuning import tune
@@ -110,7 +115,7 @@ def compensate_motion(request: CompensateRequest) -> Compensated:
     verify_limits(compensated, loaded.robot)
     verify_command(compensated, loaded.config, loaded.robot)
     refuse_torque(motion, samples, estimate, loaded.robot)
-    origin = Origin(
+    origin = FeedforwardOrigin(
         model_sha256=sha256_of(model_bytes),
         loops_sha256=sha256_of(loops_bytes),
         temperature=request.temperature or "",
@@ -144,7 +149,7 @@ def refine_feedforward(request: RefineRequest) -> Refined:
     measured_loops = loop_file.loops_content(loops_bytes, request.loop)[1]
     loops = in_order(names, estimate.robot.joint_names, measured_loops)
     measured = repeated_error(samples, [one.data.recording for one in driven])
-    origin = Origin() if first.file is None else first.file.origin
+    origin = FeedforwardOrigin() if first.file is None else first.file.origin
     _refuse_growth(measured, origin)
     found = refinement(samples, measured, estimate, loops, first.cell.position_gain_per_s)
     notes = [*lacks([one.data for one in driven]), *warm.notes]
@@ -188,7 +193,9 @@ def _tuned(
     return TuningEntry.of(found, run.run_id, run.motion == motion)
 
 
-def _refined_origin(origin: Origin, refined: Refined, runs: tuple[str, ...]) -> Origin:
+def _refined_origin(
+    origin: FeedforwardOrigin, refined: Refined, runs: tuple[str, ...]
+) -> FeedforwardOrigin:
     measured, found = refined.measured, refined.found
     entry = RefinementEntry(
         runs=runs,
@@ -211,7 +218,7 @@ def _refuse_mixed(driven: list[MotionRun]) -> None:
             )
 
 
-def _refuse_growth(measured: RepeatedError, origin: Origin) -> None:
+def _refuse_growth(measured: RepeatedError, origin: FeedforwardOrigin) -> None:
     """Refuse to go on where the last refinement has made things worse.
 
     Raises:
@@ -233,7 +240,7 @@ def _refuse_growth(measured: RepeatedError, origin: Origin) -> None:
         )
 
 
-def _stalled(measured: RepeatedError, origin: Origin) -> bool:
+def _stalled(measured: RepeatedError, origin: FeedforwardOrigin) -> bool:
     """Return whether the last refinement has changed next to nothing in any joint."""
     if not origin.refinements:
         return False

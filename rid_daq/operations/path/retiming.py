@@ -29,7 +29,7 @@ from rid_daq.operations.cell_files import estimate_for, motion_for
 from rid_daq.operations.path.retime import RetimeRequest
 from rid_daq.report.result import Result
 from rid_daq.report.sections.retiming import RetimingSection
-from rid_daq.report.sections.verdict import Verdict
+from rid_daq.report.sections.verdict import VerdictSection
 from rid_daq.report_page.render import render_report
 from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
@@ -117,7 +117,7 @@ def retime_motion(request: RetimeRequest) -> Retimed:
     write_whole(request.output, to_yaml(timed.motion, comment).encode())
     if request.report is not None:
         page = Result.new(f"{request.motion.name} timed to its limits", robot.name).updated(
-            verdict=Verdict.of(section.checks, "Within every limit", section.sentence),
+            verdict=VerdictSection.of(section.checks, "Within every limit", section.sentence),
             retiming=section,
         )
         write_whole(request.report, render_report(page).encode())

@@ -9,7 +9,7 @@ from acquisition.motion.samples import MotionSamples
 from acquisition.runs.manifest import require_label
 from acquisition.session.outcome import RecordOutcome
 from compensation.online.online import OnlineFeedforward
-from compensation.online.stream import StreamOptions, stream_motion, stream_socket
+from compensation.online.stream import StreamSettings, stream_motion, stream_socket
 from compensation.operating_temperature import at_operation
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
@@ -43,7 +43,7 @@ def stream_path(request: StreamRequest, context: Context) -> RecordedRun:
     forward = OnlineFeedforward.identified(loaded.config, loaded.robot, warm.estimate, loops)
     name = request.label or as_label("stream" if request.motion is None else request.motion.stem)
     require_label(name)
-    options = StreamOptions(**request.options.model_dump())
+    options = StreamSettings(**request.options.model_dump())
     if options.compensated:
         files |= {ONLINE_MODEL: model_bytes, ONLINE_LOOPS: loops_bytes}
     with open_session(

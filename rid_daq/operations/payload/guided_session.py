@@ -30,7 +30,7 @@ from rid_daq.report.result import Result
 from rid_daq.report.sections.payload import PayloadSection, payload_verdict
 from rid_daq.report.sections.runs import CellSection, RunSection
 from rid_daq.report.sections.timing import Timing
-from rid_daq.report.sections.verdict import Verdict
+from rid_daq.report.sections.verdict import VerdictSection
 from rid_daq.report_page.write import write_result
 from rid_daq.requests.cell_options import Simulation
 from rid_daq.runs.flange import compared
@@ -59,7 +59,7 @@ class SessionIdentified:
     state: SessionState
     judged: PayloadResult
     section: PayloadSection
-    verdict: Verdict
+    verdict: VerdictSection
     file: Path
     report: Path
 

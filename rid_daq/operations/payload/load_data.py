@@ -21,10 +21,10 @@ from identification.payload.controllers.formats import (
 )
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.file import read_payload, refuse_failed
-from rid_daq.blocks.formats import measured, number
+from rid_daq.blocks.formats import format_measured, number
 from rid_daq.operations.payload.payload_export import PayloadExportRequest
 from rid_daq.operations.payload.payload_read_back import PayloadReadBackRequest
-from rid_daq.report.sections.verdict import Check, Verdict
+from rid_daq.report.sections.verdict import VerdictCheck, VerdictSection
 from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
 from rid_daq.terminal.choices import PAYLOAD
@@ -79,7 +79,7 @@ class ReadBack:
     source: str
     measured: PayloadBody
     found: PayloadBody
-    verdict: Verdict
+    verdict: VerdictSection
 
 
 def read_back_payload(request: PayloadReadBackRequest) -> ReadBack:
@@ -99,14 +99,14 @@ def read_back_payload(request: PayloadReadBackRequest) -> ReadBack:
     except ConfigError as error:
         raise ConfigError(f"{file}: {error}", code=error.refusal) from None
     difference = 100.0 * deviation(body, found, request.form)
-    line = Check.of("largest difference", difference, "≤", request.tolerance_percent, "%")
+    line = VerdictCheck.of("largest difference", difference, "≤", request.tolerance_percent, "%")
     headline = (
         f"Passed: {file} holds the payload"
         if line.passed
         else f"Failed: {file} differs from the payload by {number(difference, 3)} %"
     )
     return ReadBack(
-        file, body, found, Verdict.of([line], headline, "Compared with what was measured.")
+        file, body, found, VerdictSection.of([line], headline, "Compared with what was measured.")
     )
 
 
@@ -146,7 +146,7 @@ def _behind_the_flange(estimate: PayloadEstimate) -> tuple[str, ...]:
 
 def _origin(estimate: PayloadEstimate) -> tuple[str, ...]:
     where = f", cell {estimate.cell_name}" if estimate.cell_name else ""
-    mass, reach = measured(float(estimate.reported[0]), 2.0 * float(estimate.sigma[0]))
+    mass, reach = format_measured(float(estimate.reported[0]), 2.0 * float(estimate.sigma[0]))
     return (
         f"Payload on {estimate.robot.name} from {', '.join(estimate.run_ids) or 'runs'}{where},"
         " written by rid-daq.",

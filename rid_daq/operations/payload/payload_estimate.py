@@ -16,14 +16,14 @@ from identification.payload.smoothed_runs import SmoothedRuns
 from identification.payload.verdict import (
     BAD_FIT,
     HEAVY,
-    Check,
+    PayloadCheck,
     PayloadResult,
     Repeats,
     checks,
     repeated,
 )
 from identification.wiring.search import impossibilities
-from rid_daq.operations.identify.run_estimation import EstimationRequest, one_robot
+from rid_daq.operations.identify.run_estimation import EstimationJob, one_robot
 from rid_daq.operations.identify.wiring_diagnosis import wired_signals
 from rid_daq.runs.run_data import RunData
 
@@ -127,23 +127,25 @@ def payload_from_runs(
     return PayloadResult(estimate, (*held, *_arm_checks(empty, payload_request))), repeats
 
 
-def _arm_checks(empty: Sequence[RunData], payload_request: PayloadRequest) -> tuple[Check, ...]:
+def _arm_checks(
+    empty: Sequence[RunData], payload_request: PayloadRequest
+) -> tuple[PayloadCheck, ...]:
     """Hold the arm of the runs without payload against what a robot can be.
 
     A wrong unit or sign of all torques is the payload's as well, and shows in no residual.
     """
     if not empty:
         return ()
-    how = EstimationRequest(EstimationOptions(band_hz=payload_request.band_hz))
+    how = EstimationJob(EstimationOptions(band_hz=payload_request.band_hz))
     driving, weight = impossibilities(wired_signals(empty, how, empty[0].robot))
     said = f"joints with driving friction ({', '.join(driving)})"
-    found = [Check(said, len(driving), "≤", 0.0, "", BAD_FIT)] if driving else []
+    found = [PayloadCheck(said, len(driving), "≤", 0.0, "", BAD_FIT)] if driving else []
     if weight is not None and weight.is_drawn:
         (low, high), sure = weight.plausible, 2.0 * weight.sigma
         said = "weight of the arm by its torques without payload, over that of its drawings"
         light = weight.share < 1.0
         value, limit = (weight.share + sure, low) if light else (weight.share - sure, high)
-        found.append(Check(said, value, "≥" if light else "≤", limit, "", HEAVY))
+        found.append(PayloadCheck(said, value, "≥" if light else "≤", limit, "", HEAVY))
     return tuple(found)
 
 

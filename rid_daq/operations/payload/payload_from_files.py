@@ -15,7 +15,7 @@ from rid_daq.operations.cell_files import estimate_for
 from rid_daq.operations.payload.payload_estimate import PayloadRequest, payload_from_runs
 from rid_daq.operations.payload.payload_identify import PayloadIdentifyRequest
 from rid_daq.report.sections.payload import PayloadSection, payload_verdict
-from rid_daq.report.sections.verdict import Verdict
+from rid_daq.report.sections.verdict import VerdictSection
 from rid_daq.report_page.write import write_result
 from rid_daq.runs import made_file
 from rid_daq.runs.flange import compared
@@ -38,7 +38,7 @@ class PayloadIdentified:
     """
 
     section: PayloadSection
-    verdict: Verdict
+    verdict: VerdictSection
     file: Path
     report: Path
     notes: list[str]

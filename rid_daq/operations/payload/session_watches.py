@@ -15,7 +15,7 @@ from config.robot.robot import RobotDescription
 from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.procedures import identify_payload
 from identification.payload.warm_up import FEWEST_PERIODS, period_powers, power_change_percent
-from rid_daq.blocks.formats import measured
+from rid_daq.blocks.formats import format_measured
 from rid_daq.operations.payload.payload_estimate import PayloadRequest, periodic_runs
 from rid_daq.recording.average_so_far import AverageSoFar
 
@@ -117,7 +117,7 @@ class MassWatch:
             self._said = str(error)
             return False
         two_sigma = 2.0 * float(estimate.sigma[0])
-        mass, reach = measured(float(estimate.reported[0]), two_sigma)
+        mass, reach = format_measured(float(estimate.reported[0]), two_sigma)
         self._said = f"{new.periods} periods: {mass} ± {reach} kg"
         return self._goal_kg is not None and two_sigma <= self._goal_kg
 

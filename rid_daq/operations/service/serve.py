@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 from pydantic import Field
 
 from rid_daq.blocks.block import Text
-from rid_daq.operations.ended import Ended
+from rid_daq.operations.ended import EndResult
 from rid_daq.operations.operation import Context, Operation, OperationResult
 from rid_daq.requests.option import Option
 from rid_daq.requests.request import Request
@@ -145,7 +145,7 @@ def run(request: ServeRequest, context: Context) -> OperationResult:
         context.result(begun.document(), begun.blocks())
 
     serve_cells(request.cells, request.folder, access, request.pace, PAGES, ready)
-    return Ended()
+    return EndResult()
 
 
 def _keep_current(unit: SystemdUnit) -> None:

@@ -15,7 +15,7 @@ from config.formats.whole_file import write_whole
 from config.load import LoadedCell, load_cell
 from config.robot.urdf_robot import UrdfRobot
 from identification.design.criteria import DOptimal
-from identification.design.search import refine
+from identification.design.search import refine_start
 from identification.design.task import excitation_problem
 from rid_daq.operations.start.urdf_starter import slower_robot, starting_files
 from rid_daq.preflight.last_pose import PoseRule
@@ -85,7 +85,7 @@ def _run(loaded: LoadedCell, folder: Path) -> RecordOutcome:
     problem = excitation_problem(
         cell, robot, period_s=PERIOD_S, harmonics=HARMONICS, criterion=DOptimal()
     )
-    found = refine(problem, 0, cell.cycle_time_s, iterations=ITERATIONS, periods=1)
+    found = refine_start(problem, 0, cell.cycle_time_s, iterations=ITERATIONS, periods=1)
     motion = found.motion.model_copy(update={"transient_periods": 0})
     samples = motion.plan(robot, cell.cycle_time_s)
     with mountable_cell(loaded) as (reachable, _):

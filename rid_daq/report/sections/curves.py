@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Strict
 
 from config.robot.robot import RobotDescription
-from rid_daq.report.sections.section import Numbers, Section, finite, rounded, thinned, units
+from rid_daq.report.sections.section import Numbers, Section, curve_rows, finite, rounded, units
 
 if TYPE_CHECKING:
     from identification.estimation.estimate import Estimate
@@ -50,7 +50,7 @@ class TorqueCurves(Section):
     @classmethod
     def of(cls, validation: Validation, robot: RobotDescription) -> TorqueCurves:
         """Return measured and predicted torque over time, and what counts."""
-        rows = thinned(len(validation.time_s))
+        rows = curve_rows(len(validation.time_s))
         axes = []
         unknown = "" if validation.known.all() else ", or friction that is not known yet"
         for i, joint in enumerate(robot.joints):
@@ -81,7 +81,7 @@ class TorqueCurves(Section):
         cls, estimate: Estimate, comparison: PeriodComparison, periods: int
     ) -> TorqueCurves:
         """Return the torques of a mean of so many periods, with what was fitted to them."""
-        rows = thinned(len(comparison.time_s))
+        rows = curve_rows(len(comparison.time_s))
         axes = []
         for i, joint in enumerate(estimate.robot.joints):
             unit, counted = units(joint)[1], comparison.counted[:, i]

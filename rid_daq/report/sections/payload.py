@@ -7,9 +7,9 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, cast
 
 from identification.regression.fit_grade import Grade
-from rid_daq.blocks.formats import measured
+from rid_daq.blocks.formats import format_measured
 from rid_daq.report.sections.section import Numbers, Section, Texts, units
-from rid_daq.report.sections.verdict import Check, Relation, Verdict
+from rid_daq.report.sections.verdict import Relation, VerdictCheck, VerdictSection
 
 if TYPE_CHECKING:
     from identification.payload.estimate import PayloadEstimate
@@ -186,7 +186,7 @@ class PayloadSection(Section):
         return sum(each.value is not None for each in self.parameters[1:4]) >= 2
 
 
-def payload_verdict(payload: PayloadResult, empty: EmptyFlange | None = None) -> Verdict:
+def payload_verdict(payload: PayloadResult, empty: EmptyFlange | None = None) -> VerdictSection:
     """Return whether a payload is as sure as was asked for.
 
     Args:
@@ -195,7 +195,9 @@ def payload_verdict(payload: PayloadResult, empty: EmptyFlange | None = None) ->
     """
     estimate = payload.estimate
     checks = [
-        Check.of(line.text, line.value, cast("Relation", line.relation), line.limit, line.unit)
+        VerdictCheck.of(
+            line.text, line.value, cast("Relation", line.relation), line.limit, line.unit
+        )
         for line in payload.checks
     ]
     failed = [line.text for line in checks if not line.passed]
@@ -218,7 +220,7 @@ def payload_verdict(payload: PayloadResult, empty: EmptyFlange | None = None) ->
             f" Each torque constant counts as known to {known:.2g} % (1 σ): 1 % of all of them is"
             f" {0.01 * abs(estimate.reported[0]):.2g} kg."
         )
-    return Verdict.of(checks, headline, sentence)
+    return VerdictSection.of(checks, headline, sentence)
 
 
 def _parameters(estimate: PayloadEstimate, whole: bool) -> tuple[PayloadParameter, ...]:
@@ -257,12 +259,12 @@ def _existence(estimate: PayloadEstimate) -> str:
 
 
 def _mass(estimate: PayloadEstimate) -> str:
-    value, reach = measured(float(estimate.reported[0]), 2.0 * float(estimate.sigma[0]))
+    value, reach = format_measured(float(estimate.reported[0]), 2.0 * float(estimate.sigma[0]))
     return f"{value} kg ± {reach} kg"
 
 
 def _known(name: str, value: float, reach: float) -> str:
-    shown, around = measured(value, reach)
+    shown, around = format_measured(value, reach)
     return f"{name} = {shown} ± {around} (2σ)"
 
 

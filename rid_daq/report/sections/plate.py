@@ -9,7 +9,7 @@ from pydantic import Strict
 from acquisition.recording.plate_geometry import WRENCH_NAMES, WRENCH_UNITS
 from identification.calibration.plate_mistake import PlateMistake
 from identification.regression.fit_grade import Grade
-from rid_daq.blocks.formats import measured
+from rid_daq.blocks.formats import format_measured
 from rid_daq.report.sections.section import Numbers, Section, Texts
 
 if TYPE_CHECKING:
@@ -202,7 +202,7 @@ class PlateSection(Section):
 
 def _fit_sentence(plate: PlateFit, weight: Sequence[str]) -> str:
     delays = ", ".join(
-        " ± ".join(measured(1e3 * float(delay), 2e3 * float(sigma)))
+        " ± ".join(format_measured(1e3 * float(delay), 2e3 * float(sigma)))
         for delay, sigma in zip(plate.delay_s, plate.delay_sigma_s, strict=True)
     )
     words = f"The force plate's signals were {delays} ms late, which is made up for"

@@ -9,9 +9,9 @@ import numpy as np
 
 from acquisition.recording.plate_geometry import WRENCH_NAMES, WRENCH_UNITS
 from config.cell.plate import CHANNEL_NAMES, PlateConfig, PlateZero
-from rid_daq.blocks.formats import measured
+from rid_daq.blocks.formats import format_measured
 from rid_daq.report.sections.section import Numbers, Section, Texts
-from rid_daq.report.sections.verdict import Check, Verdict
+from rid_daq.report.sections.verdict import VerdictCheck, VerdictSection
 
 if TYPE_CHECKING:
     from acquisition.plate_zero.plate_zero import PlateOffset, ZeroTurn
@@ -101,7 +101,7 @@ def as_zero(found: PlateOffset, turn: ZeroTurn) -> PlateZero:
     return PlateZero(offset_n=offset, drift_n_s=drift, pose=pose, rest_n=rest)
 
 
-def zero_verdict(found: PlateOffset, turn: ZeroTurn, plate: PlateConfig) -> Verdict:
+def zero_verdict(found: PlateOffset, turn: ZeroTurn, plate: PlateConfig) -> VerdictSection:
     """Return whether the zero holds.
 
     What axis 1 cannot have turned, forces and the moment about it, shows a plate that is described
@@ -115,19 +115,21 @@ def zero_verdict(found: PlateOffset, turn: ZeroTurn, plate: PlateConfig) -> Verd
     certain = 2.0 * float(found.offset_sigma_n.max())
     reach_m = max(plate.a_m, plate.b_m)
     checks = [
-        Check.of("largest force that came from turning", forces, "≤", ZERO_LIMIT_N, "N"),
-        Check.of(
+        VerdictCheck.of("largest force that came from turning", forces, "≤", ZERO_LIMIT_N, "N"),
+        VerdictCheck.of(
             "moment about axis 1 that came from turning", about, "≤", ZERO_LIMIT_N * reach_m, "N m"
         ),
-        Check.of("least certain offset, 2σ", certain, "≤", ZERO_LIMIT_N, "N"),
-        Check.of("fastest drift", drift, "≤", plate.drift_limit_n_s, "N/s"),
+        VerdictCheck.of("least certain offset, 2σ", certain, "≤", ZERO_LIMIT_N, "N"),
+        VerdictCheck.of("fastest drift", drift, "≤", plate.drift_limit_n_s, "N/s"),
     ]
     failed = [line.text for line in checks if not line.passed]
     worst = int(np.abs(found.offset_n).argmax())
-    offset, reach = measured(float(found.offset_n[worst]), 2.0 * float(found.offset_sigma_n[worst]))
+    offset, reach = format_measured(
+        float(found.offset_n[worst]), 2.0 * float(found.offset_sigma_n[worst])
+    )
     sentence = f"Largest offset {offset} ± {reach} N ({CHANNEL_NAMES[worst]})."
     headline = f"Failed: {', '.join(failed)}" if failed else "Passed: the force plate is zeroed"
-    return Verdict.of(checks, headline, sentence)
+    return VerdictSection.of(checks, headline, sentence)
 
 
 def _how(turn: ZeroTurn) -> str:
@@ -144,8 +146,8 @@ def _how(turn: ZeroTurn) -> str:
 
 
 def _moment(found: PlateOffset) -> str:
-    return ", ".join(
-        f"{WRENCH_NAMES[k]}"
-        f" {' ± '.join(measured(float(found.gravity[k]), 2.0 * float(found.gravity_sigma[k])))} N m"
-        for k in (3, 4)
-    )
+    parts = []
+    for k in (3, 4):
+        value, reach = format_measured(float(found.gravity[k]), 2.0 * float(found.gravity_sigma[k]))
+        parts.append(f"{WRENCH_NAMES[k]} {value} ± {reach} N m")
+    return ", ".join(parts)

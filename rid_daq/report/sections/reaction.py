@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from acquisition.recording.plate_geometry import WRENCH_NAMES, WRENCH_UNITS
-from rid_daq.report.sections.section import Numbers, Section, rounded, thinned
-from rid_daq.report.sections.verdict import Check
+from rid_daq.report.sections.section import Numbers, Section, curve_rows, rounded
+from rid_daq.report.sections.verdict import VerdictCheck
 
 if TYPE_CHECKING:
     from identification.calibration.base_reaction import BaseLoad
@@ -51,7 +51,7 @@ class ReactionSection(Section):
     @classmethod
     def of(cls, validation: BaseWrenchValidation) -> ReactionSection:
         """Return the errors of a predicted base wrench."""
-        rows = thinned(len(validation.time_s))
+        rows = curve_rows(len(validation.time_s))
         return cls.from_attributes(
             validation,
             components=WrenchError.for_each(
@@ -117,10 +117,10 @@ class BaseLoadSection(Section):
         )
 
     @property
-    def checks(self) -> list[Check]:
+    def checks(self) -> list[VerdictCheck]:
         """The lines of a verdict on limits of the base."""
         return [
-            Check.of(
+            VerdictCheck.of(
                 f"reaction on the base with 2σ, {each.name}",
                 each.peak + 2.0 * each.std,
                 "≤",

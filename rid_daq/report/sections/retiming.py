@@ -8,9 +8,9 @@ import numpy as np
 
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
-from rid_daq.report.sections.section import Numbers, Section, rounded, thinned, units
+from rid_daq.report.sections.section import Numbers, Section, curve_rows, rounded, units
 from rid_daq.report.sections.tracking import DrivenTiming
-from rid_daq.report.sections.verdict import Check
+from rid_daq.report.sections.verdict import VerdictCheck
 
 if TYPE_CHECKING:
     from acquisition.motion.samples import JointTrajectory
@@ -193,7 +193,7 @@ class RetimingSection(Section):
     def with_driven(self, driven: DrivenTiming, torque: FloatArray) -> RetimingSection:
         """Return it with how its one way was driven; `torque` (rows, n) over the limits."""
         (way,) = self.ways
-        rows = torque[thinned(len(torque))]
+        rows = torque[curve_rows(len(torque))]
         drawn = way.model_copy(update={"measured": tuple(rounded(column) for column in rows.T)})
         return self.model_copy(update={"driven": driven, "ways": (drawn,)})
 
@@ -203,10 +203,10 @@ class RetimingSection(Section):
         return 100.0 * (1.0 - self.moving_s / self.original_s)
 
     @property
-    def checks(self) -> tuple[Check, ...]:
+    def checks(self) -> tuple[VerdictCheck, ...]:
         """The torques with their margins, held to their limits."""
         return tuple(
-            Check.of(
+            VerdictCheck.of(
                 f"torque of {joint.joint} with its margin",
                 joint.torque_uncertain_peak,
                 "≤",
@@ -242,11 +242,11 @@ def _way(
 ) -> RetimedWay:
     from compensation.timing.profile import limit_curve
 
-    points = thinned(len(way.profile.length))
-    rows = thinned(len(way.torque))
+    points = curve_rows(len(way.profile.length))
+    rows = curve_rows(len(way.torque))
     curve = np.sqrt(limit_curve(way.rows, way.rows.bounds))
     time_s: FloatArray = np.arange(len(way.torque), dtype=np.float64) * cycle_s
-    before = thinned(len(original))
+    before = curve_rows(len(original))
     original_s: FloatArray = np.arange(len(original), dtype=np.float64) * cycle_s
     shares, margins = way.torque / limits.torque, _margins(way)[0] / limits.torque
     return RetimedWay(

@@ -62,7 +62,7 @@ class GradedAxis(Protocol):
         ...
 
 
-def thinned(rows: int) -> slice:
+def curve_rows(rows: int) -> slice:
     """Return which of so many rows a curve of the report shows."""
     return slice(0, rows, max(1, -(-rows // CURVE_POINTS)))
 

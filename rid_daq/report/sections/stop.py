@@ -8,7 +8,7 @@ import numpy as np
 
 from acquisition.supervision.stop_reason import StopCode
 from config.arrays import FloatArray
-from rid_daq.report.sections.section import Numbers, Section, rounded, thinned, units
+from rid_daq.report.sections.section import Numbers, Section, curve_rows, rounded, units
 
 if TYPE_CHECKING:
     from acquisition.recording.recording import Recording
@@ -82,7 +82,7 @@ class StopCurve(Section):
         kept = np.flatnonzero((since >= -SHOWN_S) & (since <= 0.0) & np.isfinite(drawn.value))
         if len(kept) < 2:
             return None
-        kept = kept[::-1][thinned(len(kept))][::-1]  # the stop itself is always kept
+        kept = kept[::-1][curve_rows(len(kept))][::-1]  # the stop itself is always kept
         return cls(
             joint=reason.joint,
             quantity=name,

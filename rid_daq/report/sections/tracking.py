@@ -17,7 +17,7 @@ from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
 from rid_daq.blocks.formats import number
 from rid_daq.report.sections.section import Numbers, Section, Texts, rounded, units
-from rid_daq.report.sections.verdict import Check, Verdict
+from rid_daq.report.sections.verdict import VerdictCheck, VerdictSection
 
 if TYPE_CHECKING:
     from compensation.feedforward.deflection import Deflection
@@ -225,14 +225,14 @@ class TrackingSection(Section):
         )
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> VerdictSection:
         """What the report says first; nothing is judged."""
         after = [motion.after.mean_m for motion in self.motions]
         ratios = [motion.mean_ratio for motion in self.motions if motion.mean_ratio is not None]
         mean = f"Mean distance from the path at the motor encoders {number(1e3 * max(after), 3)} mm"
         mean += " at most" if len(after) > 1 else ""
         if not ratios:
-            return Verdict.of([], mean, f"No run to compare with was given. {self.unseen}")
+            return VerdictSection.of([], mean, f"No run to compare with was given. {self.unseen}")
         least = min(ratios)
         if least < 1.0:
             changed = f"error grew {number(1.0 / max(least, 1e-12), 3)} times"
@@ -241,7 +241,7 @@ class TrackingSection(Section):
             changed = f"error reduced {number(least, 3)} times"
             changed += " at least" if len(ratios) > 1 else ""
         two = "Before and after are two runs of the same motion."
-        return Verdict.of([], f"{mean}: {changed}", f"{two} {self.unseen}")
+        return VerdictSection.of([], f"{mean}: {changed}", f"{two} {self.unseen}")
 
 
 def _joints_with_stiffness(robot: RobotDescription, *, known: bool) -> tuple[str, ...]:
@@ -331,20 +331,24 @@ class DrivenTiming(Section):
         )
 
     @property
-    def checks(self) -> list[Check]:
+    def checks(self) -> list[VerdictCheck]:
         """Return what a timed path is held to when it is driven."""
         before, after = self.before, self.after
         shorter = 100.0 * (1.0 - after.moving_s / before.moving_s)
         torque, base = 100.0 * max(after.torque_share), 100.0 * self.base_share
         mean, largest = after.mean_m / before.mean_m, after.max_m / before.max_m
         return [
-            Check.of("timed path shorter by", shorter, "≥", SHORTER_PERCENT, "%"),
-            Check.of(
+            VerdictCheck.of("timed path shorter by", shorter, "≥", SHORTER_PERCENT, "%"),
+            VerdictCheck.of(
                 "its largest measured torque, of the limit", torque, "≤", MEASURED_PERCENT, "%"
             ),
-            Check.of("its largest measured base reaction, of the limit", base, "≤", 100.0, "%"),
-            Check.of("its mean path error, of that before", mean, "≤", CLOSE_AS_BEFORE, "times"),
-            Check.of(
+            VerdictCheck.of(
+                "its largest measured base reaction, of the limit", base, "≤", 100.0, "%"
+            ),
+            VerdictCheck.of(
+                "its mean path error, of that before", mean, "≤", CLOSE_AS_BEFORE, "times"
+            ),
+            VerdictCheck.of(
                 "its largest path error, of that before", largest, "≤", CLOSE_AS_BEFORE, "times"
             ),
         ]

@@ -1,4 +1,4 @@
-"""`Verdict`: what a result is held to, and whether it holds."""
+"""`VerdictSection`: what a result is held to, and whether it holds."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rid_daq.report.sections.section import Section
 Relation = Literal["≤", "≥"]
 
 
-class Check(Section):
+class VerdictCheck(Section):
     """One line of a verdict: what was reached, and what was required.
 
     Attributes:
@@ -29,7 +29,9 @@ class Check(Section):
     passed: bool
 
     @classmethod
-    def of(cls, text: str, value: float, relation: Relation, limit: float, unit: str = "") -> Check:
+    def of(
+        cls, text: str, value: float, relation: Relation, limit: float, unit: str = ""
+    ) -> VerdictCheck:
         """Return a value held to a limit."""
         passed = value <= limit if relation == "≤" else value >= limit
         return cls(
@@ -42,7 +44,7 @@ class Check(Section):
         )
 
 
-class Verdict(Section):
+class VerdictSection(Section):
     """Passed, failed, or neither where nothing was to be judged.
 
     Attributes:
@@ -55,15 +57,15 @@ class Verdict(Section):
     passed: bool | None
     headline: str
     sentence: str
-    checks: tuple[Check, ...]
+    checks: tuple[VerdictCheck, ...]
 
     @classmethod
-    def of(cls, checks: Sequence[Check], headline: str, sentence: str) -> Verdict:
+    def of(cls, checks: Sequence[VerdictCheck], headline: str, sentence: str) -> VerdictSection:
         """Return the verdict of some checks: passed where all of them are."""
         passed = all(line.passed for line in checks) if checks else None
         return cls(passed=passed, headline=headline, sentence=sentence, checks=tuple(checks))
 
     @classmethod
-    def failed(cls, headline: str, sentence: str) -> Verdict:
+    def failed(cls, headline: str, sentence: str) -> VerdictSection:
         """Return a verdict that failed without a limit, such as a motion that was stopped."""
         return cls(passed=False, headline=headline, sentence=sentence, checks=())

@@ -16,7 +16,7 @@ from rid_daq.blocks.block import (
     Verdict,
     table,
 )
-from rid_daq.blocks.formats import measured, number, unit
+from rid_daq.blocks.formats import format_measured, number, unit
 from rid_daq.report.mistake_entry import MistakeEntry
 from rid_daq.report.sections.estimate import EstimateSection, ParameterEntry
 from rid_daq.report.shown.verdict import doubt_texts, yes_or_no
@@ -110,7 +110,7 @@ def parameter_table(section: EstimateSection) -> Table:
     ]
     if section.has_truth:
         columns += [
-            Cells("truth", lambda each: measured(each[1].truth, _reach(each[1]))[0]),
+            Cells("truth", lambda each: format_measured(each[1].truth, _reach(each[1]))[0]),
             Cells("inside 2σ", lambda each: yes_or_no(each[1].inside_two_sigma)),
         ]
     return table(numbered, *columns, failed=lambda each: each[1].inside_two_sigma is False, key=2)

@@ -7,7 +7,7 @@ from typing import Final
 
 from identification.regression.fit_grade import Grade
 from rid_daq.blocks.block import AnyBlock, Cells, Heading, Interval, Table, Text, Verdict, table
-from rid_daq.blocks.formats import measured, number, unit
+from rid_daq.blocks.formats import format_measured, number, unit
 from rid_daq.blocks.plot import Axis, Colour, Dash, Line, Marker, Panel, Plot
 from rid_daq.report.sections.friction import FrictionModel, FrictionSection, JointFriction
 
@@ -96,7 +96,7 @@ def _models(joint: JointFriction) -> Table:
 
 def _coefficients(fit: FrictionModel) -> str:
     shown = ", ".join(
-        f"{each.name} {' ± '.join(measured(each.value, 2.0 * each.std))} {unit(each.unit)}"
+        f"{each.name} {' ± '.join(format_measured(each.value, 2.0 * each.std))} {unit(each.unit)}"
         for each in fit.parameters
     )
     return f"{shown} (at its bound)" if fit.at_bound else shown

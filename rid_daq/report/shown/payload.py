@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from identification.regression.fit_grade import Grade
 from rid_daq.blocks.block import AnyBlock, Cells, Heading, Interval, Table, Text, table
-from rid_daq.blocks.formats import measured, number, unit
+from rid_daq.blocks.formats import format_measured, number, unit
 from rid_daq.report.sections.payload import PayloadParameter, PayloadSection
 from rid_daq.report.shown.centre_of_gravity import CentreOfGravity, centre_plot
 
@@ -69,7 +69,7 @@ def _exported(parameter: PayloadParameter) -> str | None:
     """Return the value of the consistent body with the digits of the estimate."""
     if parameter.exported is None or parameter.std is None:
         return None
-    return measured(parameter.exported, 2.0 * parameter.std)[0]
+    return format_measured(parameter.exported, 2.0 * parameter.std)[0]
 
 
 def _axes(section: PayloadSection) -> Table:

@@ -9,17 +9,17 @@ from rid_daq.blocks.block import AnyBlock, Cells, Table, Text, table
 from rid_daq.blocks.block import Verdict as VerdictBlock
 from rid_daq.blocks.formats import number
 from rid_daq.report.sections.section import GradedAxis
-from rid_daq.report.sections.verdict import Verdict
+from rid_daq.report.sections.verdict import VerdictSection
 
 
-def verdict_blocks(verdict: Verdict) -> Iterator[AnyBlock]:
+def verdict_blocks(verdict: VerdictSection) -> Iterator[AnyBlock]:
     """Yield a verdict, its sentence, and what was held to limits."""
     yield VerdictBlock(passed=verdict.passed, text=verdict.headline)
     yield Text(text=verdict.sentence)
     yield from check_tables(verdict)
 
 
-def check_tables(verdict: Verdict) -> Iterator[Table]:
+def check_tables(verdict: VerdictSection) -> Iterator[Table]:
     """Yield the table of what was held to limits, if there is any."""
     if verdict.checks:
         yield table(

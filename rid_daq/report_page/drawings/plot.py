@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from rid_daq.blocks.plot import Axis, Line, Mark, Marker, Panel, Plot
 from rid_daq.figures.palette import NAMED
 from rid_daq.figures.plot_figure import stroke_of
-from rid_daq.report_page.drawings.style import STYLE, WRONG, as_label, as_svg
+from rid_daq.report_page.drawings.style import STYLE, WRONG, as_svg, drawn_text
 
 PX_PER_INCH: Final = 120.0
 WIDTH_IN: Final = 9.6
@@ -93,7 +93,7 @@ def _draw_bars(drawing: Axes, of: Panel) -> None:
     values = [bar.value for bar in of.bars]
     bars = drawing.bar(range(len(values)), values, 0.9, color=NAMED["blue"])
     drawing.bar_label(bars, [f"{value:g}" if value else "" for value in values], fontsize=SMALL)
-    names = [as_label(bar.name) for bar in of.bars]
+    names = [drawn_text(bar.name) for bar in of.bars]
     drawing.set_xticks(range(len(names)), names, fontsize=SMALL)
     drawing.grid(visible=False, axis="x")
     _draw_axes(drawing, of)
@@ -115,18 +115,18 @@ def _draw_lines(drawing: Axes, of: Panel, columns: int) -> None:
             borderaxespad=0.0,
             columnspacing=1.0,
             fontsize=None if columns == 1 else SMALL,
-            title=as_label(of.title) or None,
+            title=drawn_text(of.title) or None,
             alignment="left",
         )
     elif of.title:
-        drawing.set_title(as_label(of.title), loc="left", fontsize=9.0)
+        drawing.set_title(drawn_text(of.title), loc="left", fontsize=9.0)
     _draw_axes(drawing, of)
 
 
 def _draw_line(drawing: Axes, line: Line) -> None:
     x, y = np.asarray(line.x), np.asarray(line.y, dtype=float)
     color, dash = stroke_of(line)
-    label = as_label(line.label) if line.is_named else None
+    label = drawn_text(line.label) if line.is_named else None
     if line.is_area:
         drawing.fill(x, y, color=color, alpha=0.2, linewidth=0.0, label=label)
         return
@@ -152,7 +152,7 @@ def _draw_line(drawing: Axes, line: Line) -> None:
 
 def _draw_mark(drawing: Axes, mark: Mark) -> None:
     drawing.annotate(
-        as_label(mark.text),
+        drawn_text(mark.text),
         (mark.x, mark.y),
         (5.0, 0.0),
         textcoords="offset points",
@@ -167,9 +167,9 @@ def _draw_spans(drawing: Axes, of: Panel) -> None:
         row = of.rows.index(span.name)
         place = [(span.begin, span.end - span.begin)]
         drawing.broken_barh(place, (row - 0.4, 0.8), color=NAMED[span.colour])
-    drawing.set_yticks(range(len(of.rows)), [as_label(row) for row in of.rows])
+    drawing.set_yticks(range(len(of.rows)), [drawn_text(row) for row in of.rows])
     drawing.set_ylim(len(of.rows) - 0.5, -0.5)
-    drawing.set_xlabel(as_label(of.x.text))
+    drawing.set_xlabel(drawn_text(of.x.text))
     _draw_ends(drawing, of.x, None)
 
 
@@ -178,8 +178,8 @@ def _draw_axes(drawing: Axes, of: Panel) -> None:
         drawing.set_xscale("log")
     if of.y.log:
         drawing.set_yscale("log")
-    drawing.set_xlabel(as_label(of.x.text))
-    drawing.set_ylabel(as_label(of.y.text))
+    drawing.set_xlabel(drawn_text(of.x.text))
+    drawing.set_ylabel(drawn_text(of.y.text))
     if of.is_to_scale:
         drawing.set_aspect("equal", adjustable="datalim")
         drawing.margins(0.1)

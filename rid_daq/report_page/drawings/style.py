@@ -18,7 +18,7 @@ from rid_daq.figures.palette import (
     SOFT,
 )
 from rid_daq.report_page.drawings.page_colours import NAMES
-from rid_daq.terminal.console import printable
+from rid_daq.terminal.console import make_printable
 
 MEASURED, PREDICTED, WRONG = INK, BLUE, RED
 
@@ -49,9 +49,9 @@ STYLE: Any = {
 }
 
 
-def as_label(text: str) -> str:
+def drawn_text(text: str) -> str:
     """Return text for a figure, shown as it is: invisible characters visible, `$` no formula."""
-    return printable(text).replace("$", r"\$")
+    return make_printable(text).replace("$", r"\$")
 
 
 def as_svg(figure: Figure, name: str) -> Markup:

@@ -14,7 +14,7 @@ from rid_daq.service.records import Identity, Role
 from rid_daq.service.stop.stop_entrance import StopEntrance
 from rid_daq.web.access import Access
 from rid_daq.web.guard import SAFE_METHODS, sender_refusal
-from rid_daq.web.reception import Admitted, Line, Peer, Reply
+from rid_daq.web.reception import Admitted, OpenConnection, Peer, Reply
 from rid_daq.web.request_head import RequestHead
 
 JSON_BYTES: Final = 64 << 10
@@ -73,7 +73,7 @@ class Admission:
         self._access = access
         self._open = Rate(OPEN_BURST, OPEN_PER_S)
 
-    def receive(self, head: RequestHead, peer: Peer) -> Reply | Line | Admitted:
+    def receive(self, head: RequestHead, peer: Peer) -> Reply | OpenConnection | Admitted:
         """Decide about a request."""
         stop = self._stop.receive(head, peer)
         if stop is not None:

@@ -11,7 +11,7 @@ from rid_daq.service.stop.stop_answer import ALL, Desk
 from rid_daq.service.stop.stop_line import StopLine
 from rid_daq.web.access import STOP_HEADER, Access
 from rid_daq.web.guard import sender_refusal
-from rid_daq.web.reception import Line, Peer, Reply
+from rid_daq.web.reception import OpenConnection, Peer, Reply
 from rid_daq.web.request_head import RequestHead
 
 LINE_PATH: Final = "/api/v1/stop-line"
@@ -30,7 +30,7 @@ class StopEntrance:
         self._desk = desk
         self._access = access
 
-    def receive(self, head: RequestHead, peer: Peer) -> Reply | Line | None:
+    def receive(self, head: RequestHead, peer: Peer) -> Reply | OpenConnection | None:
         """Return the answer to a STOP, or its line; None for every other request."""
         if head.path == LINE_PATH and head.is_websocket:
             return self._open_line(head, peer)
@@ -53,7 +53,7 @@ class StopEntrance:
             return _refused(HTTPStatus.NOT_FOUND, "UnknownError", str(error), error.refusal)
         return Reply(HTTPStatus.ACCEPTED, answer.document())
 
-    def _open_line(self, head: RequestHead, peer: Peer) -> Reply | Line:
+    def _open_line(self, head: RequestHead, peer: Peer) -> Reply | OpenConnection:
         refusal = sender_refusal(self._access, head.lines, local=peer.local)
         if refusal is not None:
             said = "not a page of this service"
@@ -62,7 +62,7 @@ class StopEntrance:
             who = self._desk.admit(head.headers, local=peer.local, address=peer.address)
         except NotKnownError as error:
             return _refused(HTTPStatus.UNAUTHORIZED, "NotKnownError", str(error), error.refusal)
-        return Line(who, lambda: StopLine(self._desk, who))
+        return OpenConnection(who, lambda: StopLine(self._desk, who))
 
 
 def _refused(status: HTTPStatus, error: str, message: str, code: str) -> Reply:

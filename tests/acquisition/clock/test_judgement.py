@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acquisition.clock.judgement import judge_clock
-from acquisition.clock.report import Clock
+from acquisition.clock.report import ClockState
 from acquisition.clock.samples import Samples
 from benchmarks.honest_choice import DURATION_S, FRICTIONS, Case, recording
 from benchmarks.known_arms import ARMS, drive
@@ -35,7 +35,7 @@ class TestSoundClock:
     def test_keeps_its_stamps_to_the_last_bit(self, seed: int) -> None:
         stamps = row_times() + 1.7e9
         judged = judge_clock(LoggedArm.of(seed).at(row_times(), stamps, seed))
-        assert judged.report.clock is Clock.CONFIRMED
+        assert judged.report.clock is ClockState.CONFIRMED
         assert judged.kept.all()
         np.testing.assert_array_equal(judged.time_s, stamps)
 
@@ -44,7 +44,7 @@ class TestSoundClock:
     def test_may_be_uneven_if_its_stamps_are_true(self, seed: int) -> None:
         stamps = jittered(row_times(), seed, 0.3 * PERIOD_S)
         judged = judge_clock(LoggedArm.of(seed).at(stamps, stamps, seed))
-        assert judged.report.clock is Clock.CONFIRMED
+        assert judged.report.clock is ClockState.CONFIRMED
         np.testing.assert_array_equal(judged.time_s, stamps)
 
     def test_of_a_robot_that_rests_for_long_has_no_repeats(self) -> None:
@@ -55,18 +55,18 @@ class TestSoundClock:
         velocity = samples.velocity * (1.0 - late / 2.0)[:, np.newaxis]
         judged = judge_clock(replace(samples, velocity=velocity))
         assert judged.report.repeated_rows == 0
-        assert judged.report.clock is Clock.CONFIRMED
+        assert judged.report.clock is ClockState.CONFIRMED
 
     def test_of_a_robot_that_stands_still_is_not_accused(self) -> None:
         judged = judge_clock(LoggedArm.of(3).at(np.zeros(500), row_times(500)))
-        assert judged.report.clock is Clock.UNVERIFIED
+        assert judged.report.clock is ClockState.UNVERIFIED
         assert judged.report.findings(("a", "b", "c", "d")) == ()
 
     def test_that_misses_rows_keeps_its_stamps_and_counts_them(self) -> None:
         stamps = np.delete(row_times(), np.arange(100, 2400, 25))
         judged = judge_clock(LoggedArm.of(4).at(stamps, stamps))
         assert judged.report.missing_rows == 92
-        assert judged.report.clock is Clock.CONFIRMED
+        assert judged.report.clock is ClockState.CONFIRMED
         assert "92 rows are missing" in " ".join(judged.report.findings(()))
 
 
@@ -80,7 +80,7 @@ class TestRepeatedRows:
         judged = judge_clock(samples)
         made = np.concatenate([[False], np.diff(true_s) == 0.0])
         assert np.count_nonzero(judged.kept == made) <= 2  # at an end one side says nothing
-        assert judged.report.clock is Clock.REBUILT
+        assert judged.report.clock is ClockState.REBUILT
         assert judged.report.repeated_share == pytest.approx(made.mean(), abs=1e-3)
         before = time_error(samples.time_s[judged.kept], true_s[judged.kept])
         assert time_error(judged.time_s, true_s[judged.kept]) < 0.1 * before
@@ -109,7 +109,7 @@ class TestRepeatedRows:
         samples = without_velocities(LoggedArm.of(7).at(true_s, row_times(len(true_s))))
         judged = judge_clock(samples)
         assert judged.report.repeated_rows == 250
-        assert judged.report.clock is Clock.UNKNOWN
+        assert judged.report.clock is ClockState.UNKNOWN
         assert not judged.report.is_known
         np.testing.assert_array_equal(judged.time_s, samples.time_s[judged.kept])
 
@@ -123,7 +123,7 @@ class TestRepeatedRows:
         samples = LoggedArm.of(9, joints=1).at(true_s, row_times(len(true_s)))
         judged = judge_clock(samples)
         assert judged.report.repeated_rows >= 245
-        assert judged.report.clock is Clock.UNKNOWN
+        assert judged.report.clock is ClockState.UNKNOWN
 
 
 class TestJitteredStamps:
@@ -133,7 +133,7 @@ class TestJitteredStamps:
         true_s = row_times()
         stamps = jittered(true_s, seed, part * PERIOD_S)
         judged = judge_clock(LoggedArm.of(seed).at(true_s, stamps, seed))
-        assert judged.report.clock is Clock.REBUILT
+        assert judged.report.clock is ClockState.REBUILT
         assert time_error(judged.time_s, true_s) < 0.1 * time_error(stamps, true_s)
 
     def test_of_a_coarse_tick_are_replaced(self) -> None:
@@ -145,7 +145,7 @@ class TestJitteredStamps:
     def test_are_unknown_without_velocities(self) -> None:
         stamps = jittered(row_times(), 12, 0.35 * PERIOD_S)
         judged = judge_clock(without_velocities(LoggedArm.of(12).at(row_times(), stamps)))
-        assert judged.report.clock is Clock.UNKNOWN
+        assert judged.report.clock is ClockState.UNKNOWN
         assert judged.report.jitter_rms_s == pytest.approx(
             0.35 * PERIOD_S * (2 / 3) ** 0.5, rel=0.1
         )
@@ -156,14 +156,14 @@ class TestJitteredStamps:
         stamps = jittered(row_times(), 13, 0.3 * PERIOD_S)
         samples = LoggedArm.of(13).at(row_times(), stamps)
         judged = judge_clock(replace(samples, velocity=scale * samples.velocity))
-        assert judged.report.clock is Clock.REBUILT
+        assert judged.report.clock is ClockState.REBUILT
         assert np.ptp(judged.time_s) == pytest.approx(np.ptp(row_times()), rel=1e-3)
 
     def test_are_not_replaced_if_velocities_are_in_another_unit(self) -> None:
         stamps = jittered(row_times(), 14, 0.3 * PERIOD_S)
         samples = LoggedArm.of(14).at(row_times(), stamps)
         judged = judge_clock(replace(samples, velocity=57.3 * samples.velocity))
-        assert judged.report.clock is Clock.UNKNOWN
+        assert judged.report.clock is ClockState.UNKNOWN
         np.testing.assert_array_equal(judged.time_s, stamps)
 
 
@@ -180,7 +180,7 @@ class TestVelocitiesFromPositions:
             for row in range(1, len(velocity)):
                 velocity[row] = 0.7 * velocity[row - 1] + 0.3 * velocity[row]
         judged = judge_clock(replace(samples, velocity=velocity))
-        assert judged.report.clock is Clock.UNKNOWN
+        assert judged.report.clock is ClockState.UNKNOWN
         assert "differences of the positions" in judged.report.doubt
         np.testing.assert_array_equal(judged.time_s, stamps)
 
@@ -189,7 +189,7 @@ class TestVelocitiesFromPositions:
         samples = LoggedArm.of(16).at(true_s, row_times(len(true_s)))
         velocity = np.gradient(samples.position, samples.time_s, axis=0)
         judged = judge_clock(replace(samples, velocity=velocity))
-        assert judged.report.clock is Clock.UNKNOWN
+        assert judged.report.clock is ClockState.UNKNOWN
         assert judged.report.repeated_rows == 250
 
 
@@ -199,7 +199,7 @@ class TestPositionsThatAreHeld:
         position = samples.position.copy()
         position[:, 1] = position[np.arange(2500) // 4 * 4, 1]
         judged = judge_clock(replace(samples, position=position))
-        assert judged.report.clock is Clock.UNKNOWN
+        assert judged.report.clock is ClockState.UNKNOWN
         assert judged.report.held_share[1] > 0.5
         assert judged.report.held_share[0] == 0.0
         assert "b 69 %" in " ".join(judged.report.findings(("a", "b", "c", "d")))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from acquisition.hold_to_run.dead_man import DEAD_MAN_S, DeadMan
 from acquisition.hold_to_run.held_motion import IDLE_S, HeldMotion
-from acquisition.hold_to_run.line import Line
+from acquisition.hold_to_run.line import HoldLine
 from config.robot.kinematic_table import KinematicRow, Kinematics
 from config.robot.robot import Joint, JointLimits, RobotDescription
 
@@ -68,7 +68,7 @@ class Bench:
     def press(self, goal: NDArray[np.float64], pace: float = 1.0) -> None:
         pose = self.dead_man.resting(2)
         assert pose is not None
-        self.dead_man.press(Line(pose, goal, pace), self.now_s + DEAD_MAN_S)
+        self.dead_man.press(HoldLine(pose, goal, pace), self.now_s + DEAD_MAN_S)
 
     @property
     def speed(self) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from acquisition.hold_to_run.dead_man import DEAD_MAN_S, DeadMan
 from acquisition.hold_to_run.held_key import Held
-from acquisition.hold_to_run.line import Line
+from acquisition.hold_to_run.line import HoldLine
 from acquisition.hold_to_run.pilot import Pilot
 from config.process.safety_clock import safety_now_s
 from tests.builders.typist import wait_for
@@ -38,10 +38,10 @@ class Desk:
         until_s = safety_now_s() + DEAD_MAN_S
         return Held(self.key, self.press, until_s) if self.key else None
 
-    def plan(self, key: str, pose: NDArray[np.float64]) -> Line | None:
+    def plan(self, key: str, pose: NDArray[np.float64]) -> HoldLine | None:
         self.plans.append(key)
         self.meanwhile()
-        return Line(pose, GOAL, 1.0) if key == "+" else None
+        return HoldLine(pose, GOAL, 1.0) if key == "+" else None
 
     def looks_again(self) -> None:
         before = self.looks
@@ -124,7 +124,7 @@ def test_a_key_without_a_meaning_moves_nothing(dead_man: DeadMan) -> None:
 
 def test_nothing_is_pressed_before_the_robot_rests(dead_man: DeadMan) -> None:
     desk = Desk()
-    dead_man.press(Line(POSE, GOAL, 1.0), 0.0)  # under way
+    dead_man.press(HoldLine(POSE, GOAL, 1.0), 0.0)  # under way
     with Pilot(dead_man, 2, desk, desk.plan):
         desk.key = "+"
         desk.looks_again()

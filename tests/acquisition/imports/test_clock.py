@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.clock.report import Clock
+from acquisition.clock.report import ClockState
 from acquisition.imports.import_map import ImportMap, load_import_map
 from acquisition.imports.read import import_csv
 from acquisition.imports.report import ImportReport
@@ -52,7 +52,7 @@ def test_repeated_rows_are_counted_left_out_and_the_times_rebuilt(tmp_path: Path
     table = with_repeats(even_table())
     recording, report = imported(tmp_path, table)
     assert report.clock is not None
-    assert report.clock.clock is Clock.REBUILT
+    assert report.clock.clock is ClockState.REBUILT
     assert report.clock.repeated_rows == 120
     assert report.clock.repeated_share == pytest.approx(1 / 11)
     assert report.rows_used == len(recording) == 1200
@@ -67,7 +67,7 @@ def test_a_sound_recording_keeps_its_stamps_and_has_no_finding(tmp_path: Path) -
     table[:, 0] = 5.0 + 0.011 * np.arange(1200)
     recording, report = imported(tmp_path, table)
     assert report.clock is not None
-    assert report.clock.clock is Clock.CONFIRMED
+    assert report.clock.clock is ClockState.CONFIRMED
     assert report.findings == ()
     np.testing.assert_array_equal(recording.time_s, np.round(table[:, 0], 6))
 
@@ -123,9 +123,9 @@ def test_of_a_real_robot(real_robot: Path, tmp_path: Path, kind: str) -> None:
     assert report.clock is not None
     assert report.clock.repeated_share == pytest.approx(made, abs=0.002)
     if kind == "sound":
-        assert report.clock.clock is Clock.CONFIRMED
+        assert report.clock.clock is ClockState.CONFIRMED
         np.testing.assert_allclose(recording.time_s, true_s, atol=1e-6)
         return
-    assert report.clock.clock is Clock.REBUILT
+    assert report.clock.clock is ClockState.REBUILT
     assert report.clock.torque_gain is not None
     assert report.clock.torque_gain > 0.4  # held-out torque error falls by a third or more

@@ -21,7 +21,7 @@ from acquisition.session.outcome import RecordOutcome
 from acquisition.session.plate_preparation import plate_zero_n, prepare_plate
 from acquisition.session.record import DeviceProfiles, record_motion
 from acquisition.supervision.stop_reason import StopCode
-from acquisition.task.states import Progress
+from acquisition.task.states import TaskProgress
 from config.errors import PreflightError
 from config.load import LoadedCell, load_cell
 from config.simulation.faults import AmplifierFault, FaultScript
@@ -63,7 +63,7 @@ def record(loaded: LoadedCell, tmp_path: Path) -> Record:
     def call(
         simulated: SimulatedCell,
         periods: int = 2,
-        on_progress: Callable[[Progress], None] | None = None,
+        on_progress: Callable[[TaskProgress], None] | None = None,
         simulated_flag: bool = True,
     ) -> tuple[RecordOutcome, PlateRows]:
         joints = tuple(
@@ -121,7 +121,7 @@ def simulated_moves(outcome: RecordOutcome) -> bool:
 
 
 def test_a_killed_plate_recorder_stops_the_motion(loaded: LoadedCell, record: Record) -> None:
-    def kill(progress: Progress) -> None:
+    def kill(progress: TaskProgress) -> None:
         if progress.phase >= Phase.MAIN:
             for process in multiprocessing.active_children():
                 if "plate's recorder" in process.name and process.pid is not None:

@@ -33,7 +33,7 @@ from acquisition.session.record import record_motion
 from acquisition.session.repair import repair_journal
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock
-from acquisition.task.states import Progress, TaskState
+from acquisition.task.states import TaskProgress, TaskState
 from config.errors import ConfigError, PreflightError, RecordingError
 from config.load import LoadedCell, load_cell
 from mock_hw.cell import SimulatedCell
@@ -94,17 +94,17 @@ Record = Callable[..., RecordOutcome]
 @pytest.fixture
 def record(simulated: SimulatedCell, loaded: LoadedCell, folder: RunFolder) -> Record:
     def call(
-        samples: MotionSamples, on_progress: Callable[[Progress], None] | None = None
+        samples: MotionSamples, on_progress: Callable[[TaskProgress], None] | None = None
     ) -> RecordOutcome:
         return record_motion(simulated.cell, loaded.robot, samples, folder, on_progress=on_progress)
 
     return call
 
 
-def in_mid_motion(act: Callable[[], None]) -> Callable[[Progress], None]:
+def in_mid_motion(act: Callable[[], None]) -> Callable[[TaskProgress], None]:
     """Return what calls `act` at every progress from the main phase on."""
 
-    def on_progress(progress: Progress) -> None:
+    def on_progress(progress: TaskProgress) -> None:
         if progress.phase >= Phase.MAIN:
             act()
 
@@ -138,7 +138,7 @@ def at_rest(simulated: SimulatedCell) -> bool:
 def test_a_motion_is_recorded_whole(
     record: Record, short: MotionSamples, simulated: SimulatedCell, folder: RunFolder
 ) -> None:
-    seen: list[Progress] = []
+    seen: list[TaskProgress] = []
     outcome = record(short, seen.append)
     assert outcome.complete
     assert outcome.notes == ()
@@ -160,7 +160,7 @@ def test_a_motion_is_recorded_whole(
 def test_its_end_says_whether_the_drives_were_seen_without_power(
     record: Record, short: MotionSamples
 ) -> None:
-    def look(progress: Progress) -> None:
+    def look(progress: TaskProgress) -> None:
         off[progress.state] = next(ControlBlock.all_of_process(os.getpid())).task.power_off
 
     off: dict[TaskState, bool] = {}
@@ -248,7 +248,7 @@ def test_a_killed_task_is_reported_and_the_drives_stop_by_themselves(
 def test_an_error_in_the_program_itself_stops_the_motion_before_it_travels_on(
     record: Record, long: MotionSamples, simulated: SimulatedCell, folder: RunFolder
 ) -> None:
-    def fail(progress: Progress) -> None:
+    def fail(progress: TaskProgress) -> None:
         if progress.phase == Phase.MAIN:
             raise ZeroDivisionError
 

@@ -18,7 +18,7 @@ from compensation.feedforward.tracking_error import TrackingError, tracking_erro
 from compensation.loops.velocity_loop import VelocityLoop
 from config.errors import ConfigError
 from config.load import LoadedCell, load_robot
-from dynamics.geometry.inverse_kinematics import follow
+from dynamics.geometry.inverse_kinematics import follow_tool_path
 from dynamics.geometry.kinematics import Chain, forward, link_transforms
 from dynamics.model.robot_model import RobotModel, torque
 from dynamics.model.true_parameters import true_parameters
@@ -125,12 +125,12 @@ class TestCircle:
         tool = forward(chain, near[np.newaxis])[0]
         place = ", ".join(str(round(1e3 * x)) for x in tool)
         with raises_code(ConfigError, "RID-PATH-REACH", "point 1", f"({place} mm)"):
-            follow(chain, (2.0 * tool)[np.newaxis], near)
+            follow_tool_path(chain, (2.0 * tool)[np.newaxis], near)
 
     def test_positions_are_those_that_were_wanted(self, cell: LoadedCell) -> None:
         chain = Chain.from_description(cell.robot)
         points = circle().points(np.linspace(0.0, 1.0, 50))
-        found = follow(chain, points, np.array([0.1, -0.1, 0.4]))
+        found = follow_tool_path(chain, points, np.array([0.1, -0.1, 0.4]))
         np.testing.assert_allclose(forward(chain, found), points, atol=1e-10)
 
 

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from compensation.online.point_codec import PROTOCOL, PointDecoder, greeting
 from compensation.online.point_feed import PointFeed, PointGate, feed
 from compensation.online.point_ring import READ, PointRing, PointsFailed
-from compensation.online.point_server import PointServer, PointService, listening, serve
+from compensation.online.point_server import PointServer, PointService, listening, serve_points
 from config.errors import ConfigError, LockedError, ProtocolError, TransportError
 from config.load import load_robot
 from config.robot.bodies import Plane, Workspace
@@ -190,7 +190,7 @@ def serving(silence_s: float) -> Iterator[tuple[Path, PointRing]]:
     with tempfile.TemporaryDirectory() as folder, listening(Path(folder) / "points") as listener:
         path = Path(folder) / "points"
         service = PointService(ROBOT, Workspace(), 0.008, 64, silence_s)
-        thread = threading.Thread(target=serve, args=(listener, ring, service, over.is_set))
+        thread = threading.Thread(target=serve_points, args=(listener, ring, service, over.is_set))
         thread.start()
         try:
             yield path, ring

@@ -16,7 +16,13 @@ import pytest
 from config.cell.amplifier_profile import AmplifierProfile
 from config.cell.plate import AmplifierConfig
 from config.load import load_bundled_or_path
-from drivers.amplifier.codec import AmplifierCodec, Answer, LineSplitter, Request, RequestError
+from drivers.amplifier.codec import (
+    AmplifierCodec,
+    AmplifierCommand,
+    AmplifierReply,
+    LineSplitter,
+    RequestError,
+)
 from drivers.amplifier.frames import encode_event, event_layout
 
 PROFILE = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
@@ -36,7 +42,7 @@ class Script:
     values: bytes = b",".join([b"0.5"] * 8)
     overloads: int = 0
     operating: bool = False
-    moods: dict[str, Callable[[Request], bytes | None]] = field(default_factory=dict)
+    moods: dict[str, Callable[[AmplifierCommand], bytes | None]] = field(default_factory=dict)
     settings: dict[tuple[str, int], str] = field(default_factory=dict)
     heard: list[bytes] = field(default_factory=list)
     rows: bytes = b""
@@ -91,48 +97,48 @@ class Device(threading.Thread):
         try:
             request = CODEC.read_request(line)
         except RequestError as error:
-            return CODEC.answer(Answer(error=error.number))
+            return CODEC.answer(AmplifierReply(error=error.number))
         if request.name in script.moods:
             return script.moods[request.name](request)
         answer = self._usual(request)
         return None if answer is None else script.noise_before_answers + CODEC.answer(answer)
 
-    def _usual(self, request: Request) -> Answer | None:
+    def _usual(self, request: AmplifierCommand) -> AmplifierReply | None:
         script = self.script
         if request.name == "stream":
             return self._stream(request)
         if script.streaming:
             return None
         if request.name == "identify":
-            return Answer(script.identity.decode("latin-1"))
+            return AmplifierReply(script.identity.decode("latin-1"))
         if request.name == "operate" and request.value is not None:
             script.operating = request.value == "1"
-            return Answer()
+            return AmplifierReply()
         if request.name == "operate":
-            return Answer(str(int(script.operating)))
+            return AmplifierReply(str(int(script.operating)))
         if request.name == "values":
-            return Answer(script.values.decode("latin-1"))
+            return AmplifierReply(script.values.decode("latin-1"))
         if request.name == "overload":
             word, script.overloads = script.overloads, 0
-            return Answer(f"{word:02X}")
+            return AmplifierReply(f"{word:02X}")
         key = (request.name, request.channel)
         if request.value is None:
-            return Answer(script.settings[key])
+            return AmplifierReply(script.settings[key])
         changed = script.settings[key] != request.value
         script.settings[key] = request.value
-        return Answer(charge_lost=changed and request.name == "range" and script.operating)
+        return AmplifierReply(charge_lost=changed and request.name == "range" and script.operating)
 
-    def _stream(self, request: Request) -> Answer | None:
+    def _stream(self, request: AmplifierCommand) -> AmplifierReply | None:
         script = self.script
         if request.value == "1":
             script.streaming = True
-            os.write(self._ours, CODEC.answer(Answer()) + script.rows)
+            os.write(self._ours, CODEC.answer(AmplifierReply()) + script.rows)
             return None
         if script.streaming:
             layout = event_layout(PROFILE, script.form)
             os.write(self._ours, encode_event(layout, PROFILE.events.stopped, 0, 0, 0))
             script.streaming = False
-        return Answer()
+        return AmplifierReply()
 
 
 def as_configured(config: AmplifierConfig) -> dict[tuple[str, int], str]:

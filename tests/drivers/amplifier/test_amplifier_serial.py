@@ -13,7 +13,7 @@ from config.cell.amplifier_profile import AmplifierProfile
 from config.errors import DeviceTimeoutError, ProtocolError, TransportError
 from config.load import load_bundled_or_path
 from drivers.amplifier.amplifier import SerialAmplifier, open_amplifier
-from drivers.amplifier.codec import Request
+from drivers.amplifier.codec import AmplifierCommand
 from tests.builders.raised_codes import raises_code
 
 PROFILE = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
@@ -82,7 +82,7 @@ def test_a_changed_range_is_set_alone_and_loses_the_charge(plug: Plug) -> None:
 
 
 def test_a_setting_that_does_not_stay_is_an_error(plug: Plug) -> None:
-    def stubborn(request: Request) -> bytes:
+    def stubborn(request: AmplifierCommand) -> bytes:
         return b"OK\r" if request.value is not None else b"30\r"
 
     device = plug(moods={"low_pass": stubborn})
@@ -128,7 +128,7 @@ def test_forces_are_what_the_device_says(plug: Plug) -> None:
 
 
 def test_a_device_that_does_not_do_what_it_confirmed(plug: Plug) -> None:
-    def confirms(request: Request) -> bytes:
+    def confirms(request: AmplifierCommand) -> bytes:
         return b"OK\r" if request.value is not None else b"0\r"
 
     device = plug(moods={"operate": confirms})

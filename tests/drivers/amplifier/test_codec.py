@@ -12,9 +12,9 @@ from config.load import load_bundled_or_path
 from drivers.amplifier.codec import (
     MAX_LINE_BYTES,
     AmplifierCodec,
-    Answer,
+    AmplifierCommand,
+    AmplifierReply,
     LineSplitter,
-    Request,
     RequestError,
 )
 from tests.builders.raised_codes import raises_code
@@ -25,25 +25,25 @@ CODEC = AmplifierCodec(PROFILE)
 # Verified: a Kistler 5015 on RS-232 takes RO1 (operate) and RO0 (reset), ended by CR, and answers
 # with a line ended by CR. The other words are the profile's own, in the same manner.
 TRANSCRIPT = [
-    (b"RO1\r", Request("operate", 0, "1")),
-    (b"RO0\r", Request("operate", 0, "0")),
-    (b"RO?\r", Request("operate", 0, None)),
-    (b"ID?\r", Request("identify", 0, None)),
-    (b"3:RG2500\r", Request("range", 3, "2500")),
-    (b"3:RG?\r", Request("range", 3, None)),
-    (b"8:SE-3.8\r", Request("sensitivity", 8, "-3.8")),
-    (b"LP300\r", Request("low_pass", 0, "300")),
-    (b"OV?\r", Request("overload", 0, None)),
-    (b"VA?\r", Request("values", 0, None)),
-    (b"SF1\r", Request("format", 0, "1")),
-    (b"SR1000\r", Request("rate", 0, "1000")),
-    (b"ST1\r", Request("stream", 0, "1")),
-    (b"TM?\r", Request("time", 0, None)),
+    (b"RO1\r", AmplifierCommand("operate", 0, "1")),
+    (b"RO0\r", AmplifierCommand("operate", 0, "0")),
+    (b"RO?\r", AmplifierCommand("operate", 0, None)),
+    (b"ID?\r", AmplifierCommand("identify", 0, None)),
+    (b"3:RG2500\r", AmplifierCommand("range", 3, "2500")),
+    (b"3:RG?\r", AmplifierCommand("range", 3, None)),
+    (b"8:SE-3.8\r", AmplifierCommand("sensitivity", 8, "-3.8")),
+    (b"LP300\r", AmplifierCommand("low_pass", 0, "300")),
+    (b"OV?\r", AmplifierCommand("overload", 0, None)),
+    (b"VA?\r", AmplifierCommand("values", 0, None)),
+    (b"SF1\r", AmplifierCommand("format", 0, "1")),
+    (b"SR1000\r", AmplifierCommand("rate", 0, "1000")),
+    (b"ST1\r", AmplifierCommand("stream", 0, "1")),
+    (b"TM?\r", AmplifierCommand("time", 0, None)),
 ]
 
 
 @pytest.mark.parametrize(("line", "request_"), TRANSCRIPT)
-def test_commands_as_they_stand_on_the_line(line: bytes, request_: Request) -> None:
+def test_commands_as_they_stand_on_the_line(line: bytes, request_: AmplifierCommand) -> None:
     assert CODEC.request(request_.name, request_.value, request_.channel) == line
     assert CODEC.read_request(line.rstrip(b"\r")) == request_
 
@@ -57,14 +57,14 @@ def test_what_is_verified_is_operate_alone_and_says_where() -> None:
 @pytest.mark.parametrize(
     ("line", "answer"),
     [
-        (b"OK\r", Answer()),
-        (b"OK,CL\r", Answer(charge_lost=True)),
-        (b"E03\r", Answer(error="03")),
-        (b"2500\r", Answer(text="2500")),
-        (b"Example,M8,007,1.2\r", Answer(text="Example,M8,007,1.2")),
+        (b"OK\r", AmplifierReply()),
+        (b"OK,CL\r", AmplifierReply(charge_lost=True)),
+        (b"E03\r", AmplifierReply(error="03")),
+        (b"2500\r", AmplifierReply(text="2500")),
+        (b"Example,M8,007,1.2\r", AmplifierReply(text="Example,M8,007,1.2")),
     ],
 )
-def test_answers_as_they_stand_on_the_line(line: bytes, answer: Answer) -> None:
+def test_answers_as_they_stand_on_the_line(line: bytes, answer: AmplifierReply) -> None:
     assert CODEC.answer(answer) == line
     assert CODEC.read_answer(line.rstrip(b"\r")) == answer
 

@@ -20,7 +20,7 @@ from dynamics.model.robot_model import (
     torque,
 )
 from dynamics.terms.conditions import Conditions
-from dynamics.terms.motion import Motion
+from dynamics.terms.motion import TermMotion
 
 PINOCCHIO_ORDER = [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]
 STEP = 1e-4
@@ -226,7 +226,7 @@ def test_no_power_is_lost_between_joints_and_actuators(seed) -> None:
     rng = np.random.default_rng(seed)
     matrix = np.eye(5) + rng.uniform(-0.15, 0.15, (5, 5))
     v, tau = rng.standard_normal((2, 6, 5))
-    motion = Motion.of(v, v, v, 5, WristCoupling.of_matrix(matrix), Conditions())
+    motion = TermMotion.of(v, v, v, 5, WristCoupling.of_matrix(matrix), Conditions())
     on_actuators = tau[:, :, np.newaxis].copy()
     motion.to_actuators(on_actuators)
     np.testing.assert_allclose(
@@ -238,7 +238,7 @@ def test_every_part_of_a_motion_is_in_both_coordinates(random_motion) -> None:
     matrix = np.array(TestWristOfTheThesis.COUPLING)
     conditions = Conditions(temperature_k=np.full((8, 3), 300.0), load_nm=np.ones((8, 3)))
     q, v, a = random_motion(3, 6)
-    whole = Motion.of(q, v, a, 3, WristCoupling.of_matrix(matrix), conditions)
+    whole = TermMotion.of(q, v, a, 3, WristCoupling.of_matrix(matrix), conditions)
     parts = [whole.part(slice(*ends)) for ends in pairwise([0, 3, 8])]
     for part in parts:
         np.testing.assert_allclose(part.joint, part.actuator @ matrix.T, atol=1e-12)

@@ -11,8 +11,16 @@ from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.load import load_robot
 from config.robot.friction_terms import FrictionTerm
-from dynamics.kernels.presliding import AT_ONCE, DIRECTION, FOUND, KNOWN, STATE, begin, follow
-from dynamics.model.memory import counted, presliding, with_memory
+from dynamics.kernels.presliding import (
+    AT_ONCE,
+    DIRECTION,
+    FOUND,
+    KNOWN,
+    STATE,
+    begin,
+    drive_presliding,
+)
+from dynamics.model.memory import friction_known, presliding, with_memory
 from dynamics.model.nonlinear_slopes import nonlinear_slopes
 from dynamics.model.robot_model import RobotModel, load_torque, regressor, torque
 from dynamics.terms.conditions import Conditions
@@ -27,7 +35,7 @@ def direction(
 ) -> FloatArray:
     out = np.zeros((len(path), FOUND))
     state = begin() if state is None else state
-    follow(np.asarray(path, dtype=np.float64), distance, share, state, out)
+    drive_presliding(np.asarray(path, dtype=np.float64), distance, share, state, out)
     return out
 
 
@@ -94,7 +102,7 @@ def test_what_does_not_give_way_holds_at_once() -> None:
 def test_what_holds_at_once_is_unknown_as_long_as_its_own_way_lasts() -> None:
     path = 1e-6 * np.arange(40.0)
     out = np.empty((len(path), FOUND))
-    follow(path, 1e-6, 0.5, begin(), out)
+    drive_presliding(path, 1e-6, 0.5, begin(), out)
     assert not out[path < 1.99 * AT_ONCE, KNOWN].any()
     assert out[path > 2.01 * AT_ONCE, KNOWN].all()
 
@@ -195,8 +203,8 @@ def test_samples_at_rest_count_for_joints_with_a_memory_that_is_known() -> None:
     model = model_of()
     q = np.linspace(0.0, 0.1, 50)[:, np.newaxis] * np.ones(3)
     moving = np.zeros((50, 3), dtype=bool)
-    assert not counted(Conditions(), moving).any()
-    use = counted(with_memory(model, q), moving)
+    assert not friction_known(Conditions(), moving).any()
+    use = friction_known(with_memory(model, q), moving)
     assert not use[0].any()
     assert use[-1].all()
 

@@ -16,7 +16,7 @@ from dynamics.model.base_wrench import base_wrench
 from identification.calibration.base_reaction import base_load
 from identification.design.criteria import Condition
 from identification.design.problem import ExcitationProblem
-from identification.design.search import refine
+from identification.design.search import refine_start
 from identification.design.verification import check_motion
 from identification.estimation.estimate import Estimate
 from identification.estimation.fitted_periods import fit_periodic
@@ -111,10 +111,10 @@ def problem(arm: KnownArm) -> ExcitationProblem:
 
 class TestDesign:
     def test_holds_the_limits_on_the_base(self, problem: ExcitationProblem) -> None:
-        free = refine(problem, 1, 0.008, iterations=60)
+        free = refine_start(problem, 1, 0.008, iterations=60)
         limited = replace(problem, base_limits=LIMITS)
         assert "Mz on the base" in " ".join(check_motion(limited, free.motion, 0.008).broken)
-        held = refine(limited, 1, 0.008, iterations=60)
+        held = refine_start(limited, 1, 0.008, iterations=60)
         assert held.check.broken == ()
         uses = {use.what: use for use in held.check.uses}
         assert uses["Mz on the base"].used <= 60.0

@@ -16,7 +16,7 @@ from identification.design.criteria import DOptimal
 from identification.design.easier import easier_problems
 from identification.design.model import design_model
 from identification.design.problem import ExcitationProblem
-from identification.design.search import refine
+from identification.design.search import refine_start
 from tests.builders.raised_codes import raises_code
 
 REACH_M = 0.4
@@ -71,7 +71,7 @@ def test_a_weak_arm_starts_where_its_motor_holds_it_and_moves_there() -> None:
         assert task.parameters is not None
         held = torque(task.model, pose, rest, rest, task.parameters)[0, 0]
         assert abs(held) < 0.35 * WEIGHT_NM
-    found = refine(task, 0, 0.01)
+    found = refine_start(task, 0, 0.01)
     assert found.check.broken == ()
     assert np.isfinite(found.check.objective)
 
@@ -113,7 +113,7 @@ def test_a_motion_between_bodies_is_drawn_together_until_it_is_clear() -> None:
     ]
     arm = Capsule(kind="capsule", link=2, start_m=(0, 0, 0.4), end_m=(0, 0, 0.6), radius_m=0.02)
     robot = swing(2.0 * WEIGHT_NM).model_copy(update={"bodies": (*post, arm)})
-    found = refine(problem(robot), 1, 0.01, iterations=30)
+    found = refine_start(problem(robot), 1, 0.01, iterations=30)
     assert found.check.broken == ()
     clear = [use for use in found.check.uses if use.what.startswith("distance")]
     assert min(use.used for use in clear) < 0.06

@@ -17,7 +17,7 @@ from dynamics.model.cad import cad_parameters
 from identification.design.criteria import Condition, DOptimal, Goals
 from identification.design.model import design_model
 from identification.design.problem import ExcitationProblem
-from identification.design.search import candidates, refine
+from identification.design.search import candidates, refine_start
 from identification.design.two_harmonic import (
     TwoHarmonicOptions,
     condition_number,
@@ -44,7 +44,7 @@ def problem() -> ExcitationProblem:
 
 @pytest.fixture(scope="module")
 def refined(problem):
-    return refine(problem, 1, CYCLE_S)
+    return refine_start(problem, 1, CYCLE_S)
 
 
 @pytest.mark.parametrize("acceleration", [100.0, 2.0], ids=["by range", "by acceleration"])
@@ -66,7 +66,7 @@ def test_one_axis_and_one_harmonic_reach_the_closed_form(acceleration: float) ->
         limit_fraction=0.9,
         expected_noise_nm=np.array([0.5]),
     )
-    found = refine(task, 0, 0.004)
+    found = refine_start(task, 0, 0.004)
     omega = 2.0 * np.pi / 4.0
     largest = min(1.0, acceleration / omega**2)
 
@@ -111,7 +111,7 @@ def test_torque_and_self_collision_hold_the_motion_back(pinocchio_arm) -> None:
         expected_noise_nm=np.array([joint.limits.torque for joint in robot.joints]),
         parameters=cad_parameters(design_model(robot), robot)[0],
     )
-    found = refine(task, 4, 0.002, iterations=60)
+    found = refine_start(task, 4, 0.002, iterations=60)
     assert found.check.broken == ()
     path = found.motion.trajectory(robot, 0.01)
     times = path.sample_times_s
@@ -158,8 +158,8 @@ def test_the_next_experiment_serves_what_is_known_least(problem) -> None:
     known = np.full(len(problem.base), 1e6)
     known[weak] = 0.0
     dopt = replace(problem, criterion=DOptimal())
-    served = refine(replace(dopt, given=np.diag(known)), 1, CYCLE_S)
-    plain = refine(dopt, 1, CYCLE_S)
+    served = refine_start(replace(dopt, given=np.diag(known)), 1, CYCLE_S)
+    plain = refine_start(dopt, 1, CYCLE_S)
     judge = replace(problem, criterion=Goals(np.eye(len(known))[weak]), given=np.diag(known))
     deviations = [
         np.exp(check_motion(judge, each.motion, CYCLE_S).objective) for each in (served, plain)
@@ -170,8 +170,8 @@ def test_the_next_experiment_serves_what_is_known_least(problem) -> None:
 def test_a_design_for_one_parameter_knows_it_better(problem) -> None:
     chosen = Goals(np.eye(len(problem.base))[[problem.base.names.index("Ixz2")]])
     task = replace(problem, criterion=chosen)
-    plain = refine(replace(problem, criterion=DOptimal()), 1, CYCLE_S)
-    served = refine(task, 1, CYCLE_S)
+    plain = refine_start(replace(problem, criterion=DOptimal()), 1, CYCLE_S)
+    served = refine_start(task, 1, CYCLE_S)
     assert served.check.broken == ()
     deviation = np.exp(served.check.objective - check_motion(task, plain.motion, CYCLE_S).objective)
     assert deviation < 0.9

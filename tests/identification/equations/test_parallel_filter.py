@@ -15,7 +15,7 @@ from config.arrays import FloatArray
 from dynamics.model.robot_model import RobotModel, torque
 from dynamics.terms.conditions import Conditions
 from identification.equations.segments import cut, thinned, unfiltered_period
-from identification.equations.time_domain import TimeRun, rows_of, time_blocks
+from identification.equations.time_domain import TimeRun, count_rows, time_blocks
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.model.base_parameters import base_parameters
@@ -89,7 +89,7 @@ def test_rows_next_to_a_reversal_are_left_out_and_no_others(signals: SmoothedSig
     run = TimeRun(signals, Conditions())
     blocks = list(time_blocks(model, base_parameters(model), [run], STANDSTILL_RAD_S))
     use = np.concatenate([block.use for block in blocks])
-    assert len(use) == rows_of(model, run)
+    assert len(use) == count_rows(model, run)
     assert 0.7 < use.mean() < 0.95
     moving = np.concatenate([block.moving for block in blocks])
     assert np.all(moving[use])

@@ -15,7 +15,7 @@ from acquisition.recording.recording import Recording
 from config.load import load_bundled_or_path, load_robot
 from identification.estimation.estimate import Estimate
 from identification.estimation.fitted_signals import fit_smoothed
-from identification.validation.torque_prediction import validate
+from identification.validation.torque_prediction import validate_torques
 
 CUTOFF_HZ = 9.4
 LIMITS_PERCENT = (9.6, 3.8, 4.0, 4.4, 7.0, 7.0)
@@ -48,7 +48,7 @@ def short_run(read: Read) -> Estimate:
 
 def test_a_model_of_one_motion_predicts_another(long_run: Estimate, read: Read) -> None:
     other = read("20_01_17-ptp_10_points", 700, 4200)
-    result = validate(long_run, other, cutoff_hz=CUTOFF_HZ, limits_percent=LIMITS_PERCENT)
+    result = validate_torques(long_run, other, cutoff_hz=CUTOFF_HZ, limits_percent=LIMITS_PERCENT)
     assert result.passed, result.relative_percent
     # Joint 6 stands still half of the time, in stiction: counted in, its error is no error of the
     # model.
@@ -85,7 +85,7 @@ def test_friction_with_memory_tells_what_holds_a_joint_at_rest(
     # Rest and reversals count here, and do not in the other.
     assert np.all(estimate.residual_nm[3:] < 1.25 * long_run.residual_nm[3:])
     other = read("20_01_17-ptp_10_points", 700, 4200)
-    result = validate(estimate, other, cutoff_hz=CUTOFF_HZ, limits_percent=LIMITS_PERCENT)
+    result = validate_torques(estimate, other, cutoff_hz=CUTOFF_HZ, limits_percent=LIMITS_PERCENT)
     assert result.passed, result.relative_percent
     assert result.all_samples_percent[4] < 10.0
     assert result.all_samples_percent[5] < 18.0

@@ -20,7 +20,7 @@ from config.errors import DataQualityError, EstimationError
 from config.load import load_robot
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel, torque
-from identification.friction.curve import FrictionCurve, friction_columns, joined
+from identification.friction.curve import FrictionCurve, friction_columns, join_curves
 from identification.friction.experiments import constant_velocity_curves, reversed_curves
 from identification.friction.fits import MODELS, fit_friction
 from identification.model.options import ModelOptions
@@ -301,10 +301,10 @@ def test_curves_of_several_runs_are_taken_together() -> None:
         )
         for rows in (slice(6, None), slice(0, 6))
     ]
-    whole = joined(parts)
+    whole = join_curves(parts)
     for name in ("speed", "odd", "odd_sigma", "even", "even_covariance"):
         np.testing.assert_array_equal(getattr(whole, name), getattr(curve, name))
-    assert joined([parts[0], replace(parts[1], even=None, even_covariance=None)]).even is None
+    assert join_curves([parts[0], replace(parts[1], even=None, even_covariance=None)]).even is None
 
 
 def test_friction_columns_are_the_terms_of_one_joint() -> None:

@@ -19,7 +19,7 @@ from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.model.base_parameters import base_parameters
 from identification.model.options import ModelOptions
-from identification.validation.torque_prediction import validate
+from identification.validation.torque_prediction import validate_torques
 from tests.builders.raised_codes import raises_code
 
 if TYPE_CHECKING:
@@ -140,10 +140,10 @@ class TestTemperature:
             sample_index=np.full(len(signals), -1),
             source="import",
         )
-        validation = validate(estimate, recording)
+        validation = validate_torques(estimate, recording)
         assert np.all(validation.rms_nm < NOISE_NM)
         with raises_code(EstimationError, "RID-MODEL-TEMPERATURE"):
-            validate(estimate, replace(recording, temperature_k=None))
+            validate_torques(estimate, replace(recording, temperature_k=None))
 
 
 def test_a_payload_is_told_from_the_last_link_by_runs_with_and_without(arm: KnownArm) -> None:

@@ -14,7 +14,7 @@ from acquisition.recording.recording import Recording
 from config.errors import DataQualityError, EstimationError
 from identification.estimation.estimate import Estimate
 from identification.estimation.fitted_periods import fit_periodic
-from identification.validation.torque_prediction import Validation, validate
+from identification.validation.torque_prediction import Validation, validate_torques
 from tests.builders.raised_codes import raises_code
 
 if TYPE_CHECKING:
@@ -39,13 +39,13 @@ def other_run(arm: KnownArm, run: Run) -> Recording:
 
 @pytest.fixture(scope="module")
 def validation(identified: Estimate, other_run: Recording) -> Validation:
-    return validate(identified, other_run, limits_percent=(10.0, 10.0, 10.0))
+    return validate_torques(identified, other_run, limits_percent=(10.0, 10.0, 10.0))
 
 
 def test_an_estimate_predicts_another_run_as_well_as_the_truth_does(
     arm: KnownArm, identified: Estimate, other_run: Recording, validation: Validation
 ) -> None:
-    truth = validate(replace(identified, values=arm.base), other_run)
+    truth = validate_torques(replace(identified, values=arm.base), other_run)
     assert (validation.rms_nm < 1.1 * truth.rms_nm).all()
     assert (validation.relative_percent < 3.0).all()
     assert validation.passed is True
@@ -65,23 +65,25 @@ def test_errors_are_those_of_the_moving_samples(validation: Validation) -> None:
 
 
 def test_a_limit_exceeded_fails_the_run(identified: Estimate, other_run: Recording) -> None:
-    strict = validate(identified, other_run, limits_percent=(10.0, 0.01, 10.0))
+    strict = validate_torques(identified, other_run, limits_percent=(10.0, 0.01, 10.0))
     assert strict.verdicts == (True, False, True)
     assert strict.passed is False
-    assert validate(identified, other_run).passed is None
+    assert validate_torques(identified, other_run).passed is None
 
 
 def test_the_lag_of_the_anti_alias_filter_is_taken_out(
     identified: Estimate, other_run: Recording, validation: Validation
 ) -> None:
-    believed = validate(identified, replace(other_run, torque_filter=None))
+    believed = validate_torques(identified, replace(other_run, torque_filter=None))
     assert (believed.rms_nm > 3.0 * validation.rms_nm).all()
 
 
 def test_the_noise_floor_is_what_is_left_of_it_inside_the_band(
     identified: Estimate, other_run: Recording
 ) -> None:
-    result = validate(identified, other_run, cutoff_hz=10.0, noise_nm=np.array([1.0, 2.0, 3.0]))
+    result = validate_torques(
+        identified, other_run, cutoff_hz=10.0, noise_nm=np.array([1.0, 2.0, 3.0])
+    )
     assert result.noise_nm is not None
     # 10 Hz of the 62.5 Hz that white noise spreads over.
     np.testing.assert_allclose(result.noise_nm, np.sqrt(0.16) * np.array([1.0, 2.0, 3.0]))
@@ -94,7 +96,7 @@ def test_a_joint_that_never_moves_has_no_error_and_no_verdict(
     motion = arm.motion.model_copy(
         update={"joints": (arm.motion.joints[0], still, arm.motion.joints[2])}
     )
-    result = validate(identified, measure(motion=motion), limits_percent=(9.0, 9.0, 9.0))
+    result = validate_torques(identified, measure(motion=motion), limits_percent=(9.0, 9.0, 9.0))
     assert np.isnan(result.relative_percent[1])
     assert result.verdicts == (True, None, True)
     assert result.passed is True
@@ -103,14 +105,14 @@ def test_a_joint_that_never_moves_has_no_error_and_no_verdict(
 def test_a_recording_at_rest_is_refused(identified: Estimate, other_run: Recording) -> None:
     rest = replace(other_run, position=np.zeros_like(other_run.position))
     with raises_code(DataQualityError, "RID-RUN-STILL"):
-        validate(identified, rest)
+        validate_torques(identified, rest)
 
 
 def test_another_robot_s_recording_is_refused(identified: Estimate, other_run: Recording) -> None:
     with raises_code(EstimationError, "RID-ROBOT-OTHER", "axis1"):
-        validate(identified, replace(other_run, joint_names=("a", "b", "c")))
+        validate_torques(identified, replace(other_run, joint_names=("a", "b", "c")))
 
 
 def test_limits_for_other_joints_are_refused(identified: Estimate, other_run: Recording) -> None:
     with raises_code(EstimationError, "RID-OPTION-COUNT"):
-        validate(identified, other_run, limits_percent=(1.0, 2.0))
+        validate_torques(identified, other_run, limits_percent=(1.0, 2.0))

@@ -10,7 +10,11 @@ from config.errors import DataQualityError
 from identification.estimation.estimate import Estimate
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.validation.diagnosis import diagnose
-from identification.validation.torque_prediction import Validation, relative_of_both, validate
+from identification.validation.torque_prediction import (
+    Validation,
+    relative_of_both,
+    validate_torques,
+)
 from rid_daq.report.sections.curves import TorqueCurves
 from rid_daq.report.sections.validation import AxisError, ValidationSection
 from tests.builders.raised_codes import raises_code
@@ -60,14 +64,14 @@ def identified() -> Estimate:
 
 @pytest.fixture(scope="module")
 def whole(identified: Estimate) -> Validation:
-    return validate(identified, measured(directions(WAY[0]), WAY), cutoff_hz=CUTOFF_HZ)
+    return validate_torques(identified, measured(directions(WAY[0]), WAY), cutoff_hz=CUTOFF_HZ)
 
 
 @pytest.fixture(scope="module")
 def begun_in_motion(identified: Estimate) -> Validation:
     """The same recording, begun where the second axis was sliding already."""
     later = measured(directions(WAY[0]), WAY, rows=slice(BEGIN, None))
-    return validate(identified, later, cutoff_hz=CUTOFF_HZ)
+    return validate_torques(identified, later, cutoff_hz=CUTOFF_HZ)
 
 
 def error(validation: Validation) -> FloatArray:
@@ -121,7 +125,7 @@ def test_after_a_gap_it_is_not_known_again(identified: Estimate) -> None:
     valid = recorded.valid.copy()
     valid[BEGIN - 100 : BEGIN] = False
     gapped = type(recorded)(**{**vars(recorded), "valid": valid})
-    result = validate(identified, gapped, cutoff_hz=CUTOFF_HZ)
+    result = validate_torques(identified, gapped, cutoff_hz=CUTOFF_HZ)
     after = int(np.argmax(np.diff(result.time_s) > 5.0 * STEP_S)) + 1
     known = result.known[:, 1]
     assert known[after - 1]
@@ -139,7 +143,7 @@ def test_two_models_are_compared_on_what_counts_for_both(
     way = motion(40.0, 1)
     plain = fit_smoothed(arm(), [recording(directions(way[0]), way)]).estimate()
     later = measured(directions(WAY[0]), WAY, rows=slice(BEGIN, None))
-    sliding = validate(plain, later, cutoff_hz=5.0)
+    sliding = validate_torques(plain, later, cutoff_hz=5.0)
     assert sliding.known.all()
     both = relative_of_both(sliding, begun_in_motion)
     assert (both == relative_of_both(begun_in_motion, sliding)[::-1]).all()
@@ -189,4 +193,4 @@ def test_a_recording_that_shows_no_friction_is_refused(identified: Estimate) -> 
     q[:, 1] = turns * np.sin(2.0 * np.pi * 2.0 * time_s)
     recorded = measured({}, (q, 0.0 * v, 0.0 * a))
     with raises_code(DataQualityError, "RID-RUN-STILL"):
-        validate(identified, recorded, cutoff_hz=CUTOFF_HZ)
+        validate_torques(identified, recorded, cutoff_hz=CUTOFF_HZ)

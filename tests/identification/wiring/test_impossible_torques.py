@@ -16,7 +16,7 @@ from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain
 from dynamics.model.robot_model import regressor
 from identification.wiring.common_mistakes import common_mistakes, torque_units
-from identification.wiring.mistakes import DEGREES, Kind
+from identification.wiring.mistakes import DEGREES, MistakeKind
 from identification.wiring.possible import keeps_limits
 from identification.wiring.search import find_mistakes, impossibilities
 from identification.wiring.signals import WiredSignals
@@ -68,7 +68,7 @@ def test_a_set_of_torques_reversed_is_found_at_once(
     torque_nm = arm.torque_nm.copy()
     torque_nm[:, list(joints) or slice(None)] *= -1.0
     (found,) = find_mistakes(replace(arm, torque_nm=torque_nm))
-    assert (found.mistake.kind, found.mistake.joints) == (Kind.TORQUE_SIGN, joints)
+    assert (found.mistake.kind, found.mistake.joints) == (MistakeKind.TORQUE_SIGN, joints)
 
 
 def test_three_axes_in_a_cycle_are_found(arm: WiredSignals) -> None:
@@ -77,7 +77,10 @@ def test_three_axes_in_a_cycle_are_found(arm: WiredSignals) -> None:
     q, v, a, torque_nm = (each[:, order] for each in moved)
     wrong = replace(arm, position=q, velocity=v, acceleration=a, torque_nm=torque_nm)
     (found,) = find_mistakes(wrong)
-    assert (found.mistake.kind, found.mistake.joints) == (Kind.AXIS_ORDER, (2, 0, 1, 3, 4, 5))
+    assert (found.mistake.kind, found.mistake.joints) == (
+        MistakeKind.AXIS_ORDER,
+        (2, 0, 1, 3, 4, 5),
+    )
     assert found.mistake.changed == (0, 1, 2)
 
 
@@ -94,7 +97,7 @@ def test_a_base_that_is_tilted_is_found_with_its_direction(
     moved = regressor(plain_model(replace(arm, robot=tilted)), *arm.joints())
     more = (moved - regressor(rigid, *arm.joints()))[:, :, own] @ values[own]
     (found,) = find_mistakes(replace(arm, torque_nm=arm.torque_nm + more))
-    assert found.mistake.kind is Kind.MOUNTING
+    assert found.mistake.kind is MistakeKind.MOUNTING
     assert found.mistake.robot is not None
     right = np.array(found.mistake.robot.gravity_m_s2)
     assert math.degrees(math.acos(right @ gravity / 9.81**2)) < 2.0
@@ -112,10 +115,10 @@ def test_a_wrong_zero_of_the_first_joint_is_not_taken_for_an_oblique_base(
     off = arm.position - math.radians(40.0) * np.eye(6)[0]
     found = find_mistakes(replace(wall, torque_nm=torque_nm, position=off))
     assert [(each.mistake.kind, each.mistake.joints) for each in found] == [
-        (Kind.POSITION_OFFSET, (0,))
+        (MistakeKind.POSITION_OFFSET, (0,))
     ]
     assert math.degrees(found[0].mistake.factor) == pytest.approx(40.0, abs=1.0)
-    assert [each.kind for each in found[0].alternatives] == [Kind.MOUNTING]
+    assert [each.kind for each in found[0].alternatives] == [MistakeKind.MOUNTING]
 
 
 def test_torques_without_gravity_are_found(arm: WiredSignals) -> None:
@@ -124,7 +127,7 @@ def test_torques_without_gravity_are_found(arm: WiredSignals) -> None:
     q, still = arm.position, np.zeros_like(arm.position)
     gravity_nm = regressor(model, q, still, still)[:, :, own] @ _fitted(arm)[own]
     found = find_mistakes(replace(arm, torque_nm=arm.torque_nm - gravity_nm))
-    assert [each.mistake.kind for each in found] == [Kind.GRAVITY_REMOVED]
+    assert [each.mistake.kind for each in found] == [MistakeKind.GRAVITY_REMOVED]
 
 
 def _fitted(signals: WiredSignals) -> FloatArray:
@@ -138,7 +141,7 @@ def test_every_unit_of_the_torques_is_named(arm: WiredSignals, unit: int) -> Non
     mistake = list(torque_units(arm.robot))[unit]
     stated = arm.torque_nm @ np.linalg.inv(mistake.torque).T
     found = find_mistakes(replace(arm, torque_nm=stated))
-    assert [each.mistake.kind for each in found] == [Kind.TORQUE_UNIT]
+    assert [each.mistake.kind for each in found] == [MistakeKind.TORQUE_UNIT]
     named = (found[0].mistake, *found[0].alternatives)
     assert mistake.what in {each.what for each in named}
 
@@ -147,7 +150,7 @@ def test_every_unit_of_the_torques_is_named(arm: WiredSignals, unit: int) -> Non
 def test_torques_that_are_a_copy_of_the_motion_are_named(arm: WiredSignals, what: str) -> None:
     copied = replace(arm, torque_nm=getattr(arm, what))
     (found,) = find_mistakes(copied)
-    assert (found.mistake.kind, found.mistake.what) == (Kind.TORQUE_QUANTITY, what)
+    assert (found.mistake.kind, found.mistake.what) == (MistakeKind.TORQUE_QUANTITY, what)
     one = arm.torque_nm.copy()
     one[:, 3] = getattr(arm, what)[:, 3]
     (found,) = find_mistakes(replace(arm, torque_nm=one))
@@ -165,14 +168,20 @@ def test_what_is_proposed_keeps_the_limits_of_the_robot_file(arm: WiredSignals) 
         for mistake in common_mistakes(arm.robot)
         if not keeps_limits(mistake, arm, mistake.undone(arm))
     ]
-    assert (Kind.TORQUE_FACTOR, 1000.0) in refused
-    assert (Kind.TORQUE_FACTOR, 0.001) in refused
-    assert (Kind.POSITION_FACTOR, DEGREES) in refused
-    assert (Kind.POSITION_FACTOR, 1.0 / DEGREES) in refused
-    assert {(Kind.CLOCK, 0.001), (Kind.CLOCK, 1000.0)} <= set(refused)
+    assert (MistakeKind.TORQUE_FACTOR, 1000.0) in refused
+    assert (MistakeKind.TORQUE_FACTOR, 0.001) in refused
+    assert (MistakeKind.POSITION_FACTOR, DEGREES) in refused
+    assert (MistakeKind.POSITION_FACTOR, 1.0 / DEGREES) in refused
+    assert {(MistakeKind.CLOCK, 0.001), (MistakeKind.CLOCK, 1000.0)} <= set(refused)
     assert {kind for kind, _ in refused} <= {
-        *(Kind.TORQUE_FACTOR, Kind.TORQUE_UNIT, Kind.TORQUE_ORDER, Kind.CLOCK, Kind.AXIS_ORDER),
-        *(Kind.POSITION_FACTOR, Kind.POSITION_OFFSET, Kind.POSITION_ORDER),
+        *(
+            MistakeKind.TORQUE_FACTOR,
+            MistakeKind.TORQUE_UNIT,
+            MistakeKind.TORQUE_ORDER,
+            MistakeKind.CLOCK,
+            MistakeKind.AXIS_ORDER,
+        ),
+        *(MistakeKind.POSITION_FACTOR, MistakeKind.POSITION_OFFSET, MistakeKind.POSITION_ORDER),
     }
 
 

@@ -14,7 +14,7 @@ from acquisition.processing.smoothing import smooth_nonperiodic
 from config.load import load_bundled_or_path, load_robot
 from identification.regression.fit_grade import BAD_SHARE, GOOD_SHARE
 from identification.wiring.held_out import held_out_share
-from identification.wiring.mistakes import Kind
+from identification.wiring.mistakes import MistakeKind
 from identification.wiring.search import find_mistakes, impossibilities
 from identification.wiring.signals import WiredSignals
 from identification.wiring.trial import Condensed
@@ -50,7 +50,7 @@ def test_columns_that_are_swapped_are_found_in_them(real_robot: Path) -> None:
     sound = of_ur10e(real_robot, *LONG)
     order = [0, 2, 1, 3, 4, 5]
     (found,) = find_mistakes(replace(sound, torque_nm=sound.torque_nm[:, order]))
-    assert (found.mistake.kind, found.mistake.joints) == (Kind.TORQUE_ORDER, (1, 2))
+    assert (found.mistake.kind, found.mistake.joints) == (MistakeKind.TORQUE_ORDER, (1, 2))
 
 
 @pytest.mark.parametrize(("name", "first", "last"), SOUND[:5])

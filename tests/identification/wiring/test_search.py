@@ -11,7 +11,7 @@ import pytest
 from benchmarks.sound_robots import Sound, sound_run, sound_runs
 from config.load import load_robot
 from identification.wiring.common_mistakes import common_mistakes
-from identification.wiring.mistakes import Kind, Mistake, offset
+from identification.wiring.mistakes import Mistake, MistakeKind, offset
 from identification.wiring.search import find_mistakes
 from identification.wiring.signals import WiredSignals
 
@@ -33,12 +33,14 @@ def arm() -> WiredSignals:
     return wired(sound_run(load_robot("ir361"), np.random.default_rng(1)))
 
 
-def made(arm: WiredSignals, kind: Kind, *joints: int, factor: float | None = None) -> WiredSignals:
+def made(
+    arm: WiredSignals, kind: MistakeKind, *joints: int, factor: float | None = None
+) -> WiredSignals:
     """Return signals with the mistake that these joints' (from 0) undoing would undo."""
     return the(arm, kind, *joints, factor=factor).undone(arm)
 
 
-def the(arm: WiredSignals, kind: Kind, *joints: int, factor: float | None) -> Mistake:
+def the(arm: WiredSignals, kind: MistakeKind, *joints: int, factor: float | None) -> Mistake:
     (one,) = (
         mistake
         for mistake in common_mistakes(arm.robot)
@@ -52,23 +54,27 @@ def the(arm: WiredSignals, kind: Kind, *joints: int, factor: float | None) -> Mi
 @pytest.mark.parametrize(
     ("kind", "joints", "factor", "undone_by"),
     [
-        (Kind.POSITION_SIGN, (1,), None, -1.0),
-        (Kind.TORQUE_SIGN, (1,), None, -1.0),
-        (Kind.TORQUE_SIGN, (1, 2), None, -1.0),
-        (Kind.TORQUE_SIGN, (), None, -1.0),
-        (Kind.DIRECTION, (1,), None, -1.0),
-        (Kind.POSITION_FACTOR, (1,), 2.0, 0.5),
-        (Kind.POSITION_FACTOR, (2,), 0.5, 2.0),
-        (Kind.POSITION_FACTOR, (2,), math.pi / 180.0, 180.0 / math.pi),
-        (Kind.TORQUE_FACTOR, (1,), 10.0, 0.1),
-        (Kind.TORQUE_FACTOR, (2,), 0.1, 10.0),
-        (Kind.POSITION_ORDER, (1, 2), None, 1.0),
-        (Kind.TORQUE_ORDER, (1, 2), None, 1.0),
-        (Kind.AXIS_ORDER, (1, 2), None, 1.0),
+        (MistakeKind.POSITION_SIGN, (1,), None, -1.0),
+        (MistakeKind.TORQUE_SIGN, (1,), None, -1.0),
+        (MistakeKind.TORQUE_SIGN, (1, 2), None, -1.0),
+        (MistakeKind.TORQUE_SIGN, (), None, -1.0),
+        (MistakeKind.DIRECTION, (1,), None, -1.0),
+        (MistakeKind.POSITION_FACTOR, (1,), 2.0, 0.5),
+        (MistakeKind.POSITION_FACTOR, (2,), 0.5, 2.0),
+        (MistakeKind.POSITION_FACTOR, (2,), math.pi / 180.0, 180.0 / math.pi),
+        (MistakeKind.TORQUE_FACTOR, (1,), 10.0, 0.1),
+        (MistakeKind.TORQUE_FACTOR, (2,), 0.1, 10.0),
+        (MistakeKind.POSITION_ORDER, (1, 2), None, 1.0),
+        (MistakeKind.TORQUE_ORDER, (1, 2), None, 1.0),
+        (MistakeKind.AXIS_ORDER, (1, 2), None, 1.0),
     ],
 )
 def test_a_mistake_is_found_with_its_joint_and_its_factor(
-    arm: WiredSignals, kind: Kind, joints: tuple[int, ...], factor: float | None, undone_by: float
+    arm: WiredSignals,
+    kind: MistakeKind,
+    joints: tuple[int, ...],
+    factor: float | None,
+    undone_by: float,
 ) -> None:
     (found,) = find_mistakes(made(arm, kind, *joints, factor=factor))
     named = {(each.kind, each.joints): each.factor for each in (found.mistake, *found.alternatives)}
@@ -78,22 +84,22 @@ def test_a_mistake_is_found_with_its_joint_and_its_factor(
 def test_a_zero_position_is_found_to_a_degree(arm: WiredSignals) -> None:
     wrong = offset(arm.robot, 1, math.radians(40.0)).undone(arm)
     (found,) = find_mistakes(wrong)
-    assert (found.mistake.kind, found.mistake.joints) == (Kind.POSITION_OFFSET, (1,))
+    assert (found.mistake.kind, found.mistake.joints) == (MistakeKind.POSITION_OFFSET, (1,))
     assert math.degrees(found.mistake.factor) == pytest.approx(-40.0, abs=1.0)
 
 
 def test_two_mistakes_are_found_one_after_the_other(arm: WiredSignals) -> None:
-    once = made(arm, Kind.TORQUE_SIGN, 1)
-    twice = made(once, Kind.POSITION_FACTOR, 2, factor=2.0)
+    once = made(arm, MistakeKind.TORQUE_SIGN, 1)
+    twice = made(once, MistakeKind.POSITION_FACTOR, 2, factor=2.0)
     found = {(each.mistake.kind, each.mistake.joints) for each in find_mistakes(twice)}
-    assert found == {(Kind.TORQUE_SIGN, (1,)), (Kind.POSITION_FACTOR, (2,))}
+    assert found == {(MistakeKind.TORQUE_SIGN, (1,)), (MistakeKind.POSITION_FACTOR, (2,))}
 
 
 def test_what_explains_the_data_as_well_is_named_too(arm: WiredSignals) -> None:
     """About a vertical axis the sign of the torque cannot be told from that of the position."""
-    (found,) = find_mistakes(made(arm, Kind.TORQUE_SIGN, 0))
+    (found,) = find_mistakes(made(arm, MistakeKind.TORQUE_SIGN, 0))
     kinds = {found.mistake.kind, *(other.kind for other in found.alternatives)}
-    assert {Kind.TORQUE_SIGN, Kind.POSITION_SIGN} <= kinds
+    assert {MistakeKind.TORQUE_SIGN, MistakeKind.POSITION_SIGN} <= kinds
     assert {found.mistake.joints, *(other.joints for other in found.alternatives)} == {(0,)}
 
 
@@ -103,7 +109,7 @@ def test_another_convention_of_the_table_is_found() -> None:
     wrong = robot.kinematics.model_copy(update={"convention": "modified_dh"})
     stated = robot.model_copy(update={"kinematics": wrong})
     found = find_mistakes(replace(wired(sound), robot=stated))
-    assert found[0].mistake.kind is Kind.CONVENTION
+    assert found[0].mistake.kind is MistakeKind.CONVENTION
 
 
 @pytest.mark.parametrize("stated", [None, ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 1.0, 1.0))])
@@ -114,7 +120,7 @@ def test_a_coupling_that_is_missing_or_reversed_is_found(
     sound = wired(sound_run(coupled, np.random.default_rng(3)))
     wrong = arm.robot.model_copy(update={"coupling": stated})
     (found,) = find_mistakes(replace(sound, robot=wrong))
-    assert found.mistake.kind is Kind.COUPLING
+    assert found.mistake.kind is MistakeKind.COUPLING
 
 
 @pytest.mark.slow
@@ -127,7 +133,7 @@ def test_another_mounting_is_found() -> None:
     gravity = (0.0, 9.81, 0.0)
     stated = replace(sound, robot=sound.robot.model_copy(update={"gravity_m_s2": gravity}))
     (found,) = find_mistakes(stated)
-    assert found.mistake.kind is Kind.MOUNTING
+    assert found.mistake.kind is MistakeKind.MOUNTING
     assert found.mistake.robot == sound.robot
 
 
@@ -138,7 +144,7 @@ def test_a_coupling_that_is_too_much_is_found_whichever_side_was_recorded(
     for position in (np.eye(3), np.linalg.inv(np.array(COUPLING))):
         stated = replace(arm.moved(position, np.zeros(3), 1.0), robot=coupled)
         (found,) = find_mistakes(stated)
-        assert found.mistake.kind is Kind.COUPLING
+        assert found.mistake.kind is MistakeKind.COUPLING
         assert found.mistake.joints == (1, 2)
 
 
@@ -152,7 +158,7 @@ def test_a_position_of_a_coupled_joint_is_found_though_its_motor_moves_another(
     coupling = np.array(sound.robot.coupling)
     stated = sound.moved(np.linalg.solve(coupling, scale @ coupling), np.zeros(6), 1.0)
     (found,) = find_mistakes(stated)
-    assert (found.mistake.kind, found.mistake.joints) == (Kind.POSITION_FACTOR, (5,))
+    assert (found.mistake.kind, found.mistake.joints) == (MistakeKind.POSITION_FACTOR, (5,))
     assert found.mistake.factor == pytest.approx(1.0 / factor)
 
 
@@ -161,6 +167,6 @@ def test_a_position_of_a_coupled_joint_is_found_though_its_motor_moves_another(
 )
 def test_positions_in_another_unit_are_found(arm: WiredSignals, in_units: float, what: str) -> None:
     (found,) = find_mistakes(arm.moved(in_units * np.eye(3), np.zeros(3), 1.0))
-    assert (found.mistake.kind, found.mistake.joints) == (Kind.POSITION_FACTOR, ())
+    assert (found.mistake.kind, found.mistake.joints) == (MistakeKind.POSITION_FACTOR, ())
     assert found.mistake.what == what
     assert found.mistake.factor == pytest.approx(1.0 / in_units)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mock_hw.bus.arbitration import FOREVER_NS, CanWire, WireFrame
-from mock_hw.bus.wire_time import frame_bits
+from mock_hw.bus.wire_time import wire_bits
 
 
 def frame(can_id: int, time_ns: int = 0, data: bytes = b"") -> WireFrame:
@@ -55,8 +55,8 @@ def test_a_frame_on_the_wire_is_not_interrupted() -> None:
     wire.queue((2, 0), frame(0x000, 20_000), 20_000)
     low, high = run(wire)
     assert (low.can_id, high.can_id) == (0x7FF, 0x000)
-    begin_ns = frame_bits(0x7FF, bytes(8)) * 1000
-    assert high.time_ns == begin_ns + (frame_bits(0x000, b"") - 3) * 1000
+    begin_ns = wire_bits(0x7FF, bytes(8)) * 1000
+    assert high.time_ns == begin_ns + (wire_bits(0x000, b"") - 3) * 1000
 
 
 def test_a_frame_is_never_sent_before_its_time_nor_in_the_past() -> None:
@@ -87,6 +87,6 @@ def test_nothing_is_lost_and_frames_never_overlap(
     assert sorted((f.can_id, f.data) for f in delivered) == sorted((i, d) for _, i, _, d in queued)
     end_ns = 0
     for f in delivered:
-        bits = frame_bits(f.can_id, f.data[: f.length])
+        bits = wire_bits(f.can_id, f.data[: f.length])
         assert f.time_ns - (bits - 3) * 1000 >= end_ns
         end_ns = f.time_ns + 3000

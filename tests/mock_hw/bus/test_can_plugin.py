@@ -18,7 +18,7 @@ from config.cell.cell import CanBusConfig
 from drivers.canopen.frames import SYNC, Frame
 from drivers.ports.can_link import open_can
 from mock_hw.bus.can_plugin import RidSimBus
-from mock_hw.bus.wire_time import frame_bits
+from mock_hw.bus.wire_time import wire_bits
 
 Serve = Callable[..., Any]
 Join = Callable[..., RidSimBus]
@@ -66,7 +66,7 @@ def test_frames_come_with_their_time_on_the_wire(serve: Serve, join: Join) -> No
     seen = observer.recv(5.0)
     assert seen is not None
     assert (seen.arbitration_id, bytes(seen.data), seen.is_extended_id) == (0x181, b"\1\2", False)
-    assert seen.timestamp == pytest.approx((frame_bits(0x181, b"\1\2") - 3) * 1e-6)
+    assert seen.timestamp == pytest.approx((wire_bits(0x181, b"\1\2") - 3) * 1e-6)
 
 
 def test_all_kinds_of_classic_frames_pass(serve: Serve, join: Join) -> None:

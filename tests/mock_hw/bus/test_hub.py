@@ -16,8 +16,8 @@ from mock_hw.bus.arbitration import WireFrame
 from mock_hw.bus.hub import AFTER_RUN_NS
 from mock_hw.bus.hub_client import HubClient
 from mock_hw.bus.hub_process import listening_socket
-from mock_hw.bus.hub_protocol import FRAME, PacketKind, Role, pack
-from mock_hw.bus.wire_time import INTERMISSION_BITS, frame_bits
+from mock_hw.bus.hub_protocol import FRAME, HubRole, PacketKind, pack
+from mock_hw.bus.wire_time import INTERMISSION_BITS, wire_bits
 from tests.builders.raised_codes import raises_code
 
 MS = 1_000_000
@@ -26,7 +26,7 @@ Serve = Callable[..., Any]
 
 
 def test_a_wait_ends_exactly_when_it_says(serve: Serve) -> None:
-    client = serve().join(Role.MASTER)
+    client = serve().join(HubRole.MASTER)
     start_s = time.monotonic()
     for until_ns in (1, 8 * MS, 3_600_000 * MS):
         assert client.wait(until_ns) == []
@@ -36,23 +36,23 @@ def test_a_wait_ends_exactly_when_it_says(serve: Serve) -> None:
 
 def test_a_frame_arrives_after_its_time_on_the_wire(serve: Serve) -> None:
     hub = serve()
-    device = hub.join(Role.DEVICE)
+    device = hub.join(HubRole.DEVICE)
     device.post(0x181, b"12345678", 8, time_ns=5 * MS)
     device.begin_wait(on_frames=False)
-    master = hub.join(Role.MASTER)
+    master = hub.join(HubRole.MASTER)
     (frame,) = master.wait(10 * MS)
-    bits = frame_bits(0x181, b"12345678")
+    bits = wire_bits(0x181, b"12345678")
     assert frame.time_ns == 5 * MS + (bits - 3) * 1000
     assert master.now_ns == frame.time_ns
 
 
 def test_a_burst_wakes_its_receiver_once_and_in_the_order_of_identifiers(serve: Serve) -> None:
     hub = serve()
-    device = hub.join(Role.DEVICE)
+    device = hub.join(HubRole.DEVICE)
     for port, can_id in enumerate((0x183, 0x181, 0x182)):
         device.post(can_id, bytes(8), 8, port, time_ns=MS)
     device.begin_wait(on_frames=False)
-    master = hub.join(Role.MASTER)
+    master = hub.join(HubRole.MASTER)
     frames = master.wait(10 * MS)
     assert [frame.can_id for frame in frames] == [0x181, 0x182, 0x183]
     assert master.now_ns == frames[-1].time_ns
@@ -60,9 +60,9 @@ def test_a_burst_wakes_its_receiver_once_and_in_the_order_of_identifiers(serve: 
 
 def test_urgent_identifiers_wake_at_once_and_others_wait_for_the_next_wake(serve: Serve) -> None:
     hub = serve()
-    device = hub.join(Role.DEVICE, (0x080,))
+    device = hub.join(HubRole.DEVICE, (0x080,))
     device.begin_wait(10 * MS, on_frames=False)
-    master = hub.join(Role.MASTER)
+    master = hub.join(HubRole.MASTER)
     master.post(0x201, bytes(8), 8, time_ns=1 * MS)
     master.post(0x080, b"", 0, time_ns=4 * MS)
     master.begin_wait(on_frames=False)
@@ -74,10 +74,10 @@ def test_urgent_identifiers_wake_at_once_and_others_wait_for_the_next_wake(serve
 
 def test_sleeping_keeps_frames_for_later(serve: Serve) -> None:
     hub = serve()
-    device = hub.join(Role.DEVICE)
+    device = hub.join(HubRole.DEVICE)
     device.post(0x181, b"", 0, time_ns=MS)
     device.begin_wait(on_frames=False)
-    master = hub.join(Role.MASTER)
+    master = hub.join(HubRole.MASTER)
     (frame,) = master.wait(5 * MS, on_frames=False)
     assert master.now_ns == 5 * MS
     assert frame.time_ns < 2 * MS
@@ -85,9 +85,9 @@ def test_sleeping_keeps_frames_for_later(serve: Serve) -> None:
 
 def test_time_stands_while_a_master_works(serve: Serve) -> None:
     hub = serve()
-    device = hub.join(Role.DEVICE)
+    device = hub.join(HubRole.DEVICE)
     device.begin_wait(3 * MS)
-    master = hub.join(Role.MASTER)
+    master = hub.join(HubRole.MASTER)
     assert not select.select([device], [], [], 0.1)[0]
     master.wait(2 * MS)
     assert master.now_ns == 2 * MS
@@ -99,10 +99,10 @@ def test_time_stands_while_a_master_works(serve: Serve) -> None:
 
 def test_an_observer_sees_everything_and_never_holds_time(serve: Serve) -> None:
     hub = serve()
-    observer = hub.join(Role.OBSERVER)
+    observer = hub.join(HubRole.OBSERVER)
     assert observer.simulated_time
     assert not observer.lockstep
-    master = hub.join(Role.MASTER)
+    master = hub.join(HubRole.MASTER)
     for cycle in range(2000):
         master.post(0x080, b"", 0)
         master.wait((cycle + 1) * 8 * MS)
@@ -114,9 +114,9 @@ def test_an_observer_sees_everything_and_never_holds_time(serve: Serve) -> None:
 
 def test_without_a_master_time_runs_on_at_the_clocks_pace_and_then_stands(serve: Serve) -> None:
     hub = serve()
-    device = hub.join(Role.DEVICE)
+    device = hub.join(HubRole.DEVICE)
     device.begin_wait(5 * MS)
-    master = hub.join(Role.MASTER)
+    master = hub.join(HubRole.MASTER)
     assert master.now_ns == 0
     start_ns = time.monotonic_ns()
     master.close()
@@ -124,14 +124,14 @@ def test_without_a_master_time_runs_on_at_the_clocks_pace_and_then_stands(serve:
     device.wait(100 * MS)
     assert time.monotonic_ns() - start_ns > 95 * MS
     device.begin_wait()
-    master = hub.join(Role.MASTER)
+    master = hub.join(HubRole.MASTER)
     assert master.now_ns == AFTER_RUN_NS
     assert time.monotonic_ns() - start_ns < AFTER_RUN_NS, "a master that waits hurries time"
 
 
 def test_at_a_pace_nothing_comes_before_its_time_on_the_clock(serve: Serve) -> None:
     start_ns = time.monotonic_ns()  # the bus's time begins with its first master: after this
-    client = serve(pace=2.0).join(Role.MASTER)
+    client = serve(pace=2.0).join(HubRole.MASTER)
     for until_ns in (8 * MS, 30 * MS, 200 * MS):
         assert client.wait(until_ns) == []
         assert client.now_ns == until_ns
@@ -139,7 +139,7 @@ def test_at_a_pace_nothing_comes_before_its_time_on_the_clock(serve: Serve) -> N
 
 
 def test_a_wait_that_was_interrupted_does_not_end_the_next_one(serve: Serve) -> None:
-    client = serve().join(Role.MASTER)
+    client = serve().join(HubRole.MASTER)
     client.begin_wait(5 * MS)
     client.wait(9 * MS)
     assert client.now_ns == 9 * MS
@@ -147,8 +147,8 @@ def test_a_wait_that_was_interrupted_does_not_end_the_next_one(serve: Serve) -> 
 
 def test_real_time_delivers_after_the_frames_time_on_the_wire(serve: Serve) -> None:
     hub = serve(realtime=True, bitrate=10_000)
-    sender = hub.join(Role.MASTER)
-    receiver = hub.join(Role.OBSERVER)
+    sender = hub.join(HubRole.MASTER)
+    receiver = hub.join(HubRole.OBSERVER)
     assert not sender.simulated_time
     start_ns = time.monotonic_ns()
     sender.send(0x080, b"", 0)
@@ -159,8 +159,8 @@ def test_real_time_delivers_after_the_frames_time_on_the_wire(serve: Serve) -> N
 
 def test_what_it_takes_to_play_a_device_is_not_the_buss_time(serve: Serve) -> None:
     hub = serve(realtime=True, bitrate=1_000_000)
-    device, receiver = hub.join(Role.DEVICE), hub.join(Role.OBSERVER)
-    wire_ns = 1000 * (frame_bits(0x181, b"", 0) - INTERMISSION_BITS)
+    device, receiver = hub.join(HubRole.DEVICE), hub.join(HubRole.OBSERVER)
+    wire_ns = 1000 * (wire_bits(0x181, b"", 0) - INTERMISSION_BITS)
 
     def backdated() -> int:
         """Hand over a frame a while after its time; return how much later it began."""
@@ -178,7 +178,7 @@ def test_what_it_takes_to_play_a_device_is_not_the_buss_time(serve: Serve) -> No
 
 
 def test_real_time_waits_end_on_the_clock(serve: Serve) -> None:
-    client = serve(realtime=True).join(Role.MASTER)
+    client = serve(realtime=True).join(HubRole.MASTER)
     until_ns = time.monotonic_ns() + 20 * MS
     assert client.wait(until_ns) == []
     assert client.now_ns >= until_ns
@@ -200,8 +200,8 @@ def test_a_client_that_dies_or_talks_nonsense_takes_nobody_along(
     serve: Serve, last_words: bytes, realtime: bool
 ) -> None:
     hub = serve(realtime=realtime)
-    other = hub.join(Role.OBSERVER)
-    dying = hub.join(Role.MASTER)
+    other = hub.join(HubRole.OBSERVER)
+    dying = hub.join(HubRole.MASTER)
     if last_words:
         with socket.socket(fileno=os.dup(dying.fileno())) as wire:
             wire.send(last_words)
@@ -209,7 +209,7 @@ def test_a_client_that_dies_or_talks_nonsense_takes_nobody_along(
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as stranger:
         stranger.connect(str(hub.path))
         stranger.send(b"hello?")
-    master = hub.join(Role.MASTER)
+    master = hub.join(HubRole.MASTER)
     master.post(0x080, b"", 0)
     master.wait(master.now_ns + MS)
     assert [f.can_id for f in other.wait(time.monotonic_ns() + 2000 * MS)] == [0x080]
@@ -217,8 +217,8 @@ def test_a_client_that_dies_or_talks_nonsense_takes_nobody_along(
 
 def test_an_observer_that_does_not_read_loses_frames_and_slows_nobody(serve: Serve) -> None:
     hub = serve()
-    hub.join(Role.OBSERVER)
-    master = hub.join(Role.MASTER)
+    hub.join(HubRole.OBSERVER)
+    master = hub.join(HubRole.MASTER)
     for _ in range(3000):
         master.post(0x181, bytes(8), 8)
         master.wait(master.now_ns + MS)
@@ -227,13 +227,13 @@ def test_an_observer_that_does_not_read_loses_frames_and_slows_nobody(serve: Ser
 
 def test_the_log_is_candumps(serve: Serve) -> None:
     hub = serve()
-    master = hub.join(Role.MASTER)
+    master = hub.join(HubRole.MASTER)
     master.post(0x601, bytes.fromhex("4000100000000000"), 8, time_ns=1_500 * MS)
     master.post(0x4000_0701, b"", 1, time_ns=2_000 * MS)
     master.post(0x9ABC_DEF0, b"x", 1, time_ns=3_000 * MS)
     master.wait(4_000 * MS)
     took_us = [
-        frame_bits(can_id, data, length) - 3
+        wire_bits(can_id, data, length) - 3
         for can_id, data, length in (
             (0x601, bytes.fromhex("4000100000000000"), 8),
             (0x4000_0701, b"", 1),
@@ -269,4 +269,4 @@ def test_a_socket_left_by_a_killed_hub_is_taken_over(serve: Serve) -> None:
 def test_a_channel_that_nobody_serves_is_named(serve: Serve) -> None:
     path = serve().path.with_name("nobody.sock")
     with raises_code(TransportError, "RID-MOCK-NOT-SERVED", "nobody.sock"):
-        HubClient(path, Role.OBSERVER)
+        HubClient(path, HubRole.OBSERVER)

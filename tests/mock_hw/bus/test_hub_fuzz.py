@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from config.errors import TransportError
-from mock_hw.bus.hub_protocol import FRAME, HEADER, PacketKind, Role, pack
+from mock_hw.bus.hub_protocol import FRAME, HEADER, HubRole, PacketKind, pack
 
 Serve = Callable[..., Any]
 EXTREME = (0, 1, -1, 2**31, 2**62, 2**63 - 1, -(2**63))
@@ -26,7 +26,7 @@ def hostile_packet(chance: random.Random) -> bytes:
         case 0:
             return chance.randbytes(chance.randrange(1, 300))
         case 1:
-            role = chance.choice([*Role, 7, 255])
+            role = chance.choice([*HubRole, 7, 255])
             return pack(PacketKind.HELLO, role) + chance.randbytes(chance.randrange(9))
         case 2:
             header = HEADER.pack(
@@ -48,7 +48,7 @@ def connect(client: socket.socket, hub: Any) -> None:
     client.connect(str(hub.path))
 
 
-def join(hub: Any, role: Role) -> Any:
+def join(hub: Any, role: HubRole) -> Any:
     """Join once there is room at the door."""
     give_up_s = time.monotonic() + 120.0
     while True:
@@ -68,13 +68,13 @@ def test_hostile_clients_stop_nobody(serve: Serve, realtime: bool) -> None:
         with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as client:
             connect(client, hub)
             if chance.random() < 0.5:
-                client.send(pack(PacketKind.HELLO, chance.choice([*Role])))
+                client.send(pack(PacketKind.HELLO, chance.choice([*HubRole])))
             for _ in range(chance.randrange(1, 6)):
                 try:
                     client.send(hostile_packet(chance))
                 except OSError:
                     break  # the hub has shown the door
-    master, observer = join(hub, Role.MASTER), join(hub, Role.OBSERVER)
+    master, observer = join(hub, HubRole.MASTER), join(hub, HubRole.OBSERVER)
     seen = b""
     for _ in range(PATIENCE):
         master.post(0x123, b"still on", 8)
@@ -91,6 +91,6 @@ def test_a_master_that_is_gone_before_it_was_let_in_holds_nobody_up(serve: Serve
     for _ in range(20):
         with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as client:
             connect(client, hub)
-            client.send(pack(PacketKind.HELLO, Role.MASTER))
-    master = join(hub, Role.MASTER)
+            client.send(pack(PacketKind.HELLO, HubRole.MASTER))
+    master = join(hub, HubRole.MASTER)
     assert master.wait(master.now_ns + 5_000_000) == []

@@ -11,8 +11,8 @@ from mock_hw.bus.arbitration import WireFrame
 from mock_hw.bus.hub_protocol import (
     FRAME,
     HEADER,
+    HubRole,
     PacketKind,
-    Role,
     pack,
     pack_identifiers,
     unpack_frames,
@@ -29,7 +29,7 @@ def test_frames_come_out_as_they_went_in() -> None:
 
 
 def test_a_hello_names_the_identifiers_that_are_urgent() -> None:
-    packet = pack(PacketKind.HELLO, Role.DEVICE) + pack_identifiers([0x000, 0x080, 0x601])
+    packet = pack(PacketKind.HELLO, HubRole.DEVICE) + pack_identifiers([0x000, 0x080, 0x601])
     assert unpack_identifiers(packet[HEADER.size :]) == {0x000, 0x080, 0x601}
 
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mock_hw.bus.pace import CATCHES_UP_NS, Pace
+from mock_hw.bus.pace import CATCHES_UP_NS, PaceKeeper
 
 S = 1_000_000_000
 
 
 @given(st.floats(0.1, 100.0), st.integers(0, 1000 * S), st.lists(st.integers(0, S), max_size=20))
 def test_whoever_is_in_time_keeps_the_pace(rate: float, wall_ns: int, steps: list[int]) -> None:
-    pace = Pace(rate)
+    pace = PaceKeeper(rate)
     pace.begin(wall_ns, 5 * S)
     simulated_ns, due_ns = 5 * S, wall_ns
     for step_ns in steps:
@@ -22,14 +22,14 @@ def test_whoever_is_in_time_keeps_the_pace(rate: float, wall_ns: int, steps: lis
 
 
 def test_a_little_lateness_is_made_up_for() -> None:
-    pace = Pace(1.0)
+    pace = PaceKeeper(1.0)
     pace.begin(0, 0)
     assert pace.wall_ns(S, S + CATCHES_UP_NS) == S
     assert pace.wall_ns(2 * S, S + CATCHES_UP_NS) == 2 * S
 
 
 def test_time_waits_for_whoever_is_late_and_then_goes_on_evenly() -> None:
-    pace = Pace(1.0)
+    pace = PaceKeeper(1.0)
     pace.begin(0, 0)
     assert pace.wall_ns(S, 4 * S) == 4 * S
     assert pace.wall_ns(2 * S, 4 * S) == 5 * S

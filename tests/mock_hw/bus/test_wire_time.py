@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from drivers.canopen.bus_load import frame_bits as drivers_frame_bits
 from drivers.canopen.bus_load import worst_bits
 from drivers.canopen.frames import Frame
-from mock_hw.bus.wire_time import EXTENDED_FLAG, REMOTE_FLAG, arbitration_key, frame_bits
+from mock_hw.bus.wire_time import EXTENDED_FLAG, REMOTE_FLAG, arbitration_key, wire_bits
 
 payloads = st.one_of(
     st.binary(max_size=8),
@@ -37,23 +37,23 @@ def counted_bits(can_id: int, data: bytes) -> int:
 
 
 def test_sync_takes_51_bits() -> None:
-    assert frame_bits(0x080, b"") == 51
+    assert wire_bits(0x080, b"") == 51
 
 
 @given(can_id=st.integers(0, 0x7FF), data=payloads)
 def test_tables_agree_with_counting_and_with_the_drivers_own_arithmetic(
     can_id: int, data: bytes
 ) -> None:
-    bits = frame_bits(can_id, data)
+    bits = wire_bits(can_id, data)
     assert bits == counted_bits(can_id, data)
     assert bits == drivers_frame_bits(Frame(can_id, data))
     assert bits <= worst_bits(len(data))
 
 
 def test_extended_and_remote_frames() -> None:
-    plain = frame_bits(0x123, bytes(8))
-    assert 20 <= frame_bits(EXTENDED_FLAG | 0x123 << 18, bytes(8)) - plain <= 26
-    assert frame_bits(REMOTE_FLAG | 0x123, b"", 8) < frame_bits(0x123, bytes(range(8)))
+    plain = wire_bits(0x123, bytes(8))
+    assert 20 <= wire_bits(EXTENDED_FLAG | 0x123 << 18, bytes(8)) - plain <= 26
+    assert wire_bits(REMOTE_FLAG | 0x123, b"", 8) < wire_bits(0x123, bytes(range(8)))
 
 
 @pytest.mark.parametrize(

@@ -20,13 +20,13 @@ from config.load import load_cell
 from drivers.servo.eds_check import eds_findings
 from mock_hw.drive.eds import drive_eds
 from mock_hw.drive.object_dictionary import ObjectDictionary
-from mock_hw.drive.objects import DriveIdentity, drive_entries
+from mock_hw.drive.objects import SimulatedIdentity, drive_entries
 
 CREATED = datetime(2026, 1, 2, 15, 4)
 NODE = 5
 
 identities = st.builds(
-    DriveIdentity,
+    SimulatedIdentity,
     node_id=st.integers(1, 126),
     encoder_increments=st.integers(1, 2**32 - 1),
     gear=st.fractions(min_value=Fraction(1, 1000), max_value=1000, max_denominator=1000),
@@ -103,7 +103,7 @@ def test_every_object_of_a_simulated_drive_is_in_its_sheet_and_canopen_agrees(ce
     for axis, joint, simulated in zip(
         loaded.config.axes, loaded.robot.joints, loaded.plant.axes, strict=True
     ):
-        identity = DriveIdentity.of_axis(loaded.config, axis, joint, simulated)
+        identity = SimulatedIdentity.of_axis(loaded.config, axis, joint, simulated)
         text = drive_eds(identity, "node.eds", CREATED)
         sheet = parse_eds(text.encode(), "node.eds")
         entries = list(drive_entries(identity))
@@ -127,7 +127,7 @@ def test_every_object_of_a_simulated_drive_is_in_its_sheet_and_canopen_agrees(ce
 
 @settings(max_examples=20)
 @given(identity=identities)
-def test_any_simulated_drive_has_a_sheet_that_both_read(identity: DriveIdentity) -> None:
+def test_any_simulated_drive_has_a_sheet_that_both_read(identity: SimulatedIdentity) -> None:
     text = drive_eds(identity, "node.eds", CREATED)
     sheet = parse_eds(text.encode(), "node.eds")
     answers = ObjectDictionary(drive_entries(identity))
@@ -139,14 +139,14 @@ def test_any_simulated_drive_has_a_sheet_that_both_read(identity: DriveIdentity)
 
 def test_drives_that_differ_in_their_node_id_alone_have_one_sheet() -> None:
     sheets = {
-        drive_eds(DriveIdentity(node, 4096, Fraction(100), 1500), "drive.eds", CREATED)
+        drive_eds(SimulatedIdentity(node, 4096, Fraction(100), 1500), "drive.eds", CREATED)
         for node in (1, 2, 126)
     }
     assert len(sheets) == 1
 
 
 def test_a_sheet_that_canopen_has_written_again_says_the_same(tmp_path: Path) -> None:
-    text = drive_eds(DriveIdentity(NODE, 4096, Fraction(100), 1500), "drive.eds", CREATED)
+    text = drive_eds(SimulatedIdentity(NODE, 4096, Fraction(100), 1500), "drive.eds", CREATED)
     path = tmp_path / "again.eds"
     with path.open("w") as file, warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # it reads the clock in the old way

@@ -16,7 +16,7 @@ from mock_hw.drive.objects import (
     QUICK_STOP_DECELERATION,
     QUICK_STOP_OPTION,
     SHUTDOWN_OPTION,
-    DriveIdentity,
+    SimulatedIdentity,
     drive_entries,
 )
 from mock_hw.drive.power_stage import PowerStage, Ramp
@@ -24,7 +24,7 @@ from mock_hw.drive.power_stage import PowerStage, Ramp
 
 @pytest.fixture
 def objects() -> ObjectDictionary:
-    entries = ObjectDictionary(drive_entries(DriveIdentity(1, 4096, Fraction(100), 2000)))
+    entries = ObjectDictionary(drive_entries(SimulatedIdentity(1, 4096, Fraction(100), 2000)))
     entries[QUICK_STOP_DECELERATION] = 2000
     entries[PROFILE_DECELERATION] = 1000
     return entries
@@ -160,7 +160,9 @@ def test_a_fault_without_power_is_at_once(objects: ObjectDictionary) -> None:
 def test_no_order_of_events_enables_without_the_way_up_or_leaves_the_power_on_in_a_fault(
     events: list[int | str],
 ) -> None:
-    power = PowerStage(ObjectDictionary(drive_entries(DriveIdentity(1, 4096, Fraction(1), 2000))))
+    power = PowerStage(
+        ObjectDictionary(drive_entries(SimulatedIdentity(1, 4096, Fraction(1), 2000)))
+    )
     power.boot()
     now_s = 0.0
     for event in events:

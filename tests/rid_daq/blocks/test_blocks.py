@@ -11,7 +11,16 @@ from bokeh.models.annotations import Span
 from bokeh.models.renderers import GlyphRenderer
 from pydantic import TypeAdapter, ValidationError
 
-from rid_daq.blocks.block import AnyBlock, Column, Heading, Interval, Next, Table, Text, Verdict
+from rid_daq.blocks.block import (
+    AnyBlock,
+    Column,
+    Heading,
+    Interval,
+    Next,
+    Table,
+    Text,
+    Verdict,
+)
 from rid_daq.blocks.plot import Axis, Bar, Line, Panel, Plot
 from rid_daq.blocks.plot import Span as Stretch
 from rid_daq.figures.embedding import as_item

@@ -23,7 +23,7 @@ from config.load import LoadedCell, load_cell
 from dynamics.model.robot_model import torque
 from identification.design.criteria import Condition, DOptimal, Goals
 from identification.design.problem import ExcitationProblem
-from identification.design.search import refine
+from identification.design.search import refine_start
 from identification.design.task import chosen_criterion, excitation_problem
 from identification.design.verification import check_motion
 from identification.estimation.estimate import Estimate
@@ -156,7 +156,7 @@ def test_the_next_experiment_serves_what_earlier_runs_know_least(cell: LoadedCel
         judge = replace(next_one, criterion=criterion)
         served, plain = (
             min(
-                check_motion(judge, refine(task, seed, cycle_s).motion, cycle_s).objective
+                check_motion(judge, refine_start(task, seed, cycle_s).motion, cycle_s).objective
                 for seed in range(8)
             )
             for task in (judge, alone)

@@ -32,7 +32,7 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
 from acquisition.session.outcome import RecordOutcome
 from acquisition.session.record import record_motion
-from acquisition.task.states import Progress
+from acquisition.task.states import TaskProgress
 from config.cell.cell import CellConfig
 from config.errors import ConfigError, TransportError
 from config.load import LoadedCell, load_cell, to_yaml
@@ -108,7 +108,7 @@ def record(
     cell: CellConfig,
     asked: FourierMotion,
     path: Path,
-    watch: Callable[[Progress], None] | None = None,
+    watch: Callable[[TaskProgress], None] | None = None,
 ) -> tuple[RecordOutcome, RunFolder]:
     samples = asked.plan(loaded.robot, cell.cycle_time_s)
     folder = RunFolder.create(path, "test", software={})
@@ -346,7 +346,7 @@ class TestWhenTheDrivesDoNotTell:
     ) -> None:
         killed: list[int] = []
 
-        def kill_monitor(progress: Progress) -> None:
+        def kill_monitor(progress: TaskProgress) -> None:
             for child in multiprocessing.active_children():
                 if progress.temperature_k and "monitor" in child.name and not killed:
                     killed.append(child.pid or 0)

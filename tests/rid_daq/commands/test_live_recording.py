@@ -19,7 +19,7 @@ from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.runs.folder import RunFolder
 from acquisition.session.outcome import RecordOutcome
 from acquisition.session.record import MotionContext, record_motion
-from acquisition.task.states import Progress
+from acquisition.task.states import TaskProgress
 from config.load import LoadedCell, load_cell
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
@@ -40,7 +40,7 @@ class Crowd:
         self._page = page
         self.killed = False
 
-    def __call__(self, progress: Progress) -> None:
+    def __call__(self, progress: TaskProgress) -> None:
         """Come all at once when the motion begins; kill the page when it is well under way."""
         if not self.lines and progress.phase >= Phase.RUN_IN:
             access = self._page.access

@@ -19,7 +19,7 @@ from acquisition.journal.cycles import read_journal
 from acquisition.runs.catalogue import find_run
 from acquisition.runs.manifest import RECORDING
 from acquisition.session.plate_preparation import discharge_plate
-from acquisition.task.states import Progress
+from acquisition.task.states import TaskProgress
 from config.load import load_cell
 from mock_hw.amplifier.sensors import PlateSensors
 from mock_hw.cell import SimulatedCell
@@ -210,13 +210,13 @@ def test_other_commands_measure_from_that_zero(
     assert elsewhere["verdict"] == "shown"
 
 
-def interrupting(after_row: int, sent: list[int]) -> Callable[..., Callable[[Progress], None]]:
+def interrupting(after_row: int, sent: list[int]) -> Callable[..., Callable[[TaskProgress], None]]:
     from rid_daq.terminal.motion_progress import progress_shown
 
-    def wrapped(*arguments: Any) -> Callable[[Progress], None]:
+    def wrapped(*arguments: Any) -> Callable[[TaskProgress], None]:
         show = progress_shown(*arguments)
 
-        def update(progress: Progress) -> None:
+        def update(progress: TaskProgress) -> None:
             show(progress)
             if progress.sample_index >= after_row and not sent:
                 sent.append(1)

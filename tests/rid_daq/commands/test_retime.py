@@ -15,13 +15,13 @@ from acquisition.motion.samples import MotionSamples
 from compensation.timing.timed_motion import retimed
 from config.arrays import FloatArray
 from config.load import load_cell
-from config.simulation.plant import PayloadBody as HungBody
+from config.simulation.plant import MountedBody as HungBody
 from dynamics.geometry.kinematics import Chain, forward
 from identification.estimation.estimate import predict
 from identification.estimation.file import read_estimate, write_estimate
 from identification.payload.body import PayloadBody
 from identification.payload.file import read_payload, write_payload
-from identification.payload.verdict import Check, PayloadResult
+from identification.payload.verdict import PayloadCheck, PayloadResult
 from mock_hw.plant.rigid_bodies import build_rigid_bodies
 from rid_daq.app import run
 from tests.builders.certified import estimate_of
@@ -63,7 +63,7 @@ MASS_KG, CENTRE_M, INERTIA_KG_M2 = 12.0, (0.10, 0.02, -0.05), (0.3, 0.2, 0.25)
 def tool(folder: Path) -> Path:
     body = PayloadBody(MASS_KG, np.array(CENTRE_M), np.diag(INERTIA_KG_M2))
     estimate = replace(estimate_of(load_cell("ir361"), ()), values=body.parameters)
-    enough = (Check("independent parameters that the motion shows", 10, "≥", 10),)
+    enough = (PayloadCheck("independent parameters that the motion shows", 10, "≥", 10),)
     write_payload(folder / "payload.json", PayloadResult(estimate, enough))
     return folder / "payload.json"
 
@@ -71,7 +71,7 @@ def tool(folder: Path) -> Path:
 def test_no_motion_is_timed_with_a_payload_that_did_not_pass(
     folder: Path, tool: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    failed = replace(read_payload(tool), checks=(Check("mass", 2.0, "≤", 1.0, "%"),))
+    failed = replace(read_payload(tool), checks=(PayloadCheck("mass", 2.0, "≤", 1.0, "%"),))
     write_payload(tool, failed)
     assert run(words(folder, "--payload", tool)) == 6
     assert "RID-PAYLOAD-FAILED" in capsys.readouterr().err

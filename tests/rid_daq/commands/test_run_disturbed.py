@@ -16,7 +16,7 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING, RunStatus
 from acquisition.session.record import record_motion
 from acquisition.task.control_block import ControlBlock
-from acquisition.task.states import Progress, RecorderState
+from acquisition.task.states import RecorderState, TaskProgress
 from config.errors import RecordingError
 from rid_daq.app import run
 from tests.builders.told import document
@@ -36,10 +36,12 @@ def meddle(monkeypatch: pytest.MonkeyPatch) -> Meddle:
     whole = record_motion
 
     def meddled(disturb: Disturb) -> None:
-        def record(*arguments: Any, on_progress: Callable[[Progress], None], **options: Any) -> Any:
+        def record(
+            *arguments: Any, on_progress: Callable[[TaskProgress], None], **options: Any
+        ) -> Any:
             done = False
 
-            def look(progress: Progress) -> None:
+            def look(progress: TaskProgress) -> None:
                 nonlocal done
                 if not done and progress.sample_index >= INTO:
                     disturb(arguments[3])

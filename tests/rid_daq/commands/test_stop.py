@@ -21,7 +21,7 @@ from acquisition.session.record import record_motion
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.program_words import ProgramWords
-from acquisition.task.states import Progress, TaskState
+from acquisition.task.states import TaskProgress, TaskState
 from config.load import LoadedCell, load_cell
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
@@ -74,7 +74,7 @@ def test_a_motion_is_stopped_from_another_process_and_seen_to_rest(
     folder = RunFolder.create(tmp_path / "runs", "test")
     commands: list[subprocess.Popen[str]] = []
 
-    def stop_once(progress: Progress) -> None:
+    def stop_once(progress: TaskProgress) -> None:
         if progress.phase is Phase.MAIN and not commands:
             commands.append(subprocess.Popen(STOP, stdout=subprocess.PIPE, text=True))
 

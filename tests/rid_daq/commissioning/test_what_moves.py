@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from acquisition.hold_to_run.line import Line, LineCheck
+from acquisition.hold_to_run.line import HoldLine, LineCheck
 from acquisition.journal.cycle_row import row_dtype
 from config.arrays import FloatArray
 from config.errors import PreflightError
@@ -46,8 +46,8 @@ class Said:
 def jogging(said: Said, home: FloatArray | None = None, obstacle: str = "") -> Jogging:
     """Return the keys of a jog of which every line is clear, or none is."""
 
-    def check(start: FloatArray, wanted: FloatArray) -> Line:
-        return Line(start, start if obstacle else wanted, 1.0, obstacle)
+    def check(start: FloatArray, wanted: FloatArray) -> HoldLine:
+        return HoldLine(start, start if obstacle else wanted, 1.0, obstacle)
 
     return Jogging(ROBOT, home, cast(LineCheck, check), cast(Console, said))
 
@@ -106,7 +106,7 @@ def test_q_ends_a_jog_and_an_obstacle_is_said_where_nothing_moves() -> None:
     assert keys.tapped("q")
 
 
-def bench(pose: FloatArray, number: int) -> Line:
+def bench(pose: FloatArray, number: int) -> HoldLine:
     """Return the small way that the axis test takes from a pose."""
     session = SimpleNamespace(loaded=LOADED, cell=LOADED.config)
     made = AxisBench(cast(RunSession, session), cast(Console, Said()), unattended=True)
@@ -131,8 +131,8 @@ def test_an_axis_test_moves_one_axis_by_two_degrees_towards_its_middle() -> None
 
 
 def test_an_axis_without_room_is_not_tested(monkeypatch: pytest.MonkeyPatch) -> None:
-    def blocked(_check: LineCheck, start: FloatArray, _wanted: FloatArray) -> Line:
-        return Line(start, start, 1.0, "floor")
+    def blocked(_check: LineCheck, start: FloatArray, _wanted: FloatArray) -> HoldLine:
+        return HoldLine(start, start, 1.0, "floor")
 
     monkeypatch.setattr(LineCheck, "__call__", blocked)
     with raises_code(PreflightError, "RID-POSE-OUTSIDE", "axis1"):
@@ -191,7 +191,7 @@ def test_how_much_of_a_line_was_driven_is_told_by_the_set_points() -> None:
     start, goal = np.zeros(N), np.zeros(N)
     start[1], goal[1] = 0.3, 0.3 + math.radians(2.0)
     half = rows(math.radians(2.0))[:101]
-    assert travelled(Line(start, goal, 1.0), half, 1) == pytest.approx(0.5)
+    assert travelled(HoldLine(start, goal, 1.0), half, 1) == pytest.approx(0.5)
 
 
 def test_eyes_see_the_joint_that_moved_most_and_nothing_below_a_tenth_of_a_degree() -> None:

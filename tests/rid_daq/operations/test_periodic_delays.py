@@ -16,9 +16,9 @@ from benchmarks.closed_loop import closed_loop
 from config.load import load_cell
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.estimation.file import read_estimate, write_estimate
-from identification.validation.torque_prediction import validate
+from identification.validation.torque_prediction import validate_torques
 from rid_daq.operations.identify.run_estimation import (
-    EstimationRequest,
+    EstimationJob,
     compare_friction,
     estimate_runs,
     signals_of,
@@ -51,7 +51,7 @@ def recordings() -> tuple[Recording, ...]:
 def test_delays_of_a_periodic_run_are_found_said_and_used(
     recordings: tuple[Recording, ...], tmp_path: Path
 ) -> None:
-    robot, how = load_cell("ir361").robot, EstimationRequest()
+    robot, how = load_cell("ir361").robot, EstimationJob()
     data = [RunData.of(RunFolder(tmp_path, "excitation"), recordings[0], robot, None)]
     comparison = compare_friction(data, how)
     assert comparison.channel is not None
@@ -75,5 +75,5 @@ def test_delays_of_a_periodic_run_are_found_said_and_used(
 
     write_estimate(tmp_path / "model.json", in_time.estimate)
     kept = read_estimate(tmp_path / "model.json")
-    judged, without = validate(kept, recordings[1]), validate(late, recordings[1])
+    judged, without = validate_torques(kept, recordings[1]), validate_torques(late, recordings[1])
     assert np.all(judged.rms_nm < without.rms_nm)

@@ -17,7 +17,7 @@ from acquisition.motion.motion_file import load_motion
 from acquisition.runs.catalogue import list_runs
 from acquisition.runs.folder import RunFolder
 from acquisition.supervision.stop_reason import StopCode, StopReason
-from acquisition.task.states import Progress, TaskState
+from acquisition.task.states import TaskProgress, TaskState
 from config.load import load_cell
 from rid_daq.app import run
 from rid_daq.operations.cell import axis_bench, zeroed_plate
@@ -152,10 +152,10 @@ def test_a_signal_while_a_rehearsal_winds_up_ends_the_command(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    def interrupting(*arguments: Any) -> Callable[[Progress], None]:
+    def interrupting(*arguments: Any) -> Callable[[TaskProgress], None]:
         shown = progress_shown(*arguments)
 
-        def look(progress: Progress) -> None:
+        def look(progress: TaskProgress) -> None:
             if progress.state is TaskState.FINISHED:
                 signal.raise_signal(signal.SIGTERM)
             shown(progress)

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from rid_daq.blocks.formats import measured
+from rid_daq.blocks.formats import format_measured
 
 
 @pytest.mark.parametrize(
@@ -26,7 +26,7 @@ from rid_daq.blocks.formats import measured
 def test_a_value_has_the_digits_that_its_interval_leaves(
     value: float, reach: float, shown: tuple[str, str]
 ) -> None:
-    assert measured(value, reach) == shown
+    assert format_measured(value, reach) == shown
 
 
 @pytest.mark.parametrize(
@@ -42,4 +42,4 @@ def test_a_value_has_the_digits_that_its_interval_leaves(
 def test_a_value_without_an_interval_is_written_as_it_is(
     value: float | None, reach: float | None, shown: tuple[str, str]
 ) -> None:
-    assert measured(value, reach) == shown
+    assert format_measured(value, reach) == shown

@@ -24,7 +24,7 @@ from rid_daq.report.result_file import read_result
 from rid_daq.report.sections.section import CURVE_POINTS
 from rid_daq.report.sections.timing import loop_sentence
 from rid_daq.report.sections.tracking import magnification
-from rid_daq.report.sections.verdict import Check, Verdict
+from rid_daq.report.sections.verdict import VerdictCheck, VerdictSection
 from rid_daq.report_page.render import render_report
 from rid_daq.report_page.write import write_result
 from tests.builders.invented import whole_result
@@ -214,7 +214,9 @@ def test_links_inside_the_drawings_arrive(page: str) -> None:
 
 def test_the_verdict_stands_before_everything_else(page: str, undrawn: dict[str, Any]) -> None:
     assert page.index("Passed: the model predicts") < page.index("<h2>")
-    judged = Verdict.of([Check.of("error", 2.0, "≤", 1.3)], "Failed: badly off", "It is.")
+    judged = VerdictSection.of(
+        [VerdictCheck.of("error", 2.0, "≤", 1.3)], "Failed: badly off", "It is."
+    )
     assert 'class="verdict failed"' in render_report(typed(undrawn).updated(verdict=judged))
 
 
@@ -345,11 +347,11 @@ def test_a_run_without_a_result_is_told_apart(folder: RunFolder) -> None:
 
 
 def test_a_verdict_without_checks_is_none_and_one_failure_fails_it() -> None:
-    assert Verdict.of([], "", "").passed is None
-    good, bad = Check.of("a", 1.0, "≤", 1.0), Check.of("b", 0.8, "≥", 0.9)
+    assert VerdictSection.of([], "", "").passed is None
+    good, bad = VerdictCheck.of("a", 1.0, "≤", 1.0), VerdictCheck.of("b", 0.8, "≥", 0.9)
     assert good.passed
     assert not bad.passed
-    assert Verdict.of([good, bad], "", "").passed is False
+    assert VerdictSection.of([good, bad], "", "").passed is False
 
 
 def test_a_motion_that_never_began_has_a_report(result: dict[str, Any]) -> None:

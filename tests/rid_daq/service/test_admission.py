@@ -26,7 +26,7 @@ from rid_daq.service.records import Role
 from rid_daq.service.service import CellService
 from rid_daq.service.stop.stop_entrance import StopEntrance
 from rid_daq.web.access import Access
-from rid_daq.web.reception import Admitted, Line, Peer, Reply
+from rid_daq.web.reception import Admitted, OpenConnection, Peer, Reply
 from rid_daq.web.request_head import RequestHead
 from tests.rid_daq.service.test_stop_path import Place, place, run
 
@@ -47,7 +47,9 @@ class Asked:
         self.admission = Admission(stop, door, access)
         self.secrets = {role: service.tokens.add(role.value, role, person=True)[1] for role in Role}
 
-    def ask(self, role: Role | None, method: str, path: str, *more: str) -> Reply | Line | Admitted:
+    def ask(
+        self, role: Role | None, method: str, path: str, *more: str
+    ) -> Reply | OpenConnection | Admitted:
         lines = [f"{method} {path} HTTP/1.1", "Host: 127.0.0.1:8642", "X-Rid-Daq: 1", *more]
         if role is not None:
             lines.append(f"Authorization: Bearer {self.secrets[role]}")

@@ -19,7 +19,7 @@ from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import Identity, Job, JobState, OnLostClient, Role
 from rid_daq.service.running_job import EventTail, RunningJob, WarmWorker
 from rid_daq.service.service import CellService
-from rid_daq.service.workshop import outcome_of
+from rid_daq.service.workshop import outcome_of_job
 from rid_daq.terminal.job_events import Ended, MotionBegun, Resulted
 from rid_daq.worker.job_console import EventFile
 from tests.builders.raised_codes import raises_code
@@ -104,8 +104,8 @@ def test_a_stop_before_the_worker_can_say_so_has_its_true_reason(
     running = RunningJob(job(), service.cell("ir361"), as_worker(worker), tmp_path / "events")
     running.stop("stopped by Anna", StopCode.STOP_BUTTON)
     worker.returncode = code
-    assert outcome_of(running, closing=False) == (JobState.STOPPED, "stopped by Anna")
-    assert outcome_of(running, closing=True) == (JobState.INTERRUPTED, "stopped by Anna")
+    assert outcome_of_job(running, closing=False) == (JobState.STOPPED, "stopped by Anna")
+    assert outcome_of_job(running, closing=True) == (JobState.INTERRUPTED, "stopped by Anna")
 
 
 @pytest.mark.promise("stop-has-its-reason")
@@ -126,7 +126,7 @@ def test_a_process_that_died_otherwise_is_said_to_have_died(
     if stopped:
         running.stop("stopped by Anna", StopCode.STOP_BUTTON)
     worker.returncode = code
-    state, reason = outcome_of(running, closing=False)
+    state, reason = outcome_of_job(running, closing=False)
     assert state is JobState.INTERRUPTED
     assert f"its process died (exit code {code})" in reason
 
@@ -136,13 +136,16 @@ def test_the_failed_verdict_of_a_result_is_the_reason_of_a_job(
 ) -> None:
     worker = Worker()
     running = RunningJob(job(), service.cell("ir361"), as_worker(worker), tmp_path / "events")
-    blocks = (Verdict(passed=True, text="axis1: good"), Verdict(passed=False, text="axis2: late"))
+    blocks = (
+        Verdict(passed=True, text="axis1: good"),
+        Verdict(passed=False, text="axis2: late"),
+    )
     with EventFile(tmp_path / "events") as events:
         events.write(Resulted(at_s=0.0, document={"run": "r1"}, blocks=blocks))
         events.write(Ended(at_s=0.0, exit_code=1))
     running.look()
     worker.returncode = 1
-    assert outcome_of(running, closing=False) == (JobState.FAILED, "axis2: late")
+    assert outcome_of_job(running, closing=False) == (JobState.FAILED, "axis2: late")
     assert running.document == {"run": "r1"}
 
 

@@ -32,7 +32,7 @@ from rid_daq.web.access import Access, is_loopback
 from rid_daq.web.asgi_server import AsgiServer
 from rid_daq.web.door import Limits
 from rid_daq.web.guard import Guard
-from rid_daq.web.reception import Line, Peer, Reply
+from rid_daq.web.reception import OpenConnection, Peer, Reply
 from rid_daq.web.request_head import RequestHead
 from tests.rid_daq.service.conftest import Worker, job
 
@@ -208,7 +208,7 @@ def asked(*more: str, path: str = STOP) -> RequestHead:
     return head
 
 
-def status_of(found: Reply | Line | None) -> int:
+def status_of(found: Reply | OpenConnection | None) -> int:
     assert isinstance(found, Reply)
     return int(found.status)
 

@@ -21,7 +21,7 @@ from config.errors import LockedError
 from config.load import LoadedCell, load_cell
 from drivers.cell import open_cell
 from mock_hw.bus.hub_client import HubClient
-from mock_hw.bus.hub_protocol import Role
+from mock_hw.bus.hub_protocol import HubRole
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
 from rid_daq.session.session import hold_cell
@@ -88,7 +88,7 @@ def test_a_second_session_on_the_bus_is_refused_and_sends_nothing(
 def test_a_foreign_master_before_the_session_is_refused(
     logged: Logged, measured: Callable[[str], None]
 ) -> None:
-    stranger = HubClient(Path(logged.simulated.channel), Role.OBSERVER)
+    stranger = HubClient(Path(logged.simulated.channel), HubRole.OBSERVER)
     ours: list[int] = []
     try:
         with open_cell(logged.simulated.cell, logged.loaded.robot) as cell:
@@ -109,7 +109,7 @@ def test_a_foreign_master_in_motion_is_a_quick_stop_in_the_next_cycle(
     logged: Logged, tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
     config = logged.simulated.cell
-    stranger = HubClient(Path(logged.simulated.channel), Role.OBSERVER)
+    stranger = HubClient(Path(logged.simulated.channel), HubRole.OBSERVER)
     once = threading.Lock()
 
     def intrude(progress: object) -> None:

@@ -9,7 +9,7 @@ from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.processing.recording_tally import RecordingTally
 from acquisition.recording.recording import Recording
 from acquisition.task.joint_values import JointValues
-from acquisition.task.states import Progress, TaskState
+from acquisition.task.states import TaskProgress, TaskState
 from rid_daq.terminal.motion_progress import (
     load_words,
     motion_words,
@@ -40,8 +40,8 @@ def motion(*, periodic: bool) -> MotionSamples:
     )
 
 
-def at(row: int, state: TaskState = TaskState.MOVING) -> Progress:
-    return Progress(state=state, phase=Phase.MAIN, sample_index=row, cycles=max(row, 0))
+def at(row: int, state: TaskState = TaskState.MOVING) -> TaskProgress:
+    return TaskProgress(state=state, phase=Phase.MAIN, sample_index=row, cycles=max(row, 0))
 
 
 def recorded(rows: int) -> RecordingTally:
@@ -94,7 +94,7 @@ def test_what_an_early_end_leaves_out_is_not_counted_as_done() -> None:
         samples, ("axis1",), lambda *what: shown.append(what), lambda: "", lambda: next(enough)
     )
     update(at(100))
-    run_out = Progress(state=TaskState.MOVING, phase=Phase.RUN_OUT, sample_index=0, cycles=1)
+    run_out = TaskProgress(state=TaskState.MOVING, phase=Phase.RUN_OUT, sample_index=0, cycles=1)
     update(replace(run_out, sample_index=150))  # of a motion that is driven whole
     update(replace(run_out, sample_index=199))
     update(replace(run_out, sample_index=199))

@@ -1,0 +1,29 @@
+"""Each class and public function of the eight packages has a name of its own."""
+
+from __future__ import annotations
+
+import ast
+from collections import defaultdict
+from pathlib import Path
+from typing import Final
+
+from tests.builders.code_lines import PACKAGES
+
+ROOT: Final = Path(__file__).parents[1]
+SHARED: Final = {"main", "run", "EstimationOptions", "ModelOptions"}
+"""Entry points of processes, the functions of operations, and requests named as their result."""
+
+
+def test_no_two_classes_or_public_functions_have_one_name() -> None:
+    places = defaultdict(list)
+    for package in PACKAGES:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            for node in ast.parse(path.read_text()).body:
+                if isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+                    places[node.name].append(str(path.relative_to(ROOT)))
+    twice = {
+        name: files
+        for name, files in places.items()
+        if len(files) > 1 and name not in SHARED and not name.startswith("_")
+    }
+    assert twice == {}
