@@ -37,6 +37,7 @@ class MistakeKind(StrEnum):
     COUPLING = "coupling"
     MOUNTING = "mounting"
     GRAVITY_REMOVED = "gravity removed"
+    KINEMATICS = "kinematics"
 
 
 ORDERS: Final = (MistakeKind.POSITION_ORDER, MistakeKind.TORQUE_ORDER, MistakeKind.AXIS_ORDER)
@@ -56,8 +57,8 @@ class Mistake:
         offset_rad: Shape (n,). What is added to positions [rad or m].
         clock: Seconds that a second of the time stamps is.
         robot: The right robot, if the mistake is in its file.
-        what: The unit or the quantity that torques or positions are in, in words; empty if it is
-            none.
+        what: The unit or the quantity that torques or positions are in, or what is wrong in the
+            kinematic table, in words; empty if it is neither.
     """
 
     kind: MistakeKind

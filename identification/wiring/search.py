@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from config.arrays import FloatArray
 from identification.wiring.common_mistakes import OFFSET_STEPS, common_mistakes
+from identification.wiring.fine_search import find_fine_mistake, of_the_table
 from identification.wiring.gravity import GravitySearch
 from identification.wiring.mistakes import Mistake, MistakeKind, offset
 from identification.wiring.possible import keeps_limits
@@ -36,6 +37,8 @@ class Found:
         alternatives: Others that are as good.
         before, after: The fit with the mistake, and with it undone.
         weight: What the arm weighs as stated, if that tells the mistake and no residual does.
+        held_out_ratio: Squared error of parts left out of the fit with the mistake undone, over
+            that as stated, if that tells the mistake.
     """
 
     mistake: Mistake
@@ -43,6 +46,7 @@ class Found:
     before: WiringTrial
     after: WiringTrial
     weight: ArmWeight | None = None
+    held_out_ratio: float | None = None
 
     @property
     def times_better(self) -> FloatArray:
@@ -87,9 +91,31 @@ def find_mistakes(signals: WiredSignals) -> tuple[Found, ...]:
             break
         found.append(better)
         if better.mistake.kind is MistakeKind.GRAVITY_REMOVED:
-            break
+            return tuple(found)
         signals, fits = better.mistake.undone(signals), better.after.good
-    return tuple(found)
+    return _with_fine(tuple(found), signals)
+
+
+def _with_fine(found: tuple[Found, ...], signals: WiredSignals) -> tuple[Found, ...]:
+    """Return mistakes and what left-out parts show beside them.
+
+    If the best of those undone leaves a large residual, an arm of a weight that none has, or
+    another mistake, no single one explains them: the kinematic table is wrong, and whatever else
+    was found only follows its torques.
+    """
+    fine = find_fine_mistake(signals)
+    if fine is None:
+        return found
+    undone = fine.mistake.undone(signals)
+    still = np.eye(len(signals.robot.joints))
+    before, after = (Condensed.of(each).trial(still) for each in (signals, undone))
+    own = Found(fine.mistake, fine.alternatives, before, after, held_out_ratio=fine.ratio)
+    weight = impossibilities(undone)[1]
+    further = find_fine_mistake(undone)
+    plausible = weight is None or weight.is_plausible
+    if fine.explains and plausible and further is None:
+        return (*found, own)
+    return (replace(own, mistake=of_the_table(signals), alternatives=()),)
 
 
 def impossibilities(signals: WiredSignals) -> tuple[tuple[str, ...], ArmWeight | None]:

@@ -40,6 +40,7 @@ _IN_MAP: Final[dict[MistakeKind, str]] = {
     MistakeKind.CONVENTION: "robot file: `kinematics.convention`",
     MistakeKind.COUPLING: "robot file: `coupling`",
     MistakeKind.MOUNTING: "robot file: `gravity_m_s2`",
+    MistakeKind.KINEMATICS: "robot file: `kinematics`",
     MistakeKind.TORQUE_UNIT: (
         "map: `units`, or `torque_constant_nm_per_a` of {each}; robot file: `cad`"
     ),
@@ -68,6 +69,7 @@ _LINES_OF_ROBOT: Final[dict[MistakeKind, tuple[str, ...]]] = {
     MistakeKind.CONVENTION: ("robot.yaml kinematics.convention",),
     MistakeKind.COUPLING: ("robot.yaml coupling",),
     MistakeKind.MOUNTING: ("robot.yaml gravity_m_s2",),
+    MistakeKind.KINEMATICS: ("robot.yaml kinematics.rows",),
 }
 _LINES_OF_CELL: Final[dict[MistakeKind, tuple[str, ...]]] = {
     MistakeKind.POSITION_SIGN: (
@@ -121,6 +123,7 @@ _IN_CELL: Final[dict[MistakeKind, str]] = {
     MistakeKind.CONVENTION: "robot file: `kinematics.convention`",
     MistakeKind.COUPLING: "robot file: `coupling`",
     MistakeKind.MOUNTING: "robot file: `gravity_m_s2`",
+    MistakeKind.KINEMATICS: "robot file: `kinematics`",
     MistakeKind.TORQUE_UNIT: (
         "cell file: the rated torque of {axes}; the drive: its rated torque (6076h)"
     ),
@@ -243,6 +246,14 @@ def _sentence(found: Found, words: str, joints: Sequence[str], worst: int) -> st
         return f"{says}: {found.weight.sentence}."
     if found.mistake.kind is MistakeKind.TORQUE_QUANTITY:
         return f"{says}: the numbers agree row by row."
+    if found.held_out_ratio is not None:
+        less = 100.0 * (1.0 - found.held_out_ratio)
+        sentence = (
+            f"{says}: undone, the squared error on parts of the recording that were left out of the"
+            f" fit falls by {less:.0f} %."
+        )
+        is_table = found.mistake.kind is MistakeKind.KINEMATICS
+        return f"{sentence} {OTHER_ROBOT}" if is_table else sentence
     sentence = f"{says}: that explains the data far better."
     before, after = (100.0 * trial.residual_share[worst] for trial in (found.before, found.after))
     if before >= 1.2 * after:
@@ -329,6 +340,7 @@ def _words(mistake: Mistake, robot: RobotDescription) -> str:
         ),
         MistakeKind.MOUNTING: lambda: f"gravity points along {_direction(mistake.robot, robot)}",
         MistakeKind.GRAVITY_REMOVED: lambda: "gravity is missing in the torques",
+        MistakeKind.KINEMATICS: lambda: mistake.what,
     }
     return says[mistake.kind]()
 

@@ -81,4 +81,4 @@ def test_no_factor_is_proposed_if_the_arm_weighs_nothing_by_another_robots_file(
     assert weight is not None
     assert not weight.is_plausible
     assert abs(weight.share) < 2.0 * weight.sigma
-    assert find_mistakes(signals) == ()
+    assert [each.mistake.kind for each in find_mistakes(signals)] == [MistakeKind.KINEMATICS]

@@ -1,0 +1,167 @@
+"""`find_fine_mistake`: mistakes that leave the residual of a plain fit nearly as it is.
+
+On arms of six axes the many parameters follow much of what wrong lengths, axes, gears or a wrong
+clock do to the torques, and friction hides the rest. `FlexibleFit` shows it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from config.robot.kinematic_table import KinematicRow
+from config.robot.robot import RobotDescription
+from identification.wiring.flexible_fit import FlexibleFit
+from identification.wiring.mistakes import Mistake, MistakeKind, of_robot, reordered, scaled
+from identification.wiring.possible import keeps_limits
+from identification.wiring.signals import WiredSignals
+from identification.wiring.trial import Condensed
+
+LENGTHS: Final = (0.5, 0.625, 0.8, 1.25, 1.6, 2.0)
+LINKS: Final = (0.625, 0.8, 1.25, 1.6)
+OFFSETS: Final = (0.625, 1.6)
+FACTORS: Final = (0.5, 2.0)
+CLOCKS: Final = (0.5, 2.0)
+ABOUT: Final = 1e-6
+FITTED_RATIO: Final = 0.97
+HELD_OUT_RATIO: Final = 0.94
+STUDENT: Final = -2.0
+AS_GOOD: Final = 0.05
+EXPLAINED_SHARE: Final = 0.15
+
+
+@dataclass(frozen=True, eq=False)
+class Fine:
+    """A mistake that left-out parts show.
+
+    Attributes:
+        mistake: The best explanation.
+        alternatives: Others that explain nearly as much.
+        ratio: Squared error of left-out parts with the mistake undone, over that as stated.
+        explains: True if the residual of every joint is small then.
+    """
+
+    mistake: Mistake
+    alternatives: tuple[Mistake, ...]
+    ratio: float
+    explains: bool
+
+
+def find_fine_mistake(signals: WiredSignals) -> Fine | None:
+    """Return the mistake that explains left-out parts best; None if none does distinctly better.
+
+    Undone, it must explain both what was fitted and what was left out better, and the gain must be
+    distinct from zero over the parts.
+
+    Args:
+        signals: What the files say.
+    """
+    stated = FlexibleFit.of(signals)
+    if stated is None:
+        return None
+    found = []
+    for mistake in fine_mistakes(signals.robot):
+        undone = mistake.undone(signals)
+        if not keeps_limits(mistake, signals, undone):
+            continue
+        fit = stated.other(undone, mistake.torque)
+        ratio = float(fit.held_out.sum() / stated.held_out.sum())
+        fitted = float(fit.fitted.sum() / stated.fitted.sum())
+        if fitted > FITTED_RATIO or ratio > HELD_OUT_RATIO:
+            continue
+        gains = np.log(fit.held_out / stated.held_out)
+        spread = float(np.std(gains, ddof=1)) / math.sqrt(len(gains))
+        if float(np.mean(gains)) < STUDENT * spread and _holds_up(mistake, undone, signals):
+            found.append((ratio, mistake, bool(np.all(fit.held_out_share < EXPLAINED_SHARE))))
+    if not found:
+        return None
+    found.sort(key=lambda each: each[0])
+    ratio, best, explains = found[0]
+    near = tuple(mistake for other, mistake, _ in found[1:] if other - ratio < AS_GOOD * ratio)
+    return Fine(best, near[:2], ratio, explains)
+
+
+def of_the_table(signals: WiredSignals) -> Mistake:
+    """Return the mistake of a kinematic table that is wrong in more than one place."""
+    what = "the kinematic table does not fit the robot, in more than one number"
+    return replace(of_robot(MistakeKind.KINEMATICS, (), signals.robot), what=what)
+
+
+def fine_mistakes(robot: RobotDescription) -> Iterator[Mistake]:
+    """Yield wrong lengths and axes of the table, gears, factors, orders and clocks."""
+    n = len(robot.joints)
+    yield from _lengths(robot)
+    yield from _axes(robot)
+    for j in range(n):
+        for factor in FACTORS:
+            alone = np.ones(n)
+            alone[j] = factor
+            yield scaled(MistakeKind.POSITION_FACTOR, (j,), factor, n=n, position=alone)
+            yield scaled(MistakeKind.TORQUE_FACTOR, (j,), factor, n=n, torque=alone)
+            gear = scaled(
+                MistakeKind.POSITION_FACTOR, (j,), factor, n=n, position=alone, torque=1.0 / alone
+            )
+            gear_words = (
+                f"that of another gear: it must be {factor:g} times what is stated, and the"
+            )
+            yield replace(gear, what=f"{gear_words} torque {1.0 / factor:g} times")
+    for j in range(n - 1):
+        order = list(range(n))
+        order[j], order[j + 1] = j + 1, j
+        yield reordered(MistakeKind.AXIS_ORDER, (j, j + 1), order)
+    for clock in CLOCKS:
+        yield replace(scaled(MistakeKind.CLOCK, (), clock, n=n), clock=clock)
+
+
+def _lengths(robot: RobotDescription) -> Iterator[Mistake]:
+    rows = range(len(robot.kinematics.rows))
+    for factor in LENGTHS:
+        what = f"the lengths in the kinematic table must be about {factor:g} times what is stated"
+        yield _table(robot, (), what, {i: {"a_m": factor, "d_m": factor} for i in rows})
+    for i in rows:
+        for key, factors in (("a_m", LINKS), ("d_m", OFFSETS if i else ())):
+            if abs(getattr(robot.kinematics.rows[i], key)) < ABOUT:
+                continue
+            for factor in factors:
+                what = f"{key} of row {i + 1} must be about {factor:g} times what is stated"
+                yield _table(robot, (i,), what, {i: {key: factor}})
+
+
+def _axes(robot: RobotDescription) -> Iterator[Mistake]:
+    """Yield the sign of a twist reversed, and of two that follow one another."""
+    twisted = [
+        i for i, row in enumerate(robot.kinematics.rows) if abs(math.sin(row.alpha_rad)) > ABOUT
+    ]
+    sets = [(i,) for i in twisted] + list(pairwise(twisted))
+    for own in sets:
+        named = " and ".join(str(i + 1) for i in own)
+        what = f"alpha_rad of row {named} has the wrong sign"
+        yield _table(robot, own, what, {i: {"alpha_rad": -1.0} for i in own})
+
+
+def _table(
+    robot: RobotDescription,
+    joints: tuple[int, ...],
+    what: str,
+    factors: dict[int, dict[str, float]],
+) -> Mistake:
+    table = robot.kinematics
+
+    def right(i: int, row: KinematicRow) -> KinematicRow:
+        own = factors.get(i, {})
+        return row.model_copy(update={key: own[key] * getattr(row, key) for key in own})
+
+    rows = tuple(right(i, row) for i, row in enumerate(table.rows))
+    other = robot.model_copy(update={"kinematics": table.model_copy(update={"rows": rows})})
+    return replace(of_robot(MistakeKind.KINEMATICS, joints, other), what=what)
+
+
+def _holds_up(mistake: Mistake, undone: WiredSignals, signals: WiredSignals) -> bool:
+    condensed = Condensed.of(undone if mistake.moves else signals)
+    torque = np.eye(len(mistake.offset_rad)) if mistake.moves else mistake.torque
+    return condensed.holds_up(mistake, torque)
