@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import os
 import subprocess
 import sys
 from pathlib import Path
+
+from config.error_codes import declared_codes
 
 REFERENCE = Path(__file__).resolve().parent.parent / "docs" / "reference"
 
@@ -36,3 +39,15 @@ def test_the_reference_pages_are_what_the_code_says() -> None:
     guide = (REFERENCE.parent / "guide" / "your-own-drives.md").read_text(encoding="utf-8")
     assert f"<!-- objects -->\n{objects}<!-- objects end -->" in guide, how
     assert f"<!-- profiles -->\n{profiles}<!-- profiles end -->" in guide, how
+
+
+def test_the_page_of_the_error_codes_is_what_the_code_says() -> None:
+    path = REFERENCE / "errors.py"
+    spec = importlib.util.spec_from_file_location("errors_page", path)
+    assert spec is not None
+    assert spec.loader is not None
+    page = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(page)
+    written = (REFERENCE / "errors.md").read_text(encoding="utf-8")
+    assert written == page.errors(), "run: .venv/bin/python docs/reference/errors.py"
+    assert written.count("\n### RID-") == len(declared_codes())

@@ -109,10 +109,12 @@ def parameter_table(section: EstimateSection) -> Table:
         Cells("σ from residuals", lambda each: each[1].std_residual, digits=2),
     ]
     if section.has_truth:
-        columns += [
-            Cells("truth", lambda each: format_measured(each[1].truth, _reach(each[1]))[0]),
-            Cells("inside 2σ", lambda each: yes_or_no(each[1].inside_two_sigma)),
-        ]
+        columns.extend(
+            [
+                Cells("truth", lambda each: format_measured(each[1].truth, _reach(each[1]))[0]),
+                Cells("inside 2σ", lambda each: yes_or_no(each[1].inside_two_sigma)),
+            ]
+        )
     return table(numbered, *columns, failed=lambda each: each[1].inside_two_sigma is False, key=2)
 
 

@@ -32,21 +32,27 @@ def _errors(section: ValidationSection) -> Table:
         Cells("relative error", lambda axis: axis.relative_error_percent, "%", 3),
     ]
     if section.has_noise:
-        columns += [
-            Cells("noise", lambda axis: axis.noise, digits=3),
-            Cells("error / noise", lambda axis: axis.over_noise, digits=2),
-        ]
+        columns.extend(
+            [
+                Cells("noise", lambda axis: axis.noise, digits=3),
+                Cells("error / noise", lambda axis: axis.over_noise, digits=2),
+            ]
+        )
     if section.has_floor:
-        columns += [
-            Cells("floor (truth)", lambda axis: axis.floor),
-            Cells("error / floor", lambda axis: axis.error_over_floor, digits=3),
-        ]
+        columns.extend(
+            [
+                Cells("floor (truth)", lambda axis: axis.floor),
+                Cells("error / floor", lambda axis: axis.error_over_floor, digits=3),
+            ]
+        )
     if section.has_limits:
-        columns += [
-            Cells("limit", lambda axis: axis.limit_percent, "%"),
-            Cells("holds", lambda axis: yes_or_no(axis.passed)),
-            Cells("fit", lambda axis: axis.grade or "–"),
-        ]
+        columns.extend(
+            [
+                Cells("limit", lambda axis: axis.limit_percent, "%"),
+                Cells("holds", lambda axis: yes_or_no(axis.passed)),
+                Cells("fit", lambda axis: axis.grade or "–"),
+            ]
+        )
     return table(
         section.axes,
         *columns,

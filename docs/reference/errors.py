@@ -1,0 +1,103 @@
+"""Write the page of the error codes from their declarations and from the code that raises them.
+
+`python docs/reference/errors.py`; `tests/test_reference.py` fails if the page is out of date.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections import defaultdict
+from pathlib import Path
+from typing import Final
+
+from config.error_codes import declared_codes
+
+HERE: Final = Path(__file__).resolve().parent
+ROOT: Final = HERE.parents[1]
+PACKAGES: Final = (
+    *("config", "dynamics", "drivers", "acquisition"),
+    *("identification", "compensation", "mock_hw", "rid_daq"),
+)
+MOST_EXAMPLES: Final = 3
+HEAD: Final = """# Error codes
+
+Every error message ends with a code in brackets, such as `[RID-FILE-READ]`. The same code is the
+value of `code` in the `--json` document and in the service's answers. A code names one remedy; it
+stays the same when the words of its messages change. `rid-daq docs RID-FILE-READ` prints its entry
+without a browser or a network.
+
+The examples are the messages of the program, with … for the values that they state.
+"""
+
+
+def errors() -> str:
+    """Return the page: every code with cause, remedy and examples, by area."""
+    messages = _messages()
+    parts, area = [HEAD], ""
+    for code in declared_codes():
+        first = code.name.split("-")[1]
+        if first != area:
+            area = first
+            parts.append(f"## {area.capitalize()}\n")
+        parts.append(f"### {code.name}\n\n{code.cause}\n\n**Remedy:** {code.remedy}\n")
+        examples = messages.get(code.name, ())[:MOST_EXAMPLES]
+        parts += ["\n".join(f"- {_literal(text)}" for text in examples) + "\n"] if examples else []
+    return "\n".join(parts)
+
+
+def _messages() -> dict[str, tuple[str, ...]]:
+    """Return the messages that the packages construct, by code, the longest first."""
+    found: defaultdict[str, set[str]] = defaultdict(set)
+    for package in PACKAGES:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+                if isinstance(node, ast.Call):
+                    for code in _codes(node):
+                        found[code] |= {_text(each) for each in node.args}
+    return {
+        code: tuple(sorted((each for each in texts if _says_something(each)), key=_order))
+        for code, texts in found.items()
+    }
+
+
+def _codes(call: ast.Call) -> list[str]:
+    """Return the codes that a call gives an error, literals alone."""
+    values = [keyword.value for keyword in call.keywords if keyword.arg == "code"]
+    constants = [each for value in values for each in ast.walk(value)]
+    texts = [each.value for each in constants if isinstance(each, ast.Constant)]
+    return [each for each in texts if isinstance(each, str) and each.startswith("RID-")]
+
+
+def _text(node: ast.expr) -> str:
+    """Return a message with … for what is computed."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        return node.value
+    if isinstance(node, ast.JoinedStr):
+        return "".join(_text(each) for each in node.values)
+    if isinstance(node, ast.BinOp):
+        return _text(node.left) + _text(node.right)
+    return "…"
+
+
+def _says_something(text: str) -> bool:
+    """Return whether a message has words enough of its own, on one line."""
+    words = [word for word in text.split() if "…" not in word]
+    return len(words) >= 4 and "\n" not in text
+
+
+def _literal(text: str) -> str:
+    """Return a message as Markdown that shows it letter by letter."""
+    return f"`` {text} ``" if "`" in text else f"`{text}`"
+
+
+def _order(text: str) -> tuple[int, str]:
+    return -len(text), text
+
+
+def main() -> None:
+    """Write the page."""
+    (HERE / "errors.md").write_text(errors(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
