@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -19,11 +18,10 @@ from identification.consistency.consistency_test import SMALLEST_P
 from identification.consistency.programme import ConsistencyProgramme
 from identification.consistency.pseudo_inertia import SMALLEST_BODY, pseudo_inertia
 from identification.payload.body import PARAMETERS, PayloadBody, reported, reported_slopes
-from identification.payload.equations import PayloadEquations, Procedure
+from identification.payload.equations import Procedure
 from identification.payload.known import Known, with_held
-from identification.payload.solution import SEEN, PayloadSolution, solve_payload
+from identification.payload.solution import SEEN
 from identification.regression.fit_grade import FitGrade, grade_fit
-from identification.regression.intervals import at_least
 
 PULL: Final = 1e-9
 FLOOR_SHARE: Final = 0.02
@@ -189,105 +187,6 @@ class PayloadEstimate:
     def can_exist(self) -> bool:
         """Whether a body with the estimate's parameters can exist, as far as the data say."""
         return self.consistent[1] >= SMALLEST_P
-
-
-def estimate_payload(
-    robot: RobotDescription,
-    equations: PayloadEquations,
-    known: Sequence[Known] = (),
-    *,
-    torque_constant_sigma: float = 0.0,
-    cell_name: str = "",
-    run_ids: tuple[str, ...] = (),
-) -> PayloadEstimate:
-    """Estimate a payload from its equations.
-
-    Args:
-        equations: What was measured.
-        known: What is known otherwise.
-        torque_constant_sigma: Relative standard deviation of every joint's torque constant,
-            independent of the others.
-        cell_name, run_ids: Provenance.
-
-    Raises:
-        EstimationError: The equations say nothing of a payload, or the mass comes out as zero or
-            negative.
-    """
-    if not 0.0 <= torque_constant_sigma < 1.0:
-        raise EstimationError(
-            "the torque constants' standard deviation is a share, such as 0.01",
-            code="RID-OPTION-RANGE",
-        )
-    solution = solve_payload(equations, known)
-    estimate = of_solution(
-        robot, equations, solution, known, torque_constant_sigma, cell_name, run_ids
-    )
-    mass = estimate.values[0]
-    if estimate.seen_parameters[0] and mass <= 0.0:
-        raise EstimationError(
-            f"the payload's mass comes out as {mass:.3g} ±"
-            f" {2 * estimate.sigma_parameters[0]:.2g} kg: did the runs that are named as loaded"
-            " carry it, and the others not?",
-            code="RID-PAYLOAD-RUNS",
-        )
-    return estimate
-
-
-def of_solution(
-    robot: RobotDescription,
-    equations: PayloadEquations,
-    solution: PayloadSolution,
-    known: Sequence[Known],
-    torque_constant_sigma: float,
-    cell_name: str,
-    run_ids: tuple[str, ...],
-) -> PayloadEstimate:
-    """Return a solution as an estimate; arguments as in `estimate_payload`."""
-    clustered = at_least(solution.covariance_jackknife, solution.covariance_noise)
-    slopes = solution.gain_slopes
-    if equations.procedure == "apart":  # which joint measured what is forgotten there
-        if torque_constant_sigma > 0.0:
-            raise EstimationError(
-                "what torque constants leave open is not told by the procedure `apart`:"
-                " use another",
-                code="RID-PAYLOAD-PROCEDURE",
-            )
-        slopes = np.zeros_like(slopes)
-    spread = torque_constant_sigma * slopes
-    power = np.array(
-        [
-            [
-                np.sum(factor[:, -1] ** 2),
-                np.sum((factor[:, -1] - factor[:, :-1] @ solution.unknowns) ** 2),
-            ]
-            for factor in equations.joints
-        ]
-    ).T
-    torque, residual = np.sqrt(power / np.maximum(equations.divisors[0], 1.0))
-    caused = [
-        float(np.linalg.norm(columns @ solution.values)) for columns in equations.payload_columns
-    ]
-    torque = np.hypot(torque, equations.explained_nm)
-    return PayloadEstimate(
-        robot=robot,
-        procedure=equations.procedure,
-        values=solution.values,
-        covariance=clustered + spread @ spread.T,
-        covariance_noise=solution.covariance_noise,
-        gain_slopes=slopes,
-        unseen=solution.unseen,
-        condition_number=solution.condition_number,
-        known=tuple(known),
-        contradictions=solution.contradictions,
-        torque_constant_sigma=torque_constant_sigma,
-        torque_nm=torque,
-        residual_nm=residual,
-        noise_nm=equations.noise_nm,
-        payload_nm=np.array(caused),
-        equations=sum(equations.rows),
-        cell_name=cell_name,
-        run_ids=run_ids,
-    )
 
 
 def closest_body(estimate: PayloadEstimate) -> tuple[FloatArray, float]:

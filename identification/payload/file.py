@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Final, Literal
@@ -14,9 +15,7 @@ from config.formats.json_file import read_json_file
 from config.formats.whole_file import write_whole
 from config.model import ConfigModel
 from config.robot.robot import RobotDescription
-from identification.choices import REPORTED
-from identification.estimation.file_checks import covariance_problems
-from identification.payload.body import PARAMETERS, REPORTED_UNITS
+from identification.payload.body import PARAMETERS
 from identification.payload.equations import Procedure
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.known import Known
@@ -30,13 +29,6 @@ Size = Annotated[float, Field(ge=0.0)]
 Row = tuple[float, ...]
 Sizes = tuple[Size, ...]
 Matrix = tuple[Row, ...]
-
-
-class _Quantity(ConfigModel):
-    name: str
-    unit: str
-    value: float | None
-    sigma: Size | None
 
 
 class _Known(ConfigModel):
@@ -55,18 +47,19 @@ class _Check(ConfigModel):
 
 
 class PayloadDocument(ConfigModel):
-    """What stands in the file; see `PayloadEstimate` for the meaning."""
+    """Contents of the file; see `PayloadEstimate` for the meaning.
+
+    Mass, centre of gravity and inertia are in `values` alone, in the order of `parameters`: their
+    moments about the flange. All else that is told of them follows from `values` and `covariance`.
+    """
 
     kind: Literal["rid-daq payload"]
-    format: Literal[2]
+    format: Literal[3]
     software: str
     cell: str
     runs: tuple[str, ...]
     procedure: Procedure
     frame: Literal["flange: the tool frame of the robot below"]
-    about_centre_of_gravity: tuple[_Quantity, ...]
-    principal_moments_kg_m2: Row | None
-    principal_axes: Matrix | None
     known: tuple[_Known, ...]
     contradictions: Row
     torque_constant_sigma: Size
@@ -82,9 +75,14 @@ class PayloadDocument(ConfigModel):
     noise_nm: Sizes | None
     payload_nm: Sizes
     equations: Annotated[int, Field(ge=1)]
-    passed: bool
     checks: tuple[_Check, ...]
     robot: RobotDescription
+    sha256: str = ""
+
+    @property
+    def digest(self) -> str:
+        """The SHA-256 of all else in the file."""
+        return hashlib.sha256(self.model_dump_json(exclude={"sha256"}).encode()).hexdigest()
 
 
 def write_payload(path: Path, payload: PayloadResult) -> None:
@@ -93,7 +91,21 @@ def write_payload(path: Path, payload: PayloadResult) -> None:
     Raises:
         RecordingError: The file cannot be written.
     """
-    write_whole(path, (payload_document(payload).model_dump_json(indent=1) + "\n").encode())
+    estimate = payload.estimate
+    document = PayloadDocument.from_attributes(
+        estimate,
+        kind="rid-daq payload",
+        format=3,
+        software=f"rid-daq {version('rid-daq')}",
+        cell=estimate.cell_name,
+        runs=estimate.run_ids,
+        frame="flange: the tool frame of the robot below",
+        known=tuple(_Known.from_attributes(known) for known in estimate.known),
+        parameters=PARAMETERS,
+        checks=tuple(_Check.from_attributes(line) for line in payload.checks),
+    )
+    document = document.model_copy(update={"sha256": document.digest})
+    write_whole(path, (document.model_dump_json(indent=1) + "\n").encode())
 
 
 def read_payload(path: Path) -> PayloadResult:
@@ -105,10 +117,25 @@ def read_payload(path: Path) -> PayloadResult:
     what = "a payload as `rid-daq payload identify` writes it"
     document = read_json_file(path, PayloadDocument, LARGEST_FILE_BYTES, what)
     try:
-        return _to_payload(document)
+        if document.sha256 != document.digest:
+            raise EstimationError(
+                "its contents are not those of its sha256: was it edited?", code=UNSOUND_PAYLOAD
+            )
+        estimate = document.to_dataclass(
+            PayloadEstimate,
+            unseen=np.array(document.unseen).reshape(
+                len(PARAMETERS), len(document.unseen[0]) if document.unseen else 0
+            ),
+            known=tuple(known.to_dataclass(Known) for known in document.known),
+            cell_name=document.cell,
+            run_ids=document.runs,
+        )
     except (EstimationError, ValueError) as error:  # numpy says ValueError of a ragged matrix
         words = f"{path}: not a payload that fits itself: {error}"
         raise ConfigError(words, code=UNSOUND_PAYLOAD) from error
+    return PayloadResult(
+        estimate, tuple(line.to_dataclass(PayloadCheck) for line in document.checks)
+    )
 
 
 def refuse_failed(path: Path, judged: PayloadResult, why: str) -> None:
@@ -130,80 +157,3 @@ def refuse_failed(path: Path, judged: PayloadResult, why: str) -> None:
             " (payload identify --mass-limit, --centre-limit, --inertia-limit, --residual-limit)",
             code="RID-PAYLOAD-FAILED",
         )
-
-
-def payload_document(payload: PayloadResult) -> PayloadDocument:
-    """Return a payload as what stands in its file."""
-    estimate = payload.estimate
-    whole = estimate.rank == len(PARAMETERS)
-    moments, axes = estimate.body.principal if whole else (None, None)
-    return PayloadDocument.from_attributes(
-        estimate,
-        kind="rid-daq payload",
-        format=2,
-        software=f"rid-daq {version('rid-daq')}",
-        cell=estimate.cell_name,
-        runs=estimate.run_ids,
-        frame="flange: the tool frame of the robot below",
-        about_centre_of_gravity=_Quantity.for_each(
-            name=REPORTED,
-            unit=REPORTED_UNITS,
-            value=_where(estimate.reported, estimate.seen),
-            sigma=_where(estimate.sigma, estimate.seen),
-        ),
-        principal_moments_kg_m2=moments,
-        principal_axes=axes,
-        known=tuple(_Known.from_attributes(known) for known in estimate.known),
-        parameters=PARAMETERS,
-        passed=payload.passed,
-        checks=tuple(_Check.from_attributes(line) for line in payload.checks),
-    )
-
-
-def _to_payload(document: PayloadDocument) -> PayloadResult:
-    """Return the payload that stands in a file."""
-    if document.parameters != PARAMETERS:
-        raise EstimationError(
-            f"the parameters must be {', '.join(PARAMETERS)}", code="RID-PAYLOAD-UNSOUND"
-        )
-    estimate = document.to_dataclass(
-        PayloadEstimate,
-        unseen=np.array(document.unseen).reshape(
-            len(PARAMETERS), len(document.unseen[0]) if document.unseen else 0
-        ),
-        known=tuple(known.to_dataclass(Known) for known in document.known),
-        cell_name=document.cell,
-        run_ids=document.runs,
-    )
-    lines = tuple(line.to_dataclass(PayloadCheck) for line in document.checks)
-    payload = PayloadResult(estimate, lines)
-    if payload.passed is not document.passed:
-        raise EstimationError(
-            "the verdict does not follow from its checks: was the file edited?",
-            code="RID-PAYLOAD-UNSOUND",
-        )
-    for name in ("covariance", "covariance_noise"):
-        for problem in covariance_problems(name, getattr(estimate, name)):
-            raise EstimationError(f"{problem}: was the file edited?", code="RID-PAYLOAD-UNSOUND")
-    if tuple(quantity.name for quantity in document.about_centre_of_gravity) != REPORTED:
-        raise EstimationError(
-            f"about_centre_of_gravity must be {', '.join(REPORTED)}", code="RID-PAYLOAD-UNSOUND"
-        )
-    for quantity, sigma in zip(document.about_centre_of_gravity, estimate.sigma, strict=True):
-        if quantity.sigma is not None and not np.isclose(quantity.sigma, sigma, rtol=1e-6):
-            raise EstimationError(
-                f"the sigma of {quantity.name} does not follow from the covariance: was the file"
-                " edited?",
-                code="RID-PAYLOAD-UNSOUND",
-            )
-    for quantity, value in zip(document.about_centre_of_gravity, estimate.reported, strict=True):
-        if quantity.value is not None and abs(quantity.value - value) > 1e-9 * (1.0 + abs(value)):
-            raise EstimationError(
-                f"{quantity.name} does not follow from the parameters: was the file edited?",
-                code="RID-PAYLOAD-UNSOUND",
-            )
-    return payload
-
-
-def _where(values: np.ndarray, seen: tuple[bool, ...]) -> list[float | None]:
-    return [x if shown else None for x, shown in zip(values.tolist(), seen, strict=True)]

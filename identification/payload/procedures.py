@@ -16,10 +16,11 @@ from identification.estimation.estimate import Estimate
 from identification.model.options import ModelOptions
 from identification.payload.body import PARAMETERS
 from identification.payload.equations import PayloadEquations, PayloadModel, Procedure, condense
-from identification.payload.estimate import PayloadEstimate, estimate_payload
+from identification.payload.estimate import PayloadEstimate
 from identification.payload.known import Known
 from identification.payload.measured_runs import MeasuredRuns
-from identification.payload.solution import SEEN, solve_payload
+from identification.payload.solution import SEEN, PayloadSolution, solve_payload
+from identification.regression.intervals import at_least
 
 PASSES: Final = 4
 TORQUE_CONSTANT_SIGMA: Final = 0.01
@@ -66,14 +67,72 @@ def identify_payload(
         EstimationError: The runs do not fit the procedure, or say nothing of a payload.
     """
     how = how or PayloadOptions()
-    return estimate_payload(
-        robot,
-        equations_of(robot, runs, how),
-        how.known,
+    if not 0.0 <= how.torque_constant_sigma < 1.0:
+        raise EstimationError(
+            "the torque constants' standard deviation is a share, such as 0.01",
+            code="RID-OPTION-RANGE",
+        )
+    equations = equations_of(robot, runs, how)
+    solution = solve_payload(equations, how.known)
+    slopes = solution.gain_slopes
+    if equations.procedure == "apart":  # which joint measured what is forgotten there
+        if how.torque_constant_sigma > 0.0:
+            raise EstimationError(
+                "what torque constants leave open is not told by the procedure `apart`:"
+                " use another",
+                code="RID-PAYLOAD-PROCEDURE",
+            )
+        slopes = np.zeros_like(slopes)
+    spread = how.torque_constant_sigma * slopes
+    clustered = at_least(solution.covariance_jackknife, solution.covariance_noise)
+    torque, residual = _torque_and_residual(equations, solution)
+    caused = [np.linalg.norm(columns @ solution.values) for columns in equations.payload_columns]
+    estimate = PayloadEstimate(
+        robot=robot,
+        procedure=equations.procedure,
+        values=solution.values,
+        covariance=clustered + spread @ spread.T,
+        covariance_noise=solution.covariance_noise,
+        gain_slopes=slopes,
+        unseen=solution.unseen,
+        condition_number=solution.condition_number,
+        known=how.known,
+        contradictions=solution.contradictions,
         torque_constant_sigma=how.torque_constant_sigma,
+        torque_nm=torque,
+        residual_nm=residual,
+        noise_nm=equations.noise_nm,
+        payload_nm=np.array(caused),
+        equations=sum(equations.rows),
         cell_name=cell_name,
         run_ids=run_ids,
     )
+    mass = estimate.values[0]
+    if estimate.seen_parameters[0] and mass <= 0.0:
+        raise EstimationError(
+            f"the payload's mass comes out as {mass:.3g} ±"
+            f" {2 * estimate.sigma_parameters[0]:.2g} kg: did the runs that are named as loaded"
+            " carry it, and the others not?",
+            code="RID-PAYLOAD-RUNS",
+        )
+    return estimate
+
+
+def _torque_and_residual(
+    equations: PayloadEquations, solution: PayloadSolution
+) -> tuple[FloatArray, FloatArray]:
+    """Return the RMS of each joint's torque, and of what the fit leaves of it [N m or N]."""
+    power = np.array(
+        [
+            [
+                np.sum(factor[:, -1] ** 2),
+                np.sum((factor[:, -1] - factor[:, :-1] @ solution.unknowns) ** 2),
+            ]
+            for factor in equations.joints
+        ]
+    ).T
+    torque, residual = np.sqrt(power / np.maximum(equations.divisors[0], 1.0))
+    return np.hypot(torque, equations.explained_nm), residual
 
 
 def equations_of(

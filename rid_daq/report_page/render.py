@@ -62,7 +62,7 @@ def render_certificate(certificate: Certificate) -> str:
     """
     robot = certificate.payload.estimate.robot.name
     result = Result.new("rid-daq payload certificate", robot).updated(
-        verdict=certificate.verdict, software=dict(certificate.software), cell=certificate.cell
+        verdict=certificate.verdict, software=certificate.folder.software, cell=certificate.cell
     )
     parts = [
         _part("verdict", check_tables(certificate.verdict), None),

@@ -121,6 +121,8 @@ class _Shown:
         match event.kind:
             case "said" | "key_refused":
                 console.say(event.text)
+            case "state":
+                console.enters(event.session, event.state, event.text)
             case "judged":
                 console.verdict(event.passed, event.text)
             case "result":

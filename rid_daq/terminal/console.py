@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from acquisition.hold_to_run.pilot import Keys
     from acquisition.task.service_beat import ServiceBeat
     from rid_daq.blocks.block import AnyBlock
+    from rid_daq.terminal.job_events import SessionState
 
 T = TypeVar("T")
 
@@ -295,6 +296,16 @@ class Console:
             rows: How many cycles it has, 0 where nobody knows.
             rows_per_period: Of a periodic motion.
         """
+
+    def enters(self, session: str, state: SessionState, text: str) -> None:
+        """Write what a payload session does next.
+
+        Args:
+            session: The id of its folder.
+            state: The state that it enters.
+            text: What is done in it.
+        """
+        self.say(text)
 
     def warms_up(
         self, joints: Sequence[str], power_w: Sequence[Sequence[float]], settled_percent: float

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from acquisition.hold_to_run.pilot import Keys
     from acquisition.task.service_beat import ServiceBeat
     from rid_daq.blocks.block import AnyBlock
+    from rid_daq.terminal.job_events import SessionState
 
 T = TypeVar("T")
 
@@ -89,6 +90,10 @@ class Context(Display, Protocol):
 
     def keys(self, tapped: Callable[[str], None]) -> AbstractContextManager[Keys]:
         """Return a reader of the held key; `tapped` is called with every key."""
+        ...
+
+    def enters(self, session: str, state: SessionState, text: str) -> None:
+        """Announce the next state of a payload session; `text` says what is done in it."""
         ...
 
     def warms_up(

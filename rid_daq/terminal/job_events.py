@@ -6,6 +6,7 @@ the client shows them as the command would have.
 
 from __future__ import annotations
 
+from enum import StrEnum
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
@@ -93,6 +94,29 @@ class WarmedUp(_Event):
     settled_percent: float
 
 
+class SessionState(StrEnum):
+    """A state of a payload session, in the order of a session that is not interrupted."""
+
+    PREPARE = "prepare"
+    REHEARSE = "rehearse"
+    WARM_UP_WITHOUT = "warm_up_without"
+    RECORD_WITHOUT = "record_without"
+    ATTACH = "attach"
+    WARM_UP_WITH = "warm_up_with"
+    RECORD_WITH = "record_with"
+    IDENTIFY = "identify"
+    DONE = "done"
+
+
+class StateEntered(_Event):
+    """A payload session enters a state; `session` is the id of its folder."""
+
+    kind: Literal["state"] = "state"
+    session: str
+    state: SessionState
+    text: str
+
+
 class Asked(_Event):
     """A question that waits for an answer: free text, yes or no, or a key to be held.
 
@@ -141,6 +165,7 @@ AnyEvent = Annotated[
     | MotionBegun
     | Progressed
     | WarmedUp
+    | StateEntered
     | Asked
     | KeyRefused
     | Answered

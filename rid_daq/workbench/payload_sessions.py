@@ -6,11 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from pydantic import JsonValue
+
 from acquisition.runs.catalogue import list_runs
 from acquisition.runs.manifest import RunStatus
 from config.errors import RidDaqError
 from rid_daq.operations.payload.payload_session import PayloadSessionRequest
-from rid_daq.operations.payload.session_state import SessionState
+from rid_daq.operations.payload.session_states import SessionFile
+from rid_daq.terminal.job_events import SessionState
 
 KIND: Final = "payload session"
 
@@ -21,7 +24,7 @@ class InterruptedSession:
 
     Attributes:
         run, label, created_utc: Its id, what people call it, and when it began.
-        done: The steps that count already.
+        state, done: The state that it is in, and the steps that count already.
         choices: What it was begun with, as a request has it; the model as seen from the service's
             folder.
     """
@@ -29,8 +32,9 @@ class InterruptedSession:
     run: str
     label: str
     created_utc: str
+    state: SessionState
     done: tuple[str, ...]
-    choices: dict[str, object]
+    choices: dict[str, JsonValue]
 
 
 def interrupted_sessions(runs: Path, cell: str, folder: Path) -> tuple[InterruptedSession, ...]:
@@ -46,22 +50,27 @@ def interrupted_sessions(runs: Path, cell: str, folder: Path) -> tuple[Interrupt
         if manifest.kind != KIND or manifest.status == RunStatus.COMPLETE:
             continue
         try:
-            state = SessionState.read(run)
+            state = SessionFile.read(run)
             now = PayloadSessionRequest(cell=state.cell, runs=runs, resume=run.run_id)
-            choices = now.as_begun(state.asked).choices
+            choices = now.as_begun(state.request).choices
         except RidDaqError:  # it cannot be gone on with; the page of runs shows what is wrong
             continue
         if state.cell == cell:
             choices["model"] = _seen_from(folder.resolve(), choices["model"])
             found.append(
                 InterruptedSession(
-                    run.run_id, manifest.label, manifest.created_utc, tuple(state.done), choices
+                    run=run.run_id,
+                    label=manifest.label,
+                    created_utc=manifest.created_utc,
+                    state=state.state,
+                    done=tuple(state.done),
+                    choices=choices,
                 )
             )
     return tuple(sorted(found, key=lambda each: each.run, reverse=True))
 
 
-def _seen_from(folder: Path, file: object) -> object:
+def _seen_from(folder: Path, file: JsonValue) -> JsonValue:
     """Return a file's path as requests name it; as it is where it lies elsewhere, or is none."""
     if not isinstance(file, str) or not Path(file).is_relative_to(folder):
         return file

@@ -12,8 +12,7 @@ from config.arrays import FloatArray
 from identification.payload.warm_up import FEWEST_PERIODS, period_powers, power_change_percent
 from rid_daq.blocks.block import AnyBlock, note_blocks
 from rid_daq.blocks.plot import Axis, Line, Panel, Plot
-from rid_daq.operations.payload.session_state import STATE, SessionState
-from rid_daq.operations.payload.session_steps import WARM_UP
+from rid_daq.operations.payload.session_states import STATE, WARM_UP, SessionFile
 from rid_daq.report.result_file import RESULT, read_result
 from rid_daq.report.shown.estimate import fit_verdict
 from rid_daq.report.shown.sections import SHOWN
@@ -47,7 +46,7 @@ def run_blocks(folder: RunFolder, names: Sequence[str] = ()) -> Iterator[AnyBloc
 
 def _warm_up(folder: RunFolder) -> Iterator[AnyBlock]:
     """Yield the warm-up of a payload session that had one and noted its limit."""
-    state = SessionState.read(folder)
+    state = SessionFile.read(folder)
     fact = state.facts.get("warm_up")
     run = state.done.get(WARM_UP)
     settled = fact.get("settled_percent") if isinstance(fact, dict) else None

@@ -29,6 +29,8 @@ from rid_daq.terminal.job_events import (
     Progressed,
     Resulted,
     Said,
+    SessionState,
+    StateEntered,
     WarmedUp,
 )
 from rid_daq.worker.orders import Orders
@@ -123,6 +125,11 @@ class JobConsole(Console):
                 rows_per_period=rows_per_period,
             )
         )
+
+    def enters(self, session: str, state: SessionState, text: str) -> None:
+        """Tell that a payload session enters a state."""
+        entered = StateEntered(at_s=time.time(), session=session, state=state, text=text)
+        self.events.write(entered)
 
     def warms_up(
         self, joints: Sequence[str], power_w: Sequence[Sequence[float]], settled_percent: float

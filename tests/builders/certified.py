@@ -17,12 +17,13 @@ from identification.payload.body import PayloadBody
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.file import write_payload
 from identification.payload.verdict import PayloadResult, checks
-from rid_daq.operations.payload.session_state import SessionState
+from rid_daq.operations.payload.session_states import SessionFile
 from rid_daq.report.result import Result
 from rid_daq.report.sections.payload import PayloadSection, payload_verdict
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.run_data import CELL
 from rid_daq.terminal.choices import PAYLOAD
+from rid_daq.terminal.job_events import SessionState
 
 MEDIUM = PayloadBody.of_reported(
     np.array([9.579, 0.024, 0.090, -0.202, 0.612, 0.063, 0.637, -0.158, -0.002, -0.008])
@@ -35,7 +36,7 @@ class Session:
     """A session's folder, the runs that its payload is of, and the payload."""
 
     folder: RunFolder
-    state: SessionState
+    state: SessionFile
     payload: PayloadResult
 
 
@@ -53,7 +54,7 @@ def certified_session(
     loaded = load_cell("kr15")
     folder = RunFolder.create(runs, label, kind="payload session", software={"rid-daq": "0.1.0"})
     _write_cell(folder, loaded, simulated)
-    state = SessionState(folder, "kr15")
+    state = SessionFile.begin(folder, "kr15")
     for number, step in enumerate(("warm-up", "unloaded", "loaded 1"), start=1):
         run = RunFolder.create(runs, f"{label} {number}"[-64:], software={"rid-daq": "0.1.0"})
         _write_cell(run, loaded, simulated)
@@ -67,6 +68,8 @@ def certified_session(
     limits = PayloadLimits(mass_percent=mass_percent)
     payload = PayloadResult(estimate, checks(estimate, limits))
     note_payload(folder, payload)
+    state.state = SessionState.DONE
+    state.write()
     folder.finish(RunStatus.COMPLETE)
     return Session(folder, state, payload)
 

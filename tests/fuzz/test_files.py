@@ -34,7 +34,7 @@ from identification.estimation.file import read_estimate
 from identification.payload.body import PayloadBody
 from identification.payload.controllers.formats import load_data, read_load_data
 from identification.payload.file import read_payload
-from rid_daq.operations.payload.session_state import SessionState
+from rid_daq.operations.payload.session_states import SessionFile
 from rid_daq.operations.start.init import InitRequest
 from rid_daq.operations.start.urdf_starter import starting_robot
 from rid_daq.report.result_file import read_result
@@ -214,7 +214,7 @@ def test_results_and_sessions(document: Callable[[str, Any], RunFolder]) -> None
     folder = document("session.json", state)
     data = json.dumps(state).encode()
     path = folder.file("session.json")
-    assert survive(lambda _: SessionState.read(folder), path, data, 100) > 50
+    assert survive(lambda _: SessionFile.read(folder), path, data, 100) > 50
 
 
 def test_manifests(tmp_path: Path) -> None:
@@ -264,7 +264,7 @@ def json_files(tmp_path: Path) -> dict[Any, bytes]:
     }  # fmt: skip
     texts = {read_loops: loops, read_feedforward: {"format": 1, "cycle_time_ms": 8}}
     texts |= {read_estimate: {"kind": "rid-daq estimate", "format": 3}}
-    texts |= {read_payload: {"kind": "rid-daq payload", "format": 2}}
+    texts |= {read_payload: {"kind": "rid-daq payload", "format": 3}}
     return {read: json.dumps(content).encode() for read, content in texts.items()}
 
 

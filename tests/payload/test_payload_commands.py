@@ -259,7 +259,7 @@ def test_what_did_not_pass_reaches_no_controller(
 
 def test_a_payload_whose_mass_was_edited_is_refused(workshop: Path) -> None:
     document = json.loads((workshop / "payload.json").read_text(encoding="utf-8"))
-    document["about_centre_of_gravity"][0]["value"] = 1.0
+    document["values"][0] *= 0.5
     edited = workshop / "edited.json"
     edited.write_text(json.dumps(document), encoding="utf-8")
     out = str(workshop / "edited.out")

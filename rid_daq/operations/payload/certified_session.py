@@ -9,7 +9,7 @@ from typing import Final
 
 from acquisition.runs.catalogue import find_run, find_run_inside
 from acquisition.runs.folder import RunFolder
-from acquisition.runs.manifest import Manifest, RunStatus
+from acquisition.runs.manifest import RunStatus
 from config.cell.cell import CellConfig
 from config.errors import ConfigError, DataQualityError, RecordingError
 from config.formats.whole_file import write_whole
@@ -18,10 +18,11 @@ from drivers.settings.write_log import DRIVE_WRITES, read_write_log
 from identification.payload.file import PayloadDocument, read_payload
 from identification.payload.verdict import PayloadResult
 from rid_daq.operations.payload.payload_certificate import PayloadCertificateRequest
-from rid_daq.operations.payload.session_state import STATE, SessionState
-from rid_daq.report.certificate import Certificate, CertifiedFile, CertifiedRun, Device
+from rid_daq.operations.payload.session_states import STATE, SessionFile
+from rid_daq.report.certificate import Certificate
 from rid_daq.report.result import Result
 from rid_daq.report.result_file import RESULT, read_result
+from rid_daq.report.sections.payload import PayloadSection
 from rid_daq.report.sections.runs import CellSection
 from rid_daq.report_page.printed_page import print_pdf
 from rid_daq.report_page.render import render_certificate
@@ -32,6 +33,7 @@ from rid_daq.runs.output_file import refuse_output
 from rid_daq.runs.run_data import CELL, READ, note_output, require_own
 from rid_daq.session.versions import program_version
 from rid_daq.terminal.choices import CERTIFICATE, PAYLOAD
+from rid_daq.terminal.job_events import SessionState
 
 _LISTED: Final = (STATE, PAYLOAD, RESULT, *READ, DRIVE_WRITES)
 
@@ -53,7 +55,7 @@ def write_certificate(request: PayloadCertificateRequest) -> tuple[Certificate, 
     refuse_output(request.output, request.overwrite, made)
     folder = find_run(request.runs, request.session)
     output = request.output or folder.file(CERTIFICATE)
-    certificate = certificate_of(folder, None if request.by is None else request.by.strip())
+    certificate = certificate_of(folder, request.by)
     page = output.with_suffix(".html")
     if page != output:
         refuse_output(request.output and page, request.overwrite, made_file.REPORT)
@@ -75,76 +77,75 @@ def certificate_of(folder: RunFolder, by: str | None) -> Certificate:
     Raises:
         DataQualityError, RecordingError, ConfigError: As `write_certificate`.
     """
-    manifest = folder.manifest()
-    state = SessionState.read(folder) if folder.file(STATE).exists() else None
-    _require_finished(folder, manifest, state)
-    payload, result = _payload_of(folder, manifest, state)
-    assert result.payload is not None
+    state = SessionFile.read(folder) if folder.file(STATE).exists() else None
+    _require_finished(folder, state)
+    document = PayloadDocument.model_validate_json(folder.read(PAYLOAD))
+    payload, result = read_payload(folder.file(PAYLOAD)), read_result(folder)
+    section = _section_of(folder, payload, result)
     ids = payload.estimate.run_ids
+    if state is None and folder.run_id not in ids:
+        raise DataQualityError(
+            f"{folder.path}: {PAYLOAD} is of other runs ({', '.join(ids)}): name one of those",
+            code="RID-CERTIFICATE-NOT-READY",
+        )
     steps = [("", name) for name in ids] if state is None else list(state.done.items())
     folders = [find_run_inside(folder.path.parent, run_id) for _, run_id in steps]
     all_folders = folders if folder in folders else [folder, *folders]
     for each in all_folders:
-        _require_ended(each, each.manifest())
+        _require_ended(each)
         require_own(each)
     files = tuple(file for each in all_folders for file in _files(each))
     cells = [cell for each in all_folders if (cell := _cell(each)) is not None]
     made = {} if result.timing is None else result.timing.made or {}
-    document = PayloadDocument.model_validate_json(folder.read(PAYLOAD))
     return Certificate(
-        run_id=folder.run_id,
-        label=manifest.label,
+        folder=folder.manifest(),
         is_session=state is not None,
         payload=payload,
-        how=result.payload.sentence,
-        findings=(*result.payload.findings, *(result.notes or ())),
+        how=section.sentence,
+        findings=(*section.findings, *(result.notes or ())),
         by=by,
-        begun_utc=manifest.created_utc,
-        ended_utc=manifest.finished_utc or manifest.created_utc,
         identified_utc=made.get("payload"),
         cell=CellSection.of(cells[0]) if cells else None,
         simulated=any(cell.simulated for cell in cells)
         or any(FACT in each.manifest().facts for each in all_folders),
         devices=_devices(payload.estimate.robot.name, cells, folders),
-        runs=tuple(_run(step, each) for (step, _), each in zip(steps, folders, strict=True)),
+        runs=tuple((step, each.manifest()) for (step, _), each in zip(steps, folders, strict=True)),
         files=files,
-        software=tuple(manifest.software.items()),
         identified_with=document.software,
         written_with=f"rid-daq {program_version()}",
         empty=None if state is None else state.empty_flange,
     )
 
 
-def _require_finished(folder: RunFolder, manifest: Manifest, state: SessionState | None) -> None:
+def _require_finished(folder: RunFolder, state: SessionFile | None) -> None:
     """Refuse a session that has not come to its payload.
 
     Raises:
         DataQualityError: It has not.
     """
-    has_payload = PAYLOAD in manifest.files
-    if state is None:
-        if not has_payload:
-            raise DataQualityError(
-                f"{folder.path}: has no {PAYLOAD} of its own, so there is nothing to certify:"
-                f" `rid-daq payload identify --loaded {folder.run_id} ...` without -o writes it",
-                code="RID-CERTIFICATE-NOT-READY",
-            )
-        return
-    if manifest.status == RunStatus.UNFINISHED or not has_payload:
+    if state is None and PAYLOAD not in folder.manifest().files:
+        raise DataQualityError(
+            f"{folder.path}: has no {PAYLOAD} of its own, so there is nothing to certify:"
+            f" `rid-daq payload identify --loaded {folder.run_id} ...` without -o writes it",
+            code="RID-CERTIFICATE-NOT-READY",
+        )
+    if state is not None and state.state is not SessionState.DONE:
         done = ", ".join(state.done) or "nothing"
         raise DataQualityError(
-            f"{folder.path}: the session is not finished (done: {done}) and has no verdict: go on"
-            f" with it: rid-daq payload {cell_of(folder, state.cell)} --resume {folder.run_id}",
+            f"{folder.path}: the session is not finished (state: {state.state.value}; done: {done})"
+            f" and has no verdict: go on with it: rid-daq payload {cell_of(folder, state.cell)}"
+            f" --resume {folder.run_id}",
             code="RID-CERTIFICATE-NOT-READY",
         )
 
 
-def _require_ended(folder: RunFolder, manifest: Manifest) -> None:
+def _require_ended(folder: RunFolder) -> None:
     """Refuse a run whose recording has no SHA-256.
 
     Raises:
         DataQualityError: It was never finished.
     """
+    manifest = folder.manifest()
     if manifest.status == RunStatus.UNFINISHED or manifest.finished_utc is None:
         raise DataQualityError(
             f"{folder.path}: was never finished, so its files cannot be certified: write what is"
@@ -154,51 +155,32 @@ def _require_ended(folder: RunFolder, manifest: Manifest) -> None:
         )
 
 
-def _payload_of(
-    folder: RunFolder, manifest: Manifest, state: SessionState | None
-) -> tuple[PayloadResult, Result]:
-    """Return a payload and the result that was written with it.
+def _section_of(folder: RunFolder, payload: PayloadResult, result: Result) -> PayloadSection:
+    """Return a payload as the result of its folder has it.
 
     Raises:
-        DataQualityError: Nothing was judged, or files are of different payloads.
-        RecordingError: A file is not what was written.
+        DataQualityError: Nothing was judged, or the result is of another payload.
     """
-    folder.read(PAYLOAD)  # refused where it is not what was written
-    payload, result = read_payload(folder.file(PAYLOAD)), read_result(folder)
     if not payload.checks:
         raise DataQualityError(
             f"{folder.file(PAYLOAD)}: has no verdict: nothing was held against a limit; identify"
             " the payload again",
             code="RID-CERTIFICATE-NOT-READY",
         )
-    ids = payload.estimate.run_ids
-    wanted = None if state is None else tuple(state.done[name] for name in state.measurements)
-    if wanted is not None and ids != wanted:
-        raise DataQualityError(
-            f"{folder.path}: its runs are not those that {PAYLOAD} was identified from: finish the"
-            f" session: rid-daq payload {cell_of(folder)} --resume {folder.run_id}",
-            code="RID-CERTIFICATE-NOT-READY",
-        )
-    told = None if result.payload is None else [each.value for each in result.payload.parameters]
-    reported = payload.estimate.reported.tolist()
-    if told is None or not all(
-        math.isnan(value) if said is None else math.isclose(said, value, rel_tol=1e-9)
-        for said, value in zip(told, reported, strict=True)
+    section, values = result.payload, payload.estimate.reported.tolist()
+    if section is None or not all(
+        math.isnan(value) if said.value is None else math.isclose(said.value, value, rel_tol=1e-9)
+        for said, value in zip(section.parameters, values, strict=True)
     ):
         raise DataQualityError(
             f"{folder.path}: {RESULT} and {PAYLOAD} are not of the same payload: identify it again,"
             " without -o",
             code="RID-CERTIFICATE-NOT-READY",
         )
-    if state is None and folder.run_id not in ids:
-        raise DataQualityError(
-            f"{folder.path}: {PAYLOAD} is of other runs ({', '.join(ids)}): name one of those",
-            code="RID-CERTIFICATE-NOT-READY",
-        )
-    return payload, result
+    return section
 
 
-def _files(folder: RunFolder) -> list[CertifiedFile]:
+def _files(folder: RunFolder) -> list[tuple[str, str, str]]:
     """Return a folder's files that matter, each compared with its entry in the manifest.
 
     Raises:
@@ -215,7 +197,7 @@ def _files(folder: RunFolder) -> list[CertifiedFile]:
                 " original back",
                 code="RID-RUN-CHANGED",
             )
-        found.append(CertifiedFile(folder.run_id, name, entry.sha256))
+        found.append((folder.run_id, name, entry.sha256))
     return found
 
 
@@ -226,7 +208,7 @@ def _cell(folder: RunFolder) -> CellConfig | None:
 
 def _devices(
     robot: str, cells: Sequence[CellConfig], folders: Sequence[RunFolder]
-) -> tuple[Device, ...]:
+) -> tuple[tuple[str, str | None], ...]:
     """Return robot and drives with their serial numbers, as far as runs have recorded them."""
     serials: dict[int, list[str]] = {}
     for folder in folders:
@@ -238,22 +220,8 @@ def _devices(
             if serial is not None and str(serial) not in known:
                 known.append(str(serial))
     axes = {axis.node_id: axis.joint for cell in cells for axis in cell.axes}
-    return (
-        Device(f"robot {robot}", None),
-        *(
-            Device(f"drive of {axes[node]} (node {node})", ", ".join(serials.get(node, ())) or None)
-            for node in axes
-        ),
+    drives = (
+        (f"drive of {joint} (node {node})", ", ".join(serials.get(node, ())) or None)
+        for node, joint in axes.items()
     )
-
-
-def _run(step: str, folder: RunFolder) -> CertifiedRun:
-    manifest = folder.manifest()
-    return CertifiedRun(
-        step=step,
-        run_id=folder.run_id,
-        label=manifest.label,
-        status=manifest.status,
-        created_utc=manifest.created_utc,
-        finished_utc=manifest.finished_utc or "",
-    )
+    return ((f"robot {robot}", None), *drives)

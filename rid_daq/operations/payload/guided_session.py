@@ -1,11 +1,12 @@
-"""A guided payload session: check, rehearse, warm up, run, attach, run, identify."""
+"""`run_payload_session`: a guided payload session from its preflight to the payload."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Final
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+from pydantic import JsonValue
 
 from acquisition.motion.kinds.fourier import FourierMotion
 from acquisition.motion.motion_file import AnyMotion, motion_content
@@ -14,59 +15,39 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
 from config.errors import ConfigError
 from config.load import LoadedCell, load_cell, load_robot, to_yaml
-from identification.payload.file import write_payload
 from identification.payload.motion import PayloadSearch, design_payload_motion
 from identification.payload.procedures import TORQUE_CONSTANT_SIGMA, PayloadOptions
 from identification.payload.rating import refuse_heavier
-from identification.payload.verdict import PayloadResult
 from rid_daq.operations.cell_files import estimate_for, motion_for
 from rid_daq.operations.payload.payload_estimate import PayloadRequest, payload_from_runs
-from rid_daq.operations.payload.payload_session import UNLOADED, PayloadSessionRequest
-from rid_daq.operations.payload.session_state import STATE, SessionState
-from rid_daq.operations.payload.session_steps import SESSION_MOTION, PayloadGuide, StepFailed
+from rid_daq.operations.payload.payload_session import (
+    UNLOADED,
+    PayloadSessionRequest,
+    StoppedSession,
+)
+from rid_daq.operations.payload.session_states import STATE, SessionFile
+from rid_daq.operations.payload.session_steps import SESSION_MOTION, PayloadGuide, enter
+from rid_daq.operations.payload.shared import IdentifiedPayload
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.run_session import open_session
 from rid_daq.report.result import Result
-from rid_daq.report.sections.payload import PayloadSection, payload_verdict
 from rid_daq.report.sections.runs import CellSection, RunSection
 from rid_daq.report.sections.timing import Timing
-from rid_daq.report.sections.verdict import VerdictSection
-from rid_daq.report_page.write import write_result
 from rid_daq.requests.cell_options import Simulation
-from rid_daq.runs.flange import compared
+from rid_daq.requests.option import DEFAULT_RUNS
 from rid_daq.runs.origins import note_cell
-from rid_daq.runs.run_data import MOTION, ROBOT, require_own
+from rid_daq.runs.run_data import MOTION, ROBOT, RunData, require_own
 from rid_daq.session.session import unfinished
 from rid_daq.session.versions import software_versions
-from rid_daq.terminal.choices import PAYLOAD
 from rid_daq.terminal.context import Context
+from rid_daq.terminal.job_events import SessionState
 
 PERIOD_S: Final = 7.2
 
 
-@dataclass(frozen=True)
-class SessionIdentified:
-    """The payload of a session.
-
-    Attributes:
-        state: What was done.
-        judged: The payload.
-        section: The payload as the report has it.
-        verdict: Whether it is as certain as was asked for.
-        file, report: Where payload and report are.
-    """
-
-    state: SessionState
-    judged: PayloadResult
-    section: PayloadSection
-    verdict: VerdictSection
-    file: Path
-    report: Path
-
-
 def run_payload_session(
     request: PayloadSessionRequest, context: Context
-) -> SessionIdentified | StepFailed:
+) -> IdentifiedPayload | StoppedSession:
     """Lead through a session, or go on with an interrupted one.
 
     Raises:
@@ -76,39 +57,41 @@ def run_payload_session(
         RidDaqError: As `RunSession.recording` and `payload_from_runs`.
     """
     loaded = load_cell(request.cell)
-    state: SessionState | None = None
+    file: SessionFile | None = None
     if request.resume is not None:
-        state = SessionState.read(find_run(request.runs, request.resume, having=STATE))
-        request = request.as_begun(state.asked)
+        file = SessionFile.read(find_run(request.runs, request.resume, having=STATE))
+        request = request.as_begun(file.request)
     known = tuple(each.known() for each in request.known)
-    payload_request = PayloadRequest(
-        how=PayloadOptions(
-            procedure="together" if request.model is None else "model",
-            robot=None if request.model is None else estimate_for(request.model, loaded.robot),
-            known=known,
-            torque_constant_sigma=TORQUE_CONSTANT_SIGMA,
-        ),
-        limits=request.limits.limits(),
+    robot = None if request.model is None else estimate_for(request.model, loaded.robot)
+    how = PayloadOptions(
+        procedure="together" if robot is None else "model",
+        robot=robot,
+        known=known,
+        torque_constant_sigma=TORQUE_CONSTANT_SIGMA,
     )
-    done: Mapping[str, str] = {} if state is None else state.done
+    payload_request = PayloadRequest(how, request.limits.limits())
+    done = {} if file is None else file.done
     moves = any(name not in done for name in request.wanted)
     if moves:
+        if loaded.plant is not None:
+            loaded.plant.with_payload(request.payload)  # refused before anything moves
         _require_followed(request, payload_request)
         for each in known:
             if each.name == "m":
                 refuse_heavier(loaded.robot, each.value)
-    if state is None:
-        state, motion = _begun(request, loaded)
+    if file is None:
+        file, motion = _begun(request, loaded)
     else:
-        motion = _motion_of(state, loaded)
+        motion = _motion_of(file, loaded)
+        file.request = request.choices
         context.say(
-            f"Session {state.folder.run_id} goes on; done already:"
-            f" {', '.join(state.done) or 'nothing'}."
+            f"Session {file.folder.run_id} goes on; done already:"
+            f" {', '.join(file.done) or 'nothing'}."
         )
     context.say(motion.describe())
     if moves:
         with (
-            unfinished(state.folder),
+            unfinished(file.folder),
             open_session(
                 loaded,
                 request.runs,
@@ -119,11 +102,27 @@ def run_payload_session(
                 live=request.live,
             ) as session,
         ):
-            guide = PayloadGuide(request, session, state, motion, payload_request, context)
+            guide = PayloadGuide(request, session, file, motion, payload_request, context)
             failed = guide.lead()
         if failed is not None:
-            return failed
-    return _result(state, loaded, payload_request, motion)
+            elsewhere = () if request.runs == DEFAULT_RUNS else ("--runs", str(request.runs))
+            words = ("payload", request.cell, "--resume", file.folder.run_id, *elsewhere)
+            return StoppedSession(*failed, words)
+    enter(file, SessionState.IDENTIFY, context, again=not moves)
+    data = file.runs()
+    found = payload_from_runs(
+        data,
+        [name != UNLOADED for name in file.measurements],
+        payload_request,
+        folder=file.folder,
+        result=_result_of(file, loaded, motion, data),
+        findings=_warm_up_finding(file.facts.get("warm_up")),
+        empty=file.empty_flange,
+    )
+    enter(file, SessionState.DONE, context)
+    word = "passed" if found.verdict.passed else "failed"
+    file.folder.finish(RunStatus.COMPLETE, {"robot": loaded.robot.name, "verdict": word})
+    return replace(found, session=file)
 
 
 def _require_followed(request: PayloadSessionRequest, payload_request: PayloadRequest) -> None:
@@ -139,10 +138,8 @@ def _require_followed(request: PayloadSessionRequest, payload_request: PayloadRe
         )
 
 
-def _begun(
-    request: PayloadSessionRequest, loaded: LoadedCell
-) -> tuple[SessionState, FourierMotion]:
-    """Return a new session's state and motion."""
+def _begun(request: PayloadSessionRequest, loaded: LoadedCell) -> tuple[SessionFile, FourierMotion]:
+    """Return a new session's file and motion."""
     if request.motion is not None:
         motion = _periodic(motion_for(request.motion, loaded))
     else:
@@ -157,28 +154,27 @@ def _begun(
         folder.write(name, content)
     folder.write(MOTION, to_yaml(motion, SESSION_MOTION).encode())
     note_cell(folder, loaded)
-    state = SessionState(folder, loaded.config.name, asked=request.asked)
-    state.write()
+    file = SessionFile.begin(folder, loaded.config.name, request.choices)
     motion.plan(loaded.robot, loaded.config.cycle_time_s)  # within all limits, or refused
-    return state, motion
+    return file, motion
 
 
-def _motion_of(state: SessionState, loaded: LoadedCell) -> FourierMotion:
+def _motion_of(file: SessionFile, loaded: LoadedCell) -> FourierMotion:
     """Return an interrupted session's motion."""
-    session = state.folder.run_id
-    if state.cell != loaded.config.name:
+    session = file.folder.run_id
+    if file.cell != loaded.config.name:
         raise ConfigError(
-            f"--resume {session}: was a session on cell {state.cell}", code="RID-SESSION-OTHER-CELL"
+            f"--resume {session}: was a session on cell {file.cell}", code="RID-SESSION-OTHER-CELL"
         )
-    require_own(state.folder)
-    if load_robot(str(state.folder.file(ROBOT))) != loaded.robot:
+    require_own(file.folder)
+    if load_robot(str(file.folder.file(ROBOT))) != loaded.robot:
         raise ConfigError(
-            f"--resume {session}: the robot file of cell {state.cell} has changed since: put the"
+            f"--resume {session}: the robot file of cell {file.cell} has changed since: put the"
             " old one back, or begin a new session",
             code="RID-SESSION-OTHER-CELL",
         )
-    name = str(state.folder.file(MOTION))
-    motion = _periodic(motion_content(state.folder.read(MOTION), name))
+    name = str(file.folder.file(MOTION))
+    motion = _periodic(motion_content(file.folder.read(MOTION), name))
     motion.plan(loaded.robot, loaded.config.cycle_time_s)
     return motion
 
@@ -187,42 +183,23 @@ def _periodic(motion: AnyMotion) -> FourierMotion:
     return FourierMotion.require(motion, "a payload session needs a periodic (fourier) motion")
 
 
-def _result(
-    state: SessionState, loaded: LoadedCell, payload_request: PayloadRequest, motion: FourierMotion
-) -> SessionIdentified:
-    """Identify the payload from the session's runs, judge it, and write the report."""
-    data = state.runs()
-    carried = [name != UNLOADED for name in state.measurements]
-    judged, repeats = payload_from_runs(data, carried, payload_request)
-    file = state.folder.file(PAYLOAD)
-    write_payload(file, judged)
-    state.folder.write(PAYLOAD, file.read_bytes())
-    findings = [
-        *compared(data, carried, judged),
-        *_warm_up_finding(state.facts.get("warm_up")),
-    ]
-    section = PayloadSection.of(judged, repeats, findings)
-    verdict = payload_verdict(judged, state.empty_flange)
-    title = f"Payload session on {loaded.config.name}"
-    result = Result.new(title, loaded.robot.name).updated(
+def _result_of(
+    file: SessionFile, loaded: LoadedCell, motion: FourierMotion, data: Sequence[RunData]
+) -> Result:
+    """Return the session's result, without the payload."""
+    return Result.new(f"Payload session on {loaded.config.name}", loaded.robot.name).updated(
         cell=CellSection.of(loaded.config),
-        payload=section,
         runs=tuple(
             RunSection.of(name, motion.describe(), item.tally, item.robot)
-            for name, item in zip(state.measurements, data, strict=True)
+            for name, item in zip(file.measurements, data, strict=True)
         ),
-        verdict=verdict,
         timing=Timing(
-            created_utc=state.folder.manifest().created_utc, run_ids=tuple(state.done.values())
+            created_utc=file.folder.manifest().created_utc, run_ids=tuple(file.done.values())
         ),
     )
-    report = write_result(state.folder, result)
-    word = "passed" if judged.passed else "failed"
-    state.folder.finish(RunStatus.COMPLETE, {"robot": loaded.robot.name, "verdict": word})
-    return SessionIdentified(state, judged, section, verdict, file, report)
 
 
-def _warm_up_finding(warm: Any) -> list[str]:
+def _warm_up_finding(warm: JsonValue) -> list[str]:
     if not isinstance(warm, dict):
         return []
     return [

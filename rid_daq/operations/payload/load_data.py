@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -11,7 +10,6 @@ from config.errors import ConfigError, system_errors
 from config.formats.bounded_file import read_file
 from config.formats.whole_file import write_whole
 from identification.choices import LoadFormat
-from identification.payload.body import PayloadBody
 from identification.payload.controllers.formats import (
     LARGEST_TEXT,
     deviation,
@@ -22,8 +20,11 @@ from identification.payload.controllers.formats import (
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.file import read_payload, refuse_failed
 from rid_daq.blocks.formats import format_measured, number
-from rid_daq.operations.payload.payload_export import PayloadExportRequest
-from rid_daq.operations.payload.payload_read_back import PayloadReadBackRequest
+from rid_daq.operations.payload.payload_export import PayloadExportRequest, PayloadExportResult
+from rid_daq.operations.payload.payload_read_back import (
+    PayloadReadBackRequest,
+    PayloadReadBackResult,
+)
 from rid_daq.report.sections.verdict import VerdictCheck, VerdictSection
 from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
@@ -33,16 +34,7 @@ ALONG_Z: Final = frozenset(LoadFormat) - {LoadFormat.URDF}
 """Formats of makers whose flange frame has Z out of the flange; a URDF has no rule."""
 
 
-@dataclass(frozen=True)
-class LoadData:
-    """The payload, the text that was written, and what a person should look at."""
-
-    estimate: PayloadEstimate
-    text: str
-    notes: tuple[str, ...]
-
-
-def export_payload(request: PayloadExportRequest) -> LoadData:
+def export_payload(request: PayloadExportRequest) -> PayloadExportResult:
     """Write a payload for a controller; what was written has been read back and compared.
 
     Raises:
@@ -63,26 +55,10 @@ def export_payload(request: PayloadExportRequest) -> LoadData:
         rounding(estimate.body, estimate.sigma),
     )
     write_whole(request.output, text.encode())
-    return LoadData(estimate, text, notes)
+    return PayloadExportResult(request, estimate, text, notes)
 
 
-@dataclass(frozen=True)
-class ReadBack:
-    """Load data that were compared.
-
-    Attributes:
-        source: The file, or a description of the text.
-        measured, found: The payload as measured, and as it was read.
-        verdict: If they are the same.
-    """
-
-    source: str
-    measured: PayloadBody
-    found: PayloadBody
-    verdict: VerdictSection
-
-
-def read_back_payload(request: PayloadReadBackRequest) -> ReadBack:
+def read_back_payload(request: PayloadReadBackRequest) -> PayloadReadBackResult:
     """Parse load data and compare them with a payload.
 
     Raises:
@@ -105,9 +81,8 @@ def read_back_payload(request: PayloadReadBackRequest) -> ReadBack:
         if line.passed
         else f"Failed: {file} differs from the payload by {number(difference, 3)} %"
     )
-    return ReadBack(
-        file, body, found, VerdictSection.of([line], headline, "Compared with what was measured.")
-    )
+    verdict = VerdictSection.of([line], headline, "Compared with what was measured.")
+    return PayloadReadBackResult(request, file, body, found, verdict)
 
 
 def _source(request: PayloadReadBackRequest) -> str:

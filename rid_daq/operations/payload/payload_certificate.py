@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
-from pydantic import AfterValidator, Field
+from pydantic import Field, StringConstraints
 
 from rid_daq.blocks.block import AnyBlock, Text, Verdict
 from rid_daq.operations.operation import Context, Operation
@@ -17,14 +17,6 @@ from rid_daq.terminal.choices import CERTIFICATE
 
 if TYPE_CHECKING:
     from rid_daq.report.certificate import Certificate
-
-LONGEST_NAME: Final = 200
-
-
-def _is_name(text: str | None) -> str | None:
-    if text is not None and not 0 < len(text.strip()) <= LONGEST_NAME:
-        raise ValueError(f"must be a name of 1 to {LONGEST_NAME} characters")
-    return text
 
 
 class PayloadCertificateRequest(Request):
@@ -49,8 +41,8 @@ class PayloadCertificateRequest(Request):
         Option(short="o", metavar="FILE", group=FILES, file="output", endings=(".pdf", ".html")),
     ] = None
     by: Annotated[
-        str | None,
-        AfterValidator(_is_name),
+        Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=200)]
+        | None,
         Field(description="Person who answers for it."),
         Option(metavar="NAME"),
     ] = None
@@ -79,7 +71,7 @@ class PayloadCertificateResult:
         """Return file, run and verdict."""
         return {
             "file": str(self.file),
-            "run": self.certificate.run_id,
+            "run": self.certificate.folder.run_id,
             "simulated": self.certificate.simulated,
             "verdict": self.certificate.verdict,
         }

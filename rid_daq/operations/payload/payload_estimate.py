@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 from acquisition.processing.periods import PeriodAverage
+from acquisition.runs.folder import RunFolder
 from identification.choices import BAND_HZ, STANDSTILL_RAD_S, PayloadLimits
 from identification.equations.deconvolution import smoothed_recording
 from identification.estimation.options import EstimationOptions
+from identification.payload.file import write_payload
 from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.procedures import PayloadOptions, identify_payload, left_on_flange
@@ -18,14 +21,19 @@ from identification.payload.verdict import (
     HEAVY,
     PayloadCheck,
     PayloadResult,
-    Repeats,
     checks,
     repeated,
 )
 from identification.wiring.search import impossibilities
 from rid_daq.operations.identify.run_estimation import EstimationJob, one_robot
 from rid_daq.operations.identify.wiring_diagnosis import wired_signals
-from rid_daq.runs.run_data import RunData
+from rid_daq.operations.payload.shared import IdentifiedPayload
+from rid_daq.report.result import Result
+from rid_daq.report.sections.payload import EmptyFlange, PayloadSection, payload_verdict
+from rid_daq.report_page.write import write_result
+from rid_daq.runs.flange import compared
+from rid_daq.runs.run_data import RunData, note_output
+from rid_daq.terminal.choices import PAYLOAD
 
 
 @dataclass(frozen=True)
@@ -95,22 +103,35 @@ def periodic_runs(
 
 
 def payload_from_runs(
-    data: Sequence[RunData], loaded: Sequence[bool], payload_request: PayloadRequest
-) -> tuple[PayloadResult, Repeats | None]:
-    """Estimate a payload from runs, judge it, and estimate it from each loaded run alone.
+    data: Sequence[RunData],
+    loaded: Sequence[bool],
+    payload_request: PayloadRequest,
+    *,
+    folder: RunFolder,
+    result: Result,
+    output: Path | None = None,
+    findings: Sequence[str] = (),
+    empty: EmptyFlange | None = None,
+) -> IdentifiedPayload:
+    """Estimate a payload from runs, judge it, and write its file and the report of a folder.
 
     Args:
         data: The runs.
         loaded: Which of them carried the payload.
-        payload_request: How.
+        payload_request: How it is estimated.
+        folder: The session, or the run that gets the report.
+        result: The result of the folder, to which the payload is added.
+        output: The file of the payload; in the folder if not set.
+        findings: What else a person should know of the runs.
+        empty: How it is known that nothing hung on the flange without payload.
 
     Raises:
         ConfigError: The runs are of different robots, or of both kinds.
         DataQualityError, EstimationError: The data do not show a payload.
+        RecordingError: A file cannot be written.
     """
-    how = payload_request.how
+    how, robot = payload_request.how, data[0].robot
     runs = payload_runs(data, loaded, payload_request)
-    robot = data[0].robot
     estimate = identify_payload(
         robot,
         runs,
@@ -123,8 +144,15 @@ def payload_from_runs(
         repeats = repeated(robot, runs, how)
     left_on = left_on_flange(robot, runs.part(_compared(data, loaded, how)), how)
     held = checks(estimate, payload_request.limits, repeats, left_on)
-    empty = [run for run, carried in zip(data, loaded, strict=True) if not carried]
-    return PayloadResult(estimate, (*held, *_arm_checks(empty, payload_request))), repeats
+    unloaded = [run for run, carried in zip(data, loaded, strict=True) if not carried]
+    payload = PayloadResult(estimate, (*held, *_arm_checks(unloaded, payload_request)))
+    output = output or folder.file(PAYLOAD)
+    write_payload(output, payload)
+    note_output(folder, output)
+    section = PayloadSection.of(payload, repeats, [*compared(data, loaded, payload), *findings])
+    verdict = payload_verdict(payload, empty)
+    report = write_result(folder, result.updated(payload=section, verdict=verdict))
+    return IdentifiedPayload(section, verdict, output, report, payload.fits)
 
 
 def _arm_checks(

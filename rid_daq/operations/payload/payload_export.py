@@ -17,7 +17,7 @@ from rid_daq.requests.option import DEFAULT_RUNS, FILES, Option, Overwrite, Runs
 from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
-    from rid_daq.operations.payload.load_data import LoadData
+    from identification.payload.estimate import PayloadEstimate
 
 
 class PayloadExportRequest(Request):
@@ -54,31 +54,35 @@ class PayloadExportResult:
 
     Attributes:
         request: What was asked for.
-        written: The payload and the text.
+        estimate: The payload.
+        text: What was written.
+        notes: What a person should look at.
     """
 
     request: PayloadExportRequest
-    written: LoadData
+    estimate: PayloadEstimate
+    text: str
+    notes: tuple[str, ...]
     exit_code: int = 0
 
     def document(self) -> dict[str, object]:
         """Return the text and what it holds."""
-        estimate = self.written.estimate
+        estimate = self.estimate
         return {
             "file": str(self.request.output),
             "format": self.request.to.value,
             "robot": estimate.robot.name,
             "mass_kg": estimate.body.mass_kg,
-            "text": self.written.text,
-            "notes": list(self.written.notes),
+            "text": self.text,
+            "notes": list(self.notes),
         }
 
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield the text, notes, the file and the next command."""
         request = self.request
-        yield Text(text=self.written.text.rstrip("\n"))
-        if self.written.notes:
-            yield Text(text=f"note: {' '.join(self.written.notes)}")
+        yield Text(text=self.text.rstrip("\n"))
+        if self.notes:
+            yield Text(text=f"note: {' '.join(self.notes)}")
         yield Verdict(passed=True, text=f"Wrote {request.output}; it reads back as the same")
         yield Text(
             text="Enter the load data in the controller, save what it holds then, and compare:"
@@ -91,7 +95,7 @@ def run(request: PayloadExportRequest, _context: Context) -> PayloadExportResult
     """Write the load data."""
     from rid_daq.operations.payload.load_data import export_payload
 
-    return PayloadExportResult(request, export_payload(request))
+    return export_payload(request)
 
 
 OPERATION: Final = Operation(

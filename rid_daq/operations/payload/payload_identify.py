@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal
 
@@ -22,9 +20,9 @@ from identification.choices import (
     Share,
     TorqueConstantSigma,
 )
-from rid_daq.blocks.block import AnyBlock, Next, Text, Verdict, note_blocks
 from rid_daq.operations.identify.model_terms import Band, ModelTerms, Standstill
 from rid_daq.operations.operation import Context, Operation
+from rid_daq.operations.payload.shared import IdentifiedPayload
 from rid_daq.requests.option import (
     DEFAULT_RUNS,
     FILES,
@@ -38,7 +36,6 @@ from rid_daq.terminal.choices import PAYLOAD
 
 if TYPE_CHECKING:
     from identification.payload.known import Known
-    from rid_daq.operations.payload.payload_from_files import PayloadIdentified
 
 PAYLOADS: Final = "Payload"
 LIMITS: Final = "Limits of the verdict"
@@ -186,56 +183,11 @@ class PayloadIdentifyRequest(Request):
     runs: RunsFolder = DEFAULT_RUNS
 
 
-@dataclass(frozen=True)
-class PayloadIdentifyResult:
-    """A payload that was identified.
-
-    Attributes:
-        found: The payload, its verdict, and the files.
-    """
-
-    found: PayloadIdentified
-
-    @property
-    def exit_code(self) -> int:
-        """1 if an interval is larger than its limit, 6 if a torque is not explained."""
-        from rid_daq.terminal.exit_codes import ExitCode
-
-        if self.found.verdict.passed:
-            return ExitCode.DONE
-        return ExitCode.VERDICT_FAILED if self.found.fits else ExitCode.DATA_QUALITY
-
-    def document(self) -> dict[str, object]:
-        """Return the numbers."""
-        found = self.found
-        return {
-            "file": str(found.file),
-            "payload": found.section,
-            "verdict": found.verdict,
-            "notes": found.notes,
-            "report": str(found.report),
-        }
-
-    def blocks(self) -> Iterator[AnyBlock]:
-        """Yield notes, the payload, the verdict, the files and the next command."""
-        from rid_daq.report.shown.payload import payload_blocks
-
-        found, verdict = self.found, self.found.verdict
-        yield from note_blocks(found.notes)
-        yield from payload_blocks(found.section)
-        yield Verdict(passed=verdict.passed, text=verdict.headline)
-        yield Text(text=verdict.sentence)
-        yield Text(text=f"Payload: {found.file}")
-        yield Text(text=f"Report: {found.report}")
-        if verdict.passed:
-            yield Next(words=("payload", "export", str(found.file), "--to", "FORMAT", "-o", "FILE"))
-
-
-def run(request: PayloadIdentifyRequest, _context: Context) -> PayloadIdentifyResult:
+def run(request: PayloadIdentifyRequest, _context: Context) -> IdentifiedPayload:
     """Identify the payload."""
     from rid_daq.operations.payload.payload_from_files import identify_payload_runs
 
-    return PayloadIdentifyResult(identify_payload_runs(request))
+    return identify_payload_runs(request)
 
 
 OPERATION: Final = Operation(

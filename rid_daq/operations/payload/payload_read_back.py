@@ -18,7 +18,8 @@ from rid_daq.requests.option import DEFAULT_RUNS, Option, RunsFolder
 from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
-    from rid_daq.operations.payload.load_data import ReadBack
+    from identification.payload.body import PayloadBody
+    from rid_daq.report.sections.verdict import VerdictSection
 
 
 class PayloadReadBackRequest(Request):
@@ -50,26 +51,31 @@ class PayloadReadBackResult:
 
     Attributes:
         request: What was asked for.
-        compared: Measured and read values, and the verdict.
+        source: The file, or a description of the text.
+        measured, found: The payload as measured, and as it was read.
+        verdict: Whether they are the same.
     """
 
     request: PayloadReadBackRequest
-    compared: ReadBack
+    source: str
+    measured: PayloadBody
+    found: PayloadBody
+    verdict: VerdictSection
 
     @property
     def exit_code(self) -> int:
         """1 if the load data differ from the payload."""
         from rid_daq.terminal.exit_codes import ExitCode
 
-        return ExitCode.DONE if self.compared.verdict.passed else ExitCode.VERDICT_FAILED
+        return ExitCode.DONE if self.verdict.passed else ExitCode.VERDICT_FAILED
 
     def document(self) -> dict[str, object]:
         """Return what was read, and the verdict."""
-        read = self.compared.found.reported.tolist()
+        read = self.found.reported.tolist()
         return {
-            "file": self.compared.source,
+            "file": self.source,
             "format": self.request.form.value,
-            "verdict": self.compared.verdict,
+            "verdict": self.verdict,
             "read": dict(zip(REPORTED, read, strict=True)),
         }
 
@@ -78,8 +84,7 @@ class PayloadReadBackResult:
         from identification.payload.body import REPORTED_UNITS
         from rid_daq.report.shown.verdict import verdict_blocks
 
-        compared = self.compared
-        measured, read = compared.measured.reported.tolist(), compared.found.reported.tolist()
+        measured, read = self.measured.reported.tolist(), self.found.reported.tolist()
         yield table(
             range(len(REPORTED)),
             Cells("parameter", lambda i: REPORTED[i]),
@@ -87,14 +92,14 @@ class PayloadReadBackResult:
             Cells("read", lambda i: read[i], digits=6),
             Cells("unit", lambda i: REPORTED_UNITS[i]),
         )
-        yield from verdict_blocks(compared.verdict)
+        yield from verdict_blocks(self.verdict)
 
 
 def run(request: PayloadReadBackRequest, _context: Context) -> PayloadReadBackResult:
     """Compare the load data."""
     from rid_daq.operations.payload.load_data import read_back_payload
 
-    return PayloadReadBackResult(request, read_back_payload(request))
+    return read_back_payload(request)
 
 
 OPERATION: Final = Operation(

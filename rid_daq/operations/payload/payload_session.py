@@ -7,14 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
-from pydantic import Field
+from pydantic import Field, JsonValue
 
 from config.errors import ConfigError
 from config.ranges import Periods, Repeats, Seed, WarmUpPeriods
 from identification.choices import RehearsalPercent, UntilMassKg, WarmUpPercent
-from rid_daq.blocks.block import AnyBlock, Next, Text, Verdict
+from rid_daq.blocks.block import AnyBlock, Next, Verdict
 from rid_daq.operations.operation import Context, Operation
 from rid_daq.operations.payload.payload_identify import KnownQuantity, VerdictLimits
+from rid_daq.operations.payload.shared import IdentifiedPayload
 from rid_daq.requests.cell_options import (
     BEFORE,
     SIMULATED,
@@ -28,8 +29,7 @@ from rid_daq.requests.option import DEFAULT_RUNS, FILES, CellName, Option, RunsF
 from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
-    from rid_daq.operations.payload.guided_session import SessionIdentified
-    from rid_daq.operations.payload.session_steps import StepFailed
+    from rid_daq.recording.recorded_run import RecordedRun
 
 LENGTHS: Final = "Steps and lengths"
 UNLOADED: Final = "unloaded"
@@ -129,35 +129,25 @@ class PayloadSessionRequest(Request):
     runs: RunsFolder = DEFAULT_RUNS
 
     @property
-    def asked(self) -> dict[str, object]:
-        """The fields of the session that were given, as JSON has them."""
-        return self._of_session(exclude_unset=True)
-
-    @property
-    def choices(self) -> dict[str, object]:
-        """All fields of the session, as JSON has them."""
-        return self._of_session(exclude_unset=False)
-
-    def _of_session(self, *, exclude_unset: bool) -> dict[str, object]:
-        found = self.model_dump(mode="json", exclude_unset=exclude_unset, include=set(_OF_SESSION))
+    def choices(self) -> dict[str, JsonValue]:
+        """The fields that a session keeps from its beginning, as JSON has them."""
+        found = self.model_dump(mode="json", include=set(_OF_SESSION))
         if self.model is not None:
             found["model"] = str(self.model.absolute())
         return found
 
-    def as_begun(self, asked: Mapping[str, object]) -> PayloadSessionRequest:
-        """Return the request of a session that was begun with `asked`; what is given now counts.
+    def as_begun(self, begun: Mapping[str, JsonValue]) -> PayloadSessionRequest:
+        """Return the request of a session that has `begun` as `choices`; what is given now counts.
 
         Raises:
-            ConfigError: `asked` is not of a payload session (RID-SESSION-STATE).
+            ConfigError: `begun` is not of a payload session (RID-SESSION-STATE).
         """
-        begun = {name: value for name, value in asked.items() if name in _OF_SESSION}
         now = self.model_dump(mode="json", exclude_unset=True)
         limits: dict[str, object] = {}
         for each in (begun, now):
             found = each.get("limits")
             limits |= found if isinstance(found, dict) else {}
         try:
-            PayloadSessionRequest.of_json({"cell": self.cell, **begun})
             return PayloadSessionRequest.of_json({**begun, **now, "limits": limits})
         except ConfigError as error:
             raise ConfigError(
@@ -178,31 +168,32 @@ class StoppedSession:
     """A session that can be resumed: a step was stopped, or its run is not good enough.
 
     Attributes:
-        failed: The step and its run.
+        step, run: The step and its run.
         resume: The command that continues the session.
     """
 
-    failed: StepFailed
+    step: str
+    run: RecordedRun
     resume: tuple[str, ...]
 
     @property
     def exit_code(self) -> int:
         """That of the run."""
-        return self.failed.run.exit_code
+        return self.run.exit_code
 
     def document(self) -> dict[str, object]:
         """Return the step, its folder, and why it does not count."""
         from rid_daq.recording.recorded_run import stop_document
 
-        run = self.failed.run
-        told: dict[str, object] = {"step": self.failed.name, "folder": str(run.folder.path)}
+        run = self.run
+        told: dict[str, object] = {"step": self.step, "folder": str(run.folder.path)}
         if run.outcome.stop is not None:
             return told | stop_document(run.outcome)
         return told if run.quality is None else told | {"quality": run.quality.to_dict()}
 
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield why the step does not count, and the command that continues."""
-        run, name = self.failed.run, self.failed.name
+        run, name = self.run, self.step
         if run.outcome.stop is not None:
             yield Verdict(passed=False, text=f"Stopped in step {name}: {run.outcome.stop.text}")
         elif run.quality is not None:
@@ -211,67 +202,11 @@ class StoppedSession:
         yield Next(words=self.resume)
 
 
-@dataclass(frozen=True)
-class FinishedSession:
-    """A session that came to its end.
-
-    Attributes:
-        found: The payload, its verdict, and the files.
-    """
-
-    found: SessionIdentified
-
-    @property
-    def exit_code(self) -> int:
-        """1 if an interval is larger than its limit, 6 if a torque is not explained."""
-        from rid_daq.terminal.exit_codes import ExitCode
-
-        judged = self.found.judged
-        if judged.passed:
-            return ExitCode.DONE
-        return ExitCode.VERDICT_FAILED if judged.fits else ExitCode.DATA_QUALITY
-
-    def document(self) -> dict[str, object]:
-        """Return the payload, its verdict, and what was done."""
-        found = self.found
-        return {
-            "session": found.state.folder.run_id,
-            "file": str(found.file),
-            "payload": found.section,
-            "verdict": found.verdict,
-            "done": found.state.done,
-            "facts": found.state.facts,
-            "report": str(found.report),
-        }
-
-    def blocks(self) -> Iterator[AnyBlock]:
-        """Yield the payload, the verdict, the files and the next commands."""
-        from rid_daq.report.shown.payload import payload_blocks
-
-        found = self.found
-        yield from payload_blocks(found.section)
-        yield Verdict(passed=found.judged.passed, text=found.verdict.headline)
-        yield Text(text=found.verdict.sentence)
-        yield Text(text=f"Payload: {found.file}")
-        yield Text(text=f"Report: {found.report}")
-        if found.judged.passed:
-            yield Next(words=("payload", "export", str(found.file), "--to", "FORMAT", "-o", "FILE"))
-            yield Next(
-                words=("payload", "certificate", str(found.state.folder.path), "--by", "NAME")
-            )
-
-
-def run(request: PayloadSessionRequest, context: Context) -> FinishedSession | StoppedSession:
+def run(request: PayloadSessionRequest, context: Context) -> IdentifiedPayload | StoppedSession:
     """Lead through a session."""
     from rid_daq.operations.payload.guided_session import run_payload_session
-    from rid_daq.operations.payload.session_steps import StepFailed
 
-    ended = run_payload_session(request, context)
-    if not isinstance(ended, StepFailed):
-        return FinishedSession(ended)
-    elsewhere = () if request.runs == DEFAULT_RUNS else ("--runs", str(request.runs))
-    words = ("payload", request.cell, "--resume", ended.session_id, *elsewhere)
-    return StoppedSession(ended, words)
+    return run_payload_session(request, context)
 
 
 OPERATION: Final = Operation(

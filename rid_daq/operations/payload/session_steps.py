@@ -1,13 +1,10 @@
-"""`PayloadGuide`: the motions of a payload session, one after the other, and what was asked."""
+"""`PayloadGuide`: goes through the states of a payload session in which the robot moves."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
-
-from pydantic import JsonValue
 
 from acquisition.motion.kinds.fourier import FourierMotion
 from config.errors import ConfigError, PreflightError
@@ -15,10 +12,13 @@ from config.load import to_yaml
 from identification.payload.periodic_runs import PeriodicRuns
 from rid_daq.operations.payload.payload_estimate import PayloadRequest, periodic_runs
 from rid_daq.operations.payload.payload_session import UNLOADED, PayloadSessionRequest
-from rid_daq.operations.payload.session_state import (
+from rid_daq.operations.payload.session_states import (
     EMPTY_FLANGE,
-    SessionState,
-    is_measurement,
+    REHEARSAL,
+    STATES,
+    WARM_UP,
+    SessionFile,
+    needed_after,
 )
 from rid_daq.operations.payload.session_watches import MassWatch, WarmUpWatch
 from rid_daq.preflight.axis_test import AxisTestRule
@@ -30,40 +30,27 @@ from rid_daq.report.sections.payload import EmptyFlange
 from rid_daq.runs.run_data import MOTION
 from rid_daq.terminal.clearance import require_cleared, require_yes
 from rid_daq.terminal.context import Context
+from rid_daq.terminal.job_events import SessionState as State
 
 PREFLIGHT_S: Final = 0.5
-REHEARSAL: Final = "rehearsal"
 SESSION_MOTION: Final = "Of a payload session."
 """The comment of the motion that a session keeps; its steps drive it, or slower or longer."""
-WARM_UP: Final = "warm-up"
 
 
-@dataclass(frozen=True)
-class Step:
-    """One motion of a session: its name, what is driven, and what follows it."""
-
-    name: str
-    motion: FourierMotion
-    watch: Watch | None = None
-
-
-@dataclass(frozen=True)
-class StepFailed:
-    """A step that was stopped, or after it, or lost too much; the session can be resumed."""
-
-    name: str
-    run: RecordedRun
-    session_id: str
+def enter(session: SessionFile, state: State, context: Context, *, again: bool = False) -> None:
+    """Enter a state and announce it."""
+    session.enter(state, again=again)
+    context.enters(session.folder.run_id, state, STATES[state].text)
 
 
 @dataclass(frozen=True)
 class PayloadGuide:
-    """Does the steps of a session, and keeps what is done.
+    """Goes through the states of a session up to `IDENTIFY`.
 
     Attributes:
         request: What was asked for.
         session: Records the motions.
-        state: What is done.
+        file: What is done.
         motion: What is asked about the payload.
         payload_request: How it will be estimated.
         context: Where it is told, and a person asked.
@@ -71,44 +58,47 @@ class PayloadGuide:
 
     request: PayloadSessionRequest
     session: RunSession
-    state: SessionState
+    file: SessionFile
     motion: FourierMotion
     payload_request: PayloadRequest
     context: Context
 
-    def lead(self) -> StepFailed | None:
-        """Do what is left to do; return the step that failed, where one did."""
-        request, session = self.request, self.session
-        if session.simulated is None and request.payload is not None:
+    def lead(self) -> tuple[str, RecordedRun] | None:
+        """Do what is left to do; return the step that failed and its run, if one did."""
+        request, file = self.request, self.file
+        if self.session.simulated is None and request.payload is not None:
             raise ConfigError(
                 f"--payload is for a simulated cell that is started here, not for {request.cell}",
                 code="RID-CELL-NOT-OURS",
             )
         self._preflight()
         self._require_cleared()
-        if UNLOADED in request.wanted and UNLOADED not in self.state.done:
-            self.state.note_fact(EMPTY_FLANGE, self._empty_flange().value)
-        for step in self._steps():
-            run = self._recorded(step)
-            measurement = is_measurement(step.name)
-            if measurement and run.quality is not None:
-                for sentence in run.quality.sentences():
-                    self.context.say(f"{step.name}: {sentence}")
-            if run.outcome.stop is not None or (measurement and run.exit_code):
-                return StepFailed(step.name, run, self.state.folder.run_id)
-            self.state.note_step(step.name, run.folder.run_id)
-            if run.outcome.late_stop is not None and self._is_left:
-                return StepFailed(step.name, run.as_step(), self.state.folder.run_id)
+        if UNLOADED in self._missing:
+            file.note_fact(EMPTY_FLANGE, self._empty_flange().value)
+        if not request.warm_up_percent:
+            file.note_fact("warm_up", "skipped")
+        again = file.state is not State.PREPARE
+        state, is_warm = needed_after(State.PREPARE, request, file.done, is_warm=False), False
+        while state is not State.IDENTIFY:
+            enter(file, state, self.context, again=again)
+            if state is State.ATTACH:
+                self._attach()
+            else:
+                failed = self._recorded(state)
+                if failed is not None:
+                    return failed
+                is_warm = is_warm or state is not State.REHEARSE
+            state = needed_after(state, request, file.done, is_warm=is_warm)
+            again = False
         return None
 
     @property
-    def _is_left(self) -> bool:
-        """Whether a motion is still to come."""
-        return any(name not in self.state.done for name in self.request.wanted)
+    def _missing(self) -> list[str]:
+        return [name for name in self.request.wanted if name not in self.file.done]
 
     @property
     def _asks(self) -> bool:
-        """Whether a person is asked: on a real cell, and where a session is practised."""
+        """True if a person is asked: on a real cell, and if a session is practised."""
         return self.session.simulated is None or self.request.practise
 
     def _require_cleared(self) -> None:
@@ -144,7 +134,7 @@ class PayloadGuide:
         if not self.context.confirm(question):
             raise PreflightError(
                 "nothing was moved: take off what hangs on the flange, then go on with --resume"
-                f" {self.state.folder.run_id}; or weigh against a model of the robot as it stands"
+                f" {self.file.folder.run_id}; or weigh against a model of the robot as it stands"
                 " (--model)",
                 code="RID-ANSWER-NO",
             )
@@ -169,42 +159,6 @@ class PayloadGuide:
             )
         self.context.say(f"Preflight: {len(lines)} lines, none red.")
 
-    def _steps(self) -> Iterator[Step]:
-        """Yield the steps that are left; between them the payload is attached."""
-        request, done = self.request, self.state.done
-        if request.rehearsal_percent and REHEARSAL not in done:
-            share, cycle_s = request.rehearsal_percent / 100.0, self.session.cell.cycle_time_s
-            yield Step(REHEARSAL, rehearsal_of(self.motion, share, cycle_s))
-        warm = UNLOADED in request.wanted and UNLOADED not in done
-        if warm:
-            yield from self._warm_up()
-            yield Step(UNLOADED, self.motion)
-        self._attach()
-        if not warm:
-            yield from self._warm_up()
-        for name in request.wanted:
-            if name not in done:
-                before, goal_kg = self._averages(), request.until_mass_kg
-                robot = self.session.loaded.robot
-                watch = MassWatch(robot, before, self.payload_request, goal_kg)
-                yield Step(name, self.motion, watch)
-
-    def _warm_up(self) -> Iterator[Step]:
-        request = self.request
-        if not request.warm_up_percent:
-            self.state.note_fact("warm_up", "skipped")
-            return
-        watch = WarmUpWatch(request.warm_up_percent, self.context.warms_up)
-        most = {"periods": request.warm_up_periods, "transient_periods": 0}
-        yield Step(WARM_UP, self.motion.model_copy(update=most), watch)
-        fact: JsonValue = {
-            "drift_percent": watch.drift_percent,
-            "periods": watch.periods,
-            "verdict": "settled" if watch.settled else "NOT settled",
-            "settled_percent": request.warm_up_percent,
-        }
-        self.state.note_fact("warm_up", fact)
-
     def _attach(self) -> None:
         simulated, payload = self.session.simulated, self.request.payload
         if self._asks:
@@ -216,27 +170,58 @@ class PayloadGuide:
         simulated.attach(payload)
         self.context.say(f"On the simulated flange: {payload or 'nothing'}.")
 
-    def _recorded(self, step: Step) -> RecordedRun:
-        cell, loaded = self.session.cell, self.session.loaded
-        text = to_yaml(step.motion, f"Of a payload session: {step.name}.")
+    def _recorded(self, state: State) -> tuple[str, RecordedRun] | None:
+        """Record the motion of a state; return step and run if the session cannot go on."""
+        request, motion = self.request, self.motion
+        watch: WarmUpWatch | MassWatch | None = None
+        match state:
+            case State.REHEARSE:
+                name, share = REHEARSAL, request.rehearsal_percent / 100.0
+                motion = rehearsal_of(motion, share, self.session.cell.cycle_time_s)
+            case State.WARM_UP_WITHOUT | State.WARM_UP_WITH:
+                name = WARM_UP
+                most = {"periods": request.warm_up_periods, "transient_periods": 0}
+                motion = motion.model_copy(update=most)
+                watch = WarmUpWatch(request.warm_up_percent, self.context.warms_up)
+            case _:
+                name = self._missing[0]
+                if state is State.RECORD_WITH:
+                    robot, goal_kg = self.session.loaded.robot, request.until_mass_kg
+                    watch = MassWatch(robot, self._averages(), self.payload_request, goal_kg)
+        is_measured = state in (State.RECORD_WITHOUT, State.RECORD_WITH)
+        run = self._record(name, motion, watch)
+        if is_measured and run.quality is not None:
+            for sentence in run.quality.sentences():
+                self.context.say(f"{name}: {sentence}")
+        if run.outcome.stop is not None or (is_measured and run.exit_code):
+            return name, run
+        self.file.note_step(name, run.folder.run_id)
+        if isinstance(watch, WarmUpWatch):
+            self.file.note_fact("warm_up", watch.fact)
+        if run.outcome.late_stop is not None and self._missing:
+            return name, run.as_step()
+        return None
+
+    def _record(self, name: str, motion: FourierMotion, watch: Watch | None) -> RecordedRun:
+        cell, robot = self.session.cell, self.session.loaded.robot
         return self.session.record(
             RunRequest(
-                f"{self.request.label} {step.name}"[:64],
-                f"Payload session: {step.name}. {step.motion.describe()}",
-                step.motion.plan(loaded.robot, cell.cycle_time_s),
-                role=step.name,
-                files={MOTION: text.encode()},
-                watch=step.watch,
+                f"{self.request.label} {name}"[:64],
+                f"Payload session: {name}. {motion.describe()}",
+                motion.plan(robot, cell.cycle_time_s),
+                role=name,
+                files={MOTION: to_yaml(motion, f"Of a payload session: {name}.").encode()},
+                watch=watch,
             )
         )
 
     def _averages(self) -> PeriodicRuns | None:
         """Return the runs so far that the mass is followed from."""
-        if not self.state.measurements or self.payload_request.only_in_time:
+        if not self.file.measurements or self.payload_request.only_in_time:
             return None
         return periodic_runs(
-            [item.average for item in self.state.runs()],
-            [name != UNLOADED for name in self.state.measurements],
+            [item.average for item in self.file.runs()],
+            [name != UNLOADED for name in self.file.measurements],
             self.payload_request,
         )
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from pydantic import JsonValue
 
 from acquisition.processing.periods import PeriodAverage
 from acquisition.session.early_stop import NewPeriods
@@ -46,6 +47,16 @@ class WarmUpWatch:
     def settled(self) -> bool:
         """Whether the last periods agree."""
         return self.drift_percent is not None and self.drift_percent <= self._limit
+
+    @property
+    def fact(self) -> dict[str, JsonValue]:
+        """How far the warm-up came, as the session's file keeps it."""
+        return {
+            "drift_percent": self.drift_percent,
+            "periods": self.periods,
+            "verdict": "settled" if self.settled else "NOT settled",
+            "settled_percent": self._limit,
+        }
 
     def enough(self, new: NewPeriods) -> bool:
         """Look at the periods so far."""

@@ -1,13 +1,22 @@
-"""Fields that several operations on payloads have."""
+"""What several operations on payloads have: a field, and the payload that two of them identify."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
+from rid_daq.blocks.block import AnyBlock, Next, Text, note_blocks
+from rid_daq.blocks.block import Verdict as VerdictBlock
 from rid_daq.requests.option import Option
+
+if TYPE_CHECKING:
+    from rid_daq.operations.payload.session_states import SessionFile
+    from rid_daq.report.sections.payload import PayloadSection
+    from rid_daq.report.sections.verdict import VerdictSection
 
 PayloadFile = Annotated[
     Path,
@@ -17,3 +26,63 @@ PayloadFile = Annotated[
     ),
     Option(positional=True, metavar="PAYLOAD", file="input"),
 ]
+
+
+@dataclass(frozen=True)
+class IdentifiedPayload:
+    """A payload that was identified, and where it is.
+
+    Attributes:
+        section: The payload.
+        verdict: Whether it is as certain as was asked for.
+        file, report: Where payload and report are.
+        fits: True if the residual of every axis kept its limit.
+        notes: What the runs lack.
+        session: The guided session that it is of, if it is of one.
+    """
+
+    section: PayloadSection
+    verdict: VerdictSection
+    file: Path
+    report: Path
+    fits: bool
+    notes: tuple[str, ...] = ()
+    session: SessionFile | None = None
+
+    @property
+    def exit_code(self) -> int:
+        """1 if an interval is larger than its limit, 6 if a torque is not explained."""
+        from rid_daq.terminal.exit_codes import ExitCode
+
+        if self.verdict.passed:
+            return ExitCode.DONE
+        return ExitCode.VERDICT_FAILED if self.fits else ExitCode.DATA_QUALITY
+
+    def document(self) -> dict[str, object]:
+        """Return the payload, its verdict, and the files; of a session also what was done."""
+        found: dict[str, object] = {
+            "file": str(self.file),
+            "payload": self.section,
+            "verdict": self.verdict,
+            "report": str(self.report),
+        }
+        if self.session is None:
+            return found | {"notes": list(self.notes)}
+        done, facts = self.session.done, self.session.facts
+        return found | {"session": self.session.folder.run_id, "done": done, "facts": facts}
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield notes, the payload, the verdict, the files and the next commands."""
+        from rid_daq.report.shown.payload import payload_blocks
+
+        yield from note_blocks(self.notes)
+        yield from payload_blocks(self.section)
+        yield VerdictBlock(passed=self.verdict.passed, text=self.verdict.headline)
+        yield Text(text=self.verdict.sentence)
+        yield Text(text=f"Payload: {self.file}")
+        yield Text(text=f"Report: {self.report}")
+        if self.verdict.passed:
+            yield Next(words=("payload", "export", str(self.file), "--to", "FORMAT", "-o", "FILE"))
+        if self.verdict.passed and self.session is not None:
+            session = str(self.session.folder.path)
+            yield Next(words=("payload", "certificate", session, "--by", "NAME"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 from identification.choices import REPORTED
@@ -59,11 +59,14 @@ def certificate_blocks(certificate: Certificate) -> Iterator[AnyBlock]:
     yield Heading(text="Runs")
     yield _runs(certificate)
     yield Heading(text="Serial numbers")
-    yield _facts([(device.name, device.serial) for device in certificate.devices])
+    yield _facts(certificate.devices)
     yield Heading(text="Software")
     yield _facts(
         [
-            ("Recorded with", ", ".join(f"{name} {each}" for name, each in certificate.software)),
+            (
+                "Recorded with",
+                ", ".join(f"{name} {each}" for name, each in certificate.folder.software.items()),
+            ),
             ("Identified with", certificate.identified_with),
             ("Certificate by", certificate.written_with),
         ]
@@ -72,22 +75,23 @@ def certificate_blocks(certificate: Certificate) -> Iterator[AnyBlock]:
     yield from _files(certificate)
 
 
-def _facts(rows: list[tuple[str, str | None]]) -> Table:
+def _facts(rows: Sequence[tuple[str, str | None]]) -> Table:
     return table(rows, Cells("", lambda row: row[0]), Cells("", lambda row: row[1] or NOT_RECORDED))
 
 
 def _identity(certificate: Certificate) -> list[tuple[str, str | None]]:
     estimate, cell = certificate.payload.estimate, certificate.cell
+    folder = certificate.folder
     identified = certificate.identified_utc
     return [
         (
             "Session" if certificate.is_session else "Run",
-            f"{certificate.label} ({certificate.run_id})",
+            f"{folder.label} ({folder.run_id})",
         ),
         ("Robot", f"{estimate.robot.name}, {len(estimate.robot.joints)} joints"),
         ("Cell", None if cell is None else f"{cell.name}{', simulated' * certificate.simulated}"),
-        ("Begun", _time(certificate.begun_utc)),
-        ("Ended", _time(certificate.ended_utc)),
+        ("Begun", _time(folder.created_utc)),
+        ("Ended", _time(folder.finished_utc or folder.created_utc)),
         ("Identified", None if identified is None else _time(identified)),
         ("By", certificate.by),
     ]
@@ -162,12 +166,12 @@ def _runs(certificate: Certificate) -> Table:
     identified = set(certificate.payload.estimate.run_ids)
     return table(
         certificate.runs,
-        Cells("step" if certificate.is_session else "label", lambda run: run.step or run.label),
-        Cells("run", lambda run: run.run_id),
-        Cells("used for the estimate", lambda run: "yes" if run.run_id in identified else "no"),
-        Cells("begun", lambda run: _time(run.created_utc)),
-        Cells("ended", lambda run: _time(run.finished_utc)),
-        Cells("status", lambda run: run.status),
+        Cells("step" if certificate.is_session else "label", lambda of: of[0] or of[1].label),
+        Cells("run", lambda of: of[1].run_id),
+        Cells("used for the estimate", lambda of: "yes" if of[1].run_id in identified else "no"),
+        Cells("begun", lambda of: _time(of[1].created_utc)),
+        Cells("ended", lambda of: _time(of[1].finished_utc or "")),
+        Cells("status", lambda of: of[1].status),
         key=2,
     )
 
@@ -181,9 +185,9 @@ def _files(certificate: Certificate) -> Iterator[AnyBlock]:
         yield Text(text="Name and SHA-256 of the model of the unloaded robot: not recorded.")
     yield table(
         certificate.files,
-        Cells("run", lambda file: file.run_id),
-        Cells("file", lambda file: file.name),
-        Cells("SHA-256", lambda file: file.sha256),
+        Cells("run", lambda file: file[0]),
+        Cells("file", lambda file: file[1]),
+        Cells("SHA-256", lambda file: file[2]),
         key=2,
     )
 

@@ -168,6 +168,7 @@ export class JobPanel {
       case "key_refused": return this.say("p", event.text, "problem");
       case "judged": return this.verdict.append(verdictOf(event));
       case "result": return this.showResult(event);
+      case "state": return this.say("h3", event.text);
       case "motion": return this.say("h3", event.title);
       case "progress": return this.showProgress(event);
       case "asked": return this.askPerson(event);

@@ -3,28 +3,23 @@ import { blockParts } from "./blocks.js";
 import { element, find } from "./dom.js";
 import { WorkPanel, blocksUrl, figureIn, numberOf, offer, press, showRun, wanted, fileLink, link } from "./work.js";
 
-const STEPS = ["prepare", "rehearsal", "warm-up", "unloaded", "attach", "loaded", "result"];
-const WORDS = { done: "done", now: "now", bad: "look here", wait: "not yet", skipped: "skipped" };
+const WORDS = { done: "done", now: "now", bad: "look here", wait: "not yet" };
 const DRAWN_MS = 3000;
 let session = null;
+const STAGES = [...document.querySelectorAll("[data-stage]")];
 
 const panel = new WorkPanel(find("job"), { heard, begun, ended });
 
-// ---- steps
-function step(name, state) {
-  const line = document.querySelector(`[data-stage="${name}"]`);
-  line.dataset.state = state;
-  line.querySelector("span span").textContent = WORDS[state];
+// ---- stages: each shows one state of the session, or two
+
+function show(stage, word) {
+  stage.dataset.state = word;
+  stage.querySelector("span span").textContent = WORDS[word];
 }
 
-function reach(name, state = "now") {
-  const here = STEPS.indexOf(name);
-  STEPS.forEach((each, i) => {
-    const line = document.querySelector(`[data-stage="${each}"]`);
-    if (i < here && line.dataset.state !== "skipped") step(each, "done");
-    if (i > here) step(each, "wait");
-  });
-  step(name, state);
+function reach(state, word = "now") {
+  const here = STAGES.findIndex((stage) => stage.dataset.stage.split(" ").includes(state));
+  STAGES.forEach((stage, i) => show(stage, i < here ? "done" : i > here ? "wait" : word));
 }
 
 function begun(job) {
@@ -39,12 +34,8 @@ let later = null;
 
 function heard(event, job) {
   if (job.kind !== "payload_session") return;
-  if (event.kind === "motion") {
-    const found = /^Payload session: (rehearsal|warm-up|unloaded|loaded)/.exec(event.title);
-    if (found) reach(found[1]);
-  }
+  if (event.kind === "state") reach(event.state);
   if (event.kind === "warmed_up") drawWarmUp(job.id);
-  if (event.kind === "asked" && /[Aa]ttach/.test(event.text)) reach("attach");
 }
 
 function drawWarmUp(job) {
@@ -63,8 +54,8 @@ async function ended(job, document) {
   if (job.kind === "payload_session") {
     if (document?.session) await showResult(document.session);
     else if (job.state !== "done") {
-      const now = window.document.querySelector('[data-state="now"]');
-      if (now) step(now.dataset.stage, "bad");
+      const now = STAGES.find((stage) => stage.dataset.state === "now");
+      if (now) show(now, "bad");
     }
   }
   if (job.kind === "payload_export" && document) showLoadData(document);
@@ -109,7 +100,7 @@ press("begin", panel, "payload_session", () => {
 press("check", panel, "check", () => panel.begin("check"));
 
 // Show what an interrupted session was begun with where it can be changed; it goes on from there.
-function goOn({ run, label, choices: told }) {
+function goOn({ run, label, state, choices: told }) {
   const choices = JSON.parse(told);
   const { known, limits } = choices;
   const mass = known.find((each) => each.name === "m");
@@ -134,6 +125,7 @@ function goOn({ run, label, choices: told }) {
   for (const id of ["going-on", "anew"]) find(id).hidden = false;
   find("begin").textContent = `Go on with ${label}`;
   find("lengths").open = true;
+  reach(state, "bad");
   find("prepare").scrollIntoView({ block: "start" });
 }
 
@@ -157,7 +149,7 @@ async function showResult(run) {
   find("after").hidden = !passed;
   find("load-data").replaceChildren();
   find("compared").replaceChildren();
-  reach("result", passed ? "done" : "bad");
+  reach("done", passed ? "done" : "bad");
   find("result-card").scrollIntoView({ block: "start" });
 }
 

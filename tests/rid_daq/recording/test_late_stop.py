@@ -30,8 +30,8 @@ from rid_daq.operations.experiment.recorded_motion import record_motion_file
 from rid_daq.operations.payload import session_steps
 from rid_daq.operations.payload.payload_estimate import PayloadRequest
 from rid_daq.operations.payload.payload_session import PayloadSessionRequest
-from rid_daq.operations.payload.session_state import SessionState
-from rid_daq.operations.payload.session_steps import PayloadGuide, StepFailed
+from rid_daq.operations.payload.session_states import SessionFile
+from rid_daq.operations.payload.session_steps import PayloadGuide
 from rid_daq.recording import run_session
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import RunRequest, RunSession
@@ -109,7 +109,7 @@ def test_a_payload_session_keeps_the_step_and_begins_no_other(
 ) -> None:
     monkeypatch.setattr(PayloadGuide, "_averages", lambda _guide: None)  # nothing was measured
     loaded = load_cell("kr15")
-    state = SessionState(RunFolder.create(tmp_path, "payload", kind="payload session"), "kr15")
+    state = SessionFile.begin(RunFolder.create(tmp_path, "payload", kind="payload session"), "kr15")
     simulated = SimpleNamespace(attach=lambda payload: None)
     guide = PayloadGuide(
         PayloadSessionRequest(cell="kr15", runs=tmp_path, warm_up_percent=0.0, repeats=1),
@@ -121,9 +121,9 @@ def test_a_payload_session_keeps_the_step_and_begins_no_other(
     )
     for step in ("rehearsal", "unloaded"):  # each time it is resumed
         failed = guide.lead()
-        assert isinstance(failed, StepFailed)
-        assert failed.name == step
-        require_stopped(failed.run)
+        assert failed is not None
+        assert failed[0] == step
+        require_stopped(failed[1])
     assert guide.lead() is None  # nothing is driven after the last one
     assert driven == list(state.done) == ["rehearsal", "unloaded", "loaded 1"]
 

@@ -13,7 +13,7 @@ from config.load import load_cell
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from rid_daq.operations.payload.payload_identify import KnownQuantity, VerdictLimits
 from rid_daq.operations.payload.payload_session import PayloadSessionRequest
-from rid_daq.operations.payload.session_state import SessionState, is_measurement
+from rid_daq.operations.payload.session_states import SessionFile
 from rid_daq.operations.payload.session_steps import rehearsal_of
 from tests.builders.raised_codes import raises_code
 
@@ -24,36 +24,35 @@ def folder(tmp_path: Path) -> RunFolder:
 
 
 def test_every_step_is_written_as_soon_as_it_is_done(folder: RunFolder) -> None:
-    state = SessionState(folder, "kr15")
+    state = SessionFile.begin(folder, "kr15")
     state.note_step("warm-up", "RUN1")
     state.note_fact("warm_up", {"verdict": "settled"})
     state.note_step("unloaded", "RUN2")
     state.note_step("loaded 1", "RUN3")
-    again = SessionState.read(folder)
+    again = SessionFile.read(folder)
     assert (again.cell, again.done, again.facts) == ("kr15", state.done, state.facts)
     assert again.measurements == ("unloaded", "loaded 1")
 
 
-@pytest.mark.parametrize(
-    ("step", "weighed"),
-    [("unloaded", True), ("loaded 12", True), ("rehearsal", False), ("warm-up", False)],
-)
-def test_rehearsal_and_warm_up_are_not_weighed(step: str, weighed: bool) -> None:
-    assert is_measurement(step) is weighed
+def test_rehearsal_and_warm_up_are_not_weighed(folder: RunFolder) -> None:
+    file = SessionFile.begin(folder, "kr15")
+    for step in ("rehearsal", "warm-up", "unloaded", "loaded 12"):
+        file.note_step(step, "RUN")
+    assert file.measurements == ("unloaded", "loaded 12")
 
 
 def test_a_folder_without_a_session_is_named(folder: RunFolder) -> None:
     with raises_code(ConfigError, "RID-SESSION-STATE"):
-        SessionState.read(folder)
+        SessionFile.read(folder)
 
 
 def test_an_edited_state_says_which_key_is_wrong(folder: RunFolder) -> None:
-    SessionState(folder, "kr15").write()
+    SessionFile.begin(folder, "kr15")
     document = json.loads(folder.read("session.json"))
     document["done"] = 3
     folder.write("session.json", json.dumps(document).encode())
     with raises_code(ConfigError, "RID-SESSION-STATE", "done:"):
-        SessionState.read(folder)
+        SessionFile.read(folder)
 
 
 def test_a_rehearsal_is_one_period_of_whole_cycles_no_faster_than_was_asked() -> None:
@@ -83,8 +82,8 @@ def test_a_session_that_goes_on_keeps_what_it_was_begun_with_unless_that_is_said
         repeats=2,
         limits=VerdictLimits(mass_percent=2.0),
     )
-    SessionState(folder, "kr15", asked=begun.asked).write()
-    asked = SessionState.read(folder).asked
+    SessionFile.begin(folder, "kr15", begun.choices)
+    asked = SessionFile.read(folder).request
     again = PayloadSessionRequest(cell="kr15", runs=folder.path.parent, resume="latest", yes=True)
     kept = again.as_begun(asked)
     assert kept.model == Path("model.json").absolute()
@@ -110,10 +109,10 @@ def test_what_a_person_says_anew_counts_be_it_the_usual(folder: RunFolder) -> No
     again = PayloadSessionRequest(cell="kr15", runs=folder.path.parent, resume="latest")
     usual = VerdictLimits(**VerdictLimits().model_dump())  # each of them is given
     taken_back = {"known": (), "model": None, "repeats": 1, "limits": usual}
-    kept = again.model_copy(update=taken_back).as_begun(begun.asked)
+    kept = again.model_copy(update=taken_back).as_begun(begun.choices)
     assert (kept.known, kept.model, kept.repeats) == ((), None, 1)
     assert kept.limits == VerdictLimits()
     usual = VerdictLimits(mass_percent=VerdictLimits().mass_percent)
-    kept = again.model_copy(update={"limits": usual}).as_begun(begun.asked)
+    kept = again.model_copy(update={"limits": usual}).as_begun(begun.choices)
     assert kept.limits == VerdictLimits(centre_mm=30.0)
     assert (kept.known, kept.repeats) == (begun.known, 3)

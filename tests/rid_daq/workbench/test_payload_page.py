@@ -11,7 +11,7 @@ from playwright.sync_api import Page, Route, expect
 from acquisition.runs.folder import RunFolder
 from rid_daq.operations.payload.payload_identify import KnownQuantity, VerdictLimits
 from rid_daq.operations.payload.payload_session import PayloadSessionRequest
-from rid_daq.operations.payload.session_state import SessionState
+from rid_daq.operations.payload.session_states import SessionFile
 from tests.rid_daq.service.conftest import ServedProcess
 from tests.rid_daq.workbench.conftest import OpenPage, give_back, ready, take_cell
 
@@ -37,7 +37,7 @@ def session(served_pages: ServedProcess) -> str:
         limits=VerdictLimits(mass_percent=20.0),
     )
     folder = RunFolder.create(runs, "gripper", kind="payload session")
-    SessionState(folder, CELL, asked=begun.asked).write()
+    SessionFile.begin(folder, CELL, begun.choices)
     return folder.run_id
 
 

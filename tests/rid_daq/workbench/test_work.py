@@ -122,7 +122,7 @@ def test_a_newcomer_comes_to_a_payload_verdict(
     page.locator("#motion").select_option("six.yaml")
     fill_session(page)
     begin_motion(page, "#begin")
-    expect(page.locator("[data-stage=warm-up]")).to_contain_text("now", timeout=LONG_MS)
+    expect(page.locator("[data-stage=warm_up_without]")).to_contain_text("now", timeout=LONG_MS)
     page.locator("#stop").click()
     expect(page.locator("#job .verdict.end")).to_contain_text("Payload session: stopped")
 

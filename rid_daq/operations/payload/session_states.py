@@ -1,0 +1,222 @@
+"""`STATES`: the states of a payload session and their order; `SessionFile`: the file that keeps it.
+
+A session goes through the states in the order of the table and leaves out those that its request
+does not need. An interrupted session goes on with the first state whose runs are missing: the robot
+is warmed up again, and a person is asked again whether the payload is attached.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final, Literal, NamedTuple, Self
+
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, PrivateAttr, ValidationError
+
+from acquisition.runs.catalogue import find_run_inside
+from acquisition.runs.folder import RunFolder
+from config.errors import ConfigError
+from rid_daq.operations.payload.payload_session import LOADED, UNLOADED, PayloadSessionRequest
+from rid_daq.report.sections.payload import EmptyFlange
+from rid_daq.runs.run_data import SESSION, RunData
+from rid_daq.terminal.job_events import SessionState as State
+
+STATE: Final = SESSION
+EMPTY_FLANGE: Final = "empty_flange"
+REHEARSAL: Final = "rehearsal"
+WARM_UP: Final = "warm-up"
+
+
+class Rule(NamedTuple):
+    """What happens in a state, and the states that may follow; a person acts if `by_person`."""
+
+    text: str
+    next: tuple[State, ...]
+    by_person: bool = False
+
+
+STATES: Final = {
+    State.PREPARE: Rule(
+        "Check the cell: nobody is in it, and the flange is empty.",
+        (State.REHEARSE, State.WARM_UP_WITHOUT, State.RECORD_WITHOUT, State.ATTACH),
+        by_person=True,
+    ),
+    State.REHEARSE: Rule(
+        "Rehearse: record one slow period.",
+        (State.WARM_UP_WITHOUT, State.RECORD_WITHOUT, State.ATTACH),
+    ),
+    State.WARM_UP_WITHOUT: Rule(
+        "Warm up without the payload until friction settles.", (State.RECORD_WITHOUT, State.ATTACH)
+    ),
+    State.RECORD_WITHOUT: Rule("Record without the payload.", (State.ATTACH,)),
+    State.ATTACH: Rule(
+        "Attach the payload.", (State.WARM_UP_WITH, State.RECORD_WITH), by_person=True
+    ),
+    State.WARM_UP_WITH: Rule(
+        "Warm up with the payload until friction settles.", (State.RECORD_WITH,)
+    ),
+    State.RECORD_WITH: Rule("Record with the payload.", (State.RECORD_WITH, State.IDENTIFY)),
+    State.IDENTIFY: Rule("Identify the payload.", (State.DONE,)),
+    State.DONE: Rule("The session is done.", ()),
+}
+"""Every state, in the order of a session."""
+
+ORDER: Final = tuple(STATES)
+
+
+class SessionFile(BaseModel):
+    """The file of a payload session; written at every change.
+
+    Attributes:
+        cell: Name of the cell.
+        state: The state that it is in.
+        request: What was asked for, as JSON; the only place of known quantities and limits.
+        done: Step to id of its run, in the order of recording.
+        facts: What was measured on the way: drift, skipped steps.
+    """
+
+    model_config = ConfigDict(extra="forbid", populate_by_name=True)
+
+    format: Literal["rid-daq payload session 2"] = Field(
+        default="rid-daq payload session 2", alias="schema"
+    )
+    cell: str
+    state: State = State.PREPARE
+    request: dict[str, JsonValue] = Field(default_factory=dict)
+    done: dict[str, str] = Field(default_factory=dict)
+    facts: dict[str, JsonValue] = Field(default_factory=dict)
+    _folder: RunFolder = PrivateAttr()
+    _text: bytes = PrivateAttr(b"")
+
+    @classmethod
+    def begin(
+        cls, folder: RunFolder, cell: str, asked: Mapping[str, JsonValue] | None = None
+    ) -> Self:
+        """Write and return a new session on a cell in a folder.
+
+        Args:
+            asked: What is asked for, as JSON.
+        """
+        begun = cls(cell=cell, request=dict(asked or {}))
+        begun._folder = folder
+        begun.write()
+        return begun
+
+    @classmethod
+    def read(cls, folder: RunFolder) -> Self:
+        """Read the session of a folder.
+
+        Raises:
+            ConfigError: The folder is not of a payload session (RID-SESSION-STATE).
+        """
+        if not folder.file(STATE).exists():
+            raise ConfigError(
+                f"{folder.path}: is not the folder of a payload session", code="RID-SESSION-STATE"
+            )
+        text = folder.read(STATE)
+        try:
+            found = cls.model_validate_json(text)
+        except ValidationError as error:
+            first = error.errors()[0]
+            raise ConfigError(
+                f"{folder.file(STATE)}: not the state of a payload session"
+                f" ({'.'.join(map(str, first['loc']))}: {first['msg']}); was it edited?",
+                code="RID-SESSION-STATE",
+            ) from None
+        found._folder, found._text = folder, text
+        return found
+
+    @property
+    def folder(self) -> RunFolder:
+        """The session's own folder."""
+        return self._folder
+
+    @property
+    def measurements(self) -> tuple[str, ...]:
+        """The steps that are done and that the payload is estimated from."""
+        return tuple(name for name in self.done if name.startswith((UNLOADED, LOADED)))
+
+    @property
+    def empty_flange(self) -> EmptyFlange | None:
+        """How it is known that nothing was on the flange without payload; None if it is not."""
+        told = self.facts.get(EMPTY_FLANGE)
+        return EmptyFlange(told) if isinstance(told, str) and told in set(EmptyFlange) else None
+
+    def runs(self) -> list[RunData]:
+        """Return the runs of `measurements`.
+
+        Raises:
+            RidDaqError: One of them cannot be used.
+        """
+        root = self.folder.path.parent
+        return [RunData.load(find_run_inside(root, self.done[name])) for name in self.measurements]
+
+    def enter(self, state: State, *, again: bool = False) -> None:
+        """Keep that the session is in a state now.
+
+        Args:
+            state: The state.
+            again: The session goes on after an interruption: what is missing decides.
+
+        Raises:
+            ConfigError: The state must not follow, or another program has changed the session
+                (RID-SESSION-ORDER).
+        """
+        session, now = f"session {self.folder.run_id}", self.state
+        if self.folder.read(STATE) != self._text:
+            raise ConfigError(
+                f"{session}: another program has changed it since state {now.value}: nothing is"
+                " done; end one of the two programs, then continue with --resume",
+                code="RID-SESSION-ORDER",
+            )
+        if state not in STATES[now].next and not again:
+            raise ConfigError(
+                f"{session}: state {state.value} cannot follow {now.value}, only"
+                f" {', '.join(STATES[now].next) or 'nothing'} can: continue with --resume",
+                code="RID-SESSION-ORDER",
+            )
+        self.state = state
+        self.write()
+
+    def note_step(self, name: str, run_id: str) -> None:
+        """Keep that a step is done, and by which run."""
+        self.done[name] = run_id
+        self.write()
+
+    def note_fact(self, name: str, fact: JsonValue) -> None:
+        """Keep a fact of the session."""
+        self.facts[name] = fact
+        self.write()
+
+    def write(self) -> None:
+        """Write the file.
+
+        Raises:
+            RecordingError: It cannot be written.
+        """
+        self._text = (self.model_dump_json(indent=1, by_alias=True) + "\n").encode()
+        self.folder.write(STATE, self._text)
+
+
+def needed_after(
+    state: State, request: PayloadSessionRequest, done: dict[str, str], *, is_warm: bool
+) -> State:
+    """Return the first state after another that a request needs.
+
+    Args:
+        state: The state that is over; `PREPARE` if a session begins or goes on.
+        request: What is asked for.
+        done: The steps that are done.
+        is_warm: The robot was moved until friction settled, since the program began.
+    """
+    missing = [name for name in request.wanted if name not in done]
+    warms_up = request.warm_up_percent > 0.0
+    needed = {
+        State.REHEARSE: request.rehearsal_percent > 0.0 and REHEARSAL not in done,
+        State.WARM_UP_WITHOUT: warms_up and UNLOADED in missing,
+        State.RECORD_WITHOUT: UNLOADED in missing,
+        State.ATTACH: bool(missing),
+        State.WARM_UP_WITH: warms_up and bool(missing) and not is_warm,
+        State.RECORD_WITH: bool(missing),
+    }
+    first = ORDER.index(state) + (state is not State.RECORD_WITH)
+    return next(each for each in ORDER[first:] if needed.get(each, True))

@@ -1,0 +1,122 @@
+"""A payload session goes on from its state, after its worker and after the service have ended."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from config.errors import LockedError
+from rid_daq.service.client import ServiceClient
+from rid_daq.service.records import CellState, Job
+from rid_daq.terminal.job_events import SessionState as State
+from tests.rid_daq.service.conftest import ServedProcess, serving
+from tests.rid_daq.service.moving import CHECK, events, until
+
+pytestmark = pytest.mark.slow
+
+SHORT = {"rehearsal_percent": 80.0, "warm_up_percent": 50.0, "warm_up_periods": 4}
+
+
+class Operator:
+    """Somebody who has the cell, answers what a job asks, and reads its states.
+
+    Args:
+        client: The service.
+        key: That of a lease which has survived a restart of the service.
+    """
+
+    def __init__(self, client: ServiceClient, key: str = "") -> None:
+        self.client = client
+        self.answered: set[tuple[str, int]] = set()
+        self.key = key or client.ask("POST", "/cells/ir361/lease", {"seconds": 1800.0})["key"]
+
+    def begin(self, **request: object) -> Job:
+        state = self.client.cell("ir361").state
+        if state is CellState.FAULT:
+            self.client.run("ir361", "reset", lease=self.key, cleared=True).require_done()
+        if state is not CellState.READY:
+            self.client.run("ir361", "check", CHECK, lease=self.key).require_done()
+        asked = {"practise": True, **request}
+        body = {"kind": "payload_session", "request": asked, "cleared": True}
+        return Job.model_validate(self.client.ask("POST", "/cells/ir361/jobs", body, self.key))
+
+    def lead(self, job: Job, end: State) -> list[str]:
+        """Answer until a session enters a state; return the states that it has entered."""
+        entered: list[str] = []
+
+        def is_there() -> bool:
+            told: list[dict[str, Any]] = events(self.client, job)
+            entered[:] = [each["state"] for each in told if each["kind"] == "state"]
+            for each in told:
+                if each["kind"] == "asked" and (job.id, each["question"]) not in self.answered:
+                    if entered and entered[-1] == end.value:
+                        break
+                    text = "ir361" if each["form"] == "text" else "yes"
+                    told_back = {"question": each["question"], "text": text}
+                    with contextlib.suppress(LockedError):  # the service has not read it yet
+                        self.client.ask("POST", f"/jobs/{job.id}/answer", told_back, self.key)
+                        self.answered.add((job.id, each["question"]))
+            state = self.client.job(job.id).state
+            assert end.value in entered or not state.is_over, told[-1]
+            return end.value in entered
+
+        until(is_there)
+        return entered
+
+    def end(self, job: Job, how: str) -> None:
+        """End a job: cancel it, or kill its worker."""
+        pid = self.client.job(job.id).pid
+        assert pid is not None
+        if how == "killed":
+            os.kill(pid, signal.SIGKILL)
+        else:
+            self.client.ask("POST", f"/jobs/{job.id}/cancel", {}, self.key)
+        until(lambda: self.client.job(job.id).state.is_over)
+
+
+def kept(folder: Path) -> tuple[str, State]:
+    """Return the id of the one session in a folder, and the state in its file."""
+    (file,) = (folder / "runs").glob("*/session.json")
+    return file.parent.name, State(json.loads(file.read_text())["state"])
+
+
+def test_a_session_goes_on_from_every_state(served: ServedProcess, motion: str) -> None:
+    (served.folder / "motion.yaml").write_text(motion, encoding="utf-8")
+    with served.client as client:
+        operator = Operator(client)
+        job = operator.begin(motion="motion.yaml", **SHORT)
+        for state, how, again in (
+            (State.REHEARSE, "cancelled", State.REHEARSE),
+            (State.WARM_UP_WITHOUT, "killed", State.WARM_UP_WITHOUT),
+            (State.RECORD_WITHOUT, "cancelled", State.WARM_UP_WITHOUT),
+        ):
+            operator.lead(job, state)
+            operator.end(job, how)
+            session, at = kept(served.folder)
+            assert at is state
+            job = operator.begin(resume=session)
+            assert operator.lead(job, again)[0] == again.value
+        operator.lead(job, State.ATTACH)
+    assert served.end(signal.SIGKILL) == -signal.SIGKILL  # while a person attaches the payload
+    assert kept(served.folder) == (session, State.ATTACH)
+    with serving(served.folder) as again_served, again_served.client as client:
+        until(lambda: client.cell("ir361").job is None)
+        operator = Operator(client, operator.key)
+        job = operator.begin(resume=session)
+        for state in (State.WARM_UP_WITH, State.RECORD_WITH):
+            assert operator.lead(job, state)[0] == State.ATTACH.value
+            operator.end(job, "cancelled")
+            assert kept(served.folder) == (session, state)
+            job = operator.begin(resume=session)
+        assert operator.lead(job, State.IDENTIFY)[:3] == [
+            *(State.ATTACH.value, State.WARM_UP_WITH.value, State.RECORD_WITH.value)
+        ]
+        until(lambda: client.job(job.id).state.is_over)
+        job = operator.begin(resume=session)  # nothing hung there: it is estimated again
+        assert operator.lead(job, State.IDENTIFY) == [State.IDENTIFY.value]
