@@ -102,7 +102,7 @@ def identify_payload(
         torque_nm=torque,
         residual_nm=residual,
         noise_nm=equations.noise_nm,
-        payload_nm=np.array(caused),
+        payload_nm=np.array(caused, dtype=np.float64),
         equations=sum(equations.rows),
         cell_name=cell_name,
         run_ids=run_ids,
