@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import signal
 import sys
 import time
 from collections.abc import Callable
@@ -14,7 +15,7 @@ from pydantic import BaseModel, ConfigDict
 
 from acquisition.task.service_beat import ServiceBeat
 from config.formats.approved_files import approve_files
-from config.process.termination import signals_deferred
+from config.process.termination import TERMINATION, signals_deferred
 from rid_daq.app import Ending, end_by_signals, ending_of
 from rid_daq.operations.catalogue import operation
 from rid_daq.operations.perform import perform
@@ -27,18 +28,18 @@ from rid_daq.worker.orders import Orders
 
 
 class WorkOrder(BaseModel):
-    """The first line that a worker is told.
+    """First line on a worker's standard input.
 
     Attributes:
-        kind: What is done.
-        request: What the client says of it.
+        kind: Kind of the job.
+        request: Request of the client.
         cell: The cell, a bundled name or a file.
-        runs, folder, events: The folder of the run folders, the one that relative paths are of, the
-            file of the events.
-        cleared: Whether a person has just said that the cell is clear.
-        owner: Who has begun it.
-        niceness: How far it stands back for others.
-        approved: The SHA-256 of the files that the job was accepted with, by their paths.
+        runs, folder, events: Folder of the run folders, folder of relative paths, file of the
+            events.
+        cleared: True if a person has just confirmed that the cell is clear.
+        owner: Person or program that started the job.
+        niceness: Nice value of the process.
+        approved: SHA-256 of the files with which the job was accepted, by their paths.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -61,10 +62,12 @@ def main() -> int:
     The argument is the descriptor of the service's signs of life (`ServiceBeat`). A signal that
     comes before the job can say how it ended is held back until then.
     """
-    end_by_signals()
     service = ServiceBeat.inherited(int(sys.argv[1]))
     os.set_inheritable(service.descriptor, False)
     with contextlib.ExitStack() as deferral:
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, TERMINATION)  # none between the next two
+        deferral.callback(signal.pthread_sigmask, signal.SIG_SETMASK, mask)
+        end_by_signals()
         deferral.enter_context(signals_deferred())
         _warm_up()
         line = sys.stdin.readline()

@@ -165,5 +165,5 @@ def test_the_reference_payloads_are_those_of_the_thesis(truth: PlantConfig) -> N
         "medium": 9.579,
         "large": 13.555,
     }
-    with raises_code(ConfigError, "RID-PLANT-UNFIT", "'huge'", "small, medium, large"):
+    with raises_code(ConfigError, "RID-PLANT-UNFIT", "'huge'", "small", "large"):
         truth.with_payload("huge")

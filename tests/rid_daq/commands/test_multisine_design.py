@@ -72,9 +72,9 @@ def test_the_motion_has_the_band_asked_for_and_stays_within_the_limits(
     ("words", "message"),
     [
         (["--band", "5"], "RID-REQUEST-INVALID"),
-        (["--band", "1:80"], "below half the cycle's frequency, 62.5 Hz"),
+        (["--band", "1:80"], "62.5 Hz [RID-MOTION-BAND]"),
         (["--band", "0.1:5"], "needs a period of at least 20 s"),
-        (["--phases", "schroeder", "--realisations", "3"], "the same in all 3 realisations"),
+        (["--phases", "schroeder", "--realisations", "3"], "RID-OPTION-EXCLUSIVE"),
         (["--grid", "odd", "--realisations", "1"], "RID-LOOP-ONE-REALISATION"),
         (["--grid", "full", "--phases", "schroeder"], "RID-LOOP-ONE-REALISATION"),
     ],

@@ -277,7 +277,7 @@ def test_the_next_command_is_to_record(folder: Path, capsys: pytest.CaptureFixtu
     [
         (["--confidence", "1.5"], "--confidence: 1.5 is outside its range"),
         (["--margin", "2"], "--margin: 2 is outside its range"),
-        (["--margin", "0.97"], "cannot be driven within its limits at any speed: torque of axis3"),
+        (["--margin", "0.97"], "at any speed: torque of axis3"),
         (["--jerk", "1", "--jerk", "2"], "--jerk has 2 values: give one, or one for each of 3"),
         (["--torque-rate", "-1"], "--torque-rate: -1 is outside its range"),
         (["--mass", "300"], "--mass"),

@@ -167,10 +167,10 @@ def guide(name: str) -> str:
 
 
 def test_the_guide_lists_what_data_do_not_show() -> None:
-    listed = guide("find-a-mistake.md").partition("## What cannot be told")[2]
+    listed = guide("find-a-mistake.md").partition("## What can go wrong")[2]
     for words in ("vertical first axis", "torque constant", "Weigh a known load", "lengths"):
         assert words in listed
-    for words in ("a clock that is 10 % off", "a link a fifth too long", "30° off"):
+    for words in ("a clock that is 10 % off", "a fifth too long", "30° off"):
         assert words in listed
 
 
@@ -179,7 +179,7 @@ def test_the_guide_weighs_a_payload_as_is_best() -> None:
 
 
 def test_the_guide_says_whose_friction_that_of_a_coupled_wrist_is() -> None:
-    assert "With a coupled wrist, friction is that of each motor" in guide("friction.md")
+    assert "With a coupled wrist, the result is each motor's friction" in guide("friction.md")
 
 
 Engineer = Callable[..., SimpleNamespace]
