@@ -63,7 +63,7 @@ class _Tried:
     held_out: WiringTrial
 
 
-def find_mistakes(signals: WiredSignals) -> tuple[Found, ...]:
+def find_mistakes(signals: WiredSignals, *, fine: bool = True) -> tuple[Found, ...]:
     """Try the common mistakes on recordings, and those left on what one undone leaves.
 
     A mistake counts if undone it explains far better both what was fitted and parts of the
@@ -72,6 +72,7 @@ def find_mistakes(signals: WiredSignals) -> tuple[Found, ...]:
 
     Args:
         signals: What the files say.
+        fine: True to look also for mistakes that leave a plain fit nearly as it is.
 
     Returns:
         One after the other; empty if none explains the data far better.
@@ -93,7 +94,7 @@ def find_mistakes(signals: WiredSignals) -> tuple[Found, ...]:
         if better.mistake.kind is MistakeKind.GRAVITY_REMOVED:
             return tuple(found)
         signals, fits = better.mistake.undone(signals), better.after.good
-    return _with_fine(tuple(found), signals)
+    return _with_fine(tuple(found), signals) if fine else tuple(found)
 
 
 def _with_fine(found: tuple[Found, ...], signals: WiredSignals) -> tuple[Found, ...]:

@@ -107,7 +107,7 @@ def test_a_motion_file_beyond_a_limit_is_exit_3_and_not_one_frame(
     assert "of the table has joint 'axis1' at 2.8" in said["position"]
     assert "outside its limits" in said["position"]
     assert "velocity of joint" in said["velocity"]
-    assert "N m of joint 'axis2' by the model, its limit is 20" in said["torque"]
+    assert "N m in joint 'axis2' by the model; its limit is 20" in said["torque"]
     ours = [line for line in log.read_text().splitlines() if not line.split()[2].startswith("70")]
     assert ours == []
     assert not (tmp_path / "runs").exists()

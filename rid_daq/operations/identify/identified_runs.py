@@ -137,7 +137,7 @@ def identify_runs(request: IdentifyRequest, context: Context) -> IdentifiedRuns:
     estimate, wiring = identified.estimate, WiringDiagnosis()
     if how.options.model.kind != "external":
         signals = wired_signals(data, how, first.robot)
-        wiring = diagnose_wiring(signals, first, search=request.diagnose)
+        wiring = diagnose_wiring(signals, first, estimate, search=request.diagnose)
         if request.diagnose:
             estimate = replace(estimate, held_out_share=held_out_share(signals))
     gains = None

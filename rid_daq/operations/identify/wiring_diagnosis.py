@@ -11,6 +11,7 @@ import numpy as np
 
 from acquisition.runs.folder import RunFolder
 from config.robot.robot import RobotDescription
+from identification.estimation.estimate import Estimate
 from identification.wiring.mistakes import DEGREES, Mistake, MistakeKind
 from identification.wiring.search import Found, find_mistakes, impossibilities
 from identification.wiring.signals import WiredSignals
@@ -25,6 +26,9 @@ from rid_daq.report.mistake_entry import (
 )
 from rid_daq.runs.origins import key_lines
 from rid_daq.runs.run_data import RunData
+
+EXPLAINED_SHARE: Final = 0.02
+"""Share of a joint's torque that an estimate may leave and still hide no mistake."""
 
 _IN_MAP: Final[dict[MistakeKind, str]] = {
     MistakeKind.POSITION_SIGN: "map: `position_sign` of {each}",
@@ -188,12 +192,15 @@ class WiringDiagnosis:
         return tuple(said)
 
 
-def diagnose_wiring(signals: WiredSignals, run: RunData, *, search: bool = True) -> WiringDiagnosis:
+def diagnose_wiring(
+    signals: WiredSignals, run: RunData, estimate: Estimate, *, search: bool = True
+) -> WiringDiagnosis:
     """Look for what no robot does, and for the common mistakes that explain it.
 
     Args:
         signals: What runs of one robot say.
         run: One of them, which knows the files.
+        estimate: Estimate from these runs; if it explains the torques, no mistake is hidden.
         search: True to try the common mistakes of wiring, units and files.
     """
     driving, weight = impossibilities(signals)
@@ -202,9 +209,15 @@ def diagnose_wiring(signals: WiredSignals, run: RunData, *, search: bool = True)
     imported, folder = run.import_report is not None, run.folder
     mistakes = tuple(
         mistake_entry(each, signals.robot, imported=imported, folder=folder)
-        for each in find_mistakes(signals)
+        for each in find_mistakes(signals, fine=_hides_mistakes(estimate))
     )
     return WiringDiagnosis(mistakes, driving, weight)
+
+
+def _hides_mistakes(estimate: Estimate) -> bool:
+    """Return True if an estimate leaves more of a joint's torque than `EXPLAINED_SHARE`."""
+    torque_nm = estimate.torque_nm
+    return torque_nm is None or bool((estimate.residual_nm > EXPLAINED_SHARE * torque_nm).any())
 
 
 def mistake_entry(

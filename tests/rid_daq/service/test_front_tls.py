@@ -16,7 +16,7 @@ from rid_daq.service.sockets import socket_of
 from tests.rid_daq.service.conftest import serving
 from tests.rid_daq.service.moving import front_process, served_port, until
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.alone
 STOPPING = {"X-Rid-Daq": "stop"}
 
 
