@@ -12,14 +12,11 @@ from pathlib import Path
 
 import pytest
 
+from tests.builders.code_lines import PACKAGES, ROOT
 from tests.test_tutorials import require_shown
 
-ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "extending.md"
-PACKAGES = (
-    *("config", "dynamics", "drivers", "acquisition", "identification", "compensation"),
-    *("mock_hw", "rid_daq", "tests"),
-)
+COPIED = (*PACKAGES, "tests")
 MOST_FILES = 6
 LONGEST_S = 600
 EXAMPLES = (
@@ -60,7 +57,7 @@ def apply_changes(path: Path, changes: str) -> None:
 def test_an_example_works_as_it_is_written(title: str, tmp_path: Path) -> None:
     program, work = tmp_path / "program", tmp_path / "work"
     work.mkdir()
-    for package in PACKAGES:
+    for package in COPIED:
         ignored = shutil.ignore_patterns("__pycache__")
         shutil.copytree(ROOT / package, program / package, ignore=ignored)
     shutil.copy(ROOT / "pyproject.toml", program)
@@ -76,7 +73,7 @@ def test_an_example_works_as_it_is_written(title: str, tmp_path: Path) -> None:
             run_commands(content, work, program, environment)
             continue
         assert name, content
-        path = (program if name.split("/")[0] in PACKAGES else work) / name
+        path = (program if name.split("/")[0] in COPIED else work) / name
         touched.add(name)
         if kind == "diff":
             apply_changes(path, content)

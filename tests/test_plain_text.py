@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tests.builders.plain_text import ROOT, files, hits, words
+from tests.builders.code_lines import ROOT
+from tests.builders.plain_text import files, hits, words
 
 HITS_PER_1000_WORDS = {
     "README.md": 0.5,

@@ -12,12 +12,12 @@ from config.arrays import FloatArray
 from identification.payload.warm_up import FEWEST_PERIODS, period_powers, power_change_percent
 from rid_daq.blocks.block import AnyBlock, note_blocks
 from rid_daq.blocks.plot import Axis, Line, Panel, Plot
-from rid_daq.operations.payload.session_states import STATE, WARM_UP, SessionFile
+from rid_daq.operations.payload.session_states import WARM_UP, SessionFile
 from rid_daq.report.result_file import RESULT, read_result
 from rid_daq.report.shown.estimate import fit_verdict
 from rid_daq.report.shown.sections import SHOWN
 from rid_daq.report.shown.verdict import verdict_blocks
-from rid_daq.runs.run_data import RunData
+from rid_daq.runs.run_data import SESSION, RunData
 
 
 def run_blocks(folder: RunFolder, names: Sequence[str] = ()) -> Iterator[AnyBlock]:
@@ -40,7 +40,7 @@ def run_blocks(folder: RunFolder, names: Sequence[str] = ()) -> Iterator[AnyBloc
         for name, section in result.sections():
             if not names or name in names:
                 yield from SHOWN[name](section)
-    if folder.file(STATE).exists():
+    if folder.file(SESSION).exists():
         yield from _warm_up(folder)
 
 

@@ -8,17 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 
-ROOT: Final = Path(__file__).resolve().parents[2]
-PACKAGES: Final = (
-    "config",
-    "dynamics",
-    "drivers",
-    "acquisition",
-    "identification",
-    "compensation",
-    "mock_hw",
-    "rid_daq",
-)
+from tests.builders.code_lines import PACKAGES, ROOT
+
 CODE: Final = re.compile(r"RID(-[A-Z0-9]+){2,}")
 
 

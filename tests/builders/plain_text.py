@@ -15,7 +15,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final, NamedTuple
 
-ROOT: Final = Path(__file__).resolve().parents[2]
+from tests.builders.code_lines import ROOT
+
 LONGEST_SENTENCE: Final = 45
 """Words of a docstring's sentence; about 25 are the aim."""
 

@@ -10,10 +10,9 @@ from pathlib import Path
 import pytest
 
 from config.error_codes import declared_codes
+from tests.builders.code_lines import PACKAGES, ROOT
 from tests.builders.error_codes_in_use import (
     CODE,
-    PACKAGES,
-    ROOT,
     codes_in,
     error_classes,
     errors_without_code,

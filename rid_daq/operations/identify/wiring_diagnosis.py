@@ -27,7 +27,7 @@ from rid_daq.report.mistake_entry import (
 from rid_daq.runs.origins import key_lines
 from rid_daq.runs.run_data import RunData
 
-EXPLAINED_SHARE: Final = 0.02
+SMALL_RESIDUAL_SHARE: Final = 0.02
 """Share of a joint's torque that an estimate may leave and still hide no mistake."""
 
 _IN_MAP: Final[dict[MistakeKind, str]] = {
@@ -215,9 +215,11 @@ def diagnose_wiring(
 
 
 def _hides_mistakes(estimate: Estimate) -> bool:
-    """Return True if an estimate leaves more of a joint's torque than `EXPLAINED_SHARE`."""
+    """Return True if an estimate leaves more of a joint's torque than `SMALL_RESIDUAL_SHARE`."""
     torque_nm = estimate.torque_nm
-    return torque_nm is None or bool((estimate.residual_nm > EXPLAINED_SHARE * torque_nm).any())
+    return torque_nm is None or bool(
+        (estimate.residual_nm > SMALL_RESIDUAL_SHARE * torque_nm).any()
+    )
 
 
 def mistake_entry(

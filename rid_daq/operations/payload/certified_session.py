@@ -18,7 +18,7 @@ from drivers.settings.write_log import DRIVE_WRITES, read_write_log
 from identification.payload.file import PayloadDocument, read_payload
 from identification.payload.verdict import PayloadResult
 from rid_daq.operations.payload.payload_certificate import PayloadCertificateRequest
-from rid_daq.operations.payload.session_states import STATE, SessionFile
+from rid_daq.operations.payload.session_states import SessionFile
 from rid_daq.report.certificate import Certificate
 from rid_daq.report.result import Result
 from rid_daq.report.result_file import RESULT, read_result
@@ -30,12 +30,12 @@ from rid_daq.runs import made_file
 from rid_daq.runs.flange import FACT
 from rid_daq.runs.origins import cell_of
 from rid_daq.runs.output_file import refuse_output
-from rid_daq.runs.run_data import CELL, READ, note_output, require_own
+from rid_daq.runs.run_data import CELL, READ, SESSION, note_output, require_own
 from rid_daq.session.versions import program_version
 from rid_daq.terminal.choices import CERTIFICATE, PAYLOAD
 from rid_daq.terminal.job_events import SessionState
 
-_LISTED: Final = (STATE, PAYLOAD, RESULT, *READ, DRIVE_WRITES)
+_LISTED: Final = (SESSION, PAYLOAD, RESULT, *READ, DRIVE_WRITES)
 
 
 def write_certificate(request: PayloadCertificateRequest) -> tuple[Certificate, Path]:
@@ -77,7 +77,7 @@ def certificate_of(folder: RunFolder, by: str | None) -> Certificate:
     Raises:
         DataQualityError, RecordingError, ConfigError: As `write_certificate`.
     """
-    state = SessionFile.read(folder) if folder.file(STATE).exists() else None
+    state = SessionFile.read(folder) if folder.file(SESSION).exists() else None
     _require_finished(folder, state)
     document = PayloadDocument.model_validate_json(folder.read(PAYLOAD))
     payload, result = read_payload(folder.file(PAYLOAD)), read_result(folder)

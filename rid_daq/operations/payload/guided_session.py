@@ -25,7 +25,7 @@ from rid_daq.operations.payload.payload_session import (
     PayloadSessionRequest,
     StoppedSession,
 )
-from rid_daq.operations.payload.session_states import STATE, SessionFile
+from rid_daq.operations.payload.session_states import SessionFile
 from rid_daq.operations.payload.session_steps import SESSION_MOTION, PayloadGuide, enter
 from rid_daq.operations.payload.shared import IdentifiedPayload
 from rid_daq.preflight.axis_test import AxisTestRule
@@ -36,7 +36,7 @@ from rid_daq.report.sections.timing import Timing
 from rid_daq.requests.cell_options import Simulation
 from rid_daq.requests.option import DEFAULT_RUNS
 from rid_daq.runs.origins import note_cell
-from rid_daq.runs.run_data import MOTION, ROBOT, RunData, require_own
+from rid_daq.runs.run_data import MOTION, ROBOT, SESSION, RunData, require_own
 from rid_daq.session.session import unfinished
 from rid_daq.session.versions import software_versions
 from rid_daq.terminal.context import Context
@@ -59,7 +59,7 @@ def run_payload_session(
     loaded = load_cell(request.cell)
     file: SessionFile | None = None
     if request.resume is not None:
-        file = SessionFile.read(find_run(request.runs, request.resume, having=STATE))
+        file = SessionFile.read(find_run(request.runs, request.resume, having=SESSION))
         request = request.as_begun(file.request)
     known = tuple(each.known() for each in request.known)
     robot = None if request.model is None else estimate_for(request.model, loaded.robot)

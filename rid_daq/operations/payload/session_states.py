@@ -20,7 +20,6 @@ from rid_daq.report.sections.payload import EmptyFlange
 from rid_daq.runs.run_data import SESSION, RunData
 from rid_daq.terminal.job_events import SessionState as State
 
-STATE: Final = SESSION
 EMPTY_FLANGE: Final = "empty_flange"
 REHEARSAL: Final = "rehearsal"
 WARM_UP: Final = "warm-up"
@@ -108,17 +107,17 @@ class SessionFile(BaseModel):
         Raises:
             ConfigError: The folder is not of a payload session (RID-SESSION-STATE).
         """
-        if not folder.file(STATE).exists():
+        if not folder.file(SESSION).exists():
             raise ConfigError(
                 f"{folder.path}: is not the folder of a payload session", code="RID-SESSION-STATE"
             )
-        text = folder.read(STATE)
+        text = folder.read(SESSION)
         try:
             found = cls.model_validate_json(text)
         except ValidationError as error:
             first = error.errors()[0]
             raise ConfigError(
-                f"{folder.file(STATE)}: not the state of a payload session"
+                f"{folder.file(SESSION)}: not the state of a payload session"
                 f" ({'.'.join(map(str, first['loc']))}: {first['msg']}); was it edited?",
                 code="RID-SESSION-STATE",
             ) from None
@@ -162,7 +161,7 @@ class SessionFile(BaseModel):
                 (RID-SESSION-ORDER).
         """
         session, now = f"session {self.folder.run_id}", self.state
-        if self.folder.read(STATE) != self._text:
+        if self.folder.read(SESSION) != self._text:
             raise ConfigError(
                 f"{session}: another program has changed it since state {now.value}: nothing is"
                 " done; end one of the two programs, then continue with --resume",
@@ -194,7 +193,7 @@ class SessionFile(BaseModel):
             RecordingError: It cannot be written.
         """
         self._text = (self.model_dump_json(indent=1, by_alias=True) + "\n").encode()
-        self.folder.write(STATE, self._text)
+        self.folder.write(SESSION, self._text)
 
 
 def needed_after(
