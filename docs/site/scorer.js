@@ -1,4 +1,4 @@
-// How search results are ordered: how it is done before why it was decided so.
+// Order of search results: guides and reference before decision records and architecture.
 var Scorer = {
   score: ([page, title, anchor, words, score]) => (/^(decisions\/|extending|faults)/.test(page) ? score - 40 : score),
   objNameMatch: 11,

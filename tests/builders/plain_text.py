@@ -123,14 +123,31 @@ def _of_python(source: str) -> Iterator[Passage]:
         ):
             docstrings.add(node.body[0].lineno)
             yield Passage(node.body[0].lineno, text, is_docstring=True)
+    parts = {
+        id(part)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.JoinedStr)
+        for part in ast.walk(node)
+        if part is not node
+    }
     for node in ast.walk(tree):
-        if not isinstance(node, ast.Constant) or node.lineno in docstrings:
+        if id(node) in parts or not isinstance(node, ast.Constant | ast.JoinedStr):
             continue
-        if isinstance(node.value, str) and len(node.value.split()) > 2:
-            yield Passage(node.lineno, node.value)
+        text = _text(node)
+        if node.lineno not in docstrings and len(text.split()) > 2:
+            yield Passage(node.lineno, text)
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
         if token.type == tokenize.COMMENT:
             yield Passage(token.start[0], token.string[1:])
+
+
+def _text(node: ast.Constant | ast.JoinedStr) -> str:
+    """Return a text; the values in an f-string are shown as `{...}`."""
+    if isinstance(node, ast.JoinedStr):
+        return "".join(
+            str(part.value) if isinstance(part, ast.Constant) else "{...}" for part in node.values
+        )
+    return node.value if isinstance(node.value, str) else ""
 
 
 def hits(path: Path) -> Iterator[Hit]:

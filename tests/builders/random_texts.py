@@ -1,0 +1,69 @@
+"""Draw texts for a panel of readers: `python -m tests.builders.random_texts [COUNT [FOLDER ...]]`.
+
+The seed is the hash of the last commit. Every kind of text has as many: docstrings of the packages
+and of tests, messages and comments, pages, documents, decision records, data files. The place of
+each is printed, so that the readers' answers can be compared with the code.
+"""
+
+from __future__ import annotations
+
+import random
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from tests.builders.code_lines import PACKAGES, ROOT
+from tests.builders.plain_text import Passage, files, passages
+
+_READ = (*PACKAGES, "README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs", "benchmarks", "tests")
+_FEWEST_WORDS = 4
+
+
+def kind_of(path: Path, passage: Passage) -> str:
+    """Return the kind of a text."""
+    if path.suffix == ".md":
+        return "decision" if path.parent.name == "decisions" else "document"
+    if path.suffix in (".html", ".js"):
+        return "page"
+    if passage.is_docstring:
+        return "docstring of a test" if "tests" in path.parts else "docstring"
+    return "text" if path.suffix == ".py" else "data"
+
+
+def texts(path: Path) -> Iterator[Passage]:
+    """Yield the texts of a file that are sentences; a document's paragraphs one by one."""
+    for passage in passages(path):
+        if len(passage.text.split()) >= _FEWEST_WORDS and not re.match(r"\W*<", passage.text):
+            yield passage
+
+
+def draw(seed: str, count: int, names: tuple[str, ...] = _READ) -> list[tuple[str, str]]:
+    """Return as many texts as asked for, each with its kind and place."""
+    kinds: dict[str, list[tuple[str, str]]] = {}
+    for name in names:
+        for path in files(ROOT / name):
+            for passage in texts(path):
+                kind = kind_of(path, passage)
+                place = f"{kind}, {path.relative_to(ROOT)}:{passage.line}"
+                kinds.setdefault(kind, []).append((place, passage.text))
+    source = random.Random(seed)
+    for found in kinds.values():
+        source.shuffle(found)
+    order = sorted(kinds)
+    return [kinds[order[number % len(order)]].pop() for number in range(count)]
+
+
+def main() -> None:
+    """Print the drawn texts."""
+    head = ["git", "rev-parse", "HEAD"]
+    seed = subprocess.run(head, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 50
+    drawn = draw(seed, count, tuple(sys.argv[2:]) or _READ)
+    for number, (place, text) in enumerate(drawn, 1):
+        sys.stdout.write(f"{number}. [{place}]\n{text.strip()}\n\n")
+
+
+if __name__ == "__main__":
+    main()
