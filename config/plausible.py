@@ -140,7 +140,11 @@ def radius_of_gyration(
 
 
 class PhysicalFile(ConfigModel):
-    """File whose values have plausible ranges; `implausible_on_purpose` lists keys to exempt."""
+    """A file whose values have plausible ranges.
+
+    Attributes:
+        implausible_on_purpose: Keys whose values are correct although they are implausible.
+    """
 
     implausible_on_purpose: tuple[str, ...] = ()
 

@@ -36,7 +36,12 @@ Symbol = Annotated[str, Field(pattern=r"^[!-/:-@]$")]
 
 
 class Word(ConfigModel):
-    """A string of the device; `verified` if it was seen in use on a real device, see `source`."""
+    """A string of the device.
+
+    Attributes:
+        verified: The string was seen in use on a real device.
+        source: Where it was seen.
+    """
 
     text: Token
     verified: bool = False
@@ -52,7 +57,23 @@ class Word(ConfigModel):
 
 
 class Commands(ConfigModel):
-    """The mnemonics of the commands to an amplifier."""
+    """The mnemonics of the commands to an amplifier.
+
+    Attributes:
+        operate: Operate or reset.
+        identify: Ask for maker, model, serial number and firmware.
+        range: Full scale of a channel [N].
+        sensitivity: Sensitivity of a channel's sensor [pC/N].
+        low_pass: Cut-off frequency [Hz].
+        overload: Ask for the channels that are or were overloaded.
+        values: Ask for the forces of all channels.
+        bits: Ask for the resolution of the converter.
+        rate: Rows per second.
+        format: Format of the rows.
+        trigger: Switch the events of the trigger input on or off.
+        stream: Start or stop the rows.
+        time: Ask for the device's clock [ticks].
+    """
 
     operate: Word
     identify: Word
@@ -70,7 +91,15 @@ class Commands(ConfigModel):
 
 
 class Events(ConfigModel):
-    """The numbers of the events between the rows."""
+    """The numbers of the events between the rows.
+
+    Attributes:
+        overload: Channels are overloaded.
+        overrun: Rows were lost.
+        trigger: An edge at the trigger input.
+        mark: Answer to a request for the time.
+        stopped: The rows end.
+    """
 
     overload: Annotated[int, Field(ge=0, le=255)]
     overrun: Annotated[int, Field(ge=0, le=255)]
@@ -80,7 +109,12 @@ class Events(ConfigModel):
 
 
 class StatusBits(ConfigModel):
-    """The bits of a row's status besides the overloads of its channels (bits 0 to 7)."""
+    """The bits of a row's status in addition to the overloads of its channels (bits 0 to 7).
+
+    Attributes:
+        operate: The amplifier measures.
+        overrun: Rows were lost.
+    """
 
     operate: Annotated[int, Field(ge=8, le=15)]
     overrun: Annotated[int, Field(ge=8, le=15)]
@@ -103,14 +137,35 @@ class Part:
 
 
 class FrameTemplates(ConfigModel):
-    """Layout of a row and of an event: literals around ``{name:kind and width}``."""
+    """Layout of a row and of an event: literals around `{name:kind and width}`.
+
+    Attributes:
+        row: Template of a row.
+        event: Template of an event.
+    """
 
     row: str = Field(max_length=200)
     event: str = Field(max_length=200)
 
 
 class AmplifierProfile(ConfigModel):
-    """The strings and rows of one type of amplifier."""
+    """The strings and rows of one type of amplifier.
+
+    Attributes:
+        name: Name of the profile.
+        summary: One sentence about the protocol.
+        terminator: End of each line.
+        query: Character that makes a command a query.
+        channel_separator: Character between the number of a channel and the command.
+        ok, error, charge_lost: Answers: the command is obeyed; it is refused, with a number of
+            `errors`; and, after `ok`, it discharged the channels.
+        commands: The mnemonics.
+        errors: Meaning of each error number.
+        ticks_per_s: Frequency of the device's clock.
+        ascii, binary: Layout of the rows and events in each format.
+        status_bits: Bits of a row's status.
+        events: Numbers of the events.
+    """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")
     summary: str

@@ -23,7 +23,13 @@ Servo = Annotated[str, Field(min_length=1)] | ServoProfile
 
 
 class CanBusConfig(ConfigModel):
-    """A CAN bus, named as in python-can: any interface that python-can supports."""
+    """A CAN bus, named as in python-can.
+
+    Attributes:
+        interface: Any interface that python-can supports, such as `socketcan` or `pcan`.
+        channel: The interface's channel, such as `can0`.
+        bitrate: Bit rate [bit/s].
+    """
 
     interface: str
     channel: str
@@ -33,8 +39,10 @@ class CanBusConfig(ConfigModel):
 class DeviceIdentity(ConfigModel):
     """Expected content of a drive's 1018h; values that are left out are not compared.
 
-    Only the upper 16 bits of `revision` are compared: the lower ones change without a change of the
-    drive's behaviour.
+    Attributes:
+        vendor, product: Subindices 1 and 2.
+        revision: Subindex 3. Only its upper 16 bits are compared: the lower ones change without a
+            change of the drive's behaviour.
     """
 
     vendor: Unsigned32 | None = None
@@ -45,15 +53,16 @@ class DeviceIdentity(ConfigModel):
 class DriveAxis(ConfigModel):
     """One CiA 402 drive and the joint that it moves.
 
-    `direction` is -1 if positive drive counts turn the joint backwards. `servo` is the drive's
-    profile in the same form as in the cell; it is needed only if it differs from the cell's.
-    `velocity_unit` overrides that of the profile. `position_zero_counts` is 6064h at joint position
-    zero.
-
-    `eds` is the path of the drive's electronic data sheet (EDS or DCF), relative to the cell file.
-    The EDS must contain all objects that are used, and the drive must be the device that the EDS
-    describes. `identity` states the expected device if there is no EDS or if it must differ from
-    the EDS.
+    Attributes:
+        joint: The joint's name in the robot file.
+        direction: -1 if positive drive counts turn the joint backwards.
+        servo: The drive's profile, in the same form as in the cell, if it differs from the cell's.
+        velocity_unit: Unit of the drive's velocities, if it differs from the profile's.
+        position_zero_counts: 6064h at joint position zero.
+        eds: Path of the drive's electronic data sheet (EDS or DCF), relative to the cell file. It
+            must contain all objects that are used, and the drive must be the device that it
+            describes.
+        identity: The expected device, if there is no EDS or if it must differ from the EDS.
     """
 
     joint: str
@@ -69,19 +78,32 @@ class DriveAxis(ConfigModel):
 class DriveSafety(ConfigModel):
     """Safety settings that are written to every drive, and read back, before motion.
 
-    If this computer fails, the heartbeat consumer (1016h) with abort connection (6007h) stops the
-    drive. `allow_drive_without_watchdog` names the drives (node ids) that may run without it. With
-    `trip_watchdog_with_power` the preflight switches the drives on, at rest, and withholds this
-    computer's heartbeat until each drive has stopped. Without it, the preflight does the same
-    without power and checks the drives' emergency messages. A drive that lacks an object of its
-    reactions, or uses life guarding, is always switched on for this test, in a cell that is clear.
-
-    Numbers with which an axis would not stop in time, or not within its range, are refused, based
+    Settings with which an axis would not stop in time, or not within its range, are refused, based
     on the values that the drive reads back: see the preflight's lines on a stop and on rest after a
     fault.
 
-    On a cell that is not simulated, both heartbeat timeouts must be at most 100 ms. After a failure
-    of this computer or of a drive, the robot continues to move for this time.
+    Attributes:
+        master_node_id: Node id of this computer's heartbeat.
+        master_heartbeat_ms: Period of this computer's heartbeat.
+        master_heartbeat_timeout_ms: Time without it after which the drives stop (1016h). On a cell
+            that is not simulated at most 100 ms: the robot continues to move for this time after
+            this computer failed.
+        drive_heartbeat_ms: Period of the drives' heartbeats (1017h).
+        drive_heartbeat_timeout_ms: Time without a drive's heartbeat after which all drives are
+            stopped; on a cell that is not simulated at most 100 ms.
+        abort_connection: 6007h, the drives' reaction to a lost heartbeat: 1 fault, 2 disable
+            voltage, 3 quick stop.
+        quick_stop_option, fault_reaction_option: 605Ah and 605Eh.
+        quick_stop_deceleration_rad_s2: 6085h, at the link side.
+        following_error_rad, following_error_timeout_ms: 6065h and 6066h, at the link side.
+        torque_limit_fraction: Limit of the drive's torque, relative to the rated torque.
+        allow_drive_without_watchdog: Node ids of the drives that are accepted although they do not
+            stop by themselves if this computer fails.
+        trip_watchdog_with_power: The preflight switches the drives on, at rest, and withholds this
+            computer's heartbeat until each drive has stopped. Without this key it does the same
+            without power and checks the drives' emergency messages. A drive that lacks an object of
+            its reactions, or uses life guarding, is always switched on for this test, in a cell
+            that is clear.
     """
 
     master_node_id: Annotated[int, Field(ge=1, le=127)] = 127
@@ -120,22 +142,28 @@ class DriveSafety(ConfigModel):
 class Supervision(ConfigModel):
     """Rules by which the cyclic task stops the motion.
 
-    `missed_frames_limit` and `late_cycles_limit` count consecutive cycles. `late_answers_limit`
-    counts the cycles, of the last 100, in which a drive's answer came after its cycle.
-    `second_answers_limit` counts the cycles, of the last 100, in which a drive's identifier
-    answered more than once. Different answers in one cycle are not used and also count as missing.
-
-    An encoder is stuck if it stands still for `stuck_encoder_cycles` while more than
-    `stuck_encoder_velocity_rad_s` is commanded. With a slower command it is stuck if, since
-    standstill, the torque has also changed by more than `stuck_encoder_torque_fraction` of the
-    joint's limit; a joint in stiction would break away before. The torque that braked a joint is
-    measured late and is ignored for that many cycles. The part of the command that comes from
-    pre-compensation is always ignored.
-
-    The allowed following error is `following_error_min_rad` at standstill and grows with the
-    commanded speed by `following_error_per_velocity_s` (a line, as LinuxCNC's FERROR/MIN_FERROR). A
-    joint may be found beyond its position limit by the value at standstill, but by a twentieth of
-    its range at most.
+    Attributes:
+        missed_frames_limit, late_cycles_limit: Number of consecutive cycles in which a drive's
+            answer is missing, or in which the task wakes up late.
+        late_by_cycles_limit: Delay of a single wake-up, in cycles.
+        late_answers_limit: Number of cycles, of the last 100, in which a drive's answer came after
+            its cycle.
+        second_answers_limit: Number of cycles, of the last 100, in which a drive's identifier
+            answered more than once. Different answers in one cycle are not used and also count as
+            missing.
+        following_error_min_rad, following_error_per_velocity_s: The allowed following error is the
+            first at standstill and grows with the commanded speed by the second (a line, as
+            LinuxCNC's FERROR and MIN_FERROR). A joint may be found beyond its position limit by the
+            value at standstill, but by a twentieth of its range at most.
+        stuck_encoder_cycles, stuck_encoder_velocity_rad_s: An encoder is stuck if its position does
+            not change for so many cycles while more than this speed is commanded. The part of the
+            command that comes from pre-compensation is ignored.
+        stuck_encoder_torque_fraction: With a slower command an encoder is stuck if, since
+            standstill, the torque has also changed by more than this fraction of the joint's limit;
+            a joint in stiction would break away before. The torque that braked a joint is measured
+            late and is ignored for `stuck_encoder_cycles`.
+        limit_margin_fraction: Allowed excess of speed and torque over the joints' limits, as a
+            fraction of them.
     """
 
     missed_frames_limit: Annotated[int, Field(ge=1)] = 3
@@ -152,33 +180,41 @@ class Supervision(ConfigModel):
 
 
 class ButterworthFilter(ConfigModel):
-    """The analog anti-alias filter in front of the drives' torque converters."""
+    """The analog anti-alias filter in front of the drives' torque converters.
+
+    Attributes:
+        order: Number of poles.
+        cutoff_hz: Frequency of -3 dB.
+    """
 
     order: Annotated[int, Field(ge=1, le=12)]
     cutoff_hz: Annotated[Positive, Plausible(0.5, 2e4, "Hz")]
 
 
 class CellConfig(PhysicalFile):
-    """A cell: one robot, its drives, their bus, its force plate, the cycle, and the limits.
+    """A cell: a robot, its drives, their bus, its force plate, the cycle, and the limits.
 
-    `servo` is the drives' profile: a bundled name, a path relative to the cell file, or its keys,
-    including data that the drives do not report. Without it, drives are assumed to follow CiA 402
-    completely.
-
-    `monitor` is a second connection to the drives (Modbus), for temperatures and nominal data.
-
-    `velocity_loop_band_hz` is the band in which multisines measure the drives' velocity loops: the
-    lowest and the highest frequency.
-
-    `exchange` is the amount of data per axis and cycle. `full`: 6 bytes to the drive and 8 from it.
-    `trimmed`: 4 to the drive (velocity) and 6 from it (position and torque), so that a fourth axis
-    fits into 1 ms at 1 Mbit/s. Controlword and statusword then have their own frames, which are
-    sent when they change and a few times a second.
-
-    `home` is the pose to which `jog --home` moves, one position per joint.
-
-    `robot` and `plant` name a bundled file or give a path relative to the cell file. If a cell has
-    `simulated: true`, a command that needs its mock hardware starts it.
+    Attributes:
+        name: Name of the cell.
+        robot, plant: A bundled file, or a path relative to the cell file.
+        simulated: A command that needs the cell's simulated hardware starts it.
+        cycle_time_ms: Period of SYNC and of the set-points [ms].
+        servo: The drives' profile: a bundled name, a path relative to the cell file, or its keys,
+            including data that the drives do not report. Without it, drives are assumed to follow
+            CiA 402 completely.
+        axes: The drives, one per joint, base to flange.
+        position_gain_per_s: Gain of the position loop that this computer closes [1/s].
+        exchange: Data per axis and cycle. `full`: 6 bytes to the drive and 8 from it. `trimmed`: 4
+            to the drive (velocity) and 6 from it (position and torque), so that a fourth axis fits
+            into 1 ms at 1 Mbit/s. Controlword and statusword then have their own frames, which are
+            sent when they change and a few times a second.
+        torque_filter: The analog anti-alias filter in front of the drives' torque converters.
+        velocity_loop_band_hz: Lowest and highest frequency at which multisines measure the drives'
+            velocity loops.
+        validation_limits_percent: Largest relative torque error of each joint that passes
+            `validate`.
+        home: Pose to which `jog --home` moves, one position per joint.
+        monitor: A second connection to the drives (Modbus), for temperatures and nominal data.
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")

@@ -37,9 +37,14 @@ MOST_REGISTERS: Final = 125  # per read (Modbus application protocol 1.1b3, 6.3)
 
 
 class Register(ConfigModel):
-    """Register of a quantity; its value in SI units is `scale` times the number plus `offset`.
+    """The register of a quantity; its value in SI units is `scale` times the number plus `offset`.
 
     A temperature in tenths of a degree Celsius has the scale 0.1 and the offset 273.15.
+
+    Attributes:
+        address: Address of the first register, counted from 0.
+        type: Type of the number; 32-bit types take two registers.
+        table: Holding registers (function code 3) or input registers (4).
     """
 
     address: Annotated[int, Field(ge=0, le=0xFFFF)]
@@ -67,9 +72,13 @@ class Register(ConfigModel):
 class DriveProfile(ConfigModel):
     """The registers of one type of drive.
 
-    `word_order` is the order of the registers of a 32-bit number: `big`, the usual one, has the
-    more significant register first. Registers up to `largest_gap` apart are read together, at most
-    `most_registers` at a time.
+    Attributes:
+        name: Name of the profile.
+        word_order: Order of the registers of a 32-bit number: `big`, the usual one, has the more
+            significant register first.
+        largest_gap: Registers that are so many addresses apart, or fewer, are read together.
+        most_registers: Largest number of registers in one request.
+        registers: The register of each quantity, by its name.
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")

@@ -28,10 +28,14 @@ def object_address(name: str) -> tuple[int, int]:
 
 
 class FixedEntry(ConfigModel):
-    """One object in such a PDO.
+    """One object in a PDO that cannot be mapped.
 
-    `signal` is the cyclic signal that the object carries. An object without a signal always gets
-    the value `holds` in an RPDO, and is ignored in a TPDO.
+    Attributes:
+        object: Index and subindex.
+        bits: Size of the object.
+        signal: The cyclic signal that the object carries.
+        holds: Value of an object without a signal in an RPDO. Without a signal in a TPDO, the
+            object is ignored.
     """
 
     object: ObjectName
@@ -43,8 +47,11 @@ class FixedEntry(ConfigModel):
 class FixedPdo(ConfigModel):
     """A PDO with its objects in order, and its transmission type.
 
-    Type 1 means with every SYNC. An RPDO of type 254 or 255 acts on arrival. A TPDO of a type other
-    than 1 may come at any time and is not used.
+    Attributes:
+        pdo: Number and direction, as the drive sees it: `rpdo1` to `rpdo4`, `tpdo1` to `tpdo4`.
+        transmission: Transmission type: 1 means with every SYNC. An RPDO of type 254 or 255 acts on
+            arrival. A TPDO of a type other than 1 may come at any time and is not used.
+        objects: The objects in their order.
     """
 
     pdo: Annotated[str, Field(pattern=r"^[rt]pdo[1-4]$")]

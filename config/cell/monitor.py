@@ -13,8 +13,12 @@ from config.robot.robot import Temperature
 class ModbusTls(ConfigModel):
     """Modbus/TCP Security: both sides present certificates (Modbus/TCP Security v3.6, 3.1).
 
-    Paths are relative to the folder in which the program runs. `server_name` is the expected name
-    in the drive's certificate; by default it is the host.
+    Paths are relative to the folder in which the program runs.
+
+    Attributes:
+        ca_file: Certificate of the authority that signed the drive's certificate.
+        certificate_file, key_file: This computer's certificate and key.
+        server_name: Expected name in the drive's certificate; by default the host.
     """
 
     ca_file: str = Field(min_length=1)
@@ -30,7 +34,13 @@ class ModbusTls(ConfigModel):
 
 
 class ModbusTcp(ConfigModel):
-    """Drives, or a gateway to them, on a network; the usual port is 502, with TLS 802."""
+    """Drives, or a gateway to them, on a network.
+
+    Attributes:
+        host: Name or address.
+        port: Usually 502; with TLS 802.
+        tls: Certificates, for Modbus/TCP Security.
+    """
 
     kind: Literal["tcp"]
     host: str = Field(min_length=1, max_length=253)
@@ -39,7 +49,12 @@ class ModbusTcp(ConfigModel):
 
 
 class ModbusRtu(ConfigModel):
-    """Drives on a serial line (RS-485); `address` is a device's path."""
+    """Drives on a serial line (RS-485).
+
+    Attributes:
+        address: Path of the serial port.
+        baud_rate, parity, stop_bits: Settings of the line, the same as in the drives.
+    """
 
     kind: Literal["rtu"]
     address: str = Field(min_length=1, max_length=256)
@@ -49,11 +64,16 @@ class ModbusRtu(ConfigModel):
 
 
 class MonitorConfig(ConfigModel):
-    """The drives that are polled, the quantities and the period.
+    """The drives that are polled over Modbus, the quantities and the period.
 
-    `units` are the Modbus addresses of the drives, one per axis, in the order of `axes`. `profile`
-    names a bundled file or gives a path relative to the cell file. A request that is not answered
-    within `timeout_s` is abandoned; a later answer is discarded.
+    Attributes:
+        link: The connection.
+        units: Modbus addresses of the drives, one per axis, in the order of `axes`.
+        profile: Registers of the drives: a bundled name, or a path relative to the cell file.
+        period_s: Time between two readings.
+        timeout_s: A request that is not answered within this time is abandoned; a later answer is
+            discarded.
+        warmest_k: Highest temperature of a drive or motor at which the robot may move [K].
     """
 
     link: Annotated[ModbusTcp | ModbusRtu, Field(discriminator="kind")]

@@ -43,12 +43,19 @@ ThreeMoments = tuple[Moment, Moment, Moment]
 class AmplifierConfig(ConfigModel):
     """An eight-channel charge amplifier on a serial line, with its settings.
 
-    `address` is anything that pyserial opens: a device's path, `rfc2217://host:port`,
-    `socket://host:port`. `profile` names a bundled file or gives a path relative to the cell file;
-    it defines the commands and rows of this amplifier. `range_n` is the full scale of each channel;
-    `sensitivity_pc_n` is the sensors', with its sign, as on their certificate. With `trigger` the
-    SYNC pulse is wired to the amplifier's trigger input: the device time of each edge is sent with
-    the rows, and its bytes count on the line.
+    Attributes:
+        address: Anything that pyserial opens: the path of a device, `rfc2217://host:port`,
+            `socket://host:port`.
+        profile: The commands and rows of this amplifier: a bundled name, or a path relative to the
+            cell file.
+        format: Format of the rows.
+        rate_hz: Rows per second.
+        low_pass_hz, low_pass_order: Low-pass filter of the amplifier.
+        range_n: Full scale of each channel.
+        sensitivity_pc_n: Sensitivities of the sensors, with their sign, as on their certificate.
+        trigger: The SYNC pulse is wired to the amplifier's trigger input: the device time of each
+            edge is sent with the rows, and its bytes count on the line.
+        bits: Resolution of the converter.
     """
 
     address: str = Field(min_length=1, max_length=256)
@@ -90,8 +97,12 @@ class AmplifierConfig(ConfigModel):
 class PlateZero(ConfigModel):
     """Result of `rid-daq plate zero`: each channel's offset and its drift.
 
-    `pose` is the robot's pose at the end of the measurement (rad or m, base to flange). `rest_n` is
-    the reading of the channels in this pose beyond the offset, caused by the moment of gravity.
+    Attributes:
+        offset_n: Offset of each channel.
+        drift_n_s: Drift of each channel.
+        pose: The robot's pose at the end of the measurement [rad or m], base to flange.
+        rest_n: Reading of the channels in this pose beyond the offset, caused by the moment of
+            gravity.
     """
 
     offset_n: EightOffsets
@@ -101,7 +112,11 @@ class PlateZero(ConfigModel):
 
 
 class PlateLimits(ConfigModel):
-    """Load limits of the floor: the largest force and moment about the base's axes, either sign."""
+    """Load limits of the floor, about the axes of the robot's base, for either sign.
+
+    Attributes:
+        force_n, moment_nm: Largest force and moment in x, y and z.
+    """
 
     force_n: ThreeForces
     moment_nm: ThreeMoments
@@ -110,12 +125,18 @@ class PlateLimits(ConfigModel):
 class PlateConfig(ConfigModel):
     """A force plate of four three-component sensors, as C3D's FORCE_PLATFORM type 3 defines it.
 
-    `a_m` and `b_m` are the sensors' distances from the centre along the plate's x and y. `az0_m` is
-    the position of the sensors' plane relative to the surface; it is negative, because the plate's
-    z points down. All three are on the plate's certificate. `sensitivity` is the crosstalk: channel
-    readings = matrix times sensor forces. `position_m` and `rotation_rad` (roll, pitch, yaw as in a
-    URDF) are the pose of the plate's frame, its origin in the centre of the surface, in the robot's
-    base frame. A period in which a channel drifts faster than `drift_limit_n_s` is not averaged.
+    Attributes:
+        a_m, b_m: Distances of the sensors from the centre along the plate's x and y, as on its
+            certificate.
+        az0_m: Position of the sensors' plane relative to the surface, as on the certificate; it is
+            negative, because the plate's z points down.
+        position_m, rotation_rad: Pose of the plate's frame, whose origin is the centre of the
+            surface, in the robot's base frame; roll, pitch and yaw as in a URDF.
+        sensitivity: The crosstalk: channel readings = matrix times sensor forces.
+        zero: Result of `rid-daq plate zero`.
+        drift_limit_n_s: A period in which a channel drifts faster is not averaged.
+        limits: Load limits of the floor.
+        amplifier: The charge amplifier.
     """
 
     a_m: Annotated[Positive, Plausible(5e-3, 2.0, "m")]

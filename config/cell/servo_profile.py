@@ -50,8 +50,13 @@ BY_RAMP: Final[tuple[Mode, ...]] = ("profile_velocity", "makers")
 class TorqueObject(ConfigModel):
     """An object that holds a torque or a current.
 
-    `of` is the unit, of which `units` counts are one: the rated torque, the rated current, or one
-    ampere. `asked` is true if no PDO can carry the object; it is then read by SDO after every SYNC.
+    Attributes:
+        object: Index and subindex, such as `6077h:00`.
+        of: Unit, of which `units` counts are one: the rated torque, the rated current, or one
+            ampere.
+        units: Counts per unit.
+        bits: Size of the object.
+        asked: No PDO can carry the object: it is read by SDO after every SYNC.
     """
 
     object: ObjectName
@@ -64,7 +69,11 @@ class TorqueObject(ConfigModel):
 class ExtraSetting(ConfigModel):
     """An object of the manufacturer, or of an older profile, that must hold a value.
 
-    With `written: false` the value is only compared.
+    Attributes:
+        object: Index and subindex, such as `2100h:01`.
+        bits: Size of the object.
+        value: The value that the object must hold.
+        written: The value is written; false if it is only compared.
     """
 
     object: ObjectName
@@ -76,9 +85,15 @@ class ExtraSetting(ConfigModel):
 class ReferencedBits(ConfigModel):
     """Bits of an object that report whether a drive was homed since its encoder lost position.
 
-    The drive is referenced if the object, masked by `mask`, equals `value`; without `value`, if all
-    bits of the mask are set. Of 6041h only bits 8, 14 and 15 can be used: CiA 402 leaves no other
-    bit to the manufacturer, and bit 12 means "homing attained" only in homing mode.
+    Of 6041h only bits 8, 14 and 15 can be used: CiA 402 leaves no other bit to the manufacturer,
+    and bit 12 means "homing attained" only in homing mode.
+
+    Attributes:
+        object: Index and subindex.
+        bits: Size of the object.
+        mask: The bits that count.
+        value: The drive is referenced if the masked object equals it; without it, if all bits of
+            the mask are set.
     """
 
     object: ObjectName
@@ -112,42 +127,44 @@ class ReferencedBits(ConfigModel):
 class ServoProfile(ConfigModel):
     """One family of drives, or the keys that a cell file adds for one drive.
 
-    Keys that are left out come from `base`, a bundled profile; without it, from CiA 402.
-
-    `mode` is one of CiA 402's, which are 9, 3, 8 or 7 in 6060h, or the manufacturer's own -1; for
-    the latter, `pdos` name the object that receives the velocity. A drive in a position mode
-    receives the sum of its velocities, in increments.
-    `encoder_increments`, units of 6064h per motor revolution, replaces 608Fh. `rated_torque_nm`
-    replaces 6076h, in which `rated_torque_units` counts are 1 N m. `rated_current_a` replaces
-    6075h. A drive that reports a current instead of a torque needs the motor's
-    `torque_constant_nm_per_a`.
-
-    `velocity_units` counts of 60FFh are one `velocity_unit`; `acceleration_units` counts of 6083h
-    to 6085h are one `acceleration_unit` per second. Acceleration keys that are left out are those
-    of velocity.
-
-    `torque` is part of every cycle's answer. The cell's `drive_safety` is written to `torque_limit`
-    or, with `torque_limit_written: false`, the limit is only read and shown; null means that there
-    is none. `deceleration_rad_s2` is the joint's deceleration if the drive has no 6085h to set.
-
-    `commands` take effect at the next SYNC or, for a drive whose RPDOs ignore SYNC, on arrival.
-    `pdos` are those of a drive that does not let them be mapped; they are used as they are.
-
-    `cycle_time_written: false` is for a drive that takes the period of its set-points from SYNC, or
-    from its own tool: 60C2h is then compared, if it exists, and not written.
-
-    `enable_timeout_s` is the longest time from Switch On Disabled to Operation Enabled, including
-    brakes and precharge. `follows_bit: false` is for a drive that never sets bit 12 of 6041h (drive
-    follows the command value).
-
-    `referenced` names the bits that report that the drive has been homed. A drive that reports that
-    it has not is refused; without the key, the state is unknown.
-
-    `watch` is how drive and computer detect each other's failure: by heartbeats (1016h, 1017h) or,
-    for a drive without 1016h, by life guarding (100Ch, 100Dh), in which its state is requested.
-
-    A simulated drive of the family lacks the objects of `lacks`, refuses writing to those of
-    `read_only`, and also has those of `settings`.
+    Attributes:
+        base: Bundled profile from which keys that are left out come; without it, from CiA 402.
+        vendor: Vendor id (1018h:01), by which the profile of an electronic data sheet is found.
+        mode: Mode of operation: `cyclic_velocity` 9, `profile_velocity` 3, `cyclic_position` 8 or
+            `interpolated_position` 7 in 6060h, or `makers`, -1, the manufacturer's own; for the
+            latter, `pdos` name the object that receives the velocity. A drive in a position mode
+            receives the sum of its velocities, in increments.
+        encoder_increments: Units of 6064h per motor revolution; replaces 608Fh.
+        velocity_unit, velocity_units: So many counts of 60FFh are one unit.
+        acceleration_unit, acceleration_units: So many counts of 6083h to 6085h are one unit per
+            second; those of velocity if they are left out.
+        rated_torque_nm: Replaces 6076h.
+        rated_torque_units: Counts of 6076h per N m.
+        rated_current_a: Replaces 6075h.
+        torque_constant_nm_per_a: Torque constant of the motor, needed if the drive reports a
+            current instead of a torque.
+        torque: The measured torque or current, part of every cycle's answer.
+        torque_limit: Object that limits the torque; null if there is none.
+        torque_limit_written: The cell's `drive_safety` is written to `torque_limit`; false if the
+            limit is only read and shown.
+        deceleration_rad_s2: The joint's deceleration if the drive has no 6085h to set.
+        commands: Commands take effect at the next SYNC or, if the drive's RPDOs ignore SYNC, on
+            arrival.
+        pdos: PDOs of a drive that does not let them be mapped; they are used as they are.
+        cycle_time_written: False if the drive takes the period of its set-points from SYNC, or from
+            its own tool: 60C2h is then compared, if it exists, and not written.
+        enable_timeout_s: Longest time from Switch On Disabled to Operation Enabled, including
+            brakes and precharge.
+        follows_bit: False if the drive never sets bit 12 of 6041h (drive follows the command
+            value).
+        referenced: Bits that report that the drive has been homed. A drive that reports that it has
+            not is refused; without this key, the state is unknown.
+        watch: How drive and computer detect each other's failure: by heartbeats (1016h, 1017h) or,
+            for a drive without 1016h, by life guarding (100Ch, 100Dh), in which its state is
+            requested.
+        settings: Further objects that must hold a value; a simulated drive has them too.
+        lacks: Objects that a simulated drive of the family does not have.
+        read_only: Objects that cannot be written.
     """
 
     base: str | None = Field(default=None, min_length=1)

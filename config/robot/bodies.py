@@ -17,7 +17,13 @@ Length = Annotated[float, Field(gt=0.0), Plausible(1e-4, 5.0, "m")]
 
 
 class Capsule(ConfigModel):
-    """A cylinder with hemispherical ends; a sphere if both ends are the same point."""
+    """A cylinder with hemispherical ends; a sphere if both ends are the same point.
+
+    Attributes:
+        link: The link in whose frame the points are, 0 for the base.
+        start_m, end_m: Ends of the axis.
+        radius_m: Radius.
+    """
 
     kind: Literal["capsule"]
     link: Annotated[int, Field(ge=0)]
@@ -28,7 +34,12 @@ class Capsule(ConfigModel):
 
 
 class Hull(ConfigModel):
-    """The convex hull of some points, such as a simplified mesh."""
+    """The convex hull of some points, such as a simplified mesh.
+
+    Attributes:
+        link: The link in whose frame the points are, 0 for the base.
+        points_m: The points.
+    """
 
     kind: Literal["hull"]
     link: Annotated[int, Field(ge=0)]
@@ -48,7 +59,12 @@ Body = Annotated[Capsule | Hull, Field(discriminator="kind")]
 
 
 class Plane(ConfigModel):
-    """A wall or floor in the base frame: the robot stays on the side `normal` . p > `offset_m`."""
+    """A wall or floor in the base frame: the robot stays on the side `normal` . p > `offset_m`.
+
+    Attributes:
+        normal: Direction towards the robot.
+        offset_m: Distance of the plane from the origin, along the normal.
+    """
 
     name: str
     normal: tuple[float, float, float]
@@ -65,7 +81,12 @@ class Plane(ConfigModel):
 
 
 class Box(ConfigModel):
-    """A box along the axes of the base frame that the robot stays out of or stays in."""
+    """A box along the axes of the base frame.
+
+    Attributes:
+        keep: The robot stays `out` of the box or `in` it.
+        min_m, max_m: Two opposite corners.
+    """
 
     name: str
     keep: Literal["out", "in"]
@@ -80,7 +101,13 @@ class Box(ConfigModel):
 
 
 class Workspace(ConfigModel):
-    """The space in which the robot may move. Bodies of the base (link 0) are not checked here."""
+    """The space in which the robot may move. Bodies of the base (link 0) are not checked here.
+
+    Attributes:
+        planes: Walls and floors.
+        boxes: Boxes that the robot stays out of or stays in.
+        clearance_m: Smallest distance between two bodies, or of a body from the edges of the space.
+    """
 
     planes: tuple[Plane, ...] = ()
     boxes: tuple[Box, ...] = ()

@@ -15,11 +15,17 @@ Distance = Annotated[float, Plausible(0.0, 20.0, "m")]
 
 
 class KinematicRow(ConfigModel):
-    """One row of a Denavit-Hartenberg table, angles in rad, lengths in m.
+    """One row of a Denavit-Hartenberg table.
 
-    The joint position is added to `theta_rad` (revolute) or `d_m` (prismatic). `beta_rad` is
-    Hayati's angle for nearly parallel axes (theory: section 1); it exists in the modified
-    convention only.
+    The joint position is added to `theta_rad` (revolute) or `d_m` (prismatic).
+
+    Attributes:
+        alpha_rad: Twist about x.
+        beta_rad: Hayati's angle about y, for nearly parallel axes (theory: section 1); it exists in
+            the modified convention only.
+        theta_rad: Angle about z.
+        a_m: Distance along x.
+        d_m: Distance along z.
     """
 
     alpha_rad: Angle = 0.0
@@ -36,11 +42,15 @@ _ANGLES: Final = ("alpha_rad", "theta_rad")
 class Kinematics(ConfigModel):
     """A Denavit-Hartenberg table, base to flange.
 
-    In the modified convention frame i-1 becomes frame i by
-    Rot_x(alpha) Trans_x(a) Rot_y(beta) Rot_z(theta) Trans_z(d), all of row i; in the standard
-    convention by Rot_z(theta) Trans_z(d) Trans_x(a) Rot_x(alpha). If an alpha or theta is a
-    multiple of 15 degrees rounded to few decimals (1.57), the exact multiple is used. `calibration`
-    holds, row by row, the offsets that a kinematic calibration adds to the nominal values.
+    In the modified convention frame i-1 becomes frame i by Rot_x(alpha) Trans_x(a) Rot_y(beta)
+    Rot_z(theta) Trans_z(d), all of row i; in the standard convention by Rot_z(theta) Trans_z(d)
+    Trans_x(a) Rot_x(alpha). If an alpha or theta is a multiple of 15 degrees rounded to few
+    decimals (1.57), the exact multiple is used.
+
+    Attributes:
+        rows: One row per joint.
+        calibration: Row by row, the offsets that a kinematic calibration adds to the nominal
+            values.
     """
 
     convention: Literal["modified_dh", "standard_dh"]

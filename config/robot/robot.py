@@ -47,10 +47,15 @@ JointType = Literal["revolute", "prismatic"]
 
 
 class JointLimits(ConfigModel):
-    """Limits of a joint, link side: position [rad or m], its derivatives, torque [N m or N].
+    """Limits of a joint, at the link side.
 
     With a `coupling`, position and acceleration are the joint's, torque is its motor's, and
-    velocity bounds both, each on its own side.
+    velocity limits both.
+
+    Attributes:
+        position_min, position_max: [rad or m].
+        velocity, acceleration: [rad or m, per second and per second squared].
+        torque: [N m or N].
     """
 
     position_min: JointPosition
@@ -71,9 +76,11 @@ class JointLimits(ConfigModel):
 class Rotor(ConfigModel):
     """Mounting and spin direction of a motor's rotor (theory: section 3).
 
-    `link` is the link that carries the motor, 0 for the base. `axis` is the spin axis in that
-    link's frame: a positive `gear_ratio` spins the rotor about it if the joint's velocity is
-    positive. A motor may be mounted on the link that it moves (`link` equal to its joint's number).
+    Attributes:
+        link: The link that carries the motor, 0 for the base. A motor may be mounted on the link
+            that it moves: then it is the joint's own number.
+        axis: Spin axis in that link's frame: a positive `gear_ratio` spins the rotor about it if
+            the joint's velocity is positive.
     """
 
     link: Annotated[int, Field(ge=0)]
@@ -92,22 +99,32 @@ class Rotor(ConfigModel):
 class Joint(ConfigModel):
     """One joint: its kind, limits, gear and model terms.
 
-    `armature` adds the rotor inertia mu^2 I_M at the link side, for a motor whose mounting is not
-    known; if it is known, `rotor` is the better model. `friction` lists the terms of the joint's
-    friction (theory: section 4). `asymmetric` is Coulomb friction with a value for each direction.
-    `stribeck` is estimated from the initial speed `stribeck_velocity` [rad/s or m/s]. With
-    `temperature`, Coulomb and viscous friction change linearly with the distance from
-    `reference_temperature_k`. `load` grows with the torque that the gear transmits. `presliding` is
-    presliding hysteresis, estimated from the initial displacement `presliding_distance` [rad or m]
-    (section 4.1). If `presliding_share` is below 1, only that fraction of the friction has
-    hysteresis and the rest is rigid; it too is an initial value of the estimate. `efficiency` (0 to
-    1) is the initial value of the gear's efficiency (5.16, 5.17); without it the gear is lossless.
-    `torque_constant_nm_per_a` is torque at the link side, gear included, per ampere of the motor,
-    at `reference_temperature_k`. `torque_constant_per_k` is its relative change per kelvin
-    (magnets: some -0.001 1/K), which drives do not know. `stiffness_nm_rad` is the torsional
-    stiffness of gear and bearings at the gear's output [N m/rad; N/m of a prismatic joint].
-    Encoders at the motors do not measure this deflection; `tracking` estimates it. No model uses
-    it.
+    Attributes:
+        name: Name of the joint.
+        limits: Limits of position, velocity, acceleration and torque.
+        gear_ratio: Motor turns per joint turn (rad per m of a prismatic joint).
+        rotor: Mounting of the motor, if it is known.
+        torque_constant_nm_per_a: Torque at the link side, gear included, per ampere of the motor,
+            at `reference_temperature_k`.
+        torque_constant_per_k: Relative change of the torque constant per kelvin (magnets: about
+            -0.001 1/K), which drives do not know.
+        friction: Terms of the joint's friction (theory: section 4). `asymmetric` is Coulomb
+            friction with a value for each direction. With `temperature`, Coulomb and viscous
+            friction change linearly with the difference from `reference_temperature_k`. `load`
+            grows with the torque that the gear transmits. `presliding` is presliding hysteresis
+            (section 4.1).
+        stribeck_velocity: Initial value of the estimate [rad/s or m/s].
+        presliding_distance: Initial value of the estimated presliding displacement [rad or m].
+        presliding_share: Initial value of the fraction of the friction that has hysteresis; the
+            rest is rigid. At 1 all friction has hysteresis, and the fraction is not estimated.
+        reference_temperature_k: Temperature at which torque constant and friction are stated.
+        armature: Adds the rotor inertia mu^2 I_M at the link side, for a motor whose mounting is
+            not known; if it is known, `rotor` is the better model.
+        stiffness_nm_rad: Torsional stiffness of gear and bearings at the gear's output [N m/rad;
+            N/m of a prismatic joint]. Encoders at the motors do not measure this deflection;
+            `tracking` estimates it. No model uses it.
+        efficiency: Initial value of the gear's efficiency (5.16, 5.17); without it the gear is
+            lossless.
     """
 
     name: str = Field(pattern=r"^[A-Za-z][\w-]{0,31}$")
@@ -154,8 +171,11 @@ class Joint(ConfigModel):
 class GravitySpring(ConfigModel):
     """A gravity-compensation spring across one joint (3.36-3.38); angle zero is with the link up.
 
-    `physical` needs the distances `l_m` and `r_m` of the spring's ends from the axis. If they are
-    not known, `fourier` (3.37) fits three harmonics of the angle.
+    Attributes:
+        joint: Name of the joint.
+        form: `physical` needs the distances `l_m` and `r_m`; if they are not known, `fourier`
+            (3.37) fits three harmonics of the angle.
+        l_m, r_m: Distances of the spring's ends from the axis.
     """
 
     joint: str
@@ -179,10 +199,14 @@ def _ball_kg_m2(mass_kg: float, density_kg_m3: float) -> float:
 class LinkCad(Derived):
     """Drawing data of a link, in its frame (modified convention, frame i on axis i).
 
-    `inertia_kg_m2` is xx, xy, xz, yy, yz, zz about the centre of gravity, elements of the matrix.
-    `uncertainty` is the standard deviation of every value, relative to its magnitude. Null marks a
-    guess: it is used to plan motions, but not as a prior. An inertia below that of a steel ball of
-    the mass counts as unknown, because it is zero or was rounded away.
+    Attributes:
+        mass_kg: Mass.
+        centre_m: Centre of gravity.
+        inertia_kg_m2: xx, xy, xz, yy, yz, zz about the centre of gravity, elements of the matrix.
+            An inertia below that of a steel ball of the mass counts as unknown, because it is zero
+            or was rounded away.
+        uncertainty: Standard deviation of every value, relative to its magnitude. Null marks a
+            guess: it is used to plan motions, but not as a prior.
     """
 
     mass_kg: Annotated[NonNegative, Plausible(1e-4, 3e3, "kg")]
@@ -223,14 +247,25 @@ class LinkCad(Derived):
 class RobotDescription(PhysicalFile):
     """A serial robot: kinematics, joints, rotors, spring, gravity. Inertias are measured.
 
-    `coupling` is C of q = C alpha (5.18), for wrists whose motors move several joints; alpha are
-    the motors' angles divided by their gear ratios. `cad` is the drawing data of the links, base to
-    flange; it is a prior, never a result. `bodies` is the space that the links occupy. `may_touch`
-    names pairs of bodies that are not checked against each other, because they touch by design.
-    `base_offset_m` is the origin of frame 0 in the frame of the whole robot; both have the same
-    axes. `tool_rpy_rad` rotates the tool's frame relative to the last one (roll, pitch, yaw as in a
-    URDF). Both matter only for exports. `rated_payload_kg` is the maker's rated payload: an
-    identified payload is compared with it or, without it, with the weight of `cad`.
+    Attributes:
+        name: Name of the robot.
+        gravity_m_s2: Acceleration of gravity in the base frame.
+        base_offset_m: Origin of frame 0 in the frame of the whole robot; both have the same axes.
+            It matters only for exports.
+        kinematics: The Denavit-Hartenberg table.
+        tool_offset_m: The tool point in the last frame.
+        tool_rpy_rad: Rotation of the tool's frame relative to the last one (roll, pitch, yaw as in
+            a URDF). It matters only for exports.
+        rated_payload_kg: The maker's rated payload: an identified payload is compared with it or,
+            without it, with the weight of `cad`.
+        joints: The joints, base to flange.
+        spring: A gravity-compensation spring.
+        coupling: C of q = C alpha (5.18), for wrists whose motors move several joints; alpha are
+            the motors' angles divided by their gear ratios.
+        cad: Drawing data of the links, base to flange; it is a prior, never a result.
+        bodies: The space that the links occupy.
+        may_touch: Pairs of bodies that are not checked against each other, because they touch by
+            design.
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")

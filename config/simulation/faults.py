@@ -37,7 +37,11 @@ FrameKind = Literal[
 
 
 class TimedFault(ConfigModel):
-    """Start of a fault."""
+    """Start of a fault.
+
+    Attributes:
+        at_s, at_cycle: Time [s] or cycle of the start.
+    """
 
     at_s: Annotated[float, Field(ge=0.0, le=LONGEST_S)] | None = None
     at_cycle: Annotated[int, Field(ge=1, le=MOST)] | None = None
@@ -52,15 +56,26 @@ class TimedFault(ConfigModel):
 class FrameFault(TimedFault):
     """A fault of frames on the CAN bus.
 
-    From its start on, each frame of this kind (`frames`, limited to one drive by `joint`) is hit
-    with `probability`, until `count` were hit. Without `count` one frame is hit, or every frame if
-    a probability or `lasting` is given.
+    From its start on, each frame of the kind is affected with the probability, until the count is
+    reached. Without `count` one frame is affected, or every frame if a probability or `lasting` is
+    given.
 
-    `drop`: it never arrives. `duplicate`: it comes twice. `delay`: it comes `delay_s` later and
-    delays no other frame. `reorder`: it comes after the next frame of the same identifier.
-    `corrupt`: one bit is flipped (`bit`, or a random one). `wrong_length`: it has `length` bytes.
-    `spoof`: another node answers before the drive, with its identifier and its data plus
-    `position_counts` or `torque_permille`.
+    Attributes:
+        kind: `drop`: the frame never arrives. `duplicate`: it comes twice. `delay`: it comes
+            `delay_s` later and delays no other frame. `reorder`: it comes after the next frame of
+            the same identifier. `corrupt`: one bit is flipped. `wrong_length`: it has `length`
+            bytes. `spoof`: another node answers before the drive, with its identifier and changed
+            data.
+        frames: Kind of the frames.
+        joint: Only frames of this joint's drive.
+        at_frame: Number of the first frame of this kind that is affected.
+        probability: Probability for each frame.
+        count: Number of frames.
+        lasting: Every frame from the start on.
+        delay_s: Delay of `delay`.
+        bit: Flipped bit of `corrupt`; without it, a random one.
+        length: Length of `wrong_length`.
+        position_counts, torque_permille: Amounts that `spoof` adds to position and torque.
     """
 
     kind: Literal["drop", "duplicate", "delay", "reorder", "corrupt", "wrong_length", "spoof"]
@@ -108,10 +123,14 @@ class FrameFault(TimedFault):
 
 
 class StrangeFrames(TimedFault):
-    """Frames that no node of the cell sends: `count` frames, one every `period_s`.
+    """Frames that no node of the cell sends.
 
     With an identifier below 80h and a period shorter than a frame takes, this is a babbling node
     that blocks the bus for all others.
+
+    Attributes:
+        identifier, length: Identifier and length of the frames.
+        count, period_s: Number of frames, and their period.
     """
 
     kind: Literal["strange"]
@@ -122,11 +141,14 @@ class StrangeFrames(TimedFault):
 
 
 class AdapterFault(TimedFault):
-    """A fault of the computer's CAN adapter, for `duration_s`.
+    """A fault of the computer's CAN adapter.
 
-    `bus_off`: it reports bus-off once, and receives and sends nothing. `unplugged`: it is removed
-    and cannot be opened meanwhile. `no_acknowledge`: no node acknowledges its frames. They wait in
-    its queue (`queue` frames; further ones are lost) and are sent after `duration_s`.
+    Attributes:
+        kind: `bus_off`: the adapter reports bus-off once, and receives and sends nothing.
+            `unplugged`: it is removed and cannot be opened. `no_acknowledge`: no node acknowledges
+            its frames; they wait in its queue and are sent after the fault.
+        duration_s: Duration of the fault.
+        queue: Frames that the queue holds; further ones are lost.
     """
 
     kind: Literal["bus_off", "unplugged", "no_acknowledge"]
@@ -135,10 +157,13 @@ class AdapterFault(TimedFault):
 
 
 class HeldUp(TimedFault):
-    """A stalled computer: the cyclic task wakes up `duration_s` late.
+    """A stalled computer: the cyclic task wakes up late.
 
-    `count` consecutive wake-ups are late. This works in lock-step only; in real time the computer's
-    own clock wakes the task.
+    This works in lock-step only; in real time the computer's own clock wakes the task.
+
+    Attributes:
+        duration_s: Delay of each wake-up.
+        count: Number of consecutive wake-ups.
     """
 
     kind: Literal["held_up"]
@@ -147,19 +172,24 @@ class HeldUp(TimedFault):
 
 
 class DriveFault(TimedFault):
-    """A fault of one drive or, without `joint`, of all.
+    """A fault of one drive, or of all.
 
-    For `duration_s`, or without end: `stuck_encoder` (6064h and the drive's own watch of it stop
-    changing while the axis moves), `blocked` (its brake stays closed while it is powered),
-    `reversed` (it turns the other way), `ignores_quick_stop` (RPDOs with a quick stop are ignored),
-    `heartbeat_stops`, `watch_asleep` (it stores 1016h and 1400h:05 but does not act on them),
-    `clock` (its own clock runs `factor` times as fast, or `ppm` millionths faster. This affects
-    every timer that it starts from then on: heartbeats, watches, ramps; but not its speed, which
-    only its command determines),
-    `motor_power_lost` (as by an emergency stop: the drive's electronics run, without power),
-    `supply_lost` (it is off the bus, and boots after `duration_s`).
-    At once: `reset` (it boots), `fault` and `emergency` with `code`; the latter sends `count`
-    messages every `period_s` and changes nothing else.
+    Attributes:
+        kind: For `duration_s`, or without end: `stuck_encoder` (6064h and the drive's own
+            supervision of it stop changing while the axis moves), `blocked` (its brake stays closed
+            while it is powered), `reversed` (it turns the other way), `ignores_quick_stop` (RPDOs
+            with a quick stop are ignored), `heartbeat_stops`, `watch_asleep` (it stores 1016h and
+            1400h:05 but does not act on them), `clock` (its own clock runs at another speed; this
+            affects every timer that it starts from then on: heartbeats, watches, ramps, but not its
+            speed, which only its command determines), `motor_power_lost` (as by an emergency stop:
+            the electronics run without power), `supply_lost` (it is off the bus, and boots after
+            `duration_s`). At once: `reset` (it boots), `fault`, `emergency` (messages, which change
+            nothing else).
+        joint: The drive's joint; without it, all drives.
+        duration_s: Duration of the fault.
+        code: Error code of `fault` and `emergency`.
+        count, period_s: Number of messages of `emergency`, and their period.
+        factor, ppm: Speed of `clock`: this factor, or so many millionths faster.
     """
 
     kind: Literal[
@@ -202,17 +232,25 @@ class DriveFault(TimedFault):
 
 
 class ProcessKilled(TimedFault):
-    """A process is killed (SIGKILL): the recorder, the cyclic task, or the program itself."""
+    """A process is killed (SIGKILL).
+
+    Attributes:
+        process: The recorder, the cyclic task, or the program itself.
+    """
 
     kind: Literal["kill"]
     process: Literal["recorder", "task", "program"]
 
 
 class ProcessFrozen(TimedFault):
-    """A process is suspended: SIGSTOP, and SIGCONT `duration_s` later by the computer's clock.
+    """A process is suspended by SIGSTOP, and continued by SIGCONT.
 
     In simulated time this does not disturb the task, because its bus is suspended too; in real time
     it is a stalled computer.
+
+    Attributes:
+        process: The recorder, or the cyclic task.
+        duration_s: Duration by the computer's clock.
     """
 
     kind: Literal["freeze"]
@@ -221,9 +259,11 @@ class ProcessFrozen(TimedFault):
 
 
 class ProgramSignalled(TimedFault):
-    """A signal is sent to the program itself, `count` times, every `period_s` of its clock.
+    """A signal is sent to the program itself.
 
-    `TSTP` is what Ctrl-Z sends: it suspends the program if nothing moves.
+    Attributes:
+        signal: `TSTP` is what Ctrl-Z sends: it suspends the program if nothing moves.
+        count, period_s: Number of signals, and their period by the program's clock.
     """
 
     kind: Literal["signal"]
@@ -235,12 +275,15 @@ class ProgramSignalled(TimedFault):
 class DiskFault(TimedFault):
     """A fault of the recorder's disk, produced by means of the operating system.
 
-    `disk_error`: the recording cannot grow by more than `after_bytes`; further writes fail with
-    EFBIG (the recorder's limit on file sizes), which the program handles as it does EIO.
-    `disk_full`: the file system of the runs is filled except for `after_bytes`, and further writes
-    fail with ENOSPC. Only a small separate file system is filled; any other is refused.
-    `disk_stall`: the recorder is suspended for `duration_s`, as in a write that does not return (it
-    is stopped from outside, as `freeze` does: no disk is slowed down).
+    Attributes:
+        kind: `disk_error`: the recording cannot grow by more than `after_bytes`; further writes
+            fail with EFBIG (the recorder's limit on file sizes), which the program handles as it
+            does EIO. `disk_full`: the file system of the runs is filled except for `after_bytes`,
+            and further writes fail with ENOSPC. Only a small separate file system is filled; any
+            other is refused. `disk_stall`: the recorder is suspended for `duration_s`, as in a
+            write that does not return.
+        after_bytes: Bytes that can still be written.
+        duration_s: Duration of `disk_stall`.
     """
 
     kind: Literal["disk_full", "disk_error", "disk_stall"]
@@ -260,9 +303,12 @@ class DiskFault(TimedFault):
 
 
 class RegisterFault(ConfigModel):
-    """A fault of one Modbus request, counted from 0 (`at_request`), or of all if it is left out.
+    """A fault of a Modbus request.
 
-    `exception` answers with `code`; `late` answers with the answer to the previous request.
+    Attributes:
+        kind: `late` answers with the answer to the previous request, `exception` with `code`.
+        at_request: Number of the request, from 0; without it, all requests.
+        code: Exception code.
     """
 
     kind: Literal["silent", "late", "short", "wrong_unit", "garbage", "exception"]
@@ -271,15 +317,19 @@ class RegisterFault(ConfigModel):
 
 
 class AmplifierFault(ConfigModel):
-    """A fault of the amplifier or its line, at a row counted from 0.
+    """A fault of the amplifier or its line.
 
-    `garbage` and `nuls`: `count` random or zero bytes come before the row. `lost_bytes`: `count`
-    consecutive bytes of the row never arrive. `torn_row`: the row ends in the middle, `gap`: it
-    never arrives, `bad_checksum`: one bit of it is flipped; all three for `count` consecutive rows.
-    `stall`: nothing arrives for `duration_s`, then everything at once. `unplug`: the port is gone
-    for `duration_s`, and all that was sent meanwhile is lost; then there is a new port. `overload`:
-    `channel` (0 to 7) gets twice its range for `duration_s`. `drift`: its drift grows by `count`
-    N/s for `duration_s`; the accumulated offset stays. Durations are on the cell's clock.
+    Attributes:
+        kind: `garbage`, `nuls`: `count` random or zero bytes come before the row. `lost_bytes`:
+            `count` consecutive bytes of the row never arrive. `torn_row`, `gap`, `bad_checksum`:
+            `count` consecutive rows end in the middle, never arrive, or have a flipped bit.
+            `stall`: nothing arrives for `duration_s`, then everything at once. `unplug`: the port
+            is gone for `duration_s`, and all that was sent meanwhile is lost; then there is a new
+            port. `overload`: a channel gets twice its range for `duration_s`. `drift`: the drift
+            grows by `count` N/s for `duration_s`; the accumulated offset stays.
+        row: Number of the row at which the fault begins, from 0.
+        count: Number of bytes or rows; drift [N/s].
+        duration_s, channel: Duration on the cell's clock, and channel of `overload`, from 0.
     """
 
     kind: Literal[
@@ -313,10 +363,14 @@ ProgramFault = Annotated[
 
 
 class FaultScript(ConfigModel):
-    """The faults of a simulated cell: on its bus, in its drives, on its other lines.
+    """The faults of a simulated cell.
 
-    `program` lists faults that the operating system causes in a program that starts the cell itself
-    (`record --faults`); `rid-daq mock` has no such program and refuses them.
+    Attributes:
+        bus: Faults of frames, of the adapter and of the computer.
+        registers: Faults of Modbus requests.
+        amplifier: Faults of the force plate's amplifier.
+        program: Faults that the operating system causes in a program that starts the cell itself
+            (`record --faults`); `rid-daq mock` has no such program and refuses them.
     """
 
     seed: Seed = 0

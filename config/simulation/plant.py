@@ -20,10 +20,16 @@ from config.robot.robot import InertiaElements, Mass, NonNegative, Place, Positi
 
 
 class LinkInertia(Derived):
-    """A rigid link: mass, centre of gravity and inertia about it, in the axes of the link frame.
+    """A rigid link.
 
-    `inertia_kg_m2` is Ixx, Iyy, Izz, Ixy, Ixz, Iyz. The rotors' masses and transverse inertias are
-    part of the links that carry them; their polar inertias are not.
+    Masses and transverse inertias of rotors are part of the link that carries them; their polar
+    inertias are not.
+
+    Attributes:
+        mass_kg: Mass.
+        centre_m: Centre of gravity in the link frame.
+        inertia_kg_m2: Ixx, Iyy, Izz, Ixy, Ixz, Iyz about the centre of gravity, in the axes of the
+            link frame.
     """
 
     mass_kg: Mass
@@ -36,7 +42,14 @@ class LinkInertia(Derived):
 
 
 class MountedBody(LinkInertia):
-    """A body that can be mounted on the flange, in the frame of the last link."""
+    """A body that can be mounted on the flange.
+
+    Attributes:
+        mass_kg: Mass.
+        centre_m: Centre of gravity in the frame of the last link.
+        inertia_kg_m2: Ixx, Iyy, Izz, Ixy, Ixz, Iyz about the centre of gravity, in the axes of that
+            frame.
+    """
 
     @model_validator(mode="after")
     def _can_exist(self) -> Self:
@@ -53,11 +66,15 @@ class MountedBody(LinkInertia):
 class SimulatedThermal(ConfigModel):
     """Warming of a motor and its effects.
 
-    `loss_at_rated_w` is the copper loss at rated torque; it grows with the torque's square. The
-    fraction `friction_share` of the friction's power also heats the motor. The temperature follows
-    with `rise_k_per_w` and `time_constant_s`, from `initial_k`. Friction and torque constant have
-    the relative changes `friction_per_k` and `torque_constant_per_k` per kelvin away from the
-    joint's reference temperature (robot file); friction never falls below a fifth.
+    Attributes:
+        initial_k, ambient_k: Temperature of the motor at the start, and of its surroundings.
+        time_constant_s: Time constant with which the temperature follows.
+        rise_k_per_w: Rise above the surroundings per watt of heat.
+        loss_at_rated_w: Copper loss at rated torque; it grows with the torque's square.
+        friction_share: Fraction of the friction's power that also heats the motor.
+        friction_per_k, torque_constant_per_k: Relative changes of friction and torque constant per
+            kelvin away from the joint's reference temperature (robot file); friction never falls
+            below a fifth.
     """
 
     initial_k: Temperature = 298.15
@@ -73,10 +90,22 @@ class SimulatedThermal(ConfigModel):
 class SimulatedAxis(ConfigModel):
     """One simulated axis: motor, friction, servo loop and the drive's reports.
 
-    Friction and torques are the motor's, at the link side of its gear. The rotor's inertia is at
-    the motor side, so that it is the link side's if `gear_ratio` is 1. The velocity loop is
-    tau = K_p (1 + 1/(T_i s)) of the velocity error, followed by the current loop as a first-order
-    lag. `referenced: false` is an axis that has not been homed, if its drive can report that.
+    Friction and torques are the motor's, at the link side of its gear. The velocity loop is tau =
+    K_p (1 + 1/(T_i s)) of the velocity error, followed by the current loop as a first-order lag.
+
+    Attributes:
+        rotor_inertia_kg_m2: Inertia of the rotor at the motor side, so that it is the link side's
+            if `gear_ratio` is 1.
+        coulomb_nm, viscous_nm_s: Coulomb and viscous friction.
+        velocity_gain_nm_s, velocity_integral_time_s: K_p and T_i of the velocity loop.
+        current_loop_bandwidth_hz: Corner frequency of the current loop's lag.
+        rated_motor_torque_nm, peak_motor_torque_nm: Rated torque and largest torque of the motor,
+            at the motor side.
+        encoder_increments_per_motor_rev: Resolution of the encoder.
+        torque_noise_nm: Standard deviation of the noise of each torque sample.
+        brake_torque_nm: Holding torque of the brake.
+        initial_position: Position at switch-on [rad or m].
+        referenced: False for an axis that has not been homed, if its drive can report that.
     """
 
     rotor_inertia_kg_m2: Annotated[NonNegative, Plausible(1e-9, 1e4, "kg m² or kg")]
@@ -95,7 +124,12 @@ class SimulatedAxis(ConfigModel):
 
 
 class SimulatedSpring(ConfigModel):
-    """The gravity spring's stiffness and free length (3.36); its geometry is in the robot file."""
+    """The gravity spring (3.36); its geometry is in the robot file.
+
+    Attributes:
+        stiffness_n_per_m: Stiffness.
+        free_length_m: Length without force.
+    """
 
     stiffness_n_per_m: Annotated[Positive, Plausible(1.0, 1e8, "N/m")]
     free_length_m: Annotated[Positive, Plausible(1e-3, 5.0, "m")]
@@ -104,12 +138,18 @@ class SimulatedSpring(ConfigModel):
 class SimulatedPlate(ConfigModel):
     """True parameters of a simulated force plate, of its charge amplifier and of its serial line.
 
-    The sensors' positions and the amplifier's settings are in the cell file. `crosstalk`: charge of
-    a channel = `sensitivity_pc_n` times (matrix times sensor forces). Operate adds the charge
-    `zero_jump_pc` and starts the drift `drift_pc_s`. `noise_v` is the noise of each sample at the
-    output, whose full scale is 10 V. The amplifier's clock shows `clock_offset_s` when it is
-    switched on, together with the cell, and runs `clock_ppm` fast. Bytes reach the computer up to
-    `line_jitter_s` after they were sent.
+    The sensors' positions and the amplifier's settings are in the cell file.
+
+    Attributes:
+        sensitivity_pc_n: True sensitivities of the sensors.
+        crosstalk: Charge of a channel = `sensitivity_pc_n` times (matrix times sensor forces).
+        zero_jump_pc: Charge that Operate adds.
+        drift_pc_s: Drift that Operate starts.
+        noise_v: Noise of each sample at the output, whose full scale is 10 V.
+        clock_offset_s: Time that the amplifier's clock shows when it is switched on, together with
+            the cell.
+        clock_ppm: Error of the clock; positive if it runs fast.
+        line_jitter_s: Longest delay of a byte on its way to the computer.
     """
 
     sensitivity_pc_n: EightSensitivities
@@ -125,10 +165,20 @@ class SimulatedPlate(ConfigModel):
 class UnmodelledAxis(ConfigModel):
     """Effects of one axis that the estimated models do not have.
 
-    `presliding_rad` is the presliding displacement of the motor, at the link side: up to it,
-    friction is a spring with hysteresis. Between motor and link, `joint_stiffness_nm_rad` is a
-    spring in parallel with `joint_damping_nm_s`, with a `play_rad` within which neither acts.
-    Without a stiffness the gear is rigid.
+    Attributes:
+        stribeck_nm, stribeck_velocity_rad_s: Friction in addition to Coulomb friction at
+            standstill, and the speed over which it falls.
+        load_friction: Friction per transmitted torque.
+        cogging_nm, cogging_periods_per_motor_rev: Amplitude and number of periods of the cogging
+            torque.
+        tachometer_ripple: Relative ripple of the measured velocity.
+        friction_drift_per_s: Relative change of friction per second.
+        thermal: Warming of the motor.
+        presliding_rad: Presliding displacement of the motor, at the link side: up to it, friction
+            is a spring with hysteresis.
+        joint_stiffness_nm_rad, joint_damping_nm_s: Spring and parallel damper between motor and
+            link; without a stiffness the gear is rigid.
+        play_rad: Play of the gear, within which neither spring nor damper acts.
     """
 
     stribeck_nm: Annotated[NonNegative, Plausible(0.0, 1e4, "N m")] = 0.0
@@ -156,17 +206,29 @@ class UnmodelledAxis(ConfigModel):
 
 
 class Unmodelled(ConfigModel):
-    """All effects that the models do not have: per axis, and true kinematics unlike the nominal."""
+    """Effects that the estimated models do not have.
+
+    Attributes:
+        axes: Effects of each axis.
+        kinematics: True kinematics, if they differ from the nominal ones of the robot file.
+    """
 
     axes: tuple[UnmodelledAxis, ...]
     kinematics: Kinematics | None = None
 
 
 class PlantConfig(PhysicalFile):
-    """A simulated robot; lists run base to flange, one entry per joint of the robot file.
+    """A simulated robot; lists have one entry per joint of the robot file, base to flange.
 
-    `payloads` are bodies for its flange, by name; `attached` is the one that is mounted when the
-    robot is switched on.
+    Attributes:
+        name: Name of the plant.
+        links: Masses and inertias.
+        axes: Motors, friction and servo loops.
+        spring: The gravity spring, if the robot file has one.
+        plate: The force plate, if the cell has one.
+        unmodelled: Effects that the estimated models do not have.
+        payloads: Bodies for the flange, by name.
+        attached: The payload that is mounted when the robot is switched on.
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")

@@ -20,7 +20,6 @@ from pydantic.fields import FieldInfo
 
 from acquisition.imports.import_map import ImportMap
 from acquisition.motion.motion_file import AnyMotion
-from acquisition.motion.paths.segments import Segment
 from config.cell.amplifier_profile import AmplifierProfile
 from config.cell.cell import CellConfig
 from config.cell.drive_profile import DriveProfile
@@ -32,7 +31,7 @@ from config.simulation.plant import PlantConfig
 
 HERE = Path(__file__).resolve().parent
 GUIDE = HERE.parent / "guide" / "your-own-drives.md"
-MOTIONS, SEGMENTS = (typing.get_args(typing.get_args(union)[0]) for union in (AnyMotion, Segment))
+MOTIONS = typing.get_args(typing.get_args(AnyMotion)[0])
 
 
 def _said_kind(model: type[BaseModel]) -> str:
@@ -44,7 +43,6 @@ PAGES = {
     "cell files": CellConfig,
     "robot files": RobotDescription,
     **{f"motion files: {_said_kind(model)}": model for model in MOTIONS},
-    **{f"motion files: path, {_said_kind(model)}": model for model in SEGMENTS},
     "import maps": ImportMap,
     "servo profiles (drives of a maker)": ServoProfile,
     "drive profiles (Modbus registers)": DriveProfile,
@@ -72,13 +70,16 @@ def files() -> str:
     parts = [
         "# Files\n\nGenerated from the schema. Every file is YAML; an unknown key is an error."
         " `rid-daq init DIR` writes commented examples.\n\nA value outside its plausible range is"
-        " refused, with the unit that it may be in. Where it is meant, its key is named as the"
-        " message names it: `implausible_on_purpose: [joints.0.limits.torque]`.\n"
+        " refused, with the unit that it may be in. If such a value is correct, name its key as the"
+        " message does: `implausible_on_purpose: [joints.0.limits.torque]`.\n"
     ]
+    seen: list[type[BaseModel]] = []
     for title, model in PAGES.items():
         parts.append(f"## {title[0].upper()}{title[1:]}\n")
-        seen: list[type[BaseModel]] = []
-        _model(model, seen, parts)
+        if model in seen:
+            parts.append(f"See [{model.__name__}](#{model.__name__.lower()}).\n")
+        else:
+            _model(model, seen, parts)
     return "\n".join(parts)
 
 
@@ -201,12 +202,13 @@ def _model(model: type[BaseModel], seen: list[type[BaseModel]], parts: list[str]
 
 def _documented(model: type[BaseModel]) -> tuple[str, dict[str, str]]:
     """Return a model's docstring without its attributes, and the attributes' texts by name."""
-    text, _, rest = (inspect.getdoc(model) or "").partition("\nAttributes:\n")
-    attributes, _, notes = rest.partition("\n\n")
     meanings: dict[str, str] = {}
-    for entry in re.split(r"\n(?= {4}\S)", attributes) if attributes else []:
-        names, _, meaning = " ".join(entry.split()).partition(": ")
-        meanings.update(dict.fromkeys(names.split(", "), meaning.replace("|", "\\|")))
+    for base in reversed(model.__mro__):
+        text, _, rest = inspect.cleandoc(base.__doc__ or "").partition("\nAttributes:\n")
+        attributes, _, notes = rest.partition("\n\n")
+        for entry in re.split(r"\n(?= {4}\S)", attributes) if attributes else []:
+            names, _, meaning = " ".join(entry.split()).partition(": ")
+            meanings.update(dict.fromkeys(names.split(", "), meaning.replace("|", "\\|")))
     return "\n\n".join(each.strip() for each in (text, notes) if each.strip()), meanings
 
 
