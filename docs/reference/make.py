@@ -202,6 +202,7 @@ def _model(model: type[BaseModel], seen: list[type[BaseModel]], parts: list[str]
 
 def _documented(model: type[BaseModel]) -> tuple[str, dict[str, str]]:
     """Return a model's docstring without its attributes, and the attributes' texts by name."""
+    text, notes = "", ""
     meanings: dict[str, str] = {}
     for base in reversed(model.__mro__):
         text, _, rest = inspect.cleandoc(base.__doc__ or "").partition("\nAttributes:\n")
