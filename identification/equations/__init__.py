@@ -1,4 +1,4 @@
-"""Measured rows to equations: on bins or in time, whitened, with or without a plate.
+"""Equations of measured rows: on DFT bins or in the time domain, with or without a plate.
 
-Equations only; who solves them stands in `identification/estimation`. Begin with `bins.py`.
+This folder contains equations only; `identification/estimation` solves them. Start with `bins.py`.
 """

@@ -1,9 +1,9 @@
 """`BaseWrenchEquations`: the base wrench of one mean period as equations on its DFT bins.
 
-They stand beside the joints' in `BinEquations`. The noise of the six components is correlated,
-since every channel of the plate shows in several of them; it is measured as a covariance a bin. A
-channel that is left out takes what it alone can tell with it: of the six components, combinations
-remain that the other channels give.
+They complement the equations of the joints in `BinEquations`. Every channel of the plate
+contributes to several of the six components of the wrench. The components' noise is therefore
+correlated, and is measured as one covariance matrix per bin. If a channel is left out, the
+equations contain only those combinations of the six components that do not depend on this channel.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from config.errors import EstimationError
 
 NEIGHBOURS = 4
 OFFSET_SIGMA = 1e4
-"""What a plate's constant offset is known to [N, N m]: nothing, for a robot's weight is less."""
+"""Standard deviation of a plate's constant offset [N, N m]: larger than any robot's weight."""
 
 
 @dataclass(frozen=True, eq=False)
 class BaseWrenchEquations:
-    """Equations rhs = matrix beta + noise of the r combinations of the base wrench that are known.
+    """Equations rhs = matrix beta + noise for the r measured combinations of the base wrench.
 
     Attributes:
         period_s: The period [s].
         matrix: Shape (r, 2 H + 1, any). Columns as in `BinEquations`.
-        rhs: Shape (r, 2 H + 1). Measured, with the plate's low-pass divided out [N, N m].
-        covariance: Shape (H + 1, r, r). Of the rows of each bin.
-        components: Shape (r, 6). What the rows are of Fx, Fy, Fz, Mx, My, Mz; the unit matrix where
-            every channel is used.
+        rhs: Shape (r, 2 H + 1). Measured values, with the plate's low-pass divided out [N, N m].
+        covariance: Shape (H + 1, r, r). Noise covariance of the rows of each bin.
+        components: Shape (r, 6). Each row contains the coefficients of Fx, Fy, Fz, Mx, My, Mz; the
+            unit matrix if every channel is used.
     """
 
     period_s: float
@@ -45,30 +45,30 @@ class BaseWrenchEquations:
 
     @property
     def harmonics(self) -> int:
-        """The highest bin, H."""
+        """Number of the highest bin, H."""
         return len(self.covariance) - 1
 
     def delayed(self, delay_s: float) -> BaseWrenchEquations:
-        """Return the equations where the plate's signals are late by `delay_s`, made up for."""
+        """Return the equations with a delay `delay_s` of the plate's signals compensated."""
         return replace(self, rhs=in_time(self.rhs, self.period_s, delay_s))
 
     def with_motion_noise(
         self, position_sigma: FloatArray, inertia_squares: FloatArray
     ) -> BaseWrenchEquations:
-        """Return the equations with the wrench that the positions' noise makes counted as noise.
+        """Return the equations with the wrench due to position noise added to the noise covariance.
 
         Args:
             position_sigma: Shape (n, H + 1). Standard deviation of the mean position's bins [rad or
                 m].
-            inertia_squares: Shape (n, 6, 6). Mean of g g^T, g the base wrench per unit acceleration
-                of a joint.
+            inertia_squares: Shape (n, 6, 6). Mean of g g^T, in which g is the base wrench per unit
+                acceleration of a joint.
         """
         squares = self.components @ inertia_squares @ self.components.T
         noise = np.einsum("jk,jrs->krs", (position_sigma * self._omega**2) ** 2, squares)
         return replace(self, covariance=self.covariance + noise)
 
     def delay_column(self, predicted: FloatArray) -> FloatArray:
-        """Return how rows (r, 2 H + 1) change per second of delay of the plate's signals."""
+        """Return the derivative of rows (r, 2 H + 1) with respect to the plate's delay [per s]."""
         return delay_rows(predicted, self.period_s)
 
     @property
@@ -82,13 +82,13 @@ def base_wrench_equations(
     """Set up the equations of a plate's mean period.
 
     Args:
-        reaction: The measurement.
-        periods: Periods averaged.
-        sample_period_s: Time between its samples [s].
+        reaction: The mean period of the plate's channels.
+        periods: Number of periods averaged.
+        sample_period_s: Time between samples of the mean period [s].
         matrix: Shape (6, 2 H + 1, any). Columns of all six components.
 
     Raises:
-        EstimationError: The channels that are left show no component of the wrench.
+        EstimationError: The remaining channels determine no component of the wrench.
     """
     harmonics = matrix.shape[1] // 2
     period_s = len(reaction.channels_n) * sample_period_s
@@ -97,8 +97,8 @@ def base_wrench_equations(
         components = null_space(reaction.base_wrench_matrix[:, ~reaction.used].T).T
     if len(components) == 0:
         raise EstimationError(
-            f"without its channels {', '.join(reaction.left_out)} the force plate shows nothing:"
-            " leave it out",
+            f"without channels {', '.join(reaction.left_out)} the force plate determines no"
+            " component of the base wrench: estimate without the force plate",
             code="RID-PLATE-CHANNEL",
         )
     from_channels = components @ reaction.base_wrench_matrix
@@ -120,7 +120,7 @@ def base_wrench_equations(
 
 
 def real_rows(bins: Bins) -> FloatArray:
-    """Return the rows of complex bins (H + 1, outputs) as (2 H + 1, outputs)."""
+    """Return complex bins (H + 1, outputs) as real rows (2 H + 1, outputs)."""
     root = math.sqrt(2.0)
     return np.concatenate([bins.real[:1], root * bins.real[1:], root * bins.imag[1:]])
 
@@ -131,25 +131,25 @@ def both_parts(per_bin: FloatArray) -> FloatArray:
 
 
 def in_time(rows: FloatArray, period_s: float, delay_s: float | FloatArray) -> FloatArray:
-    """Return rows (outputs, 2 H + 1) of signals that were late, as if they had not been.
+    """Return rows (outputs, 2 H + 1) of delayed signals with the delay removed.
 
     Args:
         rows: Shape (outputs, 2 H + 1). Rows of one period.
         period_s: The period [s].
-        delay_s: Float or ndarray, shape (outputs, 1). By how much they were late [s].
+        delay_s: Float or ndarray, shape (outputs, 1). Delay of the signals [s].
     """
     turn = np.exp(1j * _omega(rows.shape[1] // 2, period_s) * delay_s)
     return np.asarray(real_rows((_bins(rows) * turn).T).T)
 
 
 def delay_rows(rows: FloatArray, period_s: float) -> FloatArray:
-    """Return how rows (outputs, 2 H + 1) of a period change per second of delay."""
+    """Return the derivative of a period's rows (outputs, 2 H + 1) with respect to the delay."""
     rate = -1j * _omega(rows.shape[1] // 2, period_s)
     return np.asarray(real_rows((rate * _bins(rows)).T).T)
 
 
 def smooth_bins(per_bin: FloatArray) -> FloatArray:
-    """Return values of bins (first axis), each the mean of its neighbourhood."""
+    """Return values of bins (first axis), each averaged with its neighbours."""
     edges = ((NEIGHBOURS, NEIGHBOURS), *((0, 0) for _ in per_bin.shape[1:]))
     padded = np.pad(per_bin, edges, mode="reflect")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * NEIGHBOURS + 1, axis=0)
@@ -170,10 +170,10 @@ def _bins(rows: FloatArray) -> Bins:
 
 
 def _smooth_covariance(covariance: FloatArray) -> FloatArray:
-    """Return each bin's covariance averaged over its neighbours, but none of its variances less.
+    """Return each bin's covariance averaged with its neighbours, without reducing any variance.
 
-    As for the torques: one bin's own comes from few periods, and one that stands out on purpose
-    keeps its size.
+    A single bin's covariance comes from few periods and scatters. If a bin's own variance is larger
+    than the average, the bin keeps its own, as for the torques.
     """
     mean = smooth_bins(covariance)
     own, common = (np.diagonal(c, axis1=1, axis2=2) for c in (covariance, mean))

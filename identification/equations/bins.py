@@ -1,10 +1,12 @@
 """`BinEquations`: one mean period as equations on its DFT bins, both sides limited to one band.
 
-The measured torques are known on the bins up to a band limit (above it they fold back and vanish
-in the anti-alias filter). The model's torques are not limited so: sign(v) jumps between samples.
-So the regressor is evaluated on a finer grid and projected on the same bins as the torques.
-Where a joint passes standstill its friction is not sign(v): there its torque is left free, by a
-few columns of its own that the fit does not get to explain anything else with.
+The measured torques are known on the bins up to a band limit; above it, aliasing and the anti-alias
+filter hide them. The model's torques are not limited to a band, because sign(v) jumps between
+samples. Therefore the regressor is evaluated on a finer grid and projected on the same bins as the
+torques.
+
+Near standstill a joint's friction is not sign(v). There the joint's torque is free: additional
+columns with their own unknowns represent it, so that it does not affect the estimate.
 """
 
 from __future__ import annotations
@@ -44,24 +46,26 @@ PIECES_PER_RESOLUTION = 8
 
 @dataclass(frozen=True, eq=False)
 class BinEquations:
-    """Equations rhs = matrix beta + free noise of one mean period.
+    """Equations rhs = matrix beta + free torque + noise of one mean period.
 
     The 2 H + 1 rows of a joint are the real parts of bins 0 to H and the imaginary parts of bins 1
-    to H; all but the first times sqrt(2), so that the sum of squares is the mean square over time.
+    to H. All rows but the first are multiplied by sqrt(2), so that the sum of squares is the mean
+    square over time.
 
     Attributes:
-        harmonics: The highest bin, H.
+        harmonics: Number of the highest bin, H.
         period_s: The period [s].
-        matrix: Shape (n, 2 H + 1, b or b + s). Base regressor of each joint on the bins, and slopes
-            where they were asked for.
+        matrix: Shape (n, 2 H + 1, b or b + s). Base regressor of each joint on the bins, and, if
+            requested, the derivatives with respect to the s nonlinear parameters.
         rhs: Shape (n, 2 H + 1). Torque with the anti-alias filter divided out [N m or N].
-        free: Tuple of ndarray, n of shape (2 H + 1, any). Columns of each joint's torque that stay
-            free: passages of standstill.
-        left_out_fraction: Shape (n,). Share of the period that those passages take.
-        torque_sigma: Shape (n, 2 H + 1). Standard deviation of each row by the torque noise between
+        free: Tuple of ndarray, n of shape (2 H + 1, any). Columns of each joint's free torque
+            near standstill.
+        left_out_fraction: Shape (n,). Fraction of the period in which each joint's torque is free.
+        torque_sigma: Shape (n, 2 H + 1). Standard deviation of each row due to the torque noise
+            between
             periods [N m or N].
-        position_sigma: Shape (n, H + 1). The same of the mean position's bins [rad or m].
-        reaction: The equations of a force plate, where there was one.
+        position_sigma: Shape (n, H + 1). Standard deviation of the mean position's bins [rad or m].
+        reaction: The equations of the force plate, if there is one.
     """
 
     harmonics: int
@@ -75,11 +79,11 @@ class BinEquations:
     reaction: BaseWrenchEquations | None = None
 
     def delayed(self, delay_s: FloatArray) -> BinEquations:
-        """Return the equations where joints' torques were late by `delay_s` (n,), made up for."""
+        """Return the equations with delays `delay_s` (n,) of the joints' torques compensated."""
         return replace(self, rhs=in_time(self.rhs, self.period_s, delay_s[:, np.newaxis]))
 
     def delay_columns(self, predicted: FloatArray) -> FloatArray:
-        """Return how rows (n, 2 H + 1) change per second of each joint's delay, (n, 2 H + 1, n)."""
+        """Return the derivative of rows (n, 2 H + 1) by each joint's delay, (n, 2 H + 1, n)."""
         late = delay_rows(predicted, self.period_s)
         return np.asarray(late[:, :, np.newaxis] * np.eye(len(late))[:, np.newaxis])
 
@@ -103,22 +107,23 @@ def bin_equations(
     """Set up the equations of one mean period.
 
     Args:
-        model, base: The model and what of it can be identified.
-        average: The measurement.
-        band_hz: Highest frequency used; less where the sampling or the anti-alias filter ends
-            before.
-        standstill_rad_s: Below this speed a joint's friction is left free; 0 trusts sign(v)
+        model: The robot model.
+        base: Its base parameters.
+        average: The mean period.
+        band_hz: Highest frequency used; the sampling or the anti-alias filter may lower it.
+        standstill_rad_s: Below this speed a joint's torque is free; with 0, sign(v) is used
             everywhere.
-        payload: Whether the run carried the unknown payload.
-        standard: Shape (p,). Where to linearise the nonlinear parameters; see `torque_columns`.
-        plate: Whether the equations of the force plate are wanted too.
+        payload: True if the run carried the unknown payload.
+        standard: Shape (p,). Point at which the nonlinear parameters are linearised; see
+            `torque_columns`.
+        plate: True to include the equations of the force plate.
 
     Raises:
-        EstimationError: The joints are not the model's, or the band holds no bin.
+        EstimationError: The joints are not those of the model, or the band contains no bin.
     """
     if average.joint_names != model.joint_names:
         raise EstimationError(
-            f"the recording has joints {', '.join(average.joint_names)}, the model"
+            f"the recording has joints {', '.join(average.joint_names)}, but the model has"
             f" {', '.join(model.joint_names)}: use the recording's own robot",
             code="RID-ROBOT-OTHER",
         )
@@ -176,9 +181,9 @@ def bin_equations(
 def counted_samples(
     model: RobotModel, average: PeriodAverage, band_hz: float, standstill_rad_s: float
 ) -> BoolArray:
-    """Return at which samples of a mean period `bin_equations` counts each joint, (samples, n).
+    """Return the samples of a mean period at which `bin_equations` uses each joint, (samples, n).
 
-    At the others the joint's torque is left free.
+    At all other samples the joint's torque is free.
     """
     q, v = mean_motion(average, band_hz)
     warmth = Conditions(temperature_k=average.temperature_k)
@@ -190,15 +195,16 @@ def counted_samples(
 def with_free_reversals(
     equations: BinEquations, model: RobotModel, average: PeriodAverage, standstill_rad_s: float
 ) -> BinEquations:
-    """Return equations that leave a joint's torque free until the whole of the joint slides.
+    """Return equations in which a joint's torque is free until the whole joint slides.
 
-    Where friction has memory that is until nothing of the last reversal is left, so that it does
-    not matter how exactly friction turns round; elsewhere nothing changes.
+    For friction with presliding, the torque is then free until the effect of the last reversal has
+    ended, so that the shape of the friction transition has no effect. For other joints nothing
+    changes.
 
     Args:
         equations: The equations of a mean period.
-        model: Their model.
-        average: The measurement.
+        model: The model of the equations.
+        average: The mean period.
         standstill_rad_s: Below this speed a joint does not slide.
     """
     q, v, _ = _motion(average, equations.harmonics)
@@ -223,7 +229,8 @@ def mean_motion(average: PeriodAverage, band_hz: float) -> tuple[FloatArray, Flo
 def _motion(average: PeriodAverage, harmonics: int) -> Derivatives:
     """Return the motion of a mean period on a fine grid.
 
-    Products of angles and accelerations from above the band reach down into it.
+    It contains more harmonics than the band, because products of angles and accelerations above the
+    band contribute to the band.
     """
     limit = math.floor(NYQUIST_FRACTION * 0.5 * average.samples_per_period)
     of_motion = max(harmonics, min(math.ceil(MOTION_BANDS * harmonics), limit))
@@ -242,7 +249,7 @@ def harmonics_below(
     """Return the highest bin that the band, the sampling and the filter allow.
 
     Raises:
-        EstimationError: The band holds no bin.
+        EstimationError: The band contains no bin.
     """
     limit_hz = min(band_hz, NYQUIST_FRACTION * 0.5 / sample_period_s)
     if torque_filter is not None:
@@ -250,31 +257,31 @@ def harmonics_below(
     harmonics = math.floor(limit_hz * period_s + 1e-9)
     if harmonics < 1:
         raise EstimationError(
-            f"a band up to {limit_hz:g} Hz holds no harmonic of a period of"
-            f" {period_s:g} s: raise the band limit",
+            f"a band up to {limit_hz:g} Hz contains no harmonic of a period of {period_s:g} s:"
+            " raise the band limit",
             code="RID-MOTION-BAND",
         )
     return harmonics
 
 
 def _projection(times: FloatArray, period_s: float, harmonics: int) -> FloatArray:
-    """Return the real functions of the rows at some times, shape (2 H + 1, times)."""
+    """Return the cosines and sines of the rows at some times, shape (2 H + 1, times)."""
     angle = 2.0 * np.pi / period_s * np.outer(np.arange(1, harmonics + 1), times)
     root = math.sqrt(2.0)
     return np.vstack([np.ones((1, len(times))), root * np.cos(angle), -root * np.sin(angle)])
 
 
 def _on_bins(projection: FloatArray, columns: FloatArray) -> FloatArray:
-    """Return columns (samples, outputs, any) on the rows of a projection, (outputs, rows, any)."""
+    """Project columns (samples, outputs, any) on the rows of the bins, (outputs, rows, any)."""
     projected = projection @ columns.reshape(len(columns), -1)
     return np.asarray(projected.reshape(-1, *columns.shape[1:]).transpose(1, 0, 2))
 
 
 def _smooth_variance(variance: FloatArray, periods: int) -> FloatArray:
-    """Return the variance of the mean's bins, each at least the average of its neighbourhood.
+    """Return the variance of the mean's bins, each at least the average of its neighbours.
 
-    A bin's own variance comes from few periods and scatters; one that stands out on purpose
-    (friction that drifts shows on the motion's harmonics) keeps its own.
+    A bin's own variance comes from few periods and scatters. A bin with a larger variance than its
+    neighbours keeps its own: friction that drifts raises the variance at the motion's harmonics.
     """
     return np.asarray(np.maximum(smooth_bins(variance), variance) / periods)
 
@@ -282,8 +289,9 @@ def _smooth_variance(variance: FloatArray, periods: int) -> FloatArray:
 def _position_sigma(average: PeriodAverage) -> FloatArray:
     """Return the standard deviation of the mean position's bins, shape (K // 2 + 1, n).
 
-    Quantisation repeats from period to period, so it does not show between them; it is seen as the
-    floor of the mean's own spectrum, in its upper half, where no joint moves.
+    Quantisation repeats in every period, so that the scatter between periods does not contain it.
+    It is the noise floor of the mean's spectrum, measured in its upper half, which contains no
+    motion.
     """
     spectrum = np.abs(np.fft.rfft(average.position, axis=0) / len(average.position)) ** 2
     floor = np.median(spectrum[len(spectrum) // 2 :], axis=0) / math.log(2.0)
@@ -292,17 +300,17 @@ def _position_sigma(average: PeriodAverage) -> FloatArray:
 
 
 def _free_columns(slow: BoolArray, period_s: float, harmonics: int) -> FloatArray:
-    """Return columns (2 H + 1, any) that span any torque during the slow passages.
+    """Return columns (2 H + 1, any) that represent any torque during the slow passages.
 
-    A passage is cut in pieces much shorter than the band can resolve, so that it does not matter
-    where in a piece the friction changes its sign.
+    A passage is divided into pieces much shorter than the band can resolve, so that the instant of
+    the friction's sign change within a piece has no effect.
     """
     samples = len(slow)
     if not slow.any():
         return np.zeros((2 * harmonics + 1, 0))
     if slow.all():
         return np.eye(2 * harmonics + 1)
-    start = int(np.argmin(slow))  # begin where the joint moves, so that no passage wraps around
+    start = int(np.argmin(slow))  # start at a sample with motion, so that no passage wraps around
     edges = np.flatnonzero(np.diff(np.roll(slow, -start).astype(np.int8), append=0))
     step_s = period_s / samples
     columns: list[FloatArray] = []

@@ -1,7 +1,7 @@
 """`Grams`: Gram matrices of every candidate column, block by block.
 
-Every choice of friction terms is a choice among their entries, and so is its error on a block that
-was left out of the fit. The joints' equations are coupled by the links' parameters.
+Every choice of friction terms uses a subset of their entries, both for its fit and for its error on
+a block that was left out of the fit. The joints' equations share the parameters of the links.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Terms = tuple[Column, ...]
 
 PLAIN: Final[Terms] = ("coulomb", "viscous")
 MOST_INFLATION: Final = 1e9
-"""Largest factor by which other columns may inflate a value's variance: 1e9 is no information."""
+"""Largest variance inflation factor of a value due to the other columns."""
 RANK: Final = 1e-7
 
 
@@ -33,19 +33,19 @@ def name_of(column: Column) -> FrictionTerm:
 
 
 def columns_of(terms: Sequence[Column]) -> Terms:
-    """Return the columns of some terms: beside Stribeck friction its slope by the speed."""
+    """Return the columns of some terms; a Stribeck term adds its derivative by speed."""
     return (*terms, *(("slope", term[1]) for term in terms if isinstance(term, tuple)))
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Solution of one choice of terms.
+    """Solution for one choice of friction terms.
 
     Attributes:
-        places: Place of each joint's column among the values.
+        places: Index of each joint's column in `values`.
         values, sigma: Shape (c,). Parameters and standard deviations.
-        errors: Shape (blocks, n). Mean squared error of each block in a fit of all others; NaN
-            without rows.
+        errors: Shape (blocks, n). Mean squared error of each block when it is left out of the fit;
+            NaN for a block without rows.
     """
 
     places: dict[tuple[int, Column], int]
@@ -54,7 +54,7 @@ class Fit:
     errors: FloatArray
 
     def distance(self, joint: int, column: Column) -> float:
-        """Return a value over its standard deviation."""
+        """Return a value divided by its standard deviation."""
         at = self.places[joint, column]
         return float(self.values[at] / max(self.sigma[at], 1e-300))
 
@@ -68,11 +68,11 @@ class Grams:
     """Gram matrices of the joints' equations, block by block.
 
     Attributes:
-        gram: Shape (n, blocks, w, w). Of [columns without friction, `ALL_COLUMNS`, torque] of each
-            joint over its scale.
-        rows: Shape (blocks, n). Rows of each.
+        gram: Shape (n, blocks, w, w). Gram matrices of [columns without friction, `ALL_COLUMNS`,
+            torque] of each joint, divided by the joint's scale.
+        rows: Shape (blocks, n). Number of rows of each block and joint.
         rigid: Shape (p,). The columns without friction that the data identify.
-        scale_nm: Shape (n,). What the rows of each joint were divided by.
+        scale_nm: Shape (n,). Scale by which the rows of each joint were divided.
     """
 
     gram: FloatArray
@@ -88,9 +88,10 @@ class Grams:
         block_s: float,
         reaches: Sequence[Reach | None] | None = None,
     ) -> Grams:
-        """Compute them, weighted by the residuals of the plain model.
+        """Compute the Gram matrices, weighted by the residuals of Coulomb and viscous friction.
 
-        `reaches` of the joints are as for `CandidateEquations.rows`; None: those of the channel.
+        `reaches` of the joints are as for `CandidateEquations.rows`; None means those of the
+        channel.
         """
         n = equations.joints
         blocks = int(equations.duration_s / block_s) + 1
@@ -125,18 +126,18 @@ class Grams:
 
     @property
     def width(self) -> int:
-        """Number of columns without friction, identified or not."""
+        """Number of columns without friction, including those that are not identified."""
         return int(self.gram.shape[2]) - 1 - len(ALL_COLUMNS)
 
     def _with_identified(self) -> Grams:
-        """Return them with the columns without friction that are independent of all others."""
+        """Return the matrices with the friction-free columns that are linearly independent."""
         n, p = self.joints, self.width
         total, _ = self._assembled([PLAIN] * n, np.arange(p))
         matrix = total.sum(axis=0)
         size = np.sqrt(np.maximum(np.diagonal(matrix), 1e-300))
         matrix = matrix / np.outer(size, size)
         kept: list[int] = []
-        # Friction first, which is always there; then every column that adds something.
+        # First friction, which is always used; then every column independent of the previous ones.
         basis = np.linalg.cholesky(matrix[p:-1, p:-1] + 1e-14 * np.eye(len(matrix) - p - 1))
         order = list(range(p, len(matrix) - 1))
         for c in range(p):
@@ -153,7 +154,7 @@ class Grams:
         return Grams(self.gram, self.rows, np.array(kept, dtype=np.int64), self.scale_nm)
 
     def _reweighted(self, fit: Fit) -> Grams:
-        """Return them over the held-out residuals of a fit."""
+        """Return the matrices divided by the held-out residuals of a fit."""
         error = np.nansum(fit.errors * self.rows, axis=0) / np.maximum(self.rows.sum(axis=0), 1.0)
         factor = np.sqrt(np.maximum(error, 1e-18 * error.max() + 1e-300))
         gram = self.gram / np.square(factor)[:, np.newaxis, np.newaxis, np.newaxis]
@@ -162,9 +163,9 @@ class Grams:
     def _assembled(
         self, chosen: Sequence[Terms], rigid: IntArray
     ) -> tuple[FloatArray, list[IntArray]]:
-        """Return each block's matrix of all joints together, and each joint's places in it.
+        """Return each block's matrix for all joints, and the indices of each joint's columns.
 
-        The last place is the torque's.
+        The last index is that of the torque.
         """
         p, width = self.width, len(rigid)
         count = width + sum(len(columns_of(own)) for own in chosen) + 1
@@ -184,15 +185,15 @@ class Grams:
         return total, places
 
     def _local(self, terms: Terms) -> IntArray:
-        """Return the places of a joint's columns in its own Gram matrix, the torque's last."""
+        """Return the indices of a joint's columns in its own Gram matrix; the torque is last."""
         columns = [self.width + ALL_COLUMNS.index(column) for column in columns_of(terms)]
         return np.concatenate([self.rigid, columns, [-1]]).astype(np.int64)
 
     def fit(self, chosen: Sequence[Terms]) -> Fit:
-        """Return the solution of some terms.
+        """Return the solution for a choice of friction terms.
 
         Raises:
-            np.linalg.LinAlgError: The data do not identify them.
+            np.linalg.LinAlgError: The data do not identify the terms.
         """
         total, places = self._assembled(chosen, self.rigid)
         size = np.sqrt(np.maximum(np.diagonal(total.sum(axis=0))[:-1], 1e-300))

@@ -1,10 +1,10 @@
-"""Delays of a torque that no bus explains: they are reported, and not put into the model.
+"""Delays of a torque that no bus explains: they are reported, and not used in the model.
 
 A drive samples its torque and its position in the same cycle or in the next one, and each may be
-sent a cycle later than the other. 10 ms is the slowest cycle in common use for motion on CANopen
-and on controllers' monitoring interfaces (125 Hz or faster), so that the bus explains two such
-cycles. A logger that polls adds up to a period of its own for each of the two. A longer delay is
-a wrong clock, or a term that the model lacks.
+sent a cycle later than the other. Cycles in common use for motion on CANopen, and on the monitoring
+interfaces of controllers, are at most 10 ms (125 Hz or faster), so that the bus explains two cycles
+of 10 ms. A logger that polls adds up to one of its own periods to each of the two. A longer delay
+is due to a wrong clock, or to a term that the model lacks.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ def longest_delay_s(sample_period_s: float) -> float:
 def without_implausible(
     channel: TorqueChannel, sample_period_s: float
 ) -> tuple[TorqueChannel, FloatArray]:
-    """Return a channel without the delays that no bus explains, and these delays.
+    """Split the delays of a torque channel into plausible and implausible ones.
 
     Args:
-        channel: As estimated.
+        channel: The estimated channel.
         sample_period_s: Time between rows of the recording [s].
 
     Returns:
-        `channel`. With a delay of 0 for the joints whose delay is implausible.
-        `refused_s`, shape (n,). The delays that were taken out; 0 for the other joints [s].
+        `channel`. The channel with a delay of 0 for the joints whose delay is implausible.
+        `refused_s`, shape (n,). The delays that were removed; 0 for the other joints [s].
     """
     refused = np.abs(channel.delay_s) > longest_delay_s(sample_period_s)
     kept = replace(
@@ -60,12 +60,12 @@ def refused_delay_findings(
 
     Args:
         joint_names: The joints.
-        refused_s: Their delays that were taken out, 0 for none; empty if there is none at all [s].
+        refused_s: The joints' removed delays, 0 if none; empty if no joint has one [s].
     """
     return tuple(
-        f"The torque of {name} seems to be {1e3 * abs(delay_s):.3g} ms"
-        f" {'late' if delay_s > 0.0 else 'early'}, which no bus explains: it is not put into"
-        " the model. Check the recording's clock, or which terms the model lacks."
+        f"The recorded torque of {name} seems to be {1e3 * abs(delay_s):.3g} ms"
+        f" {'late' if delay_s > 0.0 else 'early'}. No bus explains this delay, so the model does"
+        " not use it. Check the recording's clock, or add terms that the model may lack."
         for name, delay_s in zip(joint_names, refused_s, strict=False)
         if delay_s
     )

@@ -1,8 +1,9 @@
 """`CandidateEquations`: the torque equations of recordings with every candidate column.
 
-Torque and columns pass one compact low-pass; the columns pass the joint's torque channel besides.
-Both are done on the spectrum, which ends at the low-pass's fourth zero: a transform back gives the
-few rows that hold the band. The velocity's sign is filtered as every other column is.
+Torque and columns pass the same low-pass, a Hann window of finite length; the columns also pass the
+joint's torque channel. Both are applied to the spectrum, which ends at the fourth zero of the
+low-pass. The inverse transform then yields only the few rows that the band needs. The velocity's
+sign is filtered like every other column.
 """
 
 from __future__ import annotations
@@ -31,15 +32,15 @@ from identification.equations.friction_columns import Column, friction_column
 from identification.model.base_parameters import BaseParameters
 
 CUTOFF_HZ: Final = 8.0
-"""Highest -3 dB frequency of the low-pass: encoder noise is below the effects of a channel."""
+"""Highest -3 dB frequency of the low-pass: below it, channels matter more than encoder noise."""
 KERNEL_PERIODS: Final = 0.72
 """Length of a Hann window with -3 dB at 1 Hz [s]."""
 ZEROS: Final = 4.0
 ROW_S: Final = 0.005
-"""Period at which columns are computed: a reversal is known to half of it."""
+"""Time between the rows of columns: the instant of a reversal is known to half this time."""
 EDGE_S: Final = 0.5
 LONGEST_S: Final = 300.0
-"""Length of recordings that is used: the rest is left out, in equal parts of all of them."""
+"""Total length of recordings that is used: of longer recordings each segment is shortened alike."""
 
 Source = SmoothedSignals | UnfilteredSignals
 Rigid = Literal["rigid"]
@@ -47,11 +48,11 @@ Rigid = Literal["rigid"]
 
 
 class Reach(NamedTuple):
-    """How long before and after standstill a torque depends on friction that is not known.
+    """Time before and after standstill during which a torque depends on unknown friction.
 
     Attributes:
-        before_s, after_s: Beyond the low-pass [s].
-        passed_s: Standstill no longer than this does not count there [s].
+        before_s, after_s: Time in addition to that of the low-pass [s].
+        passed_s: A standstill no longer than this is ignored [s].
     """
 
     before_s: float
@@ -61,7 +62,7 @@ class Reach(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """One segment of a recording without a gap.
+    """One segment of a recording, without a gap.
 
     Attributes:
         rigid: Shape (rows, n, p). Columns of the model without friction, not filtered.
@@ -72,8 +73,9 @@ class Piece:
         low_pass: Shape (bins,). Gain of the low-pass.
         length: Rows of the padded segment; its period is `length` times `step_s`.
         slow: Shape (rows, n). True if the actuator is too slow for its friction to be known, or
-            turns round before the next row or after the last one.
-        held: Shape (rows, n). Row at which each torque was new, if the source renews it seldom.
+            reverses before the next row or after the previous one.
+        held: Shape (rows, n). Row at which each torque was updated, if the source updates it
+            less than once per row.
     """
 
     rigid: FloatArray
@@ -95,17 +97,17 @@ class Piece:
 
     @property
     def time_s(self) -> FloatArray:
-        """Times of the rows that the transform back gives, from the first row of the piece."""
+        """Times of the rows after the inverse transform, from the first row of the piece."""
         count = 2 * (len(self.low_pass) - 1)
         return np.arange(count, dtype=np.float64) * (self.length * self.step_s / count)
 
     def back(self, spectrum: ComplexArray) -> FloatArray:
-        """Return the rows of a spectrum, at `time_s`."""
+        """Return the rows of a spectrum, at the times `time_s`."""
         count = 2 * (len(self.low_pass) - 1)
         return np.asarray(np.fft.irfft(spectrum, count, axis=0) * (count / self.length))
 
     def spectrum(self, values: FloatArray) -> ComplexArray:
-        """Return the spectrum (bins, any) of columns, low-passed."""
+        """Return the low-passed spectrum (bins, any) of columns."""
         bins = np.fft.rfft(with_padding(values, self.length), axis=0)[: len(self.low_pass)]
         return np.asarray(bins * self.low_pass[:, np.newaxis])
 
@@ -128,10 +130,10 @@ class JointRows:
     """Rows of one joint's equations.
 
     Attributes:
-        columns: Shape (rows, p + columns). The columns without friction, then the friction columns
-            asked for.
+        columns: Shape (rows, p + columns). The columns without friction, then the requested
+            friction columns.
         torque_nm: Shape (rows,). Torque [N m or N].
-        block: Shape (rows,). Block of time that a row belongs to, counted over all recordings.
+        block: Shape (rows,). Index of each row's block of time, counted over all recordings.
     """
 
     columns: FloatArray
@@ -144,8 +146,8 @@ class CandidateEquations:
     """Equations of all recordings.
 
     Attributes:
-        model: The robot without friction, with gears that lose nothing.
-        base: Its parameters that can be identified.
+        model: The robot without friction and with lossless gears.
+        base: Its base parameters.
         pieces: The recordings, segment by segment.
         starts_s: Start of each piece on a common time axis, for the blocks [s].
         cutoff_hz: -3 dB frequency of the low-pass.
@@ -168,9 +170,10 @@ class CandidateEquations:
         """Compute the columns of some recordings.
 
         Args:
-            model, base: The robot without friction, and its parameters that can be identified.
-            signals: Recordings, not low-passed beyond `cutoff_hz` of theirs.
-            standstill_rad_s: Speed from which on a joint moves [rad/s or m/s].
+            model: The robot without friction.
+            base: Its base parameters.
+            signals: Recordings that are low-passed only by their own `cutoff_hz`.
+            standstill_rad_s: Speed above which a joint counts as moving [rad/s or m/s].
         """
         step_s = max(run.sample_period_s for run in signals)
         cutoff_hz = min(CUTOFF_HZ, 0.09 / step_s, *map(_highest_cutoff_hz, signals))
@@ -185,8 +188,8 @@ class CandidateEquations:
                 start_s += (rows.stop - rows.start) * source.sample_period_s
         if not pieces:
             raise EstimationError(
-                f"no stretch of the recordings is longer than {4.0 * EDGE_S:g} s without a gap:"
-                " a choice of terms needs longer ones",
+                f"no segment of the recordings is longer than {4.0 * EDGE_S:g} s without a gap:"
+                " use longer recordings for a choice of terms",
                 code="RID-RECORDING-SHORT",
             )
         return cls(model, base, tuple(pieces), tuple(starts_s), cutoff_hz)
@@ -198,11 +201,11 @@ class CandidateEquations:
 
     @property
     def duration_s(self) -> float:
-        """Length of all pieces [s]."""
+        """Total length of the pieces [s]."""
         return sum(len(piece.rigid) * piece.step_s for piece in self.pieces)
 
     def with_load(self, values: FloatArray) -> CandidateEquations:
-        """Return equations whose gears transmit what these base parameters say."""
+        """Return equations whose gears transmit the torques of these base parameters."""
         pieces = []
         for piece in self.pieces:
             load_nm = piece.rigid @ values
@@ -221,11 +224,12 @@ class CandidateEquations:
         """Return the rows of a joint at which its friction is known.
 
         Args:
-            joint: The joint, from 0.
+            joint: The joint's index, from 0.
             columns: Friction columns.
             responses: Sequence of ndarray, shape (bins,). Frequency response of the joint's
-                channel, one a piece.
-            reach: Rows that are left out; None keeps all rows at which the joint moves.
+                channel, one per piece.
+            reach: Time around standstill that is left out; None keeps all rows at which the joint
+                moves.
             block_s: Length of a block [s].
         """
         parts = [
@@ -264,7 +268,7 @@ class CandidateEquations:
         if reach is None:
             return self.moving(piece, joint)
         slow = _lasting(piece.slow[:, joint : joint + 1], math.floor(reach.passed_s / piece.step_s))
-        # What happens within the low-pass' reach counts, and after it what the channel remembers.
+        # A row is affected within the length of the low-pass plus that of the channel's response.
         kernel_s = KERNEL_PERIODS / 2.0 / self.cutoff_hz
         clear = _clear(piece, slow, Reach(kernel_s + reach.before_s, kernel_s + reach.after_s))
         time_s, end_s = piece.time_s, len(piece.slow) * piece.step_s
@@ -272,14 +276,14 @@ class CandidateEquations:
 
 
 def _lasting(those: BoolArray, passed: int) -> BoolArray:
-    """Return those rows that stand in a row of more than `passed` of them, (samples, n)."""
-    from scipy import ndimage  # large, and few recordings need it
+    """Return the rows that belong to a run of more than `passed` true rows, (samples, n)."""
+    from scipy import ndimage  # a large import, which few recordings need
 
     return np.asarray(ndimage.binary_opening(those, np.ones((passed + 1, 1), bool)))
 
 
 def _clear(piece: Piece, slow: BoolArray, reach: Reach) -> BoolArray:
-    """Return the rows of a piece that reach no slow one, (rows of the band,)."""
+    """Return the rows of a piece with no slow row within `reach`, (rows of the band,)."""
     counts = np.concatenate([[0], np.cumsum(slow)])
     first = np.floor((piece.time_s - reach.after_s) / piece.step_s).astype(np.int64)
     last = np.ceil((piece.time_s + reach.before_s) / piece.step_s).astype(np.int64)
@@ -288,20 +292,25 @@ def _clear(piece: Piece, slow: BoolArray, reach: Reach) -> BoolArray:
 
 
 def reaches_of(channel: TorqueChannel) -> tuple[Reach, ...]:
-    """Return each joint's reach after a torque channel."""
+    """Return the `Reach` of each joint's torque channel."""
     times_s = (channel.before_s, channel.after_s, channel.passed_s)
     return tuple(Reach(*own) for own in np.stack(times_s, axis=1).tolist())
 
 
 def _highest_cutoff_hz(run: SmoothedSignals) -> float:
-    """Return the highest cut-off that suits a recording, or a mean period known up to its own."""
+    """Return the highest cut-off that suits a recording.
+
+    A mean period is known only up to its own cut-off.
+    """
     if run.unfiltered is not None:
         return math.inf
-    return KERNEL_PERIODS / 2.0 * run.cutoff_hz  # the first zero of the window is there
+    return (
+        KERNEL_PERIODS / 2.0 * run.cutoff_hz
+    )  # the first zero of the window is at the recording's cut-off
 
 
 def _segments(run: Source, share: float) -> Iterator[slice]:
-    """Yield the rows of a recording's segments that are long enough; of each the first share."""
+    """Yield the first `share` of the rows of each segment that is long enough."""
     edges = np.flatnonzero(np.diff(run.segment, prepend=-1, append=-1))
     for start, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
         rows = int(share * (end - start))
@@ -334,7 +343,7 @@ def _piece(
     low_pass = _hann(frequency_hz * kernel_s)
     torque = np.fft.rfft(with_padding(run.torque_nm[rows], length * stride), axis=0)
     speed = model.actuator_speed(run.velocity[thin])
-    # A low-passed velocity crosses zero at a wrong time, but does not jump over it.
+    # A low-passed velocity does not jump across zero, but crosses it at a wrong time.
     of_rows = moving_on if isinstance(run, UnfilteredSignals) else moving
     return Piece(
         rigid=rigid,
@@ -350,6 +359,6 @@ def _piece(
 
 
 def _hann(periods: FloatArray) -> FloatArray:
-    """Return the gain of a Hann window of unit length and sum at a frequency in 1 / length."""
+    """Return the gain of a Hann window of unit length and unit sum; frequencies in 1 / length."""
     away = np.where(np.isclose(periods, 1.0), 0.5, 1.0 / (1.0 - np.square(periods) + 1e-300))
     return np.where(np.isclose(periods, 1.0), 0.5, np.sinc(periods) * away)

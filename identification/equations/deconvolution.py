@@ -1,8 +1,8 @@
-"""The anti-alias filter's lag taken out of a recording that is not periodic.
+"""Removal of the anti-alias filter's lag from a recording that is not periodic.
 
 An 8th-order filter of 40 Hz delays the torque by 20 ms, enough to spoil a comparison with
-positions that no filter delayed. On averaged periods the filter is divided out on the bins; here it
-is divided out of the whole recording, which is then low-passed far below the filter's cut-off.
+unfiltered positions. For averaged periods the filter is divided out on the bins. Here it is divided
+out of the whole recording, which is then low-passed far below the filter's cut-off.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from config.errors import EstimationError
 MARGIN_PERIODS = 40.0
 SMALLEST_GAIN = 1e-3
 HIGHEST_SHARE = 0.44
-"""Of the sampling frequency: the highest cut-off of a low-pass."""
+"""Highest cut-off of a low-pass, as a fraction of the sampling frequency."""
 
 
 def smoothed_recording(recording: Recording, cutoff_hz: float) -> SmoothedSignals:
-    """Return a recording as `smooth_nonperiodic` does, an anti-alias filter divided out first.
+    """Return a recording as `smooth_nonperiodic` does, after division by the anti-alias filter.
 
     Raises:
         ConfigError: The cut-off does not fit the sampling.
         DataQualityError: No segment is long enough.
-        EstimationError: The torques passed a filter and the stamps are not uniform.
+        EstimationError: The torques passed a filter, but the time stamps are not uniform.
     """
     limit_hz = None
     if recording.torque_filter is not None and recording.sample_period_s is not None:
@@ -40,20 +40,20 @@ def smoothed_recording(recording: Recording, cutoff_hz: float) -> SmoothedSignal
 
 
 def without_torque_filter(recording: Recording) -> Recording:
-    """Return a recording with torques as they were before the anti-alias filter.
+    """Return a recording with the anti-alias filter of the torques removed.
 
-    High frequencies come out amplified (up to a thousandfold): low-pass what is returned. A
-    recording whose torques passed no filter is returned as it is.
+    High frequencies are amplified up to a thousandfold: low-pass the result. A recording whose
+    torques passed no filter is returned unchanged.
 
     Raises:
-        EstimationError: The stamps are not uniform.
+        EstimationError: The time stamps are not uniform.
     """
     if recording.torque_filter is None:
         return recording
     if recording.sample_period_s is None:
         raise EstimationError(
-            "the recording's torques passed an anti-alias filter, but its stamps are not uniform:"
-            " the filter cannot be divided out",
+            "the recording's torques passed an anti-alias filter, but its time stamps are not"
+            " uniform: the filter cannot be divided out",
             code="RID-RECORDING-CLOCK",
         )
     torque = without_filter(recording.torque_nm, recording.sample_period_s, recording.torque_filter)
@@ -63,16 +63,16 @@ def without_torque_filter(recording: Recording) -> Recording:
 def without_filter(
     values: FloatArray, sample_period_s: float, passed: ButterworthFilter | None
 ) -> FloatArray:
-    """Return signals (samples, any) on a uniform time base as they were before a filter.
+    """Return signals (samples, any) on a uniform time base with a filter's response removed.
 
-    As of `without_torque_filter`: high frequencies come out amplified.
+    High frequencies are amplified, as in `without_torque_filter`.
     """
     if passed is None:
         return values
     rows = len(values)
     margin = min(rows - 1, round(MARGIN_PERIODS / (passed.cutoff_hz * sample_period_s)))
-    # Mirror both ends through their end points, so that the transform's wrap-around meets no step
-    # but in the margins.
+    # Point-mirror the signals at both ends, so that the wrap-around step of the transform lies
+    # in the margins.
     extended = np.concatenate(
         [
             2.0 * values[:1] - values[margin:0:-1],
@@ -83,6 +83,6 @@ def without_filter(
     duration_s = len(extended) * sample_period_s
     frequency_hz = np.arange(len(extended) // 2 + 1) / duration_s
     response = filter_response(passed, frequency_hz)
-    response /= np.minimum(1.0, np.abs(response) / SMALLEST_GAIN)  # no gain above its inverse
+    response /= np.minimum(1.0, np.abs(response) / SMALLEST_GAIN)  # largest gain: 1 / SMALLEST_GAIN
     bins = np.fft.rfft(extended, axis=0) / response[:, np.newaxis]
     return np.asarray(np.fft.irfft(bins, n=len(extended), axis=0)[margin : margin + rows])

@@ -1,4 +1,4 @@
-"""Columns of friction that a choice of terms can take, as functions of speed and load."""
+"""Friction columns from which the terms are chosen, as functions of speed and load."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from config.errors import EstimationError
 from config.robot.friction_terms import FrictionTerm
 
 Column = FrictionTerm | tuple[Literal["stribeck", "slope"], float]
-"""Name of a friction column; ("stribeck", speed) and its derivative ("slope", speed)."""
+"""Name of a friction column; ("slope", speed) is the derivative of ("stribeck", speed)."""
 
 SPEEDS_RAD_S: Final = (0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.23, 0.35)
-"""Stribeck speeds that are tried [rad/s or m/s]."""
+"""Candidate Stribeck speeds [rad/s or m/s]."""
 LINEAR: Final[tuple[Column, ...]] = (
     "coulomb", "viscous", "offset", "cubic", "cube_root", "load",
 )  # fmt: skip

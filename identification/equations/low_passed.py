@@ -1,8 +1,8 @@
-"""`LowPassedColumns`: columns of equations low-passed as the torque was, those that stay kept.
+"""`LowPassedColumns`: low-passed columns of equations, with a cache of the constant ones.
 
-A low-pass costs more than the columns do, and a fit of nonlinear parameters goes through a
-recording a dozen times. Only the few columns that depend on them change on the way: friction that
-remembers, and the slopes. All others are computed and low-passed the first time and kept.
+A low-pass costs more than the columns do, and a fit of nonlinear parameters evaluates a recording
+about a dozen times. Only few columns depend on the nonlinear parameters: those of friction with
+presliding, and the derivatives. All other columns are computed and low-passed once and then reused.
 """
 
 from __future__ import annotations
@@ -26,17 +26,18 @@ from identification.model.torque_columns import (
 )
 
 MOST_BYTES: Final = 2**27
-"""Of a recording's columns that are kept; those of later blocks are computed every time."""
+"""Largest size of a recording's cache; columns of further blocks are computed every time."""
 
 
 @dataclass(eq=False)
 class KeptColumns:
-    """A recording's columns that no nonlinear parameter changes, block by block.
+    """Cache of a recording's columns that do not depend on nonlinear parameters, block by block.
 
     Attributes:
-        chain: Whose they are: a model keeps its chain whatever its nonlinear parameters.
-        names: Which they are.
-        blocks: By first row and stride: where they are not zero, and what stands there.
+        chain: Kinematic chain of the model; it stays the same object when nonlinear parameters
+            change.
+        names: Names of the columns.
+        blocks: By first row and stride: mask of the columns that are not zero, and their values.
     """
 
     chain: Chain | None = None
@@ -44,13 +45,13 @@ class KeptColumns:
     blocks: dict[tuple[int, int], tuple[BoolArray, FloatArray]] = field(default_factory=dict)
 
     def begin(self, chain: Chain, names: tuple[str, ...]) -> None:
-        """Forget what was kept of another model."""
+        """Clear the cache if it belongs to another model or to other columns."""
         if self.chain is not chain or self.names != names:
             self.chain, self.names = chain, names
             self.blocks.clear()
 
     def keep(self, place: tuple[int, int], seen: BoolArray, values: FloatArray) -> None:
-        """Keep a block, if there is room."""
+        """Store a block if the cache has room for it."""
         if values.nbytes + sum(kept.nbytes for _, kept in self.blocks.values()) <= MOST_BYTES:
             self.blocks[place] = seen, values
 
@@ -62,8 +63,9 @@ class LowPassedColumns:
     Attributes:
         model, base, standard: As for `torque_columns`.
         signals: The recording.
-        conditions: Its circumstances, memory included; of the unfiltered rows if there are any.
-        kept: Of this recording under these circumstances, memory aside.
+        conditions: Conditions of the recording, including presliding hysteresis; for its unfiltered
+            rows if it has any.
+        kept: Cache for this recording; it is valid for any presliding hysteresis.
     """
 
     model: RobotModel
@@ -74,7 +76,7 @@ class LowPassedColumns:
     kept: KeptColumns
 
     def of(self, rows: slice, stride: int) -> FloatArray:
-        """Return every `stride`-th of some rows of one segment, as `torque_columns` has them."""
+        """Return every `stride`-th of some rows of one segment; columns as in `torque_columns`."""
         shared = ParallelFilter(self.signals)
         wide, inner = shared.window(np.arange(rows.start, rows.stop, stride))
         changing = changing_columns(self.model, self.base)
@@ -102,7 +104,7 @@ class LowPassedColumns:
         return out
 
     def unfiltered(self, rows: slice, *, linear: bool = False) -> FloatArray:
-        """Return `torque_columns` of rows of the source as they are, without slopes if `linear`."""
+        """Return unfiltered `torque_columns` of rows of the source; no derivatives if `linear`."""
         conditions = self.conditions.part(rows)
         standard = None if linear else self.standard
         motion = ParallelFilter(self.signals).motion(rows)
@@ -111,7 +113,7 @@ class LowPassedColumns:
     def _filtered(
         self, columns: FloatArray, wide: slice, inner: IntArray
     ) -> tuple[BoolArray, FloatArray]:
-        """Return which columns are not zero, (n, any), and some rows of those, low-passed."""
+        """Return the mask of the columns that are not zero, (n, any), and their low-passed rows."""
         shared = ParallelFilter(self.signals)
         seen: BoolArray = np.any(columns, axis=0)
         own = (shared.recorded(columns[:, j, used], j, wide) for j, used in enumerate(seen))

@@ -1,8 +1,8 @@
-"""`ParallelFilter`: the low-pass that a recording's torque and all columns of its model pass.
+"""`ParallelFilter`: the low-pass that is applied to a recording's torque and to all columns alike.
 
 tau = X(q, v, a) theta gives h * tau = (h * X) theta for every linear filter h. Columns of a
-recording are computed from its unfiltered signals (`UnfilteredSignals`); a mean period is known
-below its cut-off only, and so are its columns.
+recording are computed from its unfiltered signals (`UnfilteredSignals`). A mean period and its
+columns are known only below its cut-off.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from dynamics.terms.conditions import Conditions
 from identification.equations.torque_kinks import integrable_torque
 
 FILTER_REACH: Final = 3.0
-"""Periods of its cut-off after which a Butterworth low-pass has forgotten where a block began."""
+"""Duration of a Butterworth low-pass's transient [periods of its cut-off]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,19 +32,19 @@ class ParallelFilter:
     """The filter of one recording or mean period.
 
     Attributes:
-        signals: The recording, or a part of it.
+        signals: The recording, or a part of a recording.
     """
 
     signals: SmoothedSignals
 
     @property
     def source(self) -> SmoothedSignals | UnfilteredSignals:
-        """The signals that columns are computed from."""
+        """The signals from which the columns are computed."""
         return self.signals.unfiltered or self.signals
 
     @property
     def limit_hz(self) -> float | None:
-        """Cut-off of the Butterworth low-pass that columns pass; None if they pass none."""
+        """Cut-off of the Butterworth low-pass of the columns, or None."""
         signals = self.signals
         if signals.unfiltered is None:
             return signals.cutoff_hz
@@ -56,10 +56,10 @@ class ParallelFilter:
         return source.position[rows], source.velocity[rows], source.acceleration[rows]
 
     def conditions(self, model: RobotModel, own: Conditions) -> Conditions:
-        """Return conditions of the signals' rows as those of the source's, with friction's memory.
+        """Return the conditions for the rows of the source, including presliding hysteresis.
 
-        Memory follows the low-passed position: an encoder that flickers between two steps does not
-        turn round.
+        The hysteresis follows the low-passed position, because an encoder that toggles between two
+        counts is not a reversal.
         """
         signals, source = self.signals, self.signals.unfiltered
         if source is None:
@@ -78,7 +78,7 @@ class ParallelFilter:
         return with_memory(model, path, own, source.segment)
 
     def window(self, rows: IntArray) -> tuple[slice, IntArray]:
-        """Return the source's rows that the filter takes in, and the places of some rows in them.
+        """Return the source's rows that affect some rows, and the indices of those rows.
 
         Args:
             rows: Shape (wanted,). Ascending rows of the signals, of one segment.
@@ -96,13 +96,13 @@ class ParallelFilter:
         return slice(start, min(int(end), int(wanted[-1]) + reach + 1)), wanted - start
 
     def recorded(self, values: FloatArray, joint: int, wide: slice) -> FloatArray:
-        """Return a joint's columns of a window as its torque was recorded.
+        """Apply the recording process of a joint's torque to the joint's columns.
 
-        They pass the torque's channel and are held as the torque is renewed.
+        The columns pass the torque's channel, and are held between updates of the torque.
 
         Args:
             values: Shape (source rows, any). Columns of one joint.
-            joint: Which one, from 0.
+            joint: The joint's index, from 0.
             wide: The source's rows of the window.
         """
         source = self.signals.unfiltered
@@ -114,7 +114,7 @@ class ParallelFilter:
         return np.asarray(values[np.maximum(source.torque_row[wide, joint] - wide.start, 0)])
 
     def columns(self, values: FloatArray, places: IntArray) -> FloatArray:
-        """Return columns (source rows, any) of a window filtered, at some places of it."""
+        """Filter the columns (source rows, any) of a window, and return some of its rows."""
         step_s = self.source.sample_period_s
         if (limit_hz := self.limit_hz) is not None:
             values = low_pass(values, step_s, limit_hz)
@@ -123,7 +123,7 @@ class ParallelFilter:
         return window_mean(values, places, step_s, self.signals.cutoff_hz)
 
     def torque(self, rows: IntArray) -> FloatArray:
-        """Return the torque of some rows as the columns are filtered, (rows, n) [N m or N]."""
+        """Return the torque of some rows, filtered like the columns, (rows, n) [N m or N]."""
         source = self.signals.unfiltered
         if source is None:
             return self.signals.torque_nm[rows]
@@ -139,12 +139,12 @@ class ParallelFilter:
         whole: Conditions,
         standstill_rad_s: float,
     ) -> tuple[BoolArray, BoolArray]:
-        """Return which rows of which joints count, and at which they move, each (samples, n).
+        """Return masks of the usable rows and of the rows in motion, each (samples, n).
 
         Args:
             model: The robot.
-            whole: Of the source's rows, with what friction remembers.
-            standstill_rad_s: Below this speed a joint stands.
+            whole: Conditions of the source's rows, including presliding hysteresis.
+            standstill_rad_s: Below this speed a joint counts as standing still.
         """
         signals, source = self.signals, self.source
         of_rows = moving if signals.unfiltered is None else moving_on
@@ -164,7 +164,7 @@ class ParallelFilter:
 
     @property
     def _instantaneous(self) -> bool:
-        """True if each row's torque is what acted at that instant."""
+        """True if each row's torque is a sample: not held, filtered or smoothed."""
         source, channel = self.signals.unfiltered, self.signals.channel
         if source is None or (channel is not None and channel.changes):
             return False
@@ -172,14 +172,14 @@ class ParallelFilter:
         return unheld and source.smoothing_s == 0.0
 
     def _known(self, moves: BoolArray) -> BoolArray:
-        """Return where joints move now and did when their torque was new, (source rows, n)."""
+        """Return the source's rows at which a joint moves now and at the torque's update."""
         source = self.signals.unfiltered
         if source is None or source.torque_row is None:
             return moves
         return np.asarray(moves & np.take_along_axis(moves, source.torque_row, axis=0))
 
     def _spread(self) -> tuple[int, int]:
-        """Return how many rows before and after an event the torque's channel spreads it over."""
+        """Return how many rows before and after an event the torque channel's response lasts."""
         channel = self.signals.channel
         if channel is None or not channel.changes:
             return 0, 0
@@ -194,16 +194,18 @@ class ParallelFilter:
 
 
 def _near(those: BoolArray, segment: IntArray, ahead: int, behind: int) -> BoolArray:
-    """Return which rows are some rows ahead of one of those or behind it, or closer, (samples, n).
+    """Return the rows at most `ahead` rows before or `behind` rows after one of `those`.
 
-    Nothing reaches over a gap between segments.
+    Rows of other segments do not count.
     """
     near = np.zeros_like(those)
     edges = (np.flatnonzero(np.diff(segment)) + 1).tolist()
     for first, end in pairwise([0, *edges, len(those)]):
         rows = np.arange(end - first)
         before, after = np.maximum(rows - behind, 0), np.minimum(rows + ahead + 1, end - first)
-        for j in range(those.shape[1]):  # counts of all joints at once would be the largest array
+        for j in range(
+            those.shape[1]
+        ):  # joint by joint, because an array of all joints would be too large
             counts = np.concatenate([[0], np.cumsum(those[first:end, j])])
             near[first:end, j] = counts[after] > counts[before]
     return near

@@ -1,4 +1,4 @@
-"""`PlateFit`: how a force plate's signals fit an estimate, and how late they were."""
+"""`PlateFit`: fit of a force plate's signals with an estimate, and their delay."""
 
 from __future__ import annotations
 
@@ -20,15 +20,16 @@ SMALL_COMPONENT: Final = 0.05
 
 @dataclass(frozen=True, eq=False)
 class PlateFit:
-    """The plate's side of an estimate.
+    """The force plate's part of an estimate.
 
     Attributes:
         residual: Shape (6,). RMS of measured minus predicted base wrench inside the band, without
             its constant part [N, N m].
-        noise: Shape (6,). RMS that the measured noise of channels and positions alone would leave
-            there.
-        delay_s, delay_sigma_s: Shape (runs,). By how much the plate's signals were later than the
-            positions in each run, beyond its low-pass and what its clock told; made up for.
+        noise: Shape (6,). RMS of the residual that the measured noise of channels and positions
+            alone
+            would cause [N, N m].
+        delay_s, delay_sigma_s: Shape (runs,). Delay of the plate's signals behind the positions in
+            each run, in addition to the plate's low-pass and clock; the estimate compensates it.
         left_out: The channels that were left out in each run.
         drift_n_s: Shape (runs, c). Linear drift that was removed from each channel [N/s].
         wrench: Shape (6,). RMS of the measured base wrench inside the band, without its constant
@@ -59,9 +60,9 @@ class PlateFit:
         delays_s: FloatArray,
         delay_sigma_s: FloatArray,
     ) -> PlateFit:
-        """Compare the plates of some runs with what `values` (b or b + s) predict.
+        """Compare the plate's wrench of some runs with the predictions of `values` (b or b + s).
 
-        Where a channel is left out, what it alone tells counts as zero.
+        If a channel is left out, combinations that only this channel measures count as zero.
         """
         residual, noise, wrench = np.zeros(6), np.zeros(6), np.zeros(6)
         for each, squares, delay_s in zip(equations, inertia_squares, delays_s, strict=True):
@@ -86,9 +87,9 @@ class PlateFit:
 
     @property
     def grades(self) -> tuple[FitGrade, ...]:
-        """How well each component is explained, as a share of its size.
+        """Quality of the fit of each component, relative to the component's size.
 
-        A force or a moment that is small beside the others counts as a share of the largest.
+        A small force or moment is compared with a fraction of the largest one.
         """
         size = self.wrench.copy()
         for part in (slice(0, 3), slice(3, 6)):

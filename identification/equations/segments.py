@@ -1,4 +1,4 @@
-"""Parts and selected rows of smoothed recordings, and averaged periods as such recordings."""
+"""Parts and selected rows of smoothed recordings; averaged periods as smoothed recordings."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ from identification.equations.deconvolution import HIGHEST_SHARE, SMALLEST_GAIN
 
 ROWS_PER_PERIOD: Final = 8
 SPLINE_ROWS: Final = 20
-"""Rows after which a spline no longer shows where it ended."""
+"""Rows from the end of a spline over which the end conditions affect it."""
 FILTER_PERIODS: Final = 6.0
-"""Periods of a Butterworth low-pass's cut-off after which it no longer shows where it began."""
+"""Duration of a Butterworth low-pass's transient [periods of its cut-off]."""
 
 
 def cut(signals: SmoothedSignals, parts: int) -> list[SmoothedSignals]:
@@ -41,8 +41,9 @@ def cut(signals: SmoothedSignals, parts: int) -> list[SmoothedSignals]:
 def thinned(signals: SmoothedSignals) -> SmoothedSignals:
     """Return every k-th row of each segment, at least 8 in a period of the cut-off frequency.
 
-    Signals below the cut-off are known between such rows. What a friction model says where a joint
-    turns round is not, so that an estimate moves by a part of its interval; comparisons hardly do.
+    Such rows fully represent signals below the cut-off. They do not represent the jump of a
+    friction model at a reversal. Therefore an estimate changes by a fraction of its interval, but
+    comparisons of models hardly change.
     """
     stride = thinning(signals)
     if stride <= 1:
@@ -55,7 +56,7 @@ def thinned(signals: SmoothedSignals) -> SmoothedSignals:
 
 
 def thinning(signals: SmoothedSignals) -> int:
-    """Return of how many rows of a recording one is enough: 8 in a period of the cut-off."""
+    """Return k such that every k-th row is enough: 8 rows in a period of the cut-off."""
     return max(1, int(1.0 / (ROWS_PER_PERIOD * signals.cutoff_hz * signals.sample_period_s)))
 
 
@@ -65,9 +66,9 @@ def period_signals(average: PeriodAverage, band_hz: float) -> SmoothedSignals:
 
 
 def unfiltered_period(average: PeriodAverage, band_hz: float) -> SmoothedSignals:
-    """Return a mean period as `period_signals` does, with its unfiltered signals beside.
+    """Return a mean period as `period_signals` does, together with its unfiltered signals.
 
-    They hold the rows before and after the period that a filter takes in.
+    These include the rows before and after the period that affect filtered rows.
     """
     signals = period_signals(average, band_hz)
     rows, step_s, passed = (
@@ -114,15 +115,15 @@ def unfiltered_period(average: PeriodAverage, band_hz: float) -> SmoothedSignals
 def single_periods(
     recording: Recording, band_hz: float, start: int | None = None
 ) -> dict[int, SmoothedSignals]:
-    """Return each period of a recording that misses no row, as `period_signals` does, by number.
+    """Return each complete period of a recording, as `period_signals` does, by number.
 
     Args:
-        recording: Of a periodic motion, or a part of one that begins with a period.
-        band_hz: Up to where it is kept [Hz].
-        start: Row of the motion at which the recording's first period begins, where that is known.
+        recording: Recording of a periodic motion, or a part that begins with a period.
+        band_hz: Upper limit of the frequency band that is kept [Hz].
+        start: Row of the motion at which the recording's first period begins, if it is known.
 
     Raises:
-        DataQualityError: The recording is not periodic, or misses too much.
+        DataQualityError: The recording is not periodic, or too many rows are missing.
     """
     values, present = cut_periods(recording, start)
     warmth = recording.temperature_k
@@ -144,7 +145,7 @@ def _on_bins(
     band_hz: float,
     temperature_k: FloatArray | None,
 ) -> SmoothedSignals:
-    """Return position and torque (K, n) of one period of a source, with derivatives."""
+    """Return position and torque (K, n) of one period, limited to the band, with derivatives."""
     position, torque_nm = period
     rows, step_s = len(position), source.sample_period_s
     if step_s is None:

@@ -1,4 +1,4 @@
-"""`TimeRun`: smoothed recordings as equations in time, block by block to bound memory."""
+"""`TimeRun`: smoothed recordings as equations in the time domain, in blocks to limit memory."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from identification.model.base_parameters import BaseParameters
 BLOCK_ROWS = 4096
 EVENT_S = 1.0
 EVENT_PERIODS = 2.0
-"""Periods of the cut-off that a stretch lasts at least: neighbours are independent then."""
+"""Shortest interval [periods of the cut-off]: neighbouring intervals are then independent."""
 
 
 @dataclass(frozen=True, eq=False)
 class TimeRun:
-    """One smoothed recording, its circumstances, and what of its equations is kept."""
+    """One smoothed recording with its conditions, and the cache of its columns."""
 
     signals: SmoothedSignals
     conditions: Conditions
@@ -35,7 +35,10 @@ class TimeRun:
 
     @property
     def event(self) -> IntArray:
-        """The stretch of `EVENT_S` seconds or more that each row belongs to, from 0, (samples,)."""
+        """Index of the time interval of each row, from 0, (samples,).
+
+        An interval lasts `EVENT_S` seconds or more.
+        """
         signals = self.signals
         length_s = max(EVENT_S, EVENT_PERIODS / signals.cutoff_hz)
         stretch = np.floor((signals.time_s - signals.time_s[0]) / length_s)
@@ -48,14 +51,15 @@ class TimeBlock:
     """Some rows of the equations rhs = columns (beta, shape step).
 
     Attributes:
-        columns: Shape (rows, n, any). As `torque_columns` gives them.
+        columns: Shape (rows, n, any). As returned by `torque_columns`.
         rhs: Shape (rows, n). Torque [N m or N].
-        use: Shape (rows, n). Where the joint moves fast enough for its friction to be known, or
-            remembers it and is not in the middle of a pause.
-        moving: Shape (rows, n). Where it moves fast enough.
-        event: Shape (rows,). Which stretch of time a row belongs to, counted over all recordings
+        use: Shape (rows, n). True if the joint moves fast enough for its friction to be known. If
+            its
+            friction has presliding: true unless the row is inside a long pause.
+        moving: Shape (rows, n). True if the joint moves fast enough.
+        event: Shape (rows,). Index of each row's interval of time, counted over all recordings
             from 0.
-        time_s: Shape (rows,). When it was measured [s].
+        time_s: Shape (rows,). Time of the measurement [s].
     """
 
     columns: FloatArray
@@ -66,19 +70,19 @@ class TimeBlock:
     time_s: FloatArray
 
     def stretches(self) -> list[IntArray]:
-        """Return the rows of each stretch of time."""
+        """Return the rows of each interval of time."""
         return np.split(np.arange(len(self.event)), np.flatnonzero(np.diff(self.event)) + 1)
 
     def of_joint(
         self, joint: int, rows: IntArray, columns: IntArray | slice
     ) -> tuple[FloatArray, FloatArray]:
-        """Return a joint's matrix and torque: some columns of those of some rows that count."""
+        """Return a joint's matrix and torque for the usable rows among `rows`."""
         use = rows[self.use[rows, joint]]
         return self.columns[use, joint][:, columns], self.rhs[use, joint]
 
 
 def whole_stretches(blocks: Iterable[TimeBlock]) -> Iterator[list[tuple[TimeBlock, IntArray]]]:
-    """Yield the rows of each stretch of time, block by block if it reaches over several."""
+    """Yield the rows of each interval of time; a list has several blocks if they share it."""
     stretch: list[tuple[TimeBlock, IntArray]] = []
     event = -1
     for block in blocks:
@@ -95,21 +99,22 @@ def whole_stretches(blocks: Iterable[TimeBlock]) -> Iterator[list[tuple[TimeBloc
 def time_runs(
     model: RobotModel, signals: Sequence[SmoothedSignals], payload: Sequence[bool]
 ) -> tuple[TimeRun, ...]:
-    """Put recordings and their circumstances together.
+    """Combine recordings with their conditions.
 
     Raises:
-        EstimationError: The joints are not the model's, or `payload` has not a value a recording.
+        EstimationError: The joints are not those of the model, or `payload` does not have one value
+            per recording.
     """
     if len(payload) != len(signals):
         raise EstimationError(
-            f"payload says of {len(payload)} recordings whether they carry it, there are"
-            f" {len(signals)}",
+            f"payload has {len(payload)} values, but there are {len(signals)} recordings: give"
+            " one value for each recording",
             code="RID-API-ARGUMENT",
         )
     for smoothed in signals:
         if smoothed.joint_names != model.joint_names:
             raise EstimationError(
-                f"the recording has joints {', '.join(smoothed.joint_names)}, the model"
+                f"the recording has joints {', '.join(smoothed.joint_names)}, but the model has"
                 f" {', '.join(model.joint_names)}: use the recording's own robot",
                 code="RID-ROBOT-OTHER",
             )
@@ -130,13 +135,13 @@ def time_blocks(
 ) -> Iterator[TimeBlock]:
     """Yield the equations of some recordings; `standard` as in `torque_columns`.
 
-    Columns and torque of a recording pass the same filter (`UnfilteredSignals`), and 8 rows in a
-    period of the cut-off hold all of it. A mean period has its columns low-passed with
-    `low_passed`, if its torque passed a channel, and if friction has memory.
+    Columns and torque of a recording pass the same filter (`UnfilteredSignals`), and 8 rows per
+    period of the cut-off contain all information. The columns of a mean period are low-passed if
+    `low_passed` is true, if its torque passed a channel, or if friction has presliding.
 
-    A joint's rows within the filter's reach of standstill or reversal are left out, at which
-    nobody knows its friction. If friction has memory they count, but of a pause only those within
-    a period of the cut-off from motion: what follows is the same value again.
+    A joint's rows within the filter's length of standstill or reversal are left out, because its
+    friction is unknown there. If friction has presliding they are used. Of a pause, only the rows
+    within one period of the cut-off from motion are used, because the others repeat one value.
     """
     first_event = 0
     for run in runs:
@@ -179,7 +184,7 @@ def _always_filtered(model: RobotModel, signals: SmoothedSignals) -> bool:
 
 
 def _blocks(segment: IntArray) -> Iterator[slice]:
-    """Yield the rows of blocks, none of which reaches over a gap between segments."""
+    """Yield the rows of blocks; no block crosses a gap between segments."""
     edges = (np.flatnonzero(np.diff(segment)) + 1).tolist()
     for first, end in pairwise([0, *edges, len(segment)]):
         for start in range(first, end, BLOCK_ROWS):
@@ -193,9 +198,9 @@ def joint_equations(
     standstill_rad_s: float,
     standard: FloatArray | None = None,
 ) -> Iterator[list[tuple[FloatArray, FloatArray]]]:
-    """Yield each joint's equations, matrix (rows, any) and torque (rows,), stretch by stretch.
+    """Yield each joint's equations, matrix (rows, any) and torque (rows,), interval by interval.
 
-    A stretch is as long as `TimeRun.event` says; rows where the joint is too slow are left out.
+    The intervals are those of `TimeRun.event`; rows in which the joint is too slow are left out.
     """
     for block in time_blocks(model, base, runs, standstill_rad_s, standard):
         for rows in block.stretches():

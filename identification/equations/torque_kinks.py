@@ -1,11 +1,11 @@
-"""Torques whose sums over rows equal their integrals although they bend between two rows.
+"""Correction of sampled torques at kinks, so that their sums over rows equal their integrals.
 
-If a joint turns round between two rows, its Coulomb friction jumps and the acceleration of every
-joint jumps with it. The other joints' controllers answer with torques that are continuous but bend.
-Columns follow a spline through the positions, so that their sums over rows are integrals. A sum of
-sampled torques misses its integral by B2(phi)/2 of the bend and by terms of higher order, if the
-joint turns round phi rows after a row (Euler and Maclaurin). At 100 Hz that alone shifts friction
-by 0.1 %.
+If a joint reverses between two rows, its Coulomb friction jumps, and the acceleration of every
+joint jumps with it. The other joints' controllers respond with torques that are continuous but have
+a kink. Columns follow a spline through the positions, so that their sums over rows are integrals.
+The sum of sampled torques misses its integral by B2(phi)/2 times the change of slope, and by terms
+of higher order, if the joint reverses phi rows after a row (Euler and Maclaurin). At 100 Hz this
+error alone shifts friction by 0.1 %.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from acquisition.processing.unfiltered import SLOW_RAD_S
 from config.arrays import FloatArray, IntArray
 
 MOST_ROWS: Final = 6
-"""Rows within which a reversal is quick; a longer standstill begins and ends at own times."""
+"""Longest reversal that counts as one event; a longer standstill is a stop and a start."""
 BEFORE: Final = 4
 AFTER: Final = 4
-"""Rows before and after the last one before a bend that show the bend."""
+"""Rows before and after the last row before a kink that the weights use."""
 
 
 def integrable_torque(
     torque_nm: FloatArray, position: FloatArray, velocity: FloatArray
 ) -> FloatArray:
-    """Return torques corrected so that smooth weights sum them as if they were integrated.
+    """Return torques corrected so that sums with smooth weights equal integrals.
 
-    A joint's torque is corrected where other joints turn round; at its own reversals it jumps, and
-    no estimate uses it there.
+    A joint's torque is corrected at the reversals of other joints. At its own reversals the torque
+    jumps, and no estimate uses it there.
 
     Args:
         torque_nm: Shape (samples, n). Sampled torque on uniform rows of one segment [N m or N].
@@ -50,9 +50,10 @@ def integrable_torque(
 
 
 def _reversals(position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Return when joints begin to turn round [rows], and which joints, each (events,).
+    """Return the times at which joints reverse [rows], and the joints, each (events,).
 
-    A parabola through the last three positions before it tells; a spline would ring.
+    The time is the vertex of a parabola through the last three positions before the reversal; a
+    spline would oscillate.
     """
     times: list[FloatArray] = [np.empty(0)]
     joints: list[IntArray] = [np.empty(0, dtype=np.int64)]
@@ -70,11 +71,11 @@ def _reversals(position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, 
 
 
 def _weights(phi: FloatArray) -> FloatArray:
-    """Return weights of a bend's rows whose sum is the integral less the sum, (events, rows).
+    """Return weights of the rows around a kink, (events, rows); their sum is integral minus sum.
 
-    They are the smallest that are exact for a parabola to which a cubic polynomial of (x - phi) is
-    added from phi on. Of a smooth parabola the sum misses nothing, of (x - phi)^k from phi on
-    B_{k+1}(1 - phi)/(k + 1).
+    They are the smallest weights that are exact for a parabola plus a cubic polynomial of (x - phi)
+    that begins at phi. For a parabola the sum has no error. For (x - phi)^k from phi on, the error
+    is B_{k+1}(1 - phi)/(k + 1).
     """
     rows, rest = np.arange(-BEFORE, AFTER + 1.0), 1.0 - phi
     bend = np.maximum(rows - phi[:, np.newaxis], 0.0)

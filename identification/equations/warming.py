@@ -1,8 +1,8 @@
-"""`Warming`: how joints warm up by their own friction, where no one measured their temperature.
+"""`Warming`: temperature rise of joints due to their own friction, without measured temperatures.
 
-Each joint is one body that its friction's power heats and the air cools. What a watt warms it by is
-not known: the rise is counted in kelvins as if it were one kelvin a watt, and the coefficients of
-friction by temperature hold the rest. A recording begins cold.
+Each joint is one body that its friction's power heats and the air cools. The thermal resistance is
+unknown: the rise is computed with one kelvin per watt, and the coefficients of
+temperature-dependent friction contain the true rise per watt. Every recording starts cold.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ class Warming:
     """Time constants of the joints' temperatures, and the friction that heats them.
 
     Attributes:
-        time_constant_s: Shape (n,). Of each joint [s]; 0 where its friction does not show that it
-            warms up.
-        time_constant_sigma_s: Shape (n,). Standard deviations; 0 there.
-        coulomb_nm: Shape (n,). Coulomb friction whose power counts [N m or N].
-        viscous_nm_s: Shape (n,). Viscous friction whose power counts [N m s/rad or N s/m].
+        time_constant_s: Shape (n,). Time constant of each joint [s]; 0 if its friction shows no
+            warming.
+        time_constant_sigma_s: Shape (n,). Standard deviations [s]; 0 if the time constant is 0.
+        coulomb_nm: Shape (n,). Coulomb friction that heats the joint [N m or N].
+        viscous_nm_s: Shape (n,). Viscous friction that heats the joint [N m s/rad or N s/m].
     """
 
     time_constant_s: FloatArray
@@ -43,11 +43,11 @@ class Warming:
 
     @property
     def joints(self) -> BoolArray:
-        """Which joints warm up, (n,)."""
+        """Mask of the joints that warm up, (n,)."""
         return self.time_constant_s > 0.0
 
     def robot(self, robot: RobotDescription) -> RobotDescription:
-        """Return a robot whose friction depends on temperature where joints warm up, only there."""
+        """Return a robot with the term `temperature` for exactly the joints that warm up."""
         own = []
         for joint, warms in zip(robot.joints, self.joints, strict=True):
             terms = tuple(term for term in joint.friction if term != "temperature")
@@ -56,26 +56,30 @@ class Warming:
         return robot.model_copy(update={"joints": tuple(own)})
 
     def warmed(self, robot: RobotDescription, signals: SmoothedSignals) -> SmoothedSignals:
-        """Return a recording with the temperatures that its motion leads to.
+        """Return a recording with the temperatures that its motion causes.
 
         Args:
-            robot: Whose reference temperatures are those of the cold joints.
-            signals: What was recorded; a temperature that it has is replaced.
+            robot: Robot whose reference temperatures are those of the cold joints.
+            signals: The recording; measured temperatures in it are replaced.
         """
         return replace(signals, temperature_k=self._followed(robot, signals, RISE))
 
     def by_time_constant(
         self, robot: RobotDescription, signals: SmoothedSignals
     ) -> SmoothedSignals:
-        """Return the same with the derivative [K/s] by each time constant as the joint's rise."""
+        """Return a recording with the derivative of its temperatures [K/s].
+
+        Each temperature is replaced by its derivative with respect to the joint's time constant.
+        """
         return replace(signals, temperature_k=self._followed(robot, signals, BY_TIME_CONSTANT))
 
     def settled(self, robot: RobotDescription, velocity: FloatArray) -> FloatArray:
-        """Return the temperatures that a motion leads to when it is repeated for long, (n,) [K].
+        """Return the steady-state temperatures of a motion repeated for long, (n,) [K].
 
         Args:
-            robot: Whose reference temperatures are those of the cold joints.
-            velocity: Shape (samples, n). Of the whole motion, uniformly sampled [rad/s or m/s].
+            robot: Robot whose reference temperatures are those of the cold joints.
+            velocity: Shape (samples, n). Velocity of the whole motion, uniformly sampled [rad/s or
+                m/s].
         """
         cold = np.array([joint.reference_temperature_k for joint in robot.joints])
         return np.asarray(cold + self.joints * self._power_w(robot, velocity).mean(axis=0))
@@ -87,7 +91,7 @@ class Warming:
 
     def _followed(self, robot: RobotDescription, signals: SmoothedSignals, what: int) -> FloatArray:
         power_w = self._power_w(robot, signals.velocity)
-        # Over a gap nothing is known; a joint that stood cools.
+        # The motion during a gap is unknown: the joint is assumed to stand still and cool.
         gap = np.diff(signals.time_s) > GAP_STEPS * signals.sample_period_s
         power_w[:-1][gap] = 0.0
         found = np.zeros((len(signals), len(robot.joints)))

@@ -1,4 +1,4 @@
-"""`WhitenedEquations`: equations on DFT bins over their noise, ready for least squares."""
+"""`WhitenedEquations`: equations on DFT bins divided by their noise, ready for least squares."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ NEGLIGIBLE_SIGMAS = 0.1
 
 @dataclass(frozen=True, eq=False)
 class WhitenedEquations:
-    """The equations of one measured output with unit noise, its free torque projected out.
+    """The equations of one measured output with unit noise, the free torque projected out.
 
     An output is a joint's torque, or one of the uncorrelated combinations of the base wrench.
 
     Attributes:
         matrix: Shape (2 H + 1, b). Whitened regressor.
         rhs: Shape (2 H + 1,). Whitened torque or wrench.
-        sigma: Shape (2 H + 1,). Standard deviation that each row was divided by [N m or N].
-        rows: Equations left after the free torque has taken its own.
+        sigma: Shape (2 H + 1,). Standard deviation by which each row was divided [N m or N].
+        rows: Number of independent equations after the free torque was projected out.
     """
 
     matrix: FloatArray
@@ -36,41 +36,43 @@ class WhitenedEquations:
 
     @property
     def noise_power(self) -> float:
-        """Mean square that noise alone leaves of the output."""
+        """Mean square of the residual that noise alone would cause."""
         return float(np.sum(self.sigma**2) * self.rows / len(self.rhs))
 
     def reweighted(self, weights: FloatArray) -> WhitenedEquations:
-        """Return the rows times the roots of some weights."""
+        """Return the rows multiplied by the square roots of some weights."""
         root = np.sqrt(weights)
         return replace(self, matrix=self.matrix * root[:, np.newaxis], rhs=self.rhs * root)
 
     def widened(self, columns: FloatArray) -> WhitenedEquations:
-        """Return the rows with further columns (2 H + 1, any) of unknowns."""
+        """Return the rows with columns (2 H + 1, any) of further unknowns."""
         return replace(self, matrix=np.column_stack([self.matrix, columns]))
 
     def scaled(self, factor: float) -> WhitenedEquations:
-        """Return the rows of an output that measures a factor more than the model's."""
+        """Return the rows of an output whose measured values are `factor` times the model's."""
         return replace(self, matrix=factor * self.matrix)
 
     def residual(self, values: FloatArray) -> FloatArray:
-        """Return the whitened residual of some parameters, shape (2 H + 1,)."""
+        """Return the whitened residual for some parameters, shape (2 H + 1,)."""
         return np.asarray(self.rhs - self.matrix @ values)
 
 
 def whiten(
     equations: BinEquations, inertia: FloatArray, *, uniform: bool = False
 ) -> tuple[WhitenedEquations, ...]:
-    """Return each joint's equations over their noise.
+    """Return each joint's equations divided by their noise.
 
     Args:
         equations: Equations of a period.
-        inertia: Shape (n, n). Size of the joint-space inertia [kg m^2], through which the noise of
-            the position's second derivative becomes torque; zero leaves the torque's own noise.
+        inertia: Shape (n, n). Magnitude of the joint-space inertia [kg m^2], through which the
+            noise of
+            the position's second derivative becomes torque noise; with zeros, only the noise of the
+            torque itself counts.
         uniform: Divide all rows by the same number, the noise's RMS (ordinary least squares).
     """
     omega = 2.0 * np.pi / equations.period_s * np.arange(equations.harmonics + 1)
     variance = inertia**2 @ equations.position_sigma**2 * omega**4
-    # Where a simulation has no noise at all, every row counts alike.
+    # If a simulation has no noise at all, all rows have the same weight.
     floor = 1e-9 * float(np.linalg.norm(equations.rhs)) + 1e-150
     sigma = np.sqrt(equations.torque_sigma**2 + both_parts(variance.T).T + floor**2)
     if uniform:
@@ -90,14 +92,14 @@ def whiten(
 def whiten_base_wrench(
     reaction: BaseWrenchEquations, *, uniform: bool = False
 ) -> tuple[WhitenedEquations, ...]:
-    """Return a plate's equations over their noise, as mutually uncorrelated outputs.
+    """Return a plate's equations divided by their noise, as mutually uncorrelated outputs.
 
-    With `uniform` the noise is taken for white; N and N m still need its size to be compared.
+    With `uniform` the noise is assumed white; its size is still needed to compare N with N m.
     """
     covariance = reaction.covariance.copy()
     if uniform:
         covariance[1:] = covariance[1:].mean(axis=0)
-    # Where a simulation has no noise at all, every row counts alike.
+    # If a simulation has no noise at all, all rows have the same weight.
     size = 1e-9 * np.linalg.norm(reaction.rhs, axis=1) + 1e-12
     covariance = covariance + np.diag(size**2)
     bins = np.arange(len(covariance))
@@ -112,10 +114,10 @@ def whiten_base_wrench(
 
 
 def _significant(free: FloatArray) -> FloatArray:
-    """Return an orthonormal basis of what free torque can do to whitened rows, shape (rows, any).
+    """Return an orthonormal basis of the effect of free torque on whitened rows, shape (rows, any).
 
-    Each column is a piece of free torque as large as the joint's RMS torque; what stays under a
-    tenth of the noise even then is not worth an equation.
+    Each column is a piece of free torque as large as the joint's RMS torque. Directions in which it
+    stays below a tenth of the noise are ignored, because each direction removes one equation.
     """
     basis, size, _ = np.linalg.svd(free, full_matrices=False)
     return np.asarray(basis[:, size > NEGLIGIBLE_SIGMAS])
@@ -124,15 +126,15 @@ def _significant(free: FloatArray) -> FloatArray:
 def residual_covariance(
     white: Iterable[tuple[WhitenedEquations, ...]], values: FloatArray, covariance: FloatArray
 ) -> FloatArray:
-    """Return the covariance that residuals taken for white show, output by output, shape (b, b).
+    """Return the covariance from the residuals' size, assumed white for each output, shape (b, b).
 
     Args:
         white: The equations of each period average.
         values: Shape (b,). The estimate.
-        covariance: Shape (b, b). Its covariance by the measured noise, (A^T A)^-1.
+        covariance: Shape (b, b). Covariance of the estimate due to the measured noise, (A^T A)^-1.
     """
     meat = np.zeros_like(covariance)
-    for outputs in zip_longest(*white):  # a plate whose channel was left out has fewer
+    for outputs in zip_longest(*white):  # fewer outputs if a channel of the plate was left out
         joint = [part for part in outputs if part is not None]
         grams = [part.matrix.T @ part.matrix for part in joint]
         gram = np.sum(grams, axis=0)
