@@ -58,12 +58,11 @@ class BinEquations:
         matrix: Shape (n, 2 H + 1, b or b + s). Base regressor of each joint on the bins, and, if
             requested, the derivatives with respect to the s nonlinear parameters.
         rhs: Shape (n, 2 H + 1). Torque with the anti-alias filter divided out [N m or N].
-        free: Tuple of ndarray, n of shape (2 H + 1, any). Columns of each joint's free torque
-            near standstill.
+        free: Tuple of ndarray, n of shape (2 H + 1, any). Columns of each joint's free torque near
+            standstill.
         left_out_fraction: Shape (n,). Fraction of the period in which each joint's torque is free.
         torque_sigma: Shape (n, 2 H + 1). Standard deviation of each row due to the torque noise
-            between
-            periods [N m or N].
+            between periods [N m or N].
         position_sigma: Shape (n, H + 1). Standard deviation of the mean position's bins [rad or m].
         reaction: The equations of the force plate, if there is one.
     """

@@ -74,8 +74,8 @@ class Piece:
         length: Rows of the padded segment; its period is `length` times `step_s`.
         slow: Shape (rows, n). True if the actuator is too slow for its friction to be known, or
             reverses before the next row or after the previous one.
-        held: Shape (rows, n). Row at which each torque was updated, if the source updates it
-            less than once per row.
+        held: Shape (rows, n). Row at which each torque was updated, if the source updates it less
+            than once per row.
     """
 
     rigid: FloatArray

@@ -26,8 +26,7 @@ class PlateFit:
         residual: Shape (6,). RMS of measured minus predicted base wrench inside the band, without
             its constant part [N, N m].
         noise: Shape (6,). RMS of the residual that the measured noise of channels and positions
-            alone
-            would cause [N, N m].
+            alone would cause [N, N m].
         delay_s, delay_sigma_s: Shape (runs,). Delay of the plate's signals behind the positions in
             each run, in addition to the plate's low-pass and clock; the estimate compensates it.
         left_out: The channels that were left out in each run.

@@ -54,11 +54,10 @@ class TimeBlock:
         columns: Shape (rows, n, any). As returned by `torque_columns`.
         rhs: Shape (rows, n). Torque [N m or N].
         use: Shape (rows, n). True if the joint moves fast enough for its friction to be known. If
-            its
-            friction has presliding: true unless the row is inside a long pause.
+            its friction has presliding: true unless the row is inside a long pause.
         moving: Shape (rows, n). True if the joint moves fast enough.
-        event: Shape (rows,). Index of each row's interval of time, counted over all recordings
-            from 0.
+        event: Shape (rows,). Index of each row's interval of time, counted over all recordings from
+            0.
         time_s: Shape (rows,). Time of the measurement [s].
     """
 

@@ -65,9 +65,8 @@ def whiten(
     Args:
         equations: Equations of a period.
         inertia: Shape (n, n). Magnitude of the joint-space inertia [kg m^2], through which the
-            noise of
-            the position's second derivative becomes torque noise; with zeros, only the noise of the
-            torque itself counts.
+            noise of the position's second derivative becomes torque noise; with zeros, only the
+            noise of the torque itself counts.
         uniform: Divide all rows by the same number, the noise's RMS (ordinary least squares).
     """
     omega = 2.0 * np.pi / equations.period_s * np.arange(equations.harmonics + 1)

@@ -1,5 +1,5 @@
-"""Estimates of a whole robot from periodic or smoothed runs, and the file that keeps them.
+"""Estimates of a whole robot from periodic or smoothed runs, and the files that contain them.
 
-Whether an estimate can be believed is judged in the rooms after this one. Begin with
-`periodic_fit.py`.
+The quality of an estimate is assessed in `identification/validation`, `consistency` and `accuracy`.
+Start with `periodic_fit.py`.
 """

@@ -1,8 +1,8 @@
-"""`at_temperature`: an estimate whose friction depends on temperature, at one temperature.
+"""`at_temperature`: an estimate with temperature-dependent friction, evaluated at one temperature.
 
-What is commanded ahead of a motion knows no thermometer. At one temperature T of a joint friction
-that changes by k kelvin by kelvin is plain friction again, f + k (T - T0), with the covariance of
-that sum.
+A command that is computed before a motion cannot use a measured temperature. At a fixed temperature
+T, friction with the temperature coefficient k is friction without this dependence, f + k (T - T0);
+its covariance is that of the sum.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ _BY_TEMPERATURE: Final[dict[FrictionFunction, tuple[FrictionFunction, ...]]] = {
     "coulomb_by_temperature": ("coulomb", "forward", "backward"),
     "viscous_by_temperature": ("viscous",),
 }
-"""Functions by temperature, and which others they are added to: those that a joint has."""
+"""Each temperature-dependent function, and the functions of a joint to which it is added."""
 
 
 def by_temperature(estimate: Estimate) -> BoolArray:
-    """Return which joints' friction depends on their temperature, (n,)."""
+    """Return a mask of the joints whose friction depends on temperature, (n,)."""
     found = np.zeros(len(estimate.robot.joints), dtype=bool)
     for column in _columns(estimate.model):
         found[column.joint] |= column.function in _BY_TEMPERATURE
@@ -41,18 +41,18 @@ def at_temperature(estimate: Estimate, temperature_k: FloatArray) -> Estimate:
     """Return an estimate without the friction term `temperature`, with the same torques.
 
     Args:
-        estimate: As it was identified.
-        temperature_k: Shape (n,). Temperature of each joint's drive [K]; one that its friction does
-            not depend on is no matter.
+        estimate: The identified estimate.
+        temperature_k: Shape (n,). Temperature of each joint's drive [K]; any value for a joint
+            whose friction does not depend on temperature.
 
     Raises:
-        EstimationError: There is not a temperature for each joint.
+        EstimationError: The number of temperatures is not the number of joints.
     """
     joints = estimate.robot.joints
     if np.shape(temperature_k) != (len(joints),):
         raise EstimationError(
-            f"temperatures of {np.size(temperature_k)} joints are given, the model has"
-            f" {len(joints)}",
+            f"{np.size(temperature_k)} temperatures are given, but the model has {len(joints)}"
+            " joints: give one temperature for each joint",
             code="RID-API-ARGUMENT",
         )
     if not by_temperature(estimate).any():
@@ -84,7 +84,7 @@ def at_temperature(estimate: Estimate, temperature_k: FloatArray) -> Estimate:
 
 
 def _plain(joint: Joint, terms: tuple[FrictionTerm, ...]) -> Joint:
-    """Return a joint whose friction has what the parts by temperature are added to."""
+    """Return a joint without the term `temperature`, but with the terms that replace it."""
     if "temperature" not in terms:
         return joint.model_copy(update={"friction": terms})
     rest = [term for term in terms if term != "temperature"]

@@ -1,4 +1,4 @@
-"""`Estimate`: identified base parameters with their uncertainty, and what they predict."""
+"""`Estimate`: identified base parameters with their uncertainty, and predicted torques."""
 
 from __future__ import annotations
 
@@ -32,46 +32,49 @@ BLOCK_ROWS = 4096
 class Estimate:
     """Base parameters of one robot, with everything needed to use them.
 
-    Three covariances say how far to trust them: by the measured noise, by residuals taken for
-    white, and one that holds for coloured residuals, that is for model error.
+    Three covariances describe the uncertainty: from the measured noise, from residuals assumed
+    white, and a cluster-robust one that also holds for coloured residuals, that is for model error.
 
     Attributes:
-        options: The terms of its model, with the estimated values of the nonlinear parameters.
-        base: Names, units, words and combinations of the b parameters.
-        values: Shape (b,). The estimate.
-        covariance_noise: Shape (b, b). From the noise between periods; None where nothing repeated.
-        covariance_residual: Shape (b, b). From the residuals of each joint, taken for white.
-        covariance_jackknife: Shape (b, b). From the residuals, whatever their colour
+        options: The terms of the model, with the estimated values of the nonlinear parameters.
+        base: Names, units, expressions and combinations of the b parameters.
+        values: Shape (b,). The estimated base parameters.
+        covariance_noise: Shape (b, b). From the noise between periods; None if nothing was
+            repeated.
+        covariance_residual: Shape (b, b). From the residuals of each joint, assumed white.
+        covariance_jackknife: Shape (b, b). Cluster-robust covariance from residuals of any colour
             (`identification.regression.intervals`).
         nonlinear_covariance: Shape (s, s). The cluster-robust covariance of the nonlinear
             parameters.
-        clusters: Stretches or bins that `covariance_jackknife` rests on; None if it is not counted.
-        condition_number: Of the weighted regressor, columns scaled to length one (2.25, 2.26).
-        equations: Equations used.
+        clusters: Number of time intervals or bins in `covariance_jackknife`; None if unknown.
+        condition_number: Condition number of the weighted regressor, columns scaled to length one
+            (2.25, 2.26).
+        equations: Number of equations used.
         residual_nm: Shape (n,). RMS of measured minus predicted torque inside the band [N m or N].
-        noise_nm: Shape (n,). RMS that the measured noise alone would leave there.
-        torque_nm: Shape (n,). RMS of the measured torque there; None of the external model.
-        held_out_share: Shape (n,). The residual's share of the torque on parts of the recording
-            that were left out of a plain fit, zero where it is hardly more than on what was fitted;
-            None where nobody looked.
-        left_out_fraction: Shape (n,). Share of samples under the standstill speed, left out or with
-            free friction.
+        noise_nm: Shape (n,). RMS of the residual that the measured noise alone would cause [N m or
+            N].
+        torque_nm: Shape (n,). RMS of the measured torque inside the band [N m or N]; None for the
+            external model.
+        held_out_share: Shape (n,). RMS residual over RMS torque on held-out parts of the recording,
+            with a simple model (`identification.wiring.held_out`); zero if it is hardly larger than
+            on the fitted parts; None if it was not computed.
+        left_out_fraction: Shape (n,). Fraction of samples below the standstill speed, which were
+            left out or had free friction.
         method: On the bins of averaged periods, or in the time domain on low-passed signals.
         band_hz, standstill_rad_s: Highest frequency and lowest speed used.
-        weighting: How rows were weighted.
-        plate: How the force plate fits, where it was used.
-        channel: By how much the recorded torque was late, and where it was low-passed; None where
-            that was not looked for. It belongs to the recording, not to the robot: `validate`
-            applies it.
-        warming: How the joints' temperatures follow from their motion, where none was measured:
-            coefficients by temperature are about these; None where temperatures were measured or do
-            not count.
-        periods: Averaged periods behind it; 0 for "smoothed".
-        cell_name: Where it was measured.
-        run_ids: The runs behind it.
-        still: Joints that no run moved: it holds only at their positions.
+        weighting: Weighting of the rows.
+        plate: Fit of the force plate, if it was used.
+        channel: Delay and low-pass of the recorded torque; None if they were not estimated. The
+            channel belongs to the recording, not to the robot: `validate` applies it.
+        warming: Model of the joints' temperatures from their motion, if they were not measured; the
+            temperature coefficients then refer to these temperatures. None if temperatures were
+            measured or have no effect.
+        periods: Number of averaged periods; 0 for "smoothed".
+        cell_name: The cell in which the runs were recorded.
+        run_ids: The runs used.
+        still: Joints that no run moved: the estimate holds only at their positions.
         position_range: Shape (n, 2). Lowest and highest position of each joint in the runs [rad or
-            m]; None of an estimate that comes from no runs.
+            m]; None if the estimate is not from runs.
     """
 
     robot: RobotDescription
@@ -120,32 +123,33 @@ class Estimate:
 
     @property
     def standard_values(self) -> FloatArray:
-        """Standard parameters with the same torques: each head has its base parameter's value.
+        """Standard parameters that give the same torques.
 
-        They are no link's true parameters; `identification.consistency.closest_robot` finds those
-        that can be.
+        The first parameter of each base parameter's combination gets its value, all others are
+        zero. They are not the true parameters of the links;
+        `identification.consistency.closest_robot` computes physically consistent ones.
         """
         return self.base.to_standard(self.values)
 
     @property
     def sigma_noise(self) -> FloatArray | None:
-        """Standard deviations by the measured noise, shape (b,)."""
+        """Standard deviations from the measured noise, shape (b,)."""
         return None if self.covariance_noise is None else _sigma(self.covariance_noise)
 
     @property
     def sigma_residual(self) -> FloatArray:
-        """Standard deviations by the residuals taken for white, shape (b,)."""
+        """Standard deviations from the residuals, assumed white, shape (b,)."""
         return _sigma(self.covariance_residual)
 
     @property
     def sigma(self) -> FloatArray:
-        """The standard deviations to quote, shape (b,): cluster-robust, at least the noise's."""
+        """Standard deviations to report, shape (b,): cluster-robust, at least the noise's."""
         clustered, noise = _sigma(self.covariance_jackknife), self.sigma_noise
         return clustered if noise is None else np.maximum(noise, clustered)
 
     @property
     def fit(self) -> tuple[FitGrade, ...]:
-        """How well it explains the torque of each joint on the data that it was made of."""
+        """Quality of the fit of each joint's torque on the data of the estimate."""
         n = len(self.robot.joints)
         torque = np.full(n, np.nan) if self.torque_nm is None else self.torque_nm
         return grade_fit(
@@ -163,10 +167,10 @@ class Estimate:
 
     @property
     def nonlinear_unseen(self) -> tuple[str, ...]:
-        """The nonlinear parameters that the data do not show.
+        """The nonlinear parameters that the data do not determine.
 
-        Each ended at a bound of its range, or its 95 % interval is as wide as the whole range, so
-        that its value is little else than the start of the fit.
+        The value of each is at a bound of its range, or its 95 % interval is as wide as the whole
+        range, so that the value depends mostly on the start of the fit.
         """
         model = self.model
         low, high = model.nonlinear_bounds.T
@@ -179,7 +183,7 @@ class Estimate:
 
 
 class TorqueModel(Protocol):
-    """What a torque is predicted with: an `Estimate`, or a fit without its intervals."""
+    """Model that predicts torques: an `Estimate`, or a fit without intervals."""
 
     @property
     @abstractmethod
@@ -189,12 +193,12 @@ class TorqueModel(Protocol):
     @property
     @abstractmethod
     def base(self) -> BaseParameters:
-        """What of it was identified."""
+        """The identified base parameters of the model."""
 
     @property
     @abstractmethod
     def values(self) -> FloatArray:
-        """The base parameters, shape (b,)."""
+        """Values of the base parameters, shape (b,)."""
 
     @property
     @abstractmethod
@@ -217,17 +221,16 @@ def predict(
 ) -> FloatArray:
     """Return the torques of an estimate, shape (samples, n) [N m or N], block by block.
 
-    Friction with memory follows the samples in the order that they have.
+    Friction with presliding is computed along the samples in their order.
 
     Args:
         estimate: The identified robot.
         q, v, a: Shape (samples, n). Motion [rad or m, per second, per second squared].
-        conditions: Temperature and payload; the load is computed here, and the memory where it is
-            not given.
+        conditions: Temperature and payload. The load is computed here; the presliding hysteresis as
+            well, unless it is given.
 
     Raises:
-        EstimationError: A joint that stood still when the robot was identified is not where it
-            stood.
+        EstimationError: A joint that stood still during the identification is at another position.
     """
     model, torque = estimate.model, np.empty(np.shape(q))
     if isinstance(estimate, Estimate):
@@ -254,19 +257,19 @@ def predict_base_wrench(
 ) -> FloatArray:
     """Return the wrench that the base exerts on the robot, shape (samples, 6) [N, N m].
 
-    Its constant part, the weight above all, is as uncertain as the plate's offset was.
+    Its constant part, mainly the weight, is as uncertain as the plate's offset was.
 
     Args:
-        estimate: Of the external or the combined model.
+        estimate: Estimate of the external or the combined model.
         q, v, a, conditions: As for `predict`.
 
     Raises:
-        EstimationError: It is of the internal model: torques do not show what the base feels.
+        EstimationError: The estimate is of the internal model, which does not determine the wrench.
     """
     if estimate.options.kind == "internal":
         raise EstimationError(
-            "the internal model does not know the reaction on the base: identify the combined"
-            " model, from a run with a force plate",
+            "an estimate of the internal model does not determine the base wrench: identify the"
+            " combined model, from a run with a force plate",
             code="RID-MODEL-NOT-COMBINED",
         )
     _refuse_other_positions(estimate, q)
@@ -280,7 +283,7 @@ def predict_base_wrench(
 
 
 def _refuse_other_positions(estimate: Estimate, q: FloatArray) -> None:
-    """Refuse positions of joints that stood elsewhere when the estimate was made."""
+    """Refuse positions of unmoved joints that differ from those of the identification."""
     names = estimate.robot.joint_names
     refuse_still(
         [each for each in estimate.still if not each.stands_there(q[:, names.index(each.joint)])],

@@ -1,7 +1,7 @@
-"""An `Estimate` as a JSON file that is complete in itself: `write_estimate`, `read_estimate`.
+"""Reader and writer of an `Estimate` as a self-contained JSON file.
 
-The file carries the robot's description, the names, units and words of the parameters, both
-covariances, the cell and the software version, so that it can be used without anything else.
+The file contains the robot's description, the names, units and expressions of the parameters, the
+covariances, the cell and the software version, so that it can be used without any other file.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _ELSEWHERE = (
     "options", "base", "values", "covariance_jackknife", "nonlinear_covariance", "cell_name",
     "run_ids",
 )  # fmt: skip
-"""Fields of an estimate that the document has by another name."""
+"""Fields of an estimate that have other names in the document."""
 
 Size = Annotated[float, Field(ge=0.0)]
 Row = tuple[float, ...]
@@ -107,7 +107,7 @@ class _Warming(ConfigModel):
 
 
 class EstimateDocument(ConfigModel):
-    """What stands in the file; see `Estimate` for the meaning."""
+    """Content of an estimate file; see `Estimate` for the meaning of the fields."""
 
     kind: Literal["rid-daq estimate"]
     format: Literal[3]
@@ -146,7 +146,7 @@ class EstimateDocument(ConfigModel):
 
 
 def write_estimate(path: Path, estimate: Estimate) -> None:
-    """Write an estimate as JSON; the same estimate gives the same bytes.
+    """Write an estimate as JSON; equal estimates give equal bytes.
 
     Raises:
         RecordingError: The file cannot be written.
@@ -156,7 +156,7 @@ def write_estimate(path: Path, estimate: Estimate) -> None:
 
 
 def read_estimate(path: Path) -> Estimate:
-    """Read what `write_estimate` wrote.
+    """Read an estimate file that `write_estimate` wrote.
 
     Raises:
         ConfigError: The file cannot be read or is not an estimate.
@@ -165,8 +165,8 @@ def read_estimate(path: Path) -> Estimate:
 
 
 def estimate_content(data: bytes, path: Path) -> Estimate:
-    """Return what stands in the bytes of such a file; as `read_estimate`."""
-    what = "an estimate as `rid-daq identify` writes it"
+    """Return the estimate in the bytes of an estimate file; errors as of `read_estimate`."""
+    what = "an estimate file written by `rid-daq identify`"
     document = json_content(data, path, EstimateDocument, what)
     try:
         estimate = _to_estimate(document)
@@ -174,25 +174,25 @@ def estimate_content(data: bytes, path: Path) -> Estimate:
         return estimate
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}", code=error.refusal) from None
-    except (EstimationError, ValueError) as error:  # numpy says ValueError of a ragged matrix
-        words = f"{path}: not an estimate that fits itself: {error}"
+    except (EstimationError, ValueError) as error:  # numpy raises ValueError for a ragged matrix
+        words = f"{path}: the estimate file contradicts itself: {error}"
         raise ConfigError(words, code=UNSOUND_MODEL) from error
 
 
 def _require_room(kind: type[ConfigModel], source: DataclassInstance, *elsewhere: str) -> None:
-    """Refuse a source with a field for which the file has no place, instead of dropping it."""
+    """Raise an error for a field of `source` that the file format cannot store."""
     names = {field.name for field in fields(source)} - set(elsewhere)
     lost = names - set(kind.model_fields)
     if lost:
         raise EstimationError(
-            f"an estimate's file has no place for {', '.join(sorted(lost))}: add it to"
+            f"an estimate file cannot store {', '.join(sorted(lost))}: add the fields to"
             " identification/estimation/file.py",
             code="RID-MODEL-OPTION",
         )
 
 
 def estimate_document(estimate: Estimate) -> EstimateDocument:
-    """Return an estimate as what stands in its file."""
+    """Return an estimate as the content of its file."""
     base, model, plate = estimate.base, estimate.model, estimate.plate
     _require_room(_Options, estimate.options, "nonlinear")
     _require_room(EstimateDocument, estimate, *_ELSEWHERE)
@@ -233,7 +233,7 @@ def estimate_document(estimate: Estimate) -> EstimateDocument:
 
 
 def _deviations(document: EstimateDocument) -> dict[str, list[float]]:
-    """Return the standard deviations that stand beside the covariances."""
+    """Return the standard deviations that the file contains in addition to covariances."""
     rows = document.parameters
     noise = [row.sigma_noise for row in rows if row.sigma_noise is not None]
     return {
@@ -245,7 +245,7 @@ def _deviations(document: EstimateDocument) -> dict[str, list[float]]:
 
 
 def _to_estimate(document: EstimateDocument) -> Estimate:
-    """Return the estimate that stands in a file."""
+    """Return the estimate of a file's content."""
     names = tuple(parameter.name for parameter in document.parameters)
     nonlinear = tuple(parameter.value for parameter in document.shape_parameters)
     options = ModelOptions(**document.model.model_dump(), nonlinear=nonlinear or None)
@@ -254,7 +254,8 @@ def _to_estimate(document: EstimateDocument) -> Estimate:
     unknown = [name for name in names if name not in expected]
     if unknown or document.standard_parameters != expected:
         raise EstimationError(
-            f"the parameters {', '.join(unknown or names)} are not those of the robot in the file",
+            f"the parameters {', '.join(unknown or names)} are not those of the robot description"
+            " in the file",
             code="RID-MODEL-UNSOUND",
         )
     base = BaseParameters(

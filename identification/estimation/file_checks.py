@@ -1,4 +1,4 @@
-"""`refuse_contradictions`: what an estimate's file says twice must agree, or somebody edited it."""
+"""`refuse_contradictions`: consistency check of the values that an estimate file states twice."""
 
 from __future__ import annotations
 
@@ -20,12 +20,13 @@ def refuse_contradictions(estimate: Estimate, deviations: Mapping[str, Sequence[
 
     Args:
         estimate: The estimate as read.
-        deviations: Standard deviations that the file states beside the covariances, by the names of
-            the estimate's own.
+        deviations: Standard deviations in the file, by the names of the estimate's attributes; they
+            must agree with the covariances.
 
     Raises:
-        ConfigError: A parameter stands twice or out of order, a covariance is none, or a standard
-            deviation does not follow from it. The text begins with the key.
+        ConfigError: A parameter is duplicated or out of order, a covariance is not positive
+            semidefinite, or a standard deviation does not agree with its covariance. The text
+            begins with the key.
     """
     for problem in _problems(estimate, deviations):
         raise ConfigError(f"{problem}: was the file edited?", code=UNSOUND_MODEL)
@@ -36,16 +37,16 @@ def _problems(estimate: Estimate, deviations: Mapping[str, Sequence[float]]) -> 
     kept = np.array(base.kept)
     for number in (np.flatnonzero(np.diff(kept) <= 0) + 1).tolist():
         yield (
-            f"parameters.{number}.name: {base.names[number]} stands behind"
-            f" {base.names[number - 1]}, against the model's order"
+            f"parameters.{number}.name: {base.names[number]} follows {base.names[number - 1]},"
+            " which is not the model's order"
         )
     heads = base.combination[:, kept]
     for row in np.flatnonzero((heads != np.eye(len(kept))).any(axis=1)).tolist():
-        yield f"combination.{row}: not the combination of {base.names[row]}"
+        yield f"combination.{row}: not the combination of the parameter {base.names[row]}"
     units = estimate.model.parameter_units
     for number, (unit, index) in enumerate(zip(base.units, base.kept, strict=True)):
         if unit != units[index]:
-            yield f"parameters.{number}.unit: {unit!r}, the model has {units[index]!r}"
+            yield f"parameters.{number}.unit: {unit!r}, but the model's unit is {units[index]!r}"
     for name, matrix in (
         ("covariance_noise", estimate.covariance_noise),
         ("covariance_residual", estimate.covariance_residual),
@@ -61,13 +62,13 @@ def _problems(estimate: Estimate, deviations: Mapping[str, Sequence[float]]) -> 
         off = ~np.isclose(np.array(stated, dtype=float), own, rtol=SAME, atol=0.0)
         for number in np.flatnonzero(off).tolist():
             yield (
-                f"{name} of parameter {number}: {stated[number]:g}, by the covariance"
+                f"{name} of parameter {number}: {stated[number]:g}, but the covariance gives"
                 f" {own[number]:g}"
             )
 
 
 def covariance_problems(name: str, matrix: FloatArray) -> Iterator[str]:
-    """Yield why a matrix (b, b) that a file calls `name` is no covariance."""
+    """Yield reasons why the matrix (b, b) called `name` in a file is not a covariance."""
     variances = np.diagonal(matrix)
     for number in np.flatnonzero(variances < 0.0).tolist():
         yield f"{name}.{number}.{number}: a negative variance, {variances[number]:g}"
@@ -81,4 +82,4 @@ def covariance_problems(name: str, matrix: FloatArray) -> Iterator[str]:
         return
     smallest = float(np.linalg.eigvalsh(scaled)[0])
     if smallest < -SAME * len(matrix):
-        yield f"{name}: its correlations have a negative eigenvalue, {smallest:.3g}"
+        yield f"{name}: the correlation matrix has a negative eigenvalue, {smallest:.3g}"

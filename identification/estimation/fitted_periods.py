@@ -1,7 +1,7 @@
-"""`FittedPeriods`: averaged periods with the solution that was found for them.
+"""`FittedPeriods`: averaged periods with their fitted solution.
 
-An `Estimate` is made of it; so are the questions that need its equations once more: what the force
-plate improved, and whether torque constants and plate agree.
+An `Estimate` is made from it. Two other analyses also need its equations: the improvement by the
+force plate, and the agreement of torque constants and plate.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ class FittedPeriods:
     """A problem, its equations and their solution.
 
     Attributes:
-        options: The terms of its model, with the fitted nonlinear parameters.
-        model: That model.
-        problem: The averages, with the weights and delays that were found.
-        equations: One a run.
+        options: The terms of the model, with the fitted nonlinear parameters.
+        model: The model with these options.
+        problem: The averages, with the estimated weights and delays.
+        equations: Equations of each run.
         fit: The solution.
         still: The joints that no run moves.
     """
@@ -61,11 +61,11 @@ class FittedPeriods:
 
     @property
     def base(self) -> BaseParameters:
-        """What the first b values of the solution are."""
+        """The base parameters, which are the first b values of the solution."""
         return self.problem.base
 
     def estimate(self, cell_name: str = "", run_ids: tuple[str, ...] = ()) -> Estimate:
-        """Return the estimate, with where it was measured."""
+        """Return the estimate, with the names of the cell and the runs."""
         problem, fit, weighting = self.problem, self.fit, self.problem.weighting
         covariance, of_base, of_nonlinear = fit.solution.covariance, fit.of_base, fit.of_nonlinear
         scatter = problem.scatter(fit)
@@ -126,26 +126,27 @@ def fit_periodic(
 ) -> FittedPeriods:
     """Solve the equations of averaged periods.
 
-    Each row's noise is the torque's, from the scatter between periods with the anti-alias filter
-    divided out, and the position's, through the inertia that the estimate itself shows. The
-    external and the combined model (`ModelOptions.kind`) count the base wrench of a force plate
-    too, by its own noise (4.2, 4.3); its constant offsets count as unknown.
+    The noise of each row has two sources. One is the torque noise, from the scatter between periods
+    with the anti-alias filter divided out. The other is the position noise, multiplied by the
+    inertia of the estimate. The external and the combined model (`ModelOptions.kind`) also use the
+    base wrench of a force plate, with its own noise (4.2, 4.3); its constant offsets count as
+    unknown.
 
     Args:
-        averages: One a run.
-        options: The model's terms and how rows count.
-        payload: Which runs carried the unknown payload; none by default.
+        averages: Mean period of each run.
+        options: The model's terms and the weighting of the rows.
+        payload: For each run, True if it carried the unknown payload; all False by default.
 
     Raises:
-        EstimationError: The joints do not fit, the motion does not show the parameters, or a plate
-            that the model needs is missing.
+        EstimationError: The joints are not those of the robot, the motion does not determine the
+            parameters, or a plate that the model needs is missing.
     """
     options = options or EstimationOptions()
     problem, model, terms, still = _unsolved(robot, averages, options, payload)
     base = problem.base
     equations = problem.equations(model, None)
     values = problem.fit(model, None, equations).solution.values
-    # The torque that the positions' noise makes is known only once the inertia is.
+    # The torque noise due to position noise depends on the inertia, which is known only now.
     sizes = [inertia_size(model, base, a.position, values) for a in averages]
     squares = [base_inertia_squares(model, base, a.position, values) for a in averages]
     problem = replace(problem, inertia=np.array(sizes), base_inertia=np.array(squares))
@@ -166,16 +167,16 @@ def fit_periodic(
 def unsolved_equations(
     robot: RobotDescription, averages: Sequence[PeriodAverage], options: EstimationOptions
 ) -> tuple[tuple[BinEquations, ...], RobotModel, BaseParameters]:
-    """Return the equations of averaged periods as they are before anything is estimated.
+    """Return the equations of averaged periods before anything is estimated.
 
     Args:
-        averages: One a run.
-        options: The model's terms and how rows count.
+        averages: Mean period of each run.
+        options: The model's terms and the weighting of the rows.
 
     Returns:
-        `equations`. One a run.
-        `model`. Their model.
-        `base`. Their parameters.
+        `equations`. Equations of each run.
+        `model`. The model of the equations.
+        `base`. The base parameters of the model.
     """
     problem, model, *_ = _unsolved(robot, averages, options, None)
     return problem.equations(model, None), model, problem.base
@@ -213,7 +214,7 @@ def _with_delays(
     standard: FloatArray | None,
     equations: tuple[BinEquations, ...],
 ) -> tuple[PeriodicProblem, PeriodicFit]:
-    """Solve, together with the plates' delays by Gauss-Newton where there are plates."""
+    """Solve the equations, and the plates' delays by Gauss-Newton if there are plates."""
     fit = problem.fit(model, standard, equations)
     if problem.kind == "internal":
         return problem, fit
@@ -228,8 +229,9 @@ def _with_delays(
         if np.max(np.abs(problem.delays_s)) > LONGEST_DELAY_S:
             break
     raise EstimationError(
-        f"the force plate's signals would be {1e3 * float(np.max(np.abs(problem.delays_s))):.3g} ms"
-        " late: they are not of this motion, or the plate's clock is wrong",
+        "the estimated delay of the force plate's signals is"
+        f" {1e3 * float(np.max(np.abs(problem.delays_s))):.3g} ms: check that they belong to this"
+        " motion, and check the plate's clock",
         code=PLATE_LATE,
     )
 
@@ -241,17 +243,17 @@ def model_of(
     standstill_rad_s: float = 0.0,
     moving_share: float = 0.0,
 ) -> tuple[RobotModel, BaseParameters, ModelOptions, tuple[StillJoint, ...]]:
-    """Return the model that options ask for, and what of it some motions can show.
+    """Return the model with some options, and the base parameters that some motions identify.
 
     Returns:
         `model`. The model.
-        `base`. What of it can be identified.
-        `options`. The options, less what their kind of model has not.
-        `still`. The joints that none of the motions, each q and v, moves in more than
-            `moving_share` of it.
+        `base`. Its base parameters.
+        `options`. The options, without terms that this kind of model does not have.
+        `still`. The joints that none of the motions, each q and v, moves during more than the
+        fraction `moving_share` of its samples.
     """
     options = options or ModelOptions()
-    if options.kind == "external":  # what is inside the robot, the base does not feel
+    if options.kind == "external":  # internal torques have no effect on the base
         options = replace(options, friction=False, friction_terms=None, spring=False)
     model = options.build(robot)
     still = still_joints(model, motions, standstill_rad_s, moving_share) if motions else ()

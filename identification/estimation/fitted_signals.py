@@ -1,7 +1,7 @@
-"""`FittedSignals`: smoothed recordings with the solution that was found for them.
+"""`FittedSignals`: smoothed recordings with their fitted solution.
 
-An `Estimate` is made of it, with its intervals, which cost more than the solution: who only
-predicts with a fit, as a cross-validation does, need not have them.
+An `Estimate` is made from it. Its intervals cost more time than the solution, so that a
+cross-validation, which only predicts torques, uses the fit without intervals.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ class FittedSignals:
     """A problem and its solution.
 
     Attributes:
-        options: The terms of its model, with the fitted nonlinear parameters.
-        model: That model.
+        options: The terms of the model, with the fitted nonlinear parameters.
+        model: The model with these options.
         problem: The recordings and their weights.
-        standard: Shape (p,). Where the equations are linearised; None where the model is linear.
+        standard: Shape (p,). Point of the equations' linearisation; None if the model is linear.
         fit: The solution.
         still: The joints that no run moves.
     """
@@ -53,28 +53,28 @@ class FittedSignals:
 
     @property
     def base(self) -> BaseParameters:
-        """What of the model can be identified."""
+        """The base parameters of the model."""
         return self.problem.base
 
     @property
     def values(self) -> FloatArray:
-        """The base parameters, shape (b,)."""
+        """Values of the base parameters, shape (b,)."""
         return self.fit.solution.values[: len(self.base)]
 
     @property
     def standard_values(self) -> FloatArray:
-        """Standard parameters with the same torques, shape (p,); as of `Estimate`."""
+        """Standard parameters with the same torques, shape (p,); see `Estimate`."""
         return self.base.to_standard(self.values)
 
     @property
     def left_out_fraction(self) -> FloatArray:
-        """Share of samples under the standstill speed, shape (n,)."""
+        """Fraction of samples below the standstill speed, shape (n,)."""
         return 1.0 - self.fit.rows_used / sum(
             count_rows(self.model, run) for run in self.problem.runs
         )
 
     def estimate(self, cell_name: str = "", run_ids: tuple[str, ...] = ()) -> Estimate:
-        """Return the estimate with its intervals, and where it was measured."""
+        """Return the estimate with its intervals, and the names of the cell and the runs."""
         fit, problem, b = self.fit, self.problem, len(self.base)
         covariance = fit.solution.covariance
         scatter = problem.scatter(self.model, self.standard, fit)
@@ -117,16 +117,17 @@ def fit_smoothed(
 
     A joint's equation is left out while the joint is slower than the standstill speed. The weight
     of each joint is one over its residuals' standard deviation, found by iteration. Neighbouring
-    rows are not independent; the cluster-robust covariance takes the residuals of one second as
-    one event.
+    rows are not independent; the cluster-robust covariance treats the residuals of one second as
+    one cluster.
 
     Args:
-        signals: One a run.
-        options: The model's terms and how rows count.
-        payload: Which runs carried the unknown payload; none by default.
+        signals: Smoothed recording of each run.
+        options: The model's terms and the weighting of the rows.
+        payload: For each run, True if it carried the unknown payload; all False by default.
 
     Raises:
-        EstimationError: The joints do not fit, or the motion does not show the parameters.
+        EstimationError: The joints are not those of the robot, or the motion does not determine the
+            parameters.
     """
     options = options or EstimationOptions()
     motions = [(run.position, run.velocity) for run in signals]

@@ -1,8 +1,8 @@
-"""`limit_torque`: the torque of a motion by which limits are held before it is driven.
+"""`limit_torque`: predicted torque of a motion, for the check of torque limits before the motion.
 
-Ahead of a motion nobody knows how warm joints are. Of joints that warm up by their own friction
-both ends are known: torque is linear in the temperature, so that no state in between takes more
-than the larger of cold and warm.
+The joints' temperatures during the motion are not known in advance. For joints that warm up by
+their own friction both extremes are known, cold and warm. Torque is linear in the temperature, so
+that at any temperature in between it does not exceed the larger of both.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from identification.estimation.estimate import Estimate, predict
 def limit_torque(
     estimate: Estimate, position: FloatArray, velocity: FloatArray, acceleration: FloatArray
 ) -> FloatArray:
-    """Return the torques that limits are held by, shape (samples, n) [N m or N].
+    """Return the torques to compare with torque limits, shape (samples, n) [N m or N].
 
-    Where friction depends on temperature: at the reference temperatures and, where joints warm up
-    by their own friction, as warm as the motion makes them that is repeated; of each sample the
-    larger.
+    If friction depends on temperature, the torques are those at the reference temperatures. If
+    joints warm up by their own friction, the steady state of the repeated motion is also computed,
+    and each sample is the larger of both.
 
     Args:
         estimate: The model.
@@ -44,7 +44,7 @@ def limit_torque(
 
 
 def limit_warmth(estimate: Estimate) -> str:
-    """Return how warm `limit_torque` takes joints to be; empty where friction does not depend."""
+    """Return a sentence on the temperatures in `limit_torque`; empty if they have no effect."""
     depends = by_temperature(estimate)
     joints = [joint for joint, own in zip(estimate.robot.joints, depends, strict=True) if own]
     if not joints:
@@ -55,10 +55,11 @@ def limit_warmth(estimate: Estimate) -> str:
             for joint in joints
         )
         return (
-            f"Torque limits are held with friction at reference_temperature_k ({each}); at other"
-            " temperatures the motion may take more."
+            f"The check of torque limits uses the friction at reference_temperature_k ({each});"
+            " at other temperatures the torque may be larger."
         )
     return (
-        f"Torque limits are held with the friction of {', '.join(joint.name for joint in joints)}"
-        " both as after a long rest and as the motion makes it."
+        "The check of torque limits uses the friction of"
+        f" {', '.join(joint.name for joint in joints)} after a long rest, and in the steady state"
+        " of the repeated motion."
     )

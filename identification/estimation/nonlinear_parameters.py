@@ -1,8 +1,8 @@
-"""Nonlinear parameters beside the linear ones: Gauss-Newton on the same cost, step by step.
+"""Nonlinear parameters, fitted together with the linear ones by Gauss-Newton steps on one cost.
 
-Stribeck speeds and losses of gears enter the torque nonlinearly. For given values of them the rest
-is linear and solved exactly (variable projection: Golub and Pereyra 1973); their step comes from
-the equations linearised with `torque_columns`, halved until the cost falls, and kept in bounds.
+Stribeck speeds and gear losses enter the torque nonlinearly. If they are given, the rest is linear
+and solved exactly (variable projection: Golub and Pereyra 1973). Their step comes from the
+equations linearised with `torque_columns`; it is halved until the cost falls, and stays in bounds.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ MOST_STEPS: Final = 25
 MOST_HALVINGS: Final = 6
 SETTLED_SIGMAS: Final = 0.01
 WORTH_A_STEP: Final = 0.02
-"""Of the cost, which is about the number of equations."""
+"""Smallest useful decrease of the cost; the cost is about the number of equations."""
 
 Solve = Callable[[RobotModel, FloatArray], Solution]
-"""Solve a model's equations, linearised around standard values."""
+"""Function that solves a model's equations, linearised at given standard values."""
 
 
 @dataclass(frozen=True, eq=False)
 class NonlinearFit:
-    """A model with fitted nonlinear parameters, and the standard values it is linearised at."""
+    """A model with fitted nonlinear parameters, and the standard values of its linearisation."""
 
     model: RobotModel
     standard: FloatArray
@@ -45,13 +45,14 @@ def fit_nonlinear(
 
     Args:
         model: The model with its starting values.
-        base: What of its linear parameters can be identified.
-        values: Shape (b,). Base parameters where gears lose nothing: what the equations are
-            linearised at first.
-        solve: Solves for the columns of `torque_columns`; with rows weighted alike in every call.
+        base: The base parameters of its linear part.
+        values: Shape (b,). Base parameters for lossless gears: the first point of the
+            linearisation.
+        solve: Function that solves for the columns of `torque_columns`; it must weight the rows
+            equally in every call.
 
     Raises:
-        EstimationError: The motion does not show the parameters.
+        EstimationError: The motion does not determine the parameters.
     """
     best = _at(model, base.to_standard(values), base, solve)
     for _ in range(MOST_STEPS):
@@ -74,11 +75,11 @@ def fit_nonlinear(
 
 
 def step_prior(model: RobotModel, b: int, width: int | None = None) -> Triangle:
-    """Return equations that hold the steps of nonlinear parameters to the size of their ranges.
+    """Return equations that limit the steps of nonlinear parameters to the size of their ranges.
 
-    They add nothing where the data speak, and keep a step small where they say nothing: the
-    speed of a Stribeck term whose coefficient comes out as zero. They stand behind `b` base
-    parameters, of `width` unknowns in all.
+    They have no effect on parameters that the data determine, and keep the others small, for
+    example the speed of a Stribeck term whose coefficient is zero. The steps follow `b` base
+    parameters; `width` is the number of all unknowns.
     """
     low, high = model.nonlinear_bounds.T
     columns = np.arange(b, b + len(low))
@@ -89,7 +90,7 @@ def step_prior(model: RobotModel, b: int, width: int | None = None) -> Triangle:
 def _at(
     model: RobotModel, standard: FloatArray, base: BaseParameters, solve: Solve
 ) -> NonlinearFit:
-    """Solve at a model, with the slopes taken at the linear optimum there."""
+    """Solve a model at given standard values; linearise at the linear optimum."""
     values, cost = solve(model, standard).leading(len(base))
     standard = base.to_standard(values)
     return NonlinearFit(model, standard, solve(model, standard), cost)

@@ -1,4 +1,4 @@
-"""`EstimationOptions`: what a person may choose about an estimate."""
+"""`EstimationOptions`: the options of an estimate."""
 
 from __future__ import annotations
 
@@ -13,24 +13,25 @@ from identification.choices import BAND_HZ, STANDSTILL_RAD_S, BandHz, Standstill
 from identification.model.options import ModelOptions
 
 Weighting = Literal["ml", "ls", "huber"]
-"""Rows weighted by one over their noise, all alike, or by noise with outliers held down."""
+"""Row weights: one over the noise, equal, or one over the noise with outliers down-weighted."""
 
 Prior = tuple[FloatArray, FloatArray]
-"""Values and standard deviations of the model's standard parameters; infinite for no knowledge."""
+"""Values and standard deviations of the standard parameters; infinite if unknown."""
 
 
 @dataclass(frozen=True, eq=False)
 class EstimationOptions(Ranged):
-    """How to estimate; the same for averaged periods and for smoothed recordings.
+    """Options of an estimate, for averaged periods and for smoothed recordings.
 
     Attributes:
-        model: Terms of the model; what the robot file says by default.
-        weighting: Rows over their noise; all alike; over their noise with outliers held down.
-        prior: (values, sigmas). Knowledge of the standard parameters (Bayesian estimate).
-        band_hz: Highest frequency used [Hz]; of smoothed recordings their cut-off counts instead.
-        standstill_rad_s: Below this speed a joint's friction is left free, or its equation out; 0
-            trusts sign(v) everywhere [rad/s or m/s]. Of a slow joint a tenth of its speed limit, if
-            that is less.
+        model: Terms of the model; by default those of the robot file.
+        weighting: Weight of the rows: one over their noise ("ml"), equal ("ls"), or one over their
+            noise with outliers down-weighted ("huber").
+        prior: (values, sigmas). Prior knowledge of the standard parameters (Bayesian estimate).
+        band_hz: Highest frequency used [Hz]; for smoothed recordings their cut-off is used instead.
+        standstill_rad_s: Below this speed a joint's friction is free, or its equation is left out;
+            with 0, sign(v) is used everywhere [rad/s or m/s]. For a slow joint a tenth of its speed
+            limit is used if it is smaller.
     """
 
     __pydantic_config__: ClassVar = ConfigDict(arbitrary_types_allowed=True)

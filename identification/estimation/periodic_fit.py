@@ -29,15 +29,16 @@ REWEIGHTINGS = 20
 
 @dataclass(frozen=True, eq=False)
 class PeriodicFit:
-    """The solution for one set of columns, and the whitened equations behind it.
+    """The solution for one set of columns, with its whitened equations.
 
     Attributes:
-        base, nonlinear, delays: What the solution holds, one after the other: base parameters,
-            steps of the nonlinear ones, a step of each run's delay of the plate.
-        solution: All of them.
-        white: Tuple, one a run, of tuples of WhitenedEquations. The outputs that were used: joints
-            first, then the plate's.
-        joints: Tuple, one a run, of tuples of WhitenedEquations. The joints' outputs, used or not.
+        base, nonlinear, delays: Numbers of values in the solution, in this order: base parameters,
+            steps of the nonlinear parameters, steps of the plates' delays.
+        solution: The solution with all these values.
+        white: Tuple, one per run, of tuples of WhitenedEquations. The outputs that were used:
+            joints first, then the plate's.
+        joints: Tuple, one per run, of tuples of WhitenedEquations. The joints' outputs, used or
+            not.
     """
 
     base: int
@@ -49,22 +50,22 @@ class PeriodicFit:
 
     @property
     def of_base(self) -> slice:
-        """Where the base parameters stand in the solution."""
+        """Indices of the base parameters in the solution."""
         return slice(0, self.base)
 
     @property
     def of_nonlinear(self) -> slice:
-        """Where the steps of the nonlinear parameters stand."""
+        """Indices of the steps of the nonlinear parameters in the solution."""
         return slice(self.base, self.base + self.nonlinear)
 
     @property
     def of_model(self) -> slice:
-        """Where both of them stand."""
+        """Indices of base parameters and steps of nonlinear parameters in the solution."""
         return slice(0, self.base + self.nonlinear)
 
     @property
     def of_delays(self) -> slice:
-        """Where the steps of the plates' delays stand."""
+        """Indices of the steps of the plates' delays in the solution."""
         return slice(self.base + self.nonlinear, None)
 
     @property
@@ -74,17 +75,17 @@ class PeriodicFit:
 
     @property
     def torque_nm(self) -> FloatArray:
-        """RMS of each joint's torque, without what stays free, shape (n,) [N m or N]."""
+        """RMS of each joint's torque, without its free part, shape (n,) [N m or N]."""
         return self._rms(np.zeros_like(self.solution.values))
 
     @property
     def noise_nm(self) -> FloatArray:
-        """RMS that the noise alone would leave, shape (n,) [N m or N]."""
+        """RMS of the residual that noise alone would cause, shape (n,) [N m or N]."""
         power = [[part.noise_power for part in parts] for parts in self.joints]
         return np.asarray(np.sqrt(np.mean(power, axis=0)))
 
     def _rms(self, values: FloatArray) -> FloatArray:
-        """Return the RMS of each joint's torque less what some parameters explain, (n,)."""
+        """Return the RMS of each joint's torque minus its prediction by `values`, (n,)."""
         power = [
             [np.sum((part.residual(values) * part.sigma) ** 2) for part in parts]
             for parts in self.joints
@@ -94,12 +95,12 @@ class PeriodicFit:
 
 @dataclass(frozen=True, eq=False)
 class PeriodicProblem:
-    """Averaged periods, and how their rows are weighted.
+    """Averaged periods, and the weighting of their rows.
 
-    `inertia` (averages, n, n) is the size of the joint-space inertia, through which the noise of
-    the positions becomes torque, `base_inertia` (averages, n, 6, 6) what makes them base wrench
-    (`base_inertia_squares`); zero before they are known. `kind` says which outputs are used, and
-    `delays_s` by how much the plate of each run is late.
+    `inertia` (averages, n, n) is the magnitude of the joint-space inertia, through which the noise
+    of the positions becomes torque noise. `base_inertia` (averages, n, 6, 6) is the same for the
+    base wrench (`base_inertia_squares`). Both are zero before they are known. `kind` selects the
+    outputs, and `delays_s` are the delays of the plate's signals in each run.
     """
 
     base: BaseParameters
@@ -119,8 +120,8 @@ class PeriodicProblem:
             self._check_plates()
         if len(self.payload) != len(self.averages):
             raise EstimationError(
-                f"payload says of {len(self.payload)} runs whether they carry it, there are"
-                f" {len(self.averages)}",
+                f"payload has {len(self.payload)} values, but there are {len(self.averages)}"
+                " runs: give one value for each run",
                 code="RID-API-ARGUMENT",
             )
 
@@ -145,15 +146,15 @@ class PeriodicProblem:
         for number, average in enumerate(self.averages, start=1):
             if average.reaction is None:
                 raise EstimationError(
-                    f"the {self.kind} model needs a force plate; run {number} of {runs} has none"
-                    " whose channels are valid: identify the internal model",
+                    f"the {self.kind} model needs a force plate, but run {number} of {runs} has"
+                    " no force plate with valid channels: identify the internal model",
                     code="RID-PLATE-MISSING",
                 )
         shapes = ((runs, len(self.averages[0].joint_names), 6, 6), (runs,))
         if (self.base_inertia.shape, self.delays_s.shape) != shapes:
             raise EstimationError(
-                f"base_inertia and delays_s of the shapes {self.base_inertia.shape} and"
-                f" {self.delays_s.shape} do not fit {runs} runs",
+                f"base_inertia and delays_s have the shapes {self.base_inertia.shape} and"
+                f" {self.delays_s.shape}, which do not fit {runs} runs",
                 code="RID-API-ARGUMENT",
             )
 
@@ -166,11 +167,11 @@ class PeriodicProblem:
     ) -> PeriodicFit:
         """Solve the equations.
 
-        With `near`, values near the solution, the delay of each run's plate is solved for too: the
+        If values `near` the solution are given, the delay of each run's plate is estimated too: the
         last values are steps from `delays_s`.
 
         Raises:
-            EstimationError: The motion does not show the parameters.
+            EstimationError: The motion does not determine the parameters.
         """
         delays = [] if near is None else [f"the delay of plate {i}" for i in range(len(equations))]
         joints = tuple(
@@ -209,7 +210,7 @@ class PeriodicProblem:
     def _plate(
         self, run: int, equations: BinEquations, near: FloatArray | None
     ) -> tuple[WhitenedEquations, ...]:
-        """Return the outputs of one run's plate."""
+        """Return the whitened outputs of one run's plate."""
         assert equations.reaction is not None
         reaction = equations.reaction.delayed(float(self.delays_s[run]))
         if near is not None:
@@ -221,7 +222,7 @@ class PeriodicProblem:
         return whiten_base_wrench(reaction, uniform=self.weighting == "ls")
 
     def scatter(self, fit: PeriodicFit) -> Scatter:
-        """Return how the solution scatters, whatever the residuals' colour."""
+        """Return the cluster-robust scatter of the solution over frequency bins."""
         return jackknife(fit.solution.information, bin_clusters(fit.white, fit.solution.values))
 
 

@@ -1,4 +1,4 @@
-"""`PriorRows`: what is known before the measurement, as equations of the base parameters."""
+"""`PriorRows`: prior knowledge as equations of the base parameters."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ class PriorRows:
     """Equations matrix beta = rhs with unit noise, from Gaussian knowledge of standard parameters.
 
     Attributes:
-        matrix: Shape (rows, b). They stand for the Bayesian prior: appended to the measurement's
+        matrix: Shape (rows, b). Rows of the Bayesian prior; they are appended to the measurement's
             equations.
-        rhs: Shape (rows,). Their right side.
+        rhs: Shape (rows,). Right-hand side.
     """
 
     matrix: FloatArray
@@ -31,20 +31,20 @@ class PriorRows:
 
     @classmethod
     def none(cls, base: BaseParameters) -> PriorRows:
-        """Return no knowledge at all."""
+        """Return a prior without knowledge: no equations."""
         return cls(np.zeros((0, len(base))), np.zeros(0))
 
     @classmethod
     def of(cls, base: BaseParameters, values: FloatArray, sigmas: FloatArray) -> PriorRows:
-        """Turn values and standard deviations of standard parameters into equations.
+        """Convert values and standard deviations of standard parameters to equations.
 
-        With beta = K theta, the combinations of beta that hold no parameter of infinite sigma are
-        known; they have the covariance that K gives them.
+        With beta = K theta, those combinations of beta are known that contain no parameter of
+        infinite sigma; their covariance follows from K.
 
         Args:
             base: The base parameters.
-            values, sigmas: Shape (p,). Of the standard parameters, independent of one another;
-                sigma infinite where nothing is known, 0 to hold a value.
+            values, sigmas: Shape (p,). Independent standard parameters; sigma is infinite if
+                nothing is known, and 0 to fix a value.
 
         Raises:
             EstimationError: The shapes do not fit, or a sigma is negative or not a number.
@@ -52,7 +52,8 @@ class PriorRows:
         shape = (len(base.standard_names),)
         if values.shape != shape or sigmas.shape != shape or not np.all(sigmas >= 0.0):
             raise EstimationError(
-                f"a prior needs {shape[0]} values and as many sigmas, none of them negative",
+                f"a prior needs {shape[0]} values and {shape[0]} sigmas, and no sigma may be"
+                " negative",
                 code="RID-API-ARGUMENT",
             )
         known = np.isfinite(sigmas)
@@ -69,18 +70,18 @@ class PriorRows:
         return cls(whitening @ free.T, whitening @ (gain @ values[known]))
 
     def triangle(self, width: int) -> Triangle:
-        """Return the equations as a triangle of `width` parameters, the base's first."""
+        """Return the equations as a triangle of `width` parameters, base parameters first."""
         columns = np.arange(self.matrix.shape[1])
         return Triangle.empty(width, columns).add(self.matrix, self.rhs)
 
 
 def prior_rows(base: BaseParameters, prior: Prior | None) -> PriorRows:
-    """Return prior knowledge as equations; none where there is none."""
+    """Return prior knowledge as equations; no equations if `prior` is None."""
     return PriorRows.none(base) if prior is None else PriorRows.of(base, *prior)
 
 
 def held(base: BaseParameters, known: dict[str, tuple[float, float]]) -> Prior:
-    """Return values and sigmas of standard parameters, of which some are known by name.
+    """Return values and sigmas of all standard parameters, of which some are known by name.
 
     Args:
         base: The base parameters.
@@ -94,7 +95,8 @@ def held(base: BaseParameters, known: dict[str, tuple[float, float]]) -> Prior:
     for name, (value, sigma) in known.items():
         if name not in base.standard_names:
             raise EstimationError(
-                f"{name!r} is no parameter of the model; they are {', '.join(base.standard_names)}",
+                f"{name!r} is not a parameter of the model; its parameters are"
+                f" {', '.join(base.standard_names)}",
                 code="RID-OPTION-NAME",
             )
         index = base.standard_names.index(name)

@@ -1,9 +1,9 @@
-"""`RunningEstimate`: what a measurement says so far, brought up to date with every new stretch.
+"""`RunningEstimate`: estimate during a measurement, updated with every new part.
 
-Recursive least squares in the square-root information form (Bierman 1977): all that is kept of the
-past are triangular factors, so that a stretch costs the same however long the measurement is, and
-the result is that of all its rows at once. As only the factors grow, the noise of each joint is
-weighted anew at every look.
+Recursive least squares in the square-root information form (Bierman 1977): only triangular factors
+of past rows are kept. Therefore the cost of a new part does not depend on the length of the
+measurement, and the result equals that of all rows together. The weights of the joints are computed
+anew for every result.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from identification.regression.least_squares import Triangle
 
 @dataclass(frozen=True, eq=False)
 class RunningValues:
-    """Base parameters at one moment of a measurement.
+    """Base parameters at one time of a measurement.
 
     Attributes:
         values, sigma: Shape (b,). Base parameters and their cluster-robust standard deviations.
@@ -42,16 +42,16 @@ class RunningValues:
 
 @dataclass(frozen=True, eq=False)
 class RunningEstimate:
-    """Everything that rows measured so far say of the base parameters.
+    """Information of all rows measured so far on the base parameters.
 
-    Nonlinear parameters, and what gears lose of their load, are as the model says.
+    Nonlinear parameters are those of the model; they are not estimated.
 
     Attributes:
-        model, base: What is estimated.
-        standstill_rad_s: A slower joint's rows are left out.
-        stretches: The rows of each second, counted from the start of the run or of its period, as
-            one triangle a joint. What recurs in every period is one stretch, whose errors may recur
-            as well.
+        model, base: The model and its base parameters.
+        standstill_rad_s: Rows of a joint below this speed are left out [rad/s or m/s].
+        stretches: For each second from the start of the run or of its period: one triangle per
+            joint with the rows. The same second of all periods is one cluster, because errors that
+            repeat in every period are not independent.
     """
 
     model: RobotModel
@@ -61,26 +61,25 @@ class RunningEstimate:
 
     @classmethod
     def begin(cls, model: RobotModel, standstill_rad_s: float) -> RunningEstimate:
-        """Return the estimate of no rows at all.
+        """Return an estimate without rows.
 
         Raises:
-            EstimationError: The gears lose a share of their load: such a model is not linear in its
-                parameters.
+            EstimationError: The gears have losses: such a model is not linear in its parameters.
         """
         if model.transmission.losses:
             raise EstimationError(
-                "a running estimate needs a model that is linear in its parameters: with gears that"
-                " lose a share of their load, identify after the measurement",
+                "a running estimate needs a model that is linear in its parameters, but the"
+                " gears of this model have losses: identify after the measurement",
                 code="RID-MODEL-LOAD-FRICTION",
             )
         return cls(model, base_parameters(model), standstill_rad_s, {})
 
     def add(self, run: TimeRun) -> RunningEstimate:
-        """Return the estimate with one more stretch of the measurement.
+        """Return the estimate with one more part of the measurement.
 
         Args:
-            run: A period, with time counted from its start, or any other part of a run that was not
-                added yet, with time counted from the run's start.
+            run: A period, with time counted from its start, or any other part of a run that is not
+                yet included, with time counted from the run's start.
         """
         structure = torque_structure(self.model, self.base, slopes=False)
         stretches = dict(self.stretches)
@@ -96,10 +95,10 @@ class RunningEstimate:
         return replace(self, stretches=stretches)
 
     def look(self) -> RunningValues:
-        """Return what is known now.
+        """Return the current values.
 
         Raises:
-            EstimationError: The motion so far does not show the parameters.
+            EstimationError: The motion so far does not determine the parameters.
         """
         structure = torque_structure(self.model, self.base, slopes=False)
         triangles = list(_nothing(len(self.base), structure))
@@ -129,7 +128,7 @@ def _nothing(parameters: int, structure: tuple[IntArray, ...]) -> tuple[Triangle
 
 
 def _cluster(parts: tuple[Triangle, ...], values: FloatArray, scale: FloatArray) -> Cluster:
-    """Return what one stretch says, its residuals weighted by one over each joint's."""
+    """Return one time interval as a cluster, each joint weighted by one over its residual."""
     factors = [part.full() / sigma for part, sigma in zip(parts, scale, strict=True)]
     matrix = np.vstack([factor[:, :-1] for factor in factors])
     rhs = np.concatenate([factor[:, -1] for factor in factors])

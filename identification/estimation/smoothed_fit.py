@@ -1,7 +1,8 @@
-"""`SmoothedFit`: least squares on smoothed recordings in the time domain, streamed.
+"""`SmoothedFit`: least squares on smoothed recordings in the time domain, block by block.
 
 A joint's equation is left out while the joint is slower than the standstill speed. Neighbouring
-rows are not independent; the cluster-robust covariance takes a second of all joints as one event.
+rows are not independent; the cluster-robust covariance treats one second of all joints as one
+cluster.
 """
 
 from __future__ import annotations
@@ -36,12 +37,12 @@ class SmoothedFit:
     """The solution for one set of columns.
 
     Attributes:
-        solution: Of base parameters and, where slopes were asked for, of steps of the nonlinear
-            ones.
+        solution: Base parameters and, if derivatives were requested, steps of the nonlinear
+            parameters.
         residual_nm: Shape (n,). RMS residual of each joint [N m or N].
         torque_nm: Shape (n,). RMS of each joint's torque on the same rows [N m or N].
-        scale_nm: Shape (n,). What each joint's rows were divided by.
-        rows_used: Shape (n,). Rows used of each joint.
+        scale_nm: Shape (n,). Scale by which each joint's rows were divided.
+        rows_used: Shape (n,). Number of rows used of each joint.
     """
 
     solution: Solution
@@ -53,15 +54,15 @@ class SmoothedFit:
 
 @dataclass(frozen=True, eq=False)
 class SmoothedProblem:
-    """Recordings, and which of their rows count how much.
+    """Recordings, and the weighting of their rows.
 
     Attributes:
-        base: What is estimated.
+        base: The parameters to estimate.
         runs: The recordings.
-        standstill_rad_s: From which speed on a joint moves [rad/s or m/s].
-        weighting: How rows are weighted.
-        prior: What is known beforehand.
-        still: Joints that no run moves: none of their rows count.
+        standstill_rad_s: Speed above which a joint counts as moving [rad/s or m/s].
+        weighting: Weighting of the rows.
+        prior: Prior knowledge.
+        still: Indices of the joints that no run moves: their rows are not used.
     """
 
     base: BaseParameters
@@ -73,7 +74,7 @@ class SmoothedProblem:
 
     @property
     def samples(self) -> int:
-        """Rows of all recordings."""
+        """Number of rows of all recordings."""
         return sum(len(run.signals) for run in self.runs)
 
     def blocks(
@@ -97,11 +98,11 @@ class SmoothedProblem:
     ) -> SmoothedFit:
         """Solve for the columns of `torque_columns` with these arguments.
 
-        Each joint's rows are divided by `scale`, shape (n,), where it is given; otherwise by what
-        the weighting says.
+        Each joint's rows are divided by `scale`, shape (n,), if it is given, otherwise as selected
+        by `weighting`.
 
         Raises:
-            EstimationError: The motion does not show the parameters.
+            EstimationError: The motion does not determine the parameters.
         """
         structure = torque_structure(model, self.base, standard is not None)
         triangles = self._triangles(model, standard, structure, None)
@@ -118,7 +119,7 @@ class SmoothedProblem:
         return fit
 
     def scatter(self, model: RobotModel, standard: FloatArray | None, fit: SmoothedFit) -> Scatter:
-        """Return how the solution scatters, whatever the residuals' colour."""
+        """Return the cluster-robust scatter of the solution over time intervals."""
         structure = torque_structure(model, self.base, standard is not None)
         blocks = self.blocks(model, standard)
         huber = self.weighting == "huber"
@@ -153,7 +154,7 @@ class SmoothedProblem:
         slopes: bool,
         scale: FloatArray | None = None,
     ) -> SmoothedFit:
-        """Weight each joint by one over its residual, found by iteration, or by a given scale."""
+        """Weight each joint by one over its residual, found by iteration, or by `scale`."""
         names = (*self.base.names, *(model.nonlinear_names if slopes else ()))
         known = [self.prior.triangle(len(names))]
         if slopes:
@@ -187,14 +188,14 @@ def time_clusters(
     *,
     huber: bool = False,
 ) -> Iterator[Cluster]:
-    """Yield each stretch of time, all joints together, as a cluster.
+    """Yield each interval of time, all joints together, as a cluster.
 
     Args:
         blocks: The equations.
         structure: The columns that each joint's torque depends on.
         values: Shape (p,). The solution.
-        scale_nm: Shape (n,). The number that each joint's rows are divided by.
-        huber: True to hold down rows with large residuals.
+        scale_nm: Shape (n,). Scale by which each joint's rows are divided.
+        huber: True to down-weight rows with large residuals.
     """
     for stretch in whole_stretches(blocks):
         gram, score = np.zeros((len(values), len(values))), np.zeros(len(values))
@@ -212,26 +213,26 @@ def time_clusters(
 
 
 Fit = Callable[[RobotModel, FloatArray | None, FloatArray | None], SmoothedFit]
-"""Solve a model's equations; arguments as those of `SmoothedProblem.fit`."""
+"""Function that solves a model's equations, as `SmoothedProblem.fit` does."""
 
 
 def fit_with_nonlinear(
     model: RobotModel, base: BaseParameters, fit: Fit
 ) -> tuple[RobotModel, FloatArray | None, SmoothedFit]:
-    """Fit a model, its nonlinear parameters included where it has some.
+    """Fit a model, including its nonlinear parameters if it has any.
 
     Args:
         model: The model with its starting values.
-        base: What of its linear parameters can be identified.
-        fit: Solves its equations.
+        base: The base parameters of its linear part.
+        fit: Function that solves its equations.
 
     Returns:
-        `model`. With fitted nonlinear parameters.
-        `standard`, shape (p,). Where the equations are linearised; None where the model is linear.
+        `model`. The model with fitted nonlinear parameters.
+        `standard`, shape (p,). Point of the equations' linearisation; None if the model is linear.
         `fit`. The solution.
 
     Raises:
-        EstimationError: The motion does not show the parameters.
+        EstimationError: The motion does not determine the parameters.
     """
     found = fit(model, None, None)
     if not model.nonlinear_names:
@@ -247,19 +248,19 @@ def fit_with_nonlinear(
 def weighted_by_residuals(
     triangles: Sequence[Triangle], known: Sequence[Triangle], names: tuple[str, ...]
 ) -> tuple[Solution, FloatArray]:
-    """Solve with each joint's rows over their own residual, found by iteration.
+    """Solve with each joint's rows divided by their RMS residual, found by iteration.
 
     Args:
-        triangles: One a joint.
-        known: Prior knowledge, weighted already.
+        triangles: Triangle of each joint's equations.
+        known: Prior knowledge, already weighted.
         names: The parameters.
 
     Returns:
         `solution`. The estimate.
-        `scale_nm`, shape (n,). What each joint's rows were divided by.
+        `scale_nm`, shape (n,). Scale by which each joint's rows were divided.
 
     Raises:
-        EstimationError: The motion does not show the parameters.
+        EstimationError: The motion does not determine the parameters.
     """
     scale = np.ones(len(triangles))
     solution = weighted(triangles, known, scale, names)
@@ -285,7 +286,7 @@ def weighted(
 
 
 def residual_rms(triangles: Sequence[Triangle], values: FloatArray) -> FloatArray:
-    """Return the RMS of each joint's torque less what some parameters explain, (n,)."""
+    """Return the RMS of each joint's torque minus its prediction by `values`, (n,)."""
     error = np.array([triangle.residual_sum(values) for triangle in triangles])
     rows = np.array([triangle.rows for triangle in triangles], dtype=np.float64)
     return np.asarray(np.sqrt(error / np.maximum(rows, 1.0)))

@@ -1,4 +1,4 @@
-"""Friction alone: curves from constant speeds, and the motions that show them.
+"""Friction measured separately: curves from constant speeds, and the motions for them.
 
-The model's friction terms stand in `dynamics/terms`. Begin with `experiments.py`.
+The model's friction terms are in `dynamics/terms`. Start with `experiments.py`.
 """

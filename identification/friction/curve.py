@@ -1,7 +1,8 @@
-"""`FrictionCurve`: friction of one joint over its speed, measured apart from everything else.
+"""`FrictionCurve`: friction of one joint as a function of speed, measured separately.
 
-What both directions have in common as friction (`odd`) needs no knowledge of gravity; where they
-differ (`even`: more friction one way than the other) gravity must be known or modelled.
+The part that changes sign with the direction (`odd`) can be measured without knowing gravity. The
+part that does not (`even`: more friction in one direction) requires gravity to be known or
+modelled.
 """
 
 from __future__ import annotations
@@ -22,15 +23,16 @@ from dynamics.terms.friction import Friction
 class FrictionCurve:
     """Friction at k speeds, link side.
 
-    Moving forwards at `speed` takes odd + even, moving backwards -odd + even, beside gravity.
+    The friction torque is odd + even when moving forwards at `speed`, and -odd + even backwards.
 
     Attributes:
         speed: Shape (k,). Speeds, positive [rad/s or m/s].
-        odd, odd_sigma: Shape (k,). Half of what turning round changes, and its standard deviation
-            [N m or N].
-        even: Shape (k,). What stays when turning round, gravity taken off; None where it was not
-            measured.
-        even_covariance: Shape (k, k). Its covariance: gravity is common to all speeds.
+        odd, odd_sigma: Shape (k,). Half of the torque difference between both directions, and its
+            standard deviation [N m or N].
+        even: Shape (k,). Half of the torque sum of both directions, without gravity [N m or N];
+            None if it was not measured.
+        even_covariance: Shape (k, k). Covariance of `even`: the error of gravity is common to all
+            speeds.
     """
 
     joint: str
@@ -44,7 +46,8 @@ class FrictionCurve:
         k = len(self.speed)
         if (self.even is None) != (self.even_covariance is None):
             raise EstimationError(
-                "friction curve: even needs its covariance, and only even", code="RID-API-ARGUMENT"
+                "friction curve: give `even` and `even_covariance` together, or neither",
+                code="RID-API-ARGUMENT",
             )
         of_speeds = ("speed", "odd", "odd_sigma", "even")
         freeze(self, EstimationError, (k,), *of_speeds, what="friction ")
@@ -52,12 +55,12 @@ class FrictionCurve:
 
     @property
     def forward(self) -> FloatArray | None:
-        """Torque of friction while moving forwards, shape (k,)."""
+        """Friction torque when moving forwards, shape (k,) [N m or N]."""
         return None if self.even is None else self.odd + self.even
 
     @property
     def backward(self) -> FloatArray | None:
-        """Torque of friction while moving backwards, usually negative, shape (k,)."""
+        """Friction torque when moving backwards, usually negative, shape (k,) [N m or N]."""
         return None if self.even is None else self.even - self.odd
 
     @property
@@ -69,7 +72,7 @@ class FrictionCurve:
 
 
 def join_curves(curves: Sequence[FrictionCurve]) -> FrictionCurve:
-    """Return the curves of one joint as one, ordered by speed; `even` where all have it."""
+    """Join curves of one joint, ordered by speed; `even` only if all curves have it."""
     speed = np.concatenate([curve.speed for curve in curves])
     order = np.argsort(speed, kind="stable")
     evens = [curve.even for curve in curves if curve.even is not None]
@@ -94,22 +97,25 @@ def join_curves(curves: Sequence[FrictionCurve]) -> FrictionCurve:
 
 
 def friction_columns(model: RobotModel, joint: int, speed: FloatArray) -> FloatArray:
-    """Return what each friction coefficient of a model does to one joint at signed speeds.
+    """Return the friction torque per unit of each friction coefficient, for one joint.
 
     Args:
         model: The robot, with friction.
-        joint: The joint, from 0; the others rest.
-        speed: Shape (s,). Speeds of its actuator [rad/s or m/s].
+        joint: The joint's index, from 0; the other joints are at rest.
+        speed: Shape (s,). Signed speeds of the joint's actuator [rad/s or m/s].
 
     Returns:
-        Shape (s, coefficients). N m or N per unit; temperatures are the reference's.
+        Shape (s, coefficients). N m or N per unit, at the reference temperatures.
 
     Raises:
         EstimationError: The model has no friction.
     """
     term = next((term for term in model.terms if isinstance(term, Friction)), None)
     if term is None:
-        raise EstimationError("the model has no friction", code="RID-MODEL-NO-FRICTION")
+        raise EstimationError(
+            "the model has no friction terms: add friction to the robot's joints",
+            code="RID-MODEL-NO-FRICTION",
+        )
     n = model.chain.n
     velocity = np.zeros((len(speed), n))
     velocity[:, joint] = speed

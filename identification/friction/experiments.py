@@ -1,8 +1,8 @@
-"""Friction apart from everything else: `FrictionCurve`s out of the two motions made for it.
+"""Friction measured separately: `FrictionCurve`s from the two motions designed for it.
 
-Runs at constant speed, both ways over the same positions, and a path there and back in time: in
-both, what remains of torque when the speed changes its sign is gravity and inertia, and half of
-what changes is friction (theory: section 4).
+These are runs at constant speed in both directions over the same positions, and a path that is
+driven forwards and then backwards in time. In both, gravity and inertia torques do not change when
+the speed changes sign, and half of the torque's change is friction (theory: section 4).
 """
 
 from __future__ import annotations
@@ -38,21 +38,21 @@ LEAST_TURN = 0.3
 def constant_velocity_curves(
     recording: Recording, motion: ConstantVelocityMotion, robot: RobotDescription
 ) -> tuple[FrictionCurve, ...]:
-    """Return the friction of every joint's motor that was run at constant speeds.
+    """Return the friction of every motor whose joint was run at constant speeds.
 
-    Each run's stretch is cut into blocks of position; in a block, half the difference of the two
-    directions is friction, and half their sum gravity and whatever friction differs by direction.
-    Gravity over the joint's position is fitted with the functions that the robot's own model has
-    for it; where they cannot be told from a constant, the standard deviations say so. What scatters
-    between blocks (cogging, load) is taken as uncertainty.
+    The positions of each run are divided into blocks. In a block, half the difference of the two
+    directions is friction. Half their sum is gravity, plus the friction that depends on the
+    direction. Gravity is fitted as a function of the joint's position, with the functions of the
+    robot's model. If these cannot be distinguished from a constant, the standard deviations are
+    large. The scatter between blocks (cogging, load) counts as uncertainty.
 
     Args:
         recording: The run.
-        motion: The motion as it was run.
+        motion: The motion that was executed.
 
     Raises:
         DataQualityError: A run is missing from the recording.
-        EstimationError: A joint's motor hardly turns where the joint moves alone.
+        EstimationError: A joint's motor hardly turns when only this joint moves.
     """
     _, runs = motion.runs(robot, _sample_period(recording))
     curves = []
@@ -70,17 +70,17 @@ def constant_velocity_curves(
 def reversed_curves(
     recording: Recording, motion: ReversedMotion, robot: RobotDescription
 ) -> tuple[FrictionCurve, ...]:
-    """Return the friction of every joint's motor that moves in a path there and back in time.
+    """Return the friction of every motor that moves in a path driven in both directions of time.
 
     tau(q, v, a) - tau(q, -v, a) = 2 tau_f(v): rigid bodies, spring and gravity cancel, and so does
-    all friction that does not change its sign with the speed. The mean periods are taken on their
-    bins, up to the anti-alias filter's cut-off, and the filter is divided out. Where a joint turns
-    round, friction itself makes the two ways differ a little in their accelerations; what inertia
-    makes of that is fitted along with friction, and taken off.
+    all friction that does not change its sign with the speed. The mean periods are evaluated on
+    their bins, up to the anti-alias filter's cut-off, and the filter is divided out. At a reversal,
+    friction makes the accelerations of the two directions differ a little. The inertia torque of
+    this difference is fitted together with friction, and subtracted.
 
     Args:
         recording: The run.
-        motion: The motion as it was run.
+        motion: The motion that was executed.
 
     Raises:
         DataQualityError: One of the two parts is incomplete.
@@ -93,7 +93,7 @@ def reversed_curves(
     velocity = 0.5 * (forward.velocity - backward.velocity[at])
     swing = there.position
     coupling = WristCoupling.of_robot(robot)
-    if coupling is not None:  # friction is the motors', so it goes by their speeds
+    if coupling is not None:  # friction depends on the motors' speeds
         velocity, swing = coupling.to_motors(velocity), coupling.to_motors(swing)
     unequal = 0.5 * (forward.acceleration - backward.acceleration[at])
     return tuple(
@@ -104,14 +104,15 @@ def reversed_curves(
 
 
 def _motor_turns(robot: RobotDescription, joint: int) -> float:
-    """Return how far a joint's motor turns, over its gear, where the joint alone turns by one.
+    """Return the motor's rotation, over its gear ratio, when its joint alone turns by one.
 
-    Torque is measured at the motor and friction is the motor's (theory: section 6), so friction
-    is that of the motor's speed. With a coupled wrist other motors turn along, but nothing of
-    their friction is in this one's torque.
+    Torque is measured at the motor, and friction depends on the motor's speed (theory: section 6).
+    With a coupled wrist other motors turn too, but their friction does not affect this motor's
+    torque.
 
     Raises:
-        EstimationError: It hardly turns: moving that joint alone shows nothing of its friction.
+        EstimationError: The motor hardly turns, so that moving only this joint does not show its
+            friction.
     """
     coupling = WristCoupling.of_robot(robot)
     if coupling is None:
@@ -119,10 +120,10 @@ def _motor_turns(robot: RobotDescription, joint: int) -> float:
     turns = float(coupling.motors_by_joints[joint, joint])
     if abs(turns) < LEAST_TURN:
         raise EstimationError(
-            f"robot {robot.name!r}: with its coupled wrist the motor of {robot.joint_names[joint]}"
-            f" turns by only {abs(turns):.2g} where that joint alone turns by 1, so runs of one"
-            " joint at a time do not show its friction: use a path there and back (`rid-daq design"
-            " CELL --kind reversed`)",
+            f"robot {robot.name!r}: because of its coupled wrist, the motor of"
+            f" {robot.joint_names[joint]} turns by only {abs(turns):.2g} when only that joint"
+            " turns by 1. Runs of single joints do not show its friction: use a path driven in"
+            " both directions (`rid-daq design CELL --kind reversed`)",
             code="RID-FRICTION-RUNS",
         )
     return turns
@@ -131,7 +132,8 @@ def _motor_turns(robot: RobotDescription, joint: int) -> float:
 def _sample_period(recording: Recording) -> float:
     if recording.sample_period_s is None:
         raise DataQualityError(
-            "the recording's stamps are not uniform: its runs cannot be found",
+            "the recording's time stamps are not uniform, so its runs cannot be located: record"
+            " with a constant sample period",
             code="RID-RECORDING-CLOCK",
         )
     return recording.sample_period_s
@@ -139,7 +141,7 @@ def _sample_period(recording: Recording) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Blocks:
-    """Torques of one speed in blocks of position: both directions, and where."""
+    """Torques at one speed in blocks of position, for both directions."""
 
     position: FloatArray
     odd: FloatArray
@@ -151,7 +153,7 @@ class _Blocks:
 
 
 def _blocks(recording: Recording, runs: Sequence[ConstantRun]) -> _Blocks:
-    """Return the blocks of all runs of one speed, both ways."""
+    """Return the blocks of all runs at one speed, in both directions."""
     settling = round(SETTLING_S / _sample_period(recording))
     joint = runs[0].joint
     rows = [
@@ -163,9 +165,9 @@ def _blocks(recording: Recording, runs: Sequence[ConstantRun]) -> _Blocks:
     for run, own in zip(runs, rows, strict=True):
         if np.count_nonzero(own) < 2 * BLOCKS:
             raise DataQualityError(
-                f"the recording holds {np.count_nonzero(own)} rows of the run of"
-                f" {recording.joint_names[joint]} at {run.speed:g} per second: it ended before, or"
-                " rows were lost; record again",
+                f"the recording contains only {np.count_nonzero(own)} rows of the run of"
+                f" {recording.joint_names[joint]} at {run.speed:g} per second: the recording"
+                " ended early, or rows were lost; record again",
                 code="RID-RECORDING-ROWS-LOST",
             )
     position, torque = recording.position[:, joint], recording.torque_nm[:, joint]
@@ -185,11 +187,11 @@ def _blocks(recording: Recording, runs: Sequence[ConstantRun]) -> _Blocks:
         if min(np.count_nonzero(there), np.count_nonzero(back)) < 1:
             raise DataQualityError(
                 f"the runs of {recording.joint_names[joint]} at {abs(runs[0].speed):g} per second"
-                " do not cover the same positions: look at the following error",
+                " do not cover the same positions in both directions: check the following error",
                 code="RID-FRICTION-RUNS",
             )
         both = there | back
-        # Gravity as a line within the block: the two ways are sampled at different positions.
+        # Gravity is linear within a block: the directions are sampled at different positions.
         matrix = np.column_stack(
             [np.ones(both.sum()), np.where(there[both], 1.0, -1.0), position[both] - middle]
         )
@@ -205,7 +207,7 @@ def _curve(
     speeds: FloatArray,
     blocks: Sequence[_Blocks],
 ) -> FrictionCurve:
-    """Take gravity off the even part, all speeds together."""
+    """Subtract gravity from the even part, for all speeds together."""
     turns = _motor_turns(robot, joint)
     gravity = _gravity_functions(robot, motion, joint, [b.position for b in blocks])
     k, g = len(speeds), gravity[0].shape[1]
@@ -215,12 +217,12 @@ def _curve(
         matrix[rows, row] = 1.0
         matrix[rows, k:] = functions
     even = np.concatenate([b.even for b in blocks])
-    # Gravity is not larger than what the joint can give: an end to what cannot be told apart.
+    # Gravity is at most the joint's torque limit; this bounds functions that look like a constant.
     largest = robot.joints[joint].limits.torque
     prior = np.hstack([np.zeros((g, k)), np.eye(g)]) / largest
     sigma, freedom = 1.0, max(1, k * (BLOCKS - 1) - g)
     solution = _solve(matrix, even, prior, sigma)
-    for _ in range(2):  # the scatter is known after the first pass
+    for _ in range(2):  # the scatter is known only after the first pass
         residual = even - matrix @ solution
         sigma = max(float(np.sqrt(residual @ residual / freedom)), 1e-9 * largest)
         solution = _solve(matrix, even, prior, sigma)
@@ -248,7 +250,7 @@ def _gravity_functions(
     joint: int,
     positions: Sequence[FloatArray],
 ) -> list[FloatArray]:
-    """Return the functions of the joint's position that its torque at rest can consist of."""
+    """Return the functions of the joint's position that can contribute to its torque at rest."""
     model = ModelOptions(rotors=False, friction=False).build(robot)
 
     def at_rest(position: FloatArray) -> FloatArray:
@@ -269,7 +271,7 @@ def _gravity_functions(
 def _two_parts(
     recording: Recording, motion: ReversedMotion, robot: RobotDescription
 ) -> tuple[Recording, Recording]:
-    """Cut the recording into two periodic ones."""
+    """Split the recording into two periodic ones."""
     sample_period_s = _sample_period(recording)
     samples = motion.plan(robot, sample_period_s)
     rest = np.flatnonzero(samples.phase == Phase.HOLD)
@@ -284,7 +286,7 @@ def _two_parts(
 def _part(recording: Recording, rows: BoolArray, first: int, period: int) -> Recording:
     if not rows.any():
         raise DataQualityError(
-            "the recording ends before the way back began: record again",
+            "the recording ends before the motion's backward part: record again",
             code="RID-RECORDING-ROWS-LOST",
         )
     fields = ("time_s", "position", "torque_nm", "valid", "phase")
@@ -297,12 +299,12 @@ def _part(recording: Recording, rows: BoolArray, first: int, period: int) -> Rec
         **tables,
         sample_index=recording.sample_index[rows] - first,
         samples_per_period=period,
-        reaction=None,  # a force plate feels no friction
+        reaction=None,  # a force plate does not measure friction
     )
 
 
 def _on_the_bins(average: PeriodAverage) -> tuple[Derivatives, FloatArray]:
-    """Return a mean period's motion and torque, without the anti-alias filter."""
+    """Return a mean period's motion and torque, with the anti-alias filter removed."""
     samples, step_s = average.samples_per_period, average.sample_period_s
     harmonics = (samples - 1) // 2
     if average.torque_filter is not None:
@@ -316,13 +318,13 @@ def _on_the_bins(average: PeriodAverage) -> tuple[Derivatives, FloatArray]:
 def _binned(
     joint: str, velocity: FloatArray, difference: FloatArray, unequal: FloatArray
 ) -> FrictionCurve:
-    """Gather a period by speed; every passage through a bin counts as one value."""
+    """Average a period in bins of speed; every passage through a bin counts as one value."""
     speed = np.abs(velocity)
     fast = speed > SLOWEST_SHARE * speed.max()
     edges = np.quantile(speed[fast], np.linspace(0.0, 1.0, SPEED_BINS + 1))
     number = np.where(fast, np.digitize(speed, edges[1:-1]), -1)
     in_bin = (number[:, np.newaxis] == np.arange(SPEED_BINS)).astype(np.float64)
-    # Friction as a line in every bin, and inertia times the accelerations' difference.
+    # Friction is linear in every bin; `unequal` is for the difference of the accelerations.
     columns = [in_bin * np.sign(velocity)[:, np.newaxis], in_bin * velocity[:, np.newaxis], unequal]
     fitted = np.linalg.lstsq(np.hstack(columns)[fast], difference[fast], rcond=None)[0]
     odd = (difference - unequal @ fitted[2 * SPEED_BINS :]) * np.sign(velocity)
@@ -342,7 +344,7 @@ def _binned(
         found.append((middle, mean, np.sqrt(spread * float(weight @ weight))))
     if not found:
         raise DataQualityError(
-            f"joint {joint!r} passes no speed twice: use a motion of more harmonics",
+            f"joint {joint!r} reaches no speed twice: use a motion with more harmonics",
             code="RID-FRICTION-RUNS",
         )
     table = np.array(found)

@@ -1,4 +1,4 @@
-"""`FrictionFit`: a friction model fitted to a measured curve, and which model is best."""
+"""`FrictionFit`: a friction model fitted to a measured curve, and the choice of the best model."""
 
 from __future__ import annotations
 
@@ -33,22 +33,22 @@ AT_BOUND_SHARE: Final = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class FrictionFit:
-    """One model's fit to one joint's friction.
+    """Fit of one model to one joint's friction.
 
     Attributes:
-        name: What the model is called.
-        terms: The terms of the robot file.
+        name: Name of the model.
+        terms: The friction terms, as in the robot file.
         model: The robot with these terms, and with the fitted Stribeck speed.
-        joint: The joint, from 0.
-        parameter_names, parameter_units: The joint's coefficients; the Stribeck speed last, where
+        joint: The joint's index, from 0.
+        parameter_names, parameter_units: The joint's coefficients; the Stribeck speed is last, if
             there is one.
-        values, sigmas: Their values and standard deviations.
-        rms_nm: Of the curve's odd part less the model [N m or N].
-        misfit: Mean square of that in standard deviations of the curve; 1 where nothing is left to
-            explain.
+        values, sigmas: Values and standard deviations of the coefficients.
+        rms_nm: RMS of the curve's odd part minus the model [N m or N].
+        misfit: Mean square of the residuals in standard deviations of the curve; about 1 if the
+            model explains the curve.
         criterion: Akaike's criterion, corrected for few values: the smallest is best (Burnham and
             Anderson 2002).
-        at_bound: Whether the Stribeck speed ended at a bound: the speeds measured do not show it.
+        at_bound: True if the Stribeck speed is at a bound: the measured speeds do not determine it.
     """
 
     name: str
@@ -65,19 +65,18 @@ class FrictionFit:
     at_bound: bool
 
     def torque(self, speed: FloatArray) -> FloatArray:
-        """Return the friction at signed speeds, the shape of `speed` [N m or N]."""
+        """Return the friction at signed speeds, in the shape of `speed` [N m or N]."""
         columns, _ = _of_joint(self.model, self.joint, speed)
         return np.asarray(columns @ self.values[: columns.shape[1]])
 
 
 def fit_friction(curve: FrictionCurve, robot: RobotDescription) -> tuple[FrictionFit, ...]:
-    """Fit every model that the curve has values enough for, the best first.
+    """Fit every model for which the curve has enough values, and return the best first.
 
-    Of models whose criteria are less than 2 above the smallest the simplest is the best. A model
-    with a parameter at its bound comes last.
-
-    The odd part is fitted and, where it was measured, the even part with its covariance; a model
-    that is the same in both directions then has to explain the difference by its misfit.
+    Of all models whose criterion is less than 2 above the smallest, the simplest is the best. A
+    model with a parameter at a bound comes last. The odd part is fitted, and, if it was measured,
+    the even part with its covariance. For a symmetric model, a difference between the directions
+    adds to the misfit.
 
     Args:
         curve: The measured friction.
@@ -135,7 +134,7 @@ def _fit(
     rms_nm = _rms(curve, model, joint, values)
     if vs in model.nonlinear_names:
         columns, values = (*columns, vs), np.append(values, _speed(model, vs))
-    k = parameters + 1  # the scatter itself is estimated too
+    k = parameters + 1  # plus one for the scatter, which is also estimated
     return FrictionFit(
         name=name,
         terms=terms,
@@ -174,8 +173,8 @@ def _parts(model: RobotModel, joint: int, speed: FloatArray) -> FloatArray:
 
 
 def _white(curve: FrictionCurve, parts: FloatArray) -> FloatArray:
-    """Return an (odd, even) pair in standard deviations; the odd part alone without an even."""
-    # The scatter of a few values may be small by chance.
+    """Divide the odd and even parts by their standard deviations; `even` may be missing."""
+    # The scatter of a few values can be small by chance.
     sigma = np.maximum(curve.odd_sigma, 0.5 * np.median(curve.odd_sigma) + 1e-12)
     odd = parts[0] / sigma
     if curve.even_covariance is None:
@@ -187,7 +186,7 @@ def _white(curve: FrictionCurve, parts: FloatArray) -> FloatArray:
 def _of_joint(
     model: RobotModel, joint: int, speed: FloatArray
 ) -> tuple[FloatArray, tuple[str, ...]]:
-    """Return the joint's own coefficients' functions and names."""
+    """Return the functions and names of the joint's own coefficients."""
     term = next(term for term in model.terms if isinstance(term, Friction))
     own = [c for c, column in enumerate(term.columns) if column.joint == joint]
     names = tuple(term.columns[c].parameter_name for c in own)
@@ -195,7 +194,7 @@ def _of_joint(
 
 
 def _with_best_speed(curve: FrictionCurve, model: RobotModel, joint: int, name: str) -> RobotModel:
-    """Return the model with the Stribeck speed that leaves the least."""
+    """Return the model with the Stribeck speed that gives the smallest residual."""
 
     def left(log_speed: float) -> float:
         _, residual, _ = _solve(curve, _at_speed(model, name, float(np.exp(log_speed))), joint)
@@ -210,8 +209,8 @@ def _with_best_speed(curve: FrictionCurve, model: RobotModel, joint: int, name: 
 
 
 def _log_range(curve: FrictionCurve) -> tuple[float, float]:
-    """Return the logarithms of the slowest and the fastest Stribeck speed that a curve can show."""
-    # What falls off below half the slowest speed is a step like any other.
+    """Return the logarithms of the lowest and highest Stribeck speed that a curve determines."""
+    # A Stribeck term that decays below half the lowest speed looks like Coulomb friction.
     low = max(SLOWEST_STRIBECK, 0.5 * float(curve.speed.min()))
     high = min(FASTEST_STRIBECK, float(curve.speed.max()))
     return float(np.log(low)), float(np.log(high))
@@ -228,13 +227,13 @@ def _speed(model: RobotModel, name: str) -> float:
 
 
 def _at_speed(model: RobotModel, name: str, speed: float) -> RobotModel:
-    """Return the model with another Stribeck speed of that name."""
+    """Return the model with another value of the Stribeck speed `name`."""
     values = model.nonlinear_values
     values[model.nonlinear_names.index(name)] = speed
     return model.with_nonlinear(values)
 
 
 def _rms(curve: FrictionCurve, model: RobotModel, joint: int, values: FloatArray) -> float:
-    """Return what is left of the odd part; the even one may hang on gravity."""
+    """Return the RMS residual of the odd part; the even part also depends on gravity."""
     odd = _parts(model, joint, curve.speed)[0] @ values
     return float(np.sqrt(np.mean((curve.odd - odd) ** 2)))

@@ -1,4 +1,4 @@
-"""Motions that measure friction alone, made to fit a robot and its surroundings."""
+"""Motions for the separate measurement of friction, adapted to a robot and its surroundings."""
 
 from __future__ import annotations
 
@@ -35,18 +35,18 @@ def constant_velocity_motion(
 ) -> ConstantVelocityMotion:
     """Return runs of every joint at speeds from 1 % of its limit to the highest that fits.
 
-    The joints that hold stand at zero, or in the middle of their limits; where the robot would
-    touch something there, in the first random pose in which it does not. A joint runs as far as
-    nothing comes near, within the middle 80 % of its limits.
+    The other joints stay at zero, or in the middle of their limits if zero is too far from it. If
+    this pose is not clear of obstacles, the first clear random pose is used. A joint runs over the
+    clear range around the pose, within the middle 80 % of its limits.
 
     Args:
-        workspace: What surrounds it.
-        speeds: How many speeds a joint, in even ratios.
-        repeats: How often each is run.
-        seed: Of the random poses.
+        workspace: The robot's surroundings.
+        speeds: Number of speeds per joint, in a geometric series.
+        repeats: Number of runs at each speed.
+        seed: Seed of the random poses.
 
     Raises:
-        ConfigError: No pose keeps clear, or a joint has no room to run.
+        ConfigError: No pose is clear of obstacles, or a joint has no room to run.
     """
     clearances = Clearances.of(robot, workspace)
     pose = _clear_pose(robot, clearances, seed)
@@ -57,8 +57,9 @@ def constant_velocity_motion(
         fastest = min(FASTEST_SHARE * limit, _fastest(high - low, joint))
         if fastest < 2.0 * SLOWEST_SHARE * limit:
             raise ConfigError(
-                f"joint {joint.name!r} has room from {low:.3g} to {high:.3g} only: too little to"
-                " run at speed; free the workspace, or write the motion file by hand",
+                f"joint {joint.name!r} can move only from {low:.3g} to {high:.3g}, which is too"
+                " little for a run at constant speed: remove obstacles from the workspace, or"
+                " write the motion file by hand",
                 code="RID-MOTION-STROKE",
             )
         even = np.geomspace(SLOWEST_SHARE * limit, fastest, speeds)
@@ -81,12 +82,12 @@ def constant_velocity_motion(
 
 
 def reversed_motion(there: FourierMotion) -> ReversedMotion:
-    """Return a periodic motion followed by itself backwards in time."""
+    """Return a periodic motion followed by the same motion backwards in time."""
     return ReversedMotion.from_attributes(there, kind="reversed", periods=max(2, there.periods))
 
 
 def _fastest(stretch: float, joint: Joint) -> float:
-    """Return the speed at which ramps and half a second at speed just fill the stretch."""
+    """Return the speed at which ramps and half a second at speed just fill the range."""
     per_speed = 1.875 / (ACCELERATION_FRACTION * joint.limits.acceleration)
     return float(
         (np.sqrt(AT_SPEED_S**2 + 4.0 * per_speed * stretch) - AT_SPEED_S) / (2.0 * per_speed)
@@ -106,7 +107,7 @@ def _clear_pose(robot: RobotDescription, clearances: Clearances, seed: int) -> F
 def _free_range(
     clearances: Clearances, pose: FloatArray, j: int, joint: Joint
 ) -> tuple[float, float]:
-    """Return how far a joint can go from the pose both ways."""
+    """Return the lowest and highest clear position of a joint around the pose."""
     limits = joint.limits
     middle = 0.5 * (limits.position_min + limits.position_max)
     half = 0.5 * RANGE_SHARE * (limits.position_max - limits.position_min)
