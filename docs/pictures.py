@@ -25,7 +25,7 @@ from playwright.sync_api import Browser, Locator, ViewportSize, sync_playwright
 from rid_daq.workbench.menu import MENU
 
 DOCS: Final = Path(__file__).resolve().parent
-SHOWN: Final = DOCS / "pictures"
+BLOCKS_BY_SECTION: Final = DOCS / "pictures"
 LARGEST_BYTES: Final = 150_000
 PROGRAM: Final = (sys.executable, "-P", "-m", "rid_daq")
 FLAGS: Final = ("--no-sandbox", "--disable-gpu", "--no-first-run")
@@ -86,12 +86,12 @@ def take(folder: Path) -> None:
         with chromium() as browser:
             take_reports(browser, work, folder)
             take_workbench(browser, work, folder)
-    SHOWN.mkdir(exist_ok=True)
+    BLOCKS_BY_SECTION.mkdir(exist_ok=True)
     for name in GUIDES:
         size = (folder / f"{name}.png").stat().st_size
         if size > LARGEST_BYTES:
             raise SystemExit(f"{name}.png has {size} bytes, at most {LARGEST_BYTES} are kept")
-        shutil.copy(folder / f"{name}.png", SHOWN)
+        shutil.copy(folder / f"{name}.png", BLOCKS_BY_SECTION)
 
 
 def take_reports(browser: Browser, work: Path, folder: Path) -> None:

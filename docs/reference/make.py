@@ -34,15 +34,15 @@ GUIDE = HERE.parent / "guide" / "your-own-drives.md"
 MOTIONS = typing.get_args(typing.get_args(AnyMotion)[0])
 
 
-def _said_kind(model: type[BaseModel]) -> str:
-    """Return what the key `kind` of a model says."""
+def _kind_name(model: type[BaseModel]) -> str:
+    """Return the value of the key `kind` of a model."""
     return str(typing.get_args(model.model_fields["kind"].annotation)[0])
 
 
 PAGES = {
     "cell files": CellConfig,
     "robot files": RobotDescription,
-    **{f"motion files: {_said_kind(model)}": model for model in MOTIONS},
+    **{f"motion files: {_kind_name(model)}": model for model in MOTIONS},
     "import maps": ImportMap,
     "servo profiles (drives of a maker)": ServoProfile,
     "drive profiles (Modbus registers)": DriveProfile,

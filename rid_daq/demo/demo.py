@@ -89,8 +89,8 @@ def run_demo(
         stories = run_stories(folder, motions, total_s, seed, console)
         on, off = stories[True], stories[False]
         truth = (
-            TruthCase.compared("With effects that no model has", on.estimate),
-            TruthCase.compared("Without effects that no model has", off.estimate),
+            TruthCase.from_estimate("With effects that no model has", on.estimate),
+            TruthCase.from_estimate("Without effects that no model has", off.estimate),
         )
         memory = (_memory(on.estimate), _memory(off.estimate))
         judged = _verdict(on.validation, truth, memory, on.tracking, on.retiming)

@@ -1,4 +1,4 @@
-"""A run's result: every number of it, its file, and the certificate of a payload.
+"""Results of runs: all their numbers, the result file, and a payload's certificate.
 
-Nothing here draws or writes a page; that is `report_page`. Begin with `result.py`.
+This package neither draws nor writes pages; the package `report_page` does. Begin with `result.py`.
 """

@@ -13,26 +13,27 @@ from rid_daq.report.sections.verdict import VerdictSection
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
-    """What a payload's certificate says.
+    """Contents of a payload's certificate.
 
     Attributes:
-        folder: The session, or the run that holds the payload: its manifest.
-        is_session: True if it is a guided session.
+        folder: Manifest of the session, or of the run that contains the payload.
+        is_session: True if the payload was measured in a guided session.
         payload: The payload with its checks.
-        how: How it was found.
-        findings: What a person should know of it.
-        by: Who answers for it; None if nobody was named.
-        identified_utc: When the payload was identified; None if that is not recorded.
-        cell: The cell; None of recordings from elsewhere.
+        how: Method by which the payload was estimated, in words.
+        findings: Remarks that the reader of the certificate should know.
+        by: Person who answers for the certificate; None if no person was named.
+        identified_utc: Time at which the payload was identified; None if it is not recorded.
+        cell: The cell; None for recordings that were imported.
         simulated: True if any of the runs is of a simulated cell.
-        devices: Robot and drives, with their serial numbers; None if none is recorded.
-        runs: The step of each run (empty outside of sessions) and its manifest, in the order of
-            the session.
-        files: Run, name and SHA-256 of the files of the session and of the runs; each SHA-256 has
+        devices: Robot and drives, with their serial numbers; None if a number is not recorded.
+        runs: Step and manifest of each run, in the order of the session. The step is empty outside
+            a session.
+        files: Run, name and SHA-256 of the files of the session and of the runs. Each SHA-256 has
             been compared with the file's bytes.
-        identified_with, written_with: Which program identified the payload, and which wrote the
-            certificate.
-        empty: How it is known that nothing hung on the flange without payload; None if it is not.
+        identified_with, written_with: Program and version that identified the payload, and that
+            wrote the certificate.
+        empty: How the program knows that the flange was empty in the runs without payload; None if
+            it does not know.
     """
 
     folder: Manifest
@@ -53,10 +54,10 @@ class Certificate:
 
     @property
     def verdict(self) -> VerdictSection:
-        """Whether the payload is as sure as was asked for."""
+        """The verdict: passed if the payload is as accurate as required."""
         return payload_verdict(self.payload, self.empty)
 
     @property
     def is_whole(self) -> bool:
-        """Whether the motion shows all ten parameters."""
+        """True if the motion makes all ten parameters identifiable."""
         return all(self.payload.estimate.seen)

@@ -11,13 +11,14 @@ if TYPE_CHECKING:
 
 
 class ViolationEntry(Section):
-    """A parameter that no real robot has below zero, and that was identified there.
+    """A parameter that no real robot has below zero, but whose estimate is below zero.
 
     Attributes:
-        name, expression: Its name, and the combination of standard parameters that it is.
-        sigmas: Its distance below zero [standard deviations].
-        p_value: Probability of such a value if the true one is zero, corrected for the number of
-            parameters that were tested (Holm).
+        name, expression: Name of the parameter, and the combination of standard parameters that it
+            is.
+        sigmas: Distance of the estimate below zero [standard deviations].
+        p_value: Probability of such an estimate if the true value is zero, corrected for the number
+            of tested parameters (Holm).
     """
 
     name: str
@@ -27,18 +28,19 @@ class ViolationEntry(Section):
 
 
 class ConsistencyEntry(Section):
-    """Test of physical consistency.
+    """Result of the test of physical consistency.
 
     Attributes:
-        consistent: False if every consistent robot is refuted at p = 0.05.
-        p_value: Of the largest single violation and of the distance together.
-        single_p_value: Of the largest single violation.
-        distance_p_value, distance: Of the squared distance from the nearest consistent robot, and
-            that distance in decorrelated standard deviations; None if a single violation refutes
-            already.
+        consistent: False if the data refute every consistent robot at p = 0.05.
+        p_value: Probability value of both statistics together: the largest single violation and the
+            distance.
+        single_p_value: Probability value of the largest single violation.
+        distance_p_value, distance: Probability value of the squared distance from the nearest
+            consistent robot, and that distance in decorrelated standard deviations. None if a
+            single violation already refutes consistency.
         tested: Number of parameters that cannot be negative.
-        largest: The largest single violation; None if none of them is below zero.
-        violations: All of them that are below zero, the largest first.
+        largest: The largest single violation; None if no tested estimate is below zero.
+        violations: All tested estimates below zero, the largest violation first.
     """
 
     consistent: bool
@@ -52,7 +54,7 @@ class ConsistencyEntry(Section):
 
     @classmethod
     def of(cls, test: ConsistencyTest) -> ConsistencyEntry:
-        """Return the result of a test."""
+        """Return the entry of a test."""
         entries = tuple(ViolationEntry.from_attributes(each) for each in test.violations)
         return cls.from_attributes(
             test,

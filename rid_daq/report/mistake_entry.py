@@ -1,4 +1,4 @@
-"""`MistakeEntry`: a mistake of wiring, units or files, and the lines to change."""
+"""`MistakeEntry`: a mistake in wiring, units or files, and the lines to change."""
 
 from __future__ import annotations
 
@@ -7,15 +7,16 @@ from rid_daq.report.sections.section import Numbers, Section, Texts
 
 
 class PlaceToChange(Section):
-    """A line of a file that says what does not hold.
+    """A line of a file that states a wrong value, or to which a missing key belongs.
 
     Attributes:
-        file, line: Where the key stands, or where what it belongs to begins.
-        stated: Whether it stands there; else it is to be added.
-        text: What the line says; left out where it is to be added, or the file has changed since
+        file, line: Position of the key. If the key is missing: first line of the object that it
+            belongs to.
+        stated: True if the file contains the key; False if the key must be added.
+        text: Text of the line. Left out if the key must be added, or if the file has changed since
             the run.
-        remark: What a person should know of the file, such as that it has changed since the run.
-        words: All that as one line.
+        remark: Remark on the file, such as that it has changed since the run.
+        words: File, line, key, text and remark as one line of text.
     """
 
     file: str
@@ -28,16 +29,16 @@ class PlaceToChange(Section):
 
 
 class Explanation(Section):
-    """What may be wrong, and what to change then.
+    """One possible mistake, and how to correct it.
 
     Attributes:
-        kind: What is wrong.
-        joints: Of which joints; none where all are meant.
-        factor: What the stated numbers must be multiplied with, or have added [rad] where a zero
-            position is wrong.
-        words: What is wrong, in words.
-        change: The keys to change, file by file.
-        places: The lines that they stand in; left out if they were not looked for.
+        kind: Kind of mistake.
+        joints: Joints that the mistake affects; empty if it affects all joints.
+        factor: Factor by which the stated numbers must be multiplied. For a wrong zero position:
+            the angle that must be added [rad].
+        words: Description of the mistake.
+        change: Keys to change, one entry per file.
+        places: Lines that contain these keys; left out if the program did not search for them.
     """
 
     kind: MistakeKind
@@ -49,12 +50,13 @@ class Explanation(Section):
 
 
 class MistakeEntry(Explanation):
-    """The best explanation, and what explains the data as well.
+    """The best explanation of a misfit, and other explanations that fit the data as well.
 
     Attributes:
-        times_better: By which factor the residual falls where it falls most.
+        times_better: Factor by which the correction reduces the residual, on the joint on which it
+            reduces it most.
         sentence: The finding in words.
-        alternatives: What else would explain the data as well.
+        alternatives: Other mistakes that explain the data as well.
     """
 
     times_better: float
@@ -63,13 +65,15 @@ class MistakeEntry(Explanation):
 
 
 class ArmWeightEntry(Section):
-    """Gravity's torque by the fit, over that of the arm as drawn.
+    """Gravity torque of the fitted model relative to that of the described arm.
 
     Attributes:
-        share, std: The ratio, and its standard deviation.
-        plausible: Its smallest and largest value that a real arm has.
-        is_drawn, is_plausible: True if `cad` says the weight and not the arm's size alone; true if
-            the ratio is possible.
+        share: The ratio of the two torques.
+        std: Standard deviation of the ratio.
+        plausible: Smallest and largest ratio that a real arm can have.
+        is_drawn: True if the robot file states the arm's weight (`cad`). False if the expected
+            weight follows from the size of the arm alone.
+        is_plausible: True if the ratio is possible.
     """
 
     share: float

@@ -1,4 +1,4 @@
-"""`ModelFile`: the model that sections of a report are of."""
+"""`ModelFile`: name and checksum of the model that sections of a report refer to."""
 
 from __future__ import annotations
 
@@ -12,17 +12,19 @@ from rid_daq.report.sections.section import Section
 BY_MODEL: Final = (
     *("validation", "curves", "estimate", "plate", "comparison", "reaction", "base_load"),
 )
-"""The sections that are of a model."""
+"""Sections that refer to one model."""
 
 _SHOWN: Final = 8
 
 
 class ModelFile(Section):
-    """The model file that sections are of; its name may be another's too, its bytes are not.
+    """Name and checksum of the model file that sections of a result refer to.
+
+    Two model files can have the same name; the checksum distinguishes them.
 
     Attributes:
-        name: The file's name.
-        sha256: Of its bytes.
+        name: Name of the file.
+        sha256: SHA-256 of the file's bytes.
     """
 
     name: str
@@ -30,10 +32,10 @@ class ModelFile(Section):
 
     @classmethod
     def of(cls, path: Path) -> Self:
-        """Return what is said of a model file that was just read or written.
+        """Return name and checksum of a model file that was just read or written.
 
         Raises:
-            RecordingError: It cannot be read any more.
+            RecordingError: The file can no longer be read.
         """
         with system_errors(RecordingError, f"{path}: cannot be read", code="RID-FILE-READ"):
             return cls(name=path.name, sha256=hashlib.sha256(path.read_bytes()).hexdigest())

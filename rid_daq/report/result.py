@@ -1,4 +1,4 @@
-"""`Result`: every number of a run's report, in one document that commands add sections to."""
+"""`Result`: all numbers of a run's report, in one document to which commands add sections."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ NOTHING_JUDGED: Final = VerdictSection.of([], "Nothing to judge", "No limit was 
 
 
 class WithoutUnmodelled(Section):
-    """The demo on a robot without the effects that no model has."""
+    """Results of the demo on a simulated robot without unmodelled effects."""
 
     average: AverageSection
     estimate: EstimateSection
@@ -46,25 +46,25 @@ class WithoutUnmodelled(Section):
 
 
 class Result(Section):
-    """A run's result, as `result.json` holds it.
+    """Result of a run, as `result.json` contains it.
 
-    All sections but the first five keys are left out where nothing was computed. What differs from
-    one execution to the next (run ids, clock times, loop timing) stands under `timing` and nowhere
-    else, so that two simulated runs with the same seed agree in all the rest, bit for bit. Their
-    order here is their order on the page.
+    Only the first five keys are always present; a section that was not computed is left out. All
+    values that differ from one execution to the next (run ids, clock times, loop timing) are under
+    `timing`. Therefore two simulated runs with the same seed agree bit for bit in everything else.
+    The sections have the same order here and on the page.
 
     Attributes:
-        format: The version of this document, under the key `schema`.
-        title, robot: What was done, and the robot's name.
-        verdict: Whether the result holds.
-        software: Versions of what it was made with, by name.
-        notes: What the runs lack that it rests on.
-        cell: The cell that it was recorded on.
-        model: The model that the sections `validation`, `curves`, `estimate`, `plate`,
-            `comparison`, `reaction` and `base_load` are of, all of them.
-        seed: Of the demo.
-        without_unmodelled: Of the demo.
-        timing: All that differs from one execution to the next.
+        format: Version of this document, under the key `schema`.
+        title, robot: Title of the report, and name of the robot.
+        verdict: The verdict: passed, failed, or not judged.
+        software: Versions of the software that made the result, by name.
+        notes: Deficiencies of the runs that the result is based on.
+        cell: The cell that recorded the data.
+        model: Model that the sections `validation`, `curves`, `estimate`, `plate`, `comparison`,
+            `reaction` and `base_load` refer to.
+        seed: Random seed of the demo.
+        without_unmodelled: Results of the demo on a robot without unmodelled effects.
+        timing: All values that differ from one execution to the next.
     """
 
     format: Literal["rid-daq result 1"] = Field(default=SCHEMA, alias="schema")
@@ -99,11 +99,11 @@ class Result(Section):
 
     @classmethod
     def new(cls, title: str, robot: str) -> Result:
-        """Return a result with nothing judged yet, made by this program.
+        """Return a result of this program without sections and without a verdict.
 
         Args:
-            title: What was done.
-            robot: The robot's name.
+            title: Title of the report.
+            robot: Name of the robot.
         """
         return cls(
             title=title,
@@ -113,22 +113,23 @@ class Result(Section):
         )
 
     def updated(self, **sections: object) -> Result:
-        """Return the document with sections (or title, verdict, notes) replaced or added.
+        """Return the document with some sections (or title, verdict, notes) replaced or added.
 
         Raises:
-            pydantic.ValidationError: A section is not of its class, or there is no such section.
+            pydantic.ValidationError: A section has a wrong class, or a name is unknown.
         """
         own = {name: getattr(self, name) for name in type(self).model_fields if name != "format"}
         return Result.model_validate({**own, **sections})
 
     def by_model(self, model: ModelFile, **sections: object) -> Result:
-        """Return the document with sections by a model; those of another model are left out.
+        """Return the document with sections that refer to a model.
 
-        A verdict on another model goes with it, unless `sections` hold a new one.
+        Sections that refer to another model are removed. A verdict on another model is removed too,
+        unless `sections` contains a new verdict.
 
         Args:
-            model: The model that the sections are of.
-            **sections: The sections, and whatever else is replaced.
+            model: Model that the sections refer to.
+            **sections: The sections, and other fields to replace.
         """
         if self.model == model:
             return self.updated(**sections)
@@ -140,13 +141,13 @@ class Result(Section):
         if judged:
             title, older = f"Model of {self.robot}", self.model or "an older model"
             words = ", ".join(name.replace("_", " ") for name in gone)
-            note = f"what was of {older} is left out ({words}): validate the new model"
+            note = f"the sections of {older} were removed ({words}): validate the new model"
             cleared |= {"title": title, "verdict": NOTHING_JUDGED}
             cleared |= {"notes": (*(self.notes or ()), note)}
         return self.updated(**{**cleared, **sections, "model": model})
 
     def sections(self) -> Iterator[tuple[str, Section]]:
-        """Yield the sections that are there, and their names, in the order of the page."""
+        """Yield name and content of each section that is present, in the order of the page."""
         for name in type(self).model_fields:
             section = getattr(self, name)
             if section is not None and name not in _NOT_SECTIONS:

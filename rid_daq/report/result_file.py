@@ -1,4 +1,4 @@
-"""`read_result`: a result as a run folder keeps it."""
+"""`read_result`: reads the result of a run folder."""
 
 from __future__ import annotations
 
@@ -16,18 +16,16 @@ REPORT = "report.html"
 
 
 def read_result(folder: RunFolder) -> Result:
-    """Return a run's result.
-
-    Args:
-        folder: The run.
+    """Return the result of a run.
 
     Raises:
-        RecordingError: The run has none yet, or the file is not one, or is of a newer version.
+        RecordingError: The run has no result yet, the file is not a result, or a newer version of
+            the program wrote it.
     """
     path = folder.file(RESULT)
     if not path.exists():
         raise RecordingError(
-            f"{folder.path}: no {RESULT} yet; the run ended before it had one",
+            f"{folder.path}: the run has no {RESULT}: it ended before a result was computed",
             code="RID-RUN-NO-RESULT",
         )
     data = folder.read(RESULT)
@@ -35,7 +33,8 @@ def read_result(folder: RunFolder) -> Result:
         document = parse_json(data)
     except ConfigError as error:
         raise RecordingError(
-            f"{path}: {error}; was it edited?", code="RID-RESULT-UNSOUND"
+            f"{path}: {error}: the file may have been edited; compute the result again",
+            code="RID-RESULT-UNSOUND",
         ) from None
     if not isinstance(document, dict) or document.get("schema") != SCHEMA:
         found = document.get("schema") if isinstance(document, dict) else None
@@ -43,7 +42,8 @@ def read_result(folder: RunFolder) -> Result:
             refused = other_format(f"{path}: a run's result", found, SCHEMA)
             raise RecordingError(str(refused), code=OTHER_FORMAT)
         raise RecordingError(
-            f"{path}: not a result of rid-daq ({SCHEMA!r} expected)", code="RID-RESULT-UNSOUND"
+            f"{path}: the file is not a result of rid-daq (expected schema {SCHEMA!r})",
+            code="RID-RESULT-UNSOUND",
         )
     try:
         return Result.model_validate_json(data)
@@ -51,6 +51,7 @@ def read_result(folder: RunFolder) -> Result:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
         raise RecordingError(
-            f"{path}: {where}: {first['msg']}; was it edited, or is it of a newer rid-daq?",
+            f"{path}: {where}: {first['msg']}: the file was edited, or a newer version of rid-daq"
+            " wrote it",
             code="RID-RESULT-UNSOUND",
         ) from None

@@ -16,9 +16,9 @@ from rid_daq.blocks.plot import Plot
 from rid_daq.report.certificate import Certificate
 from rid_daq.report.model_file import BY_MODEL
 from rid_daq.report.result import Result
-from rid_daq.report.shown.certificate import certificate_blocks
-from rid_daq.report.shown.sections import SHOWN
-from rid_daq.report.shown.verdict import check_tables
+from rid_daq.report.section_blocks.certificate import certificate_blocks
+from rid_daq.report.section_blocks.sections import BLOCKS_BY_SECTION
+from rid_daq.report.section_blocks.verdict import check_tables
 from rid_daq.report_page.drawings.page_colours import colours
 from rid_daq.report_page.live_figures import LiveFigures, dark_map, library, script
 from rid_daq.terminal.console import make_printable
@@ -38,7 +38,7 @@ def render_report(result: Result, before: Result | None = None) -> str:
     parts = []
     for name, section in result.sections():
         with _shown(name, read=getattr(before, name, None) == section):
-            parts.append(_part(name, SHOWN[name](section), figures))
+            parts.append(_part(name, BLOCKS_BY_SECTION[name](section), figures))
             parts.append(_origin(result, name))
     with _shown("the document", read=before is not None):
         page = _environment().get_template("page.html")

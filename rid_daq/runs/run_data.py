@@ -347,7 +347,7 @@ def _first_result(data: RunData) -> Result:
     manifest, report = data.folder.manifest(), data.import_report
     section = RunSection.of("recording", "As recorded.", data.tally, data.robot)
     if report is not None:
-        section = section.imported(report)
+        section = section.with_import(report)
     return Result.new(f"Run {manifest.label}", data.robot.name).updated(
         runs=(section,),
         timing=Timing(created_utc=manifest.created_utc, run_ids=(manifest.run_id,)),

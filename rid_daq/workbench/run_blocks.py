@@ -14,9 +14,9 @@ from rid_daq.blocks.block import AnyBlock, note_blocks
 from rid_daq.blocks.plot import Axis, Line, Panel, Plot
 from rid_daq.operations.payload.session_states import WARM_UP, SessionFile
 from rid_daq.report.result_file import RESULT, read_result
-from rid_daq.report.shown.estimate import fit_verdict
-from rid_daq.report.shown.sections import SHOWN
-from rid_daq.report.shown.verdict import verdict_blocks
+from rid_daq.report.section_blocks.estimate import fit_verdict
+from rid_daq.report.section_blocks.sections import BLOCKS_BY_SECTION
+from rid_daq.report.section_blocks.verdict import verdict_blocks
 from rid_daq.runs.run_data import SESSION, RunData
 
 
@@ -39,7 +39,7 @@ def run_blocks(folder: RunFolder, names: Sequence[str] = ()) -> Iterator[AnyBloc
             yield fit_verdict(result.estimate)
         for name, section in result.sections():
             if not names or name in names:
-                yield from SHOWN[name](section)
+                yield from BLOCKS_BY_SECTION[name](section)
     if folder.file(SESSION).exists():
         yield from _warm_up(folder)
 

@@ -18,15 +18,15 @@ from identification.payload.estimate import PayloadEstimate
 from identification.payload.known import Known
 from rid_daq.figures.plot_figure import plot_figure
 from rid_daq.report.result import Result
-from rid_daq.report.shown.bode import bode_plot
-from rid_daq.report.shown.centre_of_gravity import CentreOfGravity, centre_plot
-from rid_daq.report.shown.curves import spectrum_plot, torque_plot
-from rid_daq.report.shown.friction import friction_plot
-from rid_daq.report.shown.loop_timing import lateness_plot
-from rid_daq.report.shown.retiming import way_plot
-from rid_daq.report.shown.runs import stop_plot
-from rid_daq.report.shown.tracking import path_plots
-from rid_daq.report.shown.truth import truth_plot
+from rid_daq.report.section_blocks.bode import bode_plot
+from rid_daq.report.section_blocks.centre_of_gravity import CentreOfGravity, centre_plot
+from rid_daq.report.section_blocks.curves import spectrum_plot, torque_plot
+from rid_daq.report.section_blocks.friction import friction_plot
+from rid_daq.report.section_blocks.loop_timing import lateness_plot
+from rid_daq.report.section_blocks.retiming import way_plot
+from rid_daq.report.section_blocks.runs import stop_plot
+from rid_daq.report.section_blocks.tracking import path_plots
+from rid_daq.report.section_blocks.truth import truth_plot
 from rid_daq.workbench.motion_blocks import limits_plot, tool_plot
 from rid_daq.workbench.robot_history import HistoryEntry, QuantityHistory
 from rid_daq.workbench.run_blocks import warm_up_plot

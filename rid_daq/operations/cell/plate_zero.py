@@ -94,7 +94,7 @@ class PlateZeroResult:
 
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield offsets and drift, the verdict, and the lines for the cell file."""
-        from rid_daq.report.shown.plate import plate_zero_blocks
+        from rid_daq.report.section_blocks.plate import plate_zero_blocks
 
         zeroed, run = self.zeroed, self.zeroed.run
         if zeroed.zero is None:

@@ -56,7 +56,7 @@ class AverageResult:
 
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield notes, periods and noise, and the report."""
-        from rid_daq.report.shown.average import average_blocks
+        from rid_daq.report.section_blocks.average import average_blocks
 
         yield from note_blocks(self.notes)
         yield from average_blocks(self.section)

@@ -66,7 +66,7 @@ class FrictionResult:
 
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield notes, curves and models of each joint, and the report's path."""
-        from rid_daq.report.shown.friction import friction_blocks
+        from rid_daq.report.section_blocks.friction import friction_blocks
 
         yield from note_blocks(self.found.notes)
         yield from friction_blocks(self.found.section)

@@ -190,14 +190,14 @@ class IdentifyResult:
 
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield the choice, the parameters, the fit, findings, mistakes and the verdict."""
-        from rid_daq.report.shown.estimate import (
+        from rid_daq.report.section_blocks.estimate import (
             finding_texts,
             fit_blocks,
             mistake_blocks,
             parameter_table,
         )
-        from rid_daq.report.shown.friction_choice import friction_choice_blocks
-        from rid_daq.report.shown.plate import plate_blocks
+        from rid_daq.report.section_blocks.friction_choice import friction_choice_blocks
+        from rid_daq.report.section_blocks.plate import plate_blocks
 
         found, result, section = self.identified, self.identified.result, self.identified.section
         if result.comparison is not None:
@@ -215,7 +215,7 @@ class IdentifyResult:
 
     def _ending(self) -> Iterator[AnyBlock]:
         from rid_daq.operations.identify.wiring_diagnosis import OTHER_ROBOT
-        from rid_daq.report.shown.estimate import fit_verdict
+        from rid_daq.report.section_blocks.estimate import fit_verdict
 
         found, bad = self.identified, self.identified.bad_joints
         yield Verdict(passed=not bad, text=f"Model: {found.model}")

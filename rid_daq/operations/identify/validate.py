@@ -127,8 +127,8 @@ class ValidateResult:
 
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield notes, errors, reactions, the verdict, the report's path and the next command."""
-        from rid_daq.report.shown.plate import base_load_blocks, reaction_blocks
-        from rid_daq.report.shown.validation import validation_blocks
+        from rid_daq.report.section_blocks.plate import base_load_blocks, reaction_blocks
+        from rid_daq.report.section_blocks.validation import validation_blocks
 
         found, verdict = self.validated, self.validated.verdict
         yield from note_blocks(found.notes or ())

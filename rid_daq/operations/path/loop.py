@@ -71,7 +71,7 @@ class LoopResult:
 
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield notes, controllers, margins, advice, files and the next command."""
-        from rid_daq.report.shown.velocity_loops import loop_blocks
+        from rid_daq.report.section_blocks.velocity_loops import loop_blocks
 
         found = self.found
         yield from note_blocks(found.notes)

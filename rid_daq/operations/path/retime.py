@@ -132,7 +132,7 @@ class RetimeResult:
 
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield notes, what each joint reaches of its limits, the duration, the next command."""
-        from rid_daq.report.shown.retiming import retiming_blocks
+        from rid_daq.report.section_blocks.retiming import retiming_blocks
 
         yield from note_blocks(self.made.notes)
         yield from retiming_blocks(self.made.section)

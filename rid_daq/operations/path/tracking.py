@@ -74,7 +74,7 @@ class TrackingResult:
 
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield notes, the errors before and after, the verdict, the report."""
-        from rid_daq.report.shown.tracking import tracking_blocks
+        from rid_daq.report.section_blocks.tracking import tracking_blocks
 
         yield from note_blocks(self.tracked.notes)
         yield from tracking_blocks(self.tracked.section)

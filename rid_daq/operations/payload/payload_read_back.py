@@ -82,7 +82,7 @@ class PayloadReadBackResult:
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield measured and read values, and the verdict."""
         from identification.payload.body import REPORTED_UNITS
-        from rid_daq.report.shown.verdict import verdict_blocks
+        from rid_daq.report.section_blocks.verdict import verdict_blocks
 
         measured, read = self.measured.reported.tolist(), self.found.reported.tolist()
         yield table(

@@ -73,7 +73,7 @@ class IdentifiedPayload:
 
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield notes, the payload, the verdict, the files and the next commands."""
-        from rid_daq.report.shown.payload import payload_blocks
+        from rid_daq.report.section_blocks.payload import payload_blocks
 
         yield from note_blocks(self.notes)
         yield from payload_blocks(self.section)

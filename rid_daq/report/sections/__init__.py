@@ -1,6 +1,6 @@
-"""The sections of a result: one frozen class each, made by its `of` from what was computed.
+"""The sections of a result: one frozen class each, made by its method `of` from computed values.
 
-A class says what its part of `result.json` holds and prints it on the console; its page is the
-template of the field's name in `report_page/templates`. Nothing is read or written here. Begin with
-`section.py` and `average.py`.
+A class declares the keys of its part of `result.json`. The package `section_blocks` turns a section
+into blocks for terminal and page. This package reads and writes no files. Begin with `section.py`
+and `average.py`.
 """

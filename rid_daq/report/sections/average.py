@@ -1,4 +1,4 @@
-"""`AverageSection`: the periods of a run, averaged, and their noise."""
+"""`AverageSection`: the averaged periods of a run, and their noise."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 
 
 class RejectedPeriod(Section):
-    """A period that was not averaged.
+    """A period that was left out of the average.
 
     Attributes:
-        index: Counted from 0.
-        reason: Why.
+        index: Number of the period, counted from 0.
+        reason: Reason for the rejection.
     """
 
     index: int
@@ -26,11 +26,14 @@ class RejectedPeriod(Section):
 
 
 class AxisNoise(Section):
-    """The noise of one sample of an axis, as the scatter between periods shows it (1 sigma).
+    """Noise of one sample of an axis, estimated from the scatter between periods (1 sigma).
 
     Attributes:
-        joint, unit, torque_unit: Its name, and the units of its position and torque.
-        torque_noise, position_noise: In these units.
+        joint: Name of the joint.
+        unit: Unit of the joint's position.
+        torque_unit: Unit of the joint's torque.
+        torque_noise: Standard deviation of one torque sample, in `torque_unit`.
+        position_noise: Standard deviation of one position sample, in `unit`.
     """
 
     joint: str
@@ -41,14 +44,15 @@ class AxisNoise(Section):
 
 
 class AverageSection(Section):
-    """How many periods were averaged, which were rejected and why, and the noise.
+    """Averaged and rejected periods of a run, and the noise of its samples.
 
     Attributes:
-        sentence: All of it in a sentence.
-        periods_kept, samples_per_period, missing_samples: Averaged; of one; single rows that were
-            left out of the mean.
-        rejected: The other periods.
-        axes: One an axis.
+        sentence: Summary in a sentence.
+        periods_kept: Number of averaged periods.
+        samples_per_period: Number of samples in one period.
+        missing_samples: Number of single rows that were left out of the mean.
+        rejected: The rejected periods.
+        axes: Noise of each axis.
     """
 
     sentence: str
@@ -60,13 +64,14 @@ class AverageSection(Section):
 
     @classmethod
     def of(cls, average: PeriodAverage, robot: RobotDescription) -> AverageSection:
-        """Return what is said of averaged periods."""
+        """Return the section for averaged periods."""
         recorded = average.periods_kept + len(average.rejected)
         return cls.from_attributes(
             average,
             sentence=f"{average.periods_kept} of {recorded} periods averaged,"
-            f" {average.samples_per_period} samples each; {average.missing_samples} single rows"
-            f" without a valid answer were left out of the mean.{_plate_sentence(average)}",
+            f" {average.samples_per_period} samples each; {average.missing_samples}"
+            " single rows without a valid answer were left out of the"
+            f" mean.{_plate_sentence(average)}",
             rejected=tuple(RejectedPeriod.from_attributes(period) for period in average.rejected),
             axes=AxisNoise.for_each(
                 joint=robot.joint_names,
@@ -79,12 +84,12 @@ class AverageSection(Section):
 
 
 def _plate_sentence(average: PeriodAverage) -> str:
-    """Return what became of the force plate's channels, where there were any."""
+    """Return a sentence on the plate's drift and rejected channels; empty without a plate."""
     plate = average.reaction
     if plate is None:
         return ""
     drift = 1e3 * float(np.abs(plate.drift_n_s).max())
     words = f" The force plate's channels drifted by up to {drift:.3g} mN/s, which was removed"
     if plate.left_out:
-        words += f"; {', '.join(plate.left_out)} left out for overload, loss or drift"
+        words += f"; {', '.join(plate.left_out)} were left out because of overload, loss or drift"
     return words + "."

@@ -1,4 +1,4 @@
-"""`ComparisonSection`: the friction terms and the torque channel that `--choose` found."""
+"""`ComparisonSection`: the friction terms and the torque channel that `--choose` selected."""
 
 from __future__ import annotations
 
@@ -14,12 +14,15 @@ if TYPE_CHECKING:
 
 
 class MemoryTrial(Section):
-    """What friction with memory is worth, standstill and reversal included.
+    """Gain from presliding friction, on all samples including standstill and reversal.
 
     Attributes:
-        distance: Presliding distance of each joint that has it [rad or m].
-        without, with_memory: RMS error of each joint on what the fit left out [N m or N].
-        share: Share of each joint's friction that gives way so.
+        distance: Presliding distance of each joint [rad or m]; null for a joint without presliding.
+        without: RMS error of each joint without presliding, on data that the fit left out [N m or
+            N].
+        with_memory: RMS error of each joint with presliding, on data that the fit left out [N m or
+            N].
+        share: Presliding fraction of each joint's friction.
     """
 
     distance: tuple[float | None, ...]
@@ -29,7 +32,7 @@ class MemoryTrial(Section):
 
     @property
     def shown_shares(self) -> tuple[float | None, ...]:
-        """The share of each joint that has a distance."""
+        """Presliding fraction of each joint; None for a joint without a presliding distance."""
         return tuple(
             None if distance is None else share
             for distance, share in zip(self.distance, self.share, strict=True)
@@ -37,12 +40,16 @@ class MemoryTrial(Section):
 
 
 class ChannelTrial(Section):
-    """Delay and filter of the recorded torque.
+    """Delay and filter of the recorded torque, joint by joint.
 
     Attributes:
-        kind: Kind of channel.
-        delay_s, delay_sigma_s, lag_s, lag_sigma_s, width_s, width_sigma_s: Of each joint, as in
-            `TorqueChannel`; 0 if nothing was found [s].
+        kind: Kind of the torque channel.
+        delay_s: Delay [s]; 0 if no delay was found.
+        delay_sigma_s: Standard deviation of the delay [s].
+        lag_s: Time constant of the first-order filter [s]; 0 if no such filter was found.
+        lag_sigma_s: Standard deviation of the time constant [s].
+        width_s: Width of the zero-phase filter [s]; 0 if no such filter was found.
+        width_sigma_s: Standard deviation of the width [s].
         order: Order of the zero-phase filter.
     """
 
@@ -56,7 +63,7 @@ class ChannelTrial(Section):
     order: int = 1
 
     def sentences(self, joints: Texts) -> Texts:
-        """Return one sentence for each value that was found."""
+        """Return one sentence for each delay and filter that was found."""
         said = []
         for j, joint in enumerate(joints):
             if late := self.delay_s[j]:
@@ -81,18 +88,19 @@ class ChannelTrial(Section):
 
 
 class WarmingTrial(Section):
-    """How joints warm up by their own friction, where no temperature was measured.
+    """Warming of joints by their own friction, without a measured temperature.
 
     Attributes:
-        time_constant_s, time_constant_sigma_s: Of each joint, with its standard deviation; 0 where
-            its friction does not show it [s].
+        time_constant_s: Time constant of each joint's warming [s]; 0 if its friction shows no
+            warming.
+        time_constant_sigma_s: Standard deviation of each time constant [s].
     """
 
     time_constant_s: Numbers
     time_constant_sigma_s: Numbers
 
     def sentences(self, joints: Texts) -> Texts:
-        """Say what was found."""
+        """Return one sentence for each joint whose friction changes with warming."""
         return tuple(
             f"The friction of {joint} changes as it warms up, with a time constant of"
             f" {number(value, 3)} s (± {number(sigma, 2)} s)."
@@ -104,19 +112,21 @@ class WarmingTrial(Section):
 
 
 class ComparisonSection(Section):
-    """The chosen model, and what it gains over Coulomb and viscous friction.
+    """The selected friction model, and its gain over Coulomb and viscous friction.
 
     Attributes:
-        joints: The joints' names.
-        chosen: The friction terms of each joint, by its name.
-        plain, with_terms: RMS error of each joint on parts left out of the fit, with Coulomb and
-            viscous friction and with the chosen terms [N m or N].
-        stribeck_speed: Stribeck speed of each joint that has one [rad/s or m/s].
-        memory: Presliding; None if the data do not identify it.
-        channel: Delay and filter of the recorded torque; None if nothing was found.
-        warming: How joints warm up; None where no friction shows it.
-        refused_delay_s: Delays of each joint's torque that no bus explains and that are not in the
-            model, 0 for the other joints [s]; None if there is no such delay.
+        joints: Names of the joints.
+        chosen: Friction terms of each joint, by the joint's name.
+        plain: RMS error of each joint with Coulomb and viscous friction, on data that the fit left
+            out [N m or N].
+        with_terms: RMS error of each joint with the chosen terms, on data that the fit left out [N
+            m or N].
+        stribeck_speed: Stribeck speed of each joint [rad/s or m/s]; null for a joint without one.
+        memory: Presliding; left out if the data do not identify it.
+        channel: Delay and filter of the recorded torque; left out if none was found.
+        warming: Warming of joints; left out if no joint's friction shows it.
+        refused_delay_s: Delays of each joint's torque that no bus explains and that the model does
+            not contain [s]; 0 for the other joints. Left out if there is no such delay.
     """
 
     joints: Texts
@@ -131,7 +141,7 @@ class ComparisonSection(Section):
 
     @classmethod
     def of(cls, choice: ModelChoice) -> ComparisonSection:
-        """Return the section of a choice."""
+        """Return the section for the choice of a model."""
         plain, with_terms = choice.error_nm.tolist()
         return cls(
             joints=choice.joint_names,
@@ -165,10 +175,10 @@ def _terms(choice: ModelChoice) -> list[Texts]:
 
 
 def _memory(choice: PreslidingChoice) -> MemoryTrial:
-    without, remembering = choice.error_nm.tolist()
+    without, with_presliding = choice.error_nm.tolist()
     return MemoryTrial(
         distance=choice.distances,
         without=tuple(without),
-        with_memory=tuple(remembering),
+        with_memory=tuple(with_presliding),
         share=choice.shares,
     )

@@ -1,4 +1,4 @@
-"""`CurvesSection`: torque over time, and by frequency against the noise floor."""
+"""`CurvesSection`: torque over time, and residuals over frequency with the noise floor."""
 
 from __future__ import annotations
 
@@ -17,13 +17,16 @@ if TYPE_CHECKING:
 
 
 class TorqueCurve(Section):
-    """Measured and predicted torque of an axis, one value a time, in `unit`.
+    """Measured and predicted torque of an axis, one value per time, in `unit`.
 
     Attributes:
-        joint, unit, caption: Its name, the unit, and how large the error is.
-        measured, predicted: The torques.
-        counted: 1 where the error counts, 0 where the axis stands still or its friction is not
-            known.
+        joint: Name of the joint.
+        unit: Unit of the torque.
+        caption: The size of the error, in words.
+        measured: Measured torque.
+        predicted: Predicted torque.
+        counted: 1 if the sample counts for the error. 0 if the axis is at standstill or its
+            friction is not known.
     """
 
     joint: str
@@ -38,9 +41,9 @@ class TorqueCurves(Section):
     """Torque over time.
 
     Attributes:
-        sentence: What is drawn.
-        time_s: [s].
-        axes: One an axis.
+        sentence: Description of the curves.
+        time_s: Times of the samples [s].
+        axes: Curves of each axis.
     """
 
     sentence: str
@@ -49,14 +52,14 @@ class TorqueCurves(Section):
 
     @classmethod
     def of(cls, validation: Validation, robot: RobotDescription) -> TorqueCurves:
-        """Return measured and predicted torque over time, and what counts."""
+        """Return measured and predicted torque of a validation, and the samples that count."""
         rows = curve_rows(len(validation.time_s))
         axes = []
-        unknown = "" if validation.known.all() else ", or friction that is not known yet"
+        unknown = "" if validation.known.all() else ", or its friction is not known yet"
         for i, joint in enumerate(robot.joints):
             error, share = finite(validation.rms_nm[i]), finite(validation.relative_percent[i])
             unit = units(joint)[1]
-            caption = "stands still"
+            caption = "standstill"
             if error is not None and share is not None:
                 caption = f"RMS error (counted) {error:.3g} {unit}, {share:.3g} %"
             axes.append(
@@ -70,8 +73,9 @@ class TorqueCurves(Section):
                 )
             )
         return cls(
-            sentence=f"Grey: samples that do not count: standstill{unknown}. Every RMS is of the"
-            " other samples; percent are of their RMS torque.",
+            sentence=f"Grey samples do not count: the joint is at standstill{unknown}. Each RMS"
+            " value is computed from the other samples; percentages are relative to"
+            " their RMS torque.",
             time_s=rounded(validation.time_s[rows] - validation.time_s[0], 7),
             axes=tuple(axes),
         )
@@ -80,13 +84,17 @@ class TorqueCurves(Section):
     def of_period(
         cls, estimate: Estimate, comparison: PeriodComparison, periods: int
     ) -> TorqueCurves:
-        """Return the torques of a mean of so many periods, with what was fitted to them."""
+        """Return measured and fitted torque of a mean period.
+
+        Args:
+            periods: Number of averaged periods.
+        """
         rows = curve_rows(len(comparison.time_s))
         axes = []
         for i, joint in enumerate(estimate.robot.joints):
             unit, counted = units(joint)[1], comparison.counted[:, i]
             left = (comparison.measured_nm - comparison.fitted_nm)[counted, i]
-            caption = "stands still"
+            caption = "standstill"
             if counted.any():
                 caption = f"RMS residual (counted) {np.sqrt(np.mean(left**2)):.3g} {unit}"
             axes.append(
@@ -101,21 +109,26 @@ class TorqueCurves(Section):
             )
         of_run = "" if len(estimate.run_ids) < 2 else " of the first run"
         return cls(
-            sentence=f"The mean of {periods} periods{of_run} up to"
-            f" {comparison.frequency_hz[-1]:.3g} Hz; the model was fitted to it. Grey: samples that"
-            f" do not count, slower than {estimate.standstill_rad_s:g} rad/s or before presliding"
-            " friction is known; there the fit leaves the torque free. Every RMS is of the other"
-            " samples. The residual in the table of the estimate is over the whole period and all"
-            " runs.",
+            sentence=f"Mean of {periods} periods{of_run}, up to {comparison.frequency_hz[-1]:.3g}"
+            " Hz, to which the model was fitted. Grey samples do not count: they are"
+            f" slower than {estimate.standstill_rad_s:g} rad/s, or presliding friction"
+            " is not known yet; the fit leaves the torque free there. Each RMS value is"
+            " computed from the other samples. The residual in the table of the"
+            " estimate covers the whole period and all runs.",
             time_s=rounded(comparison.time_s[rows], 7),
             axes=tuple(axes),
         )
 
 
 class SpectrumCurve(Section):
-    """RMS torque of an axis at each harmonic, in `unit`: measured, residual, and of noise alone.
+    """RMS torque of an axis at each harmonic.
 
-    Without `unit` it is N m.
+    Attributes:
+        joint: Name of the joint.
+        measured_nm: RMS of the measured torque, in `unit`.
+        residual_nm: RMS of the residual, in `unit`.
+        noise_nm: RMS of the noise, in `unit`.
+        unit: Unit of the torque; N m if it is left out.
     """
 
     joint: str
@@ -126,12 +139,12 @@ class SpectrumCurve(Section):
 
 
 class SpectrumCurves(Section):
-    """What a model leaves of a mean period, against the noise floor.
+    """Spectrum of the residual of a mean period, with the noise floor.
 
     Attributes:
-        sentence: What is drawn.
+        sentence: Description of the curves.
         frequency_hz: The harmonics [Hz].
-        axes: One an axis.
+        axes: Spectrum of each axis.
     """
 
     sentence: str
@@ -142,11 +155,15 @@ class SpectrumCurves(Section):
     def of(
         cls, robot: RobotDescription, comparison: PeriodComparison, periods: int
     ) -> SpectrumCurves:
-        """Return a mean period's torques by frequency."""
+        """Return the spectra of a mean period.
+
+        Args:
+            periods: Number of averaged periods.
+        """
         return cls(
-            sentence="Per harmonic of the mean period: torque, what the model leaves of it"
-            " (standstill included), and what the noise between periods leaves there"
-            f" ({periods} averaged). Anti-alias filter divided out.",
+            sentence="RMS per harmonic of the mean period: torque, residual of the model"
+            " (standstill included), and noise estimated from the scatter between"
+            f" periods ({periods} averaged). The anti-alias filter is divided out.",
             frequency_hz=rounded(comparison.frequency_hz[1:], 7),
             axes=SpectrumCurve.for_each(
                 joint=robot.joint_names,
@@ -159,7 +176,12 @@ class SpectrumCurves(Section):
 
 
 class CurvesSection(Section):
-    """The curves of a report; each is left out where there is none."""
+    """The curves of a report.
+
+    Attributes:
+        torque: Torque over time; left out if there is none.
+        spectrum: Spectrum of the residual; left out if there is none.
+    """
 
     torque: TorqueCurves | None = None
     spectrum: SpectrumCurves | None = None
@@ -168,7 +190,11 @@ class CurvesSection(Section):
     def of_period(
         cls, estimate: Estimate, comparison: PeriodComparison, periods: int
     ) -> CurvesSection:
-        """Return the curves of a mean of so many periods, to which a model was fitted."""
+        """Return the curves of a mean period to which a model was fitted.
+
+        Args:
+            periods: Number of averaged periods.
+        """
         return cls(
             torque=TorqueCurves.of_period(estimate, comparison, periods),
             spectrum=SpectrumCurves.of(estimate.robot, comparison, periods),

@@ -1,4 +1,4 @@
-"""`EstimateSection`: the parameters of a robot with their intervals, and against the truth."""
+"""`EstimateSection`: estimated parameters of a robot with intervals, compared with true values."""
 
 from __future__ import annotations
 
@@ -18,20 +18,27 @@ if TYPE_CHECKING:
 
 
 class ParameterEntry(Section):
-    """One parameter with its standard deviations, in `unit`.
+    """One estimated parameter with its standard deviations.
 
     Attributes:
-        name, words, unit: Short, in words, and its unit.
-        value, std: The estimate, and the standard deviation to quote.
-        std_noise, std_residual: By measured noise alone, and by white residuals; None where they
-            are not known.
-        truth, deviation_sigmas: Of a simulated robot: the true value, and how far the estimate is
-            off, in `std`.
-        inside_two_sigma: Whether that is at most two.
-        at_bound: True where the fit ended at an end of the parameter's range: the data do not show
-            it, and its standard deviation means nothing. Left out elsewhere.
-        not_shown: True if it is at a bound, or its interval is as wide as its range. Left out
-            elsewhere.
+        name: Short name of the parameter.
+        words: The parameter in words, or as a combination of standard parameters.
+        unit: Unit of the parameter.
+        value: The estimate, in `unit`.
+        std: Standard deviation to quote, in `unit`.
+        std_noise: Standard deviation by the measured noise alone, in `unit`; null if it is not
+            known.
+        std_residual: Standard deviation if the residuals are white, in `unit`; null if it is not
+            known.
+        truth: True value, in `unit`; left out if the robot is not simulated.
+        deviation_sigmas: Deviation of the estimate from the true value, divided by `std`; left out
+            if the robot is not simulated.
+        inside_two_sigma: True if the deviation is at most two standard deviations; left out if the
+            robot is not simulated.
+        at_bound: True if the fit ended at a bound of the parameter's range: the data do not
+            identify it, and its standard deviation has no meaning. Left out otherwise.
+        not_shown: True if the parameter is at a bound, or its interval is as wide as its range.
+            Left out otherwise.
     """
 
     name: str
@@ -49,19 +56,23 @@ class ParameterEntry(Section):
 
 
 class AxisResidual(Section):
-    """What the model leaves of an axis' torque.
+    """Torque residual of an axis.
 
     Attributes:
-        joint, unit: Its name, and the unit of its torque.
-        residual: Root mean square, in `unit`.
-        noise: Of the measurement; None where there are no periods.
-        left_out_fraction: Share of the samples that are not used for friction (standstill).
-        torque, percent, over_noise: RMS torque, in `unit`; the residual in percent of it, and over
-            the noise. Left out if torques say nothing of the fit.
-        held_out_percent: The residual in percent of the torque on parts of the recording that were
-            left out of a plain fit, 0 where it is hardly more than on what was fitted; left out
-            where nobody looked.
-        grade, reason: "good", "doubtful" or "bad", and what decides it.
+        joint: Name of the joint.
+        unit: Unit of the torque.
+        residual: RMS residual, in `unit`.
+        noise: RMS noise of the measurement, in `unit`; null if the recording has no periods.
+        left_out_fraction: Share of the samples that are not used for friction because of
+            standstill.
+        torque: RMS torque, in `unit`; left out if the estimate does not use torques.
+        percent: Residual relative to the torque [%]; left out if the estimate does not use torques.
+        over_noise: Residual divided by the noise; left out if the estimate does not use torques.
+        held_out_percent: Residual relative to the torque on parts of the recording that were left
+            out of a plain fit [%]. It is 0 if it is hardly larger than the residual on the fitted
+            parts. Left out if it was not computed.
+        grade: "good", "doubtful" or "bad".
+        reason: Reason for the grade.
     """
 
     joint: str
@@ -78,28 +89,29 @@ class AxisResidual(Section):
 
 
 class EstimateSection(Section):
-    """The parameters with their intervals, and how they were found.
+    """Estimated parameters with their intervals, and the method of the estimate.
 
     Attributes:
-        sentence: How, in words.
+        sentence: Description of the method.
         method: "periodic" (on the harmonics) or "smoothed" (in the time domain).
-        condition_number: Of the scaled equations.
-        equations: Their number.
-        band_hz: Highest frequency used [Hz].
-        periods: Averaged; 0 where the recording is not periodic.
-        weighting: "ml", "ls" or "huber".
+        condition_number: Condition number of the scaled equations.
+        equations: Number of equations.
+        band_hz: Highest frequency that is used [Hz].
+        periods: Number of averaged periods; 0 if the recording is not periodic.
+        weighting: "ml" (maximum likelihood), "ls" (least squares) or "huber" (robust).
         unseen: Parameters without any effect on the torques.
-        has_truth: Whether the true values are known.
-        parameters: Base parameters, then nonlinear ones.
-        axes: One an axis.
-        findings: What a person should know of it; left out where nobody looked.
-        mistakes: Mistakes of wiring, units and files that explain the data far better; left out
-            where nobody looked.
-        driving: Joints with negative friction power, which no friction has; left out if nobody
-            looked.
-        arm_weight: How heavy the torques make the arm; left out if they do not tell.
-        still: Joints that no run moved, and where they stood [rad or m]; left out if there are
-            none.
+        has_truth: True if the true values are known.
+        parameters: Base parameters, followed by nonlinear parameters.
+        axes: Residual of each axis.
+        findings: Remarks on the estimate; left out if no checks were made.
+        mistakes: Mistakes in wiring, units and files that explain the data far better; left out if
+            no search was made.
+        driving: Joints with negative friction power, which is physically impossible; left out if
+            this was not checked.
+        arm_weight: Weight of the arm implied by the torques; left out if the torques do not
+            determine it.
+        still: Joints that no run moved, and their positions [rad or m]; left out if every joint
+            moved.
         consistency: Test of physical consistency; left out if it was not made.
     """
 
@@ -132,15 +144,15 @@ class EstimateSection(Section):
         driving: tuple[str, ...] | None = None,
         arm_weight: ArmWeightEntry | None = None,
     ) -> EstimateSection:
-        """Return what is said of an estimate.
+        """Return the section of an estimate.
 
         Args:
-            truth: Length b. The true base parameters, where the robot is simulated.
-            findings: What a person should know of it.
+            truth: Length b. True base parameters; None if the robot is not simulated.
+            findings: Remarks on the estimate.
             mistakes: Mistakes that explain the data far better.
-            consistency: Its test of physical consistency.
+            consistency: Test of the estimate's physical consistency.
             driving: Joints with negative friction power.
-            arm_weight: How heavy the torques make the arm.
+            arm_weight: Weight of the arm implied by the torques.
         """
         return cls.from_attributes(
             estimate,
@@ -227,18 +239,20 @@ def _nonlinear_parameters(estimate: Estimate) -> tuple[ParameterEntry, ...]:
 
 _OUTPUTS = {
     "internal": "",
-    "external": ", of the reaction on the force plate alone",
-    "combined": ", of the torques and the reaction on the force plate",
+    "external": ", of the base wrench on the force plate alone",
+    "combined": ", of the torques and the base wrench on the force plate",
 }
 
 
 def _sentence(estimate: Estimate) -> str:
-    from dynamics.model.memory import presliding  # compiled, and read sections need none of it
+    from dynamics.model.memory import (
+        presliding,
+    )  # imports compiled code, which readers of sections do not need
 
     left_out = ", ".join(f"{100.0 * x:.0f}" for x in estimate.left_out_fraction)
     pauses = ""
     if presliding(estimate.model):
-        pauses = "; of joints with presliding only the middle of pauses is left out"
+        pauses = "; for joints with presliding, only the middle of each pause is left out"
     way = {
         "ml": "Least squares weighted by noise (maximum likelihood)",
         "ls": "Least squares without weights",
@@ -248,21 +262,21 @@ def _sentence(estimate: Estimate) -> str:
         f"{way} by QR on the bins up to {estimate.band_hz:g} Hz of {estimate.periods} averaged"
         " periods"
         if estimate.method == "periodic"
-        else f"{way} by QR in the time domain; the recording is not periodic, so it is low-passed"
-        f" without phase shift at {estimate.band_hz:g} Hz instead of averaged"
+        else f"{way} by QR in the time domain; the recording is not periodic, so it is low-pass"
+        f" filtered at {estimate.band_hz:g} Hz without phase shift instead of averaged"
     )
     of = (
-        "of the mean of the periods in this band, less the torque that is free near standstill"
+        "of the mean of the periods in this band, without the torque that the fit leaves free"
+        " near standstill"
         if estimate.method == "periodic"
-        else "of the low-passed samples that are used"
+        else "of the low-pass filtered samples that are used"
     )
     return (
         f"{how}{_OUTPUTS[estimate.options.kind]}: {len(estimate.base)} base parameters from"
-        f" {estimate.equations} equations,"
-        f" condition number {estimate.condition_number:.3g}. Below"
-        f" {estimate.standstill_rad_s:g} rad/s friction is not sign(velocity); such samples are not"
-        f" used for it{pauses} ({left_out} % of each axis). Torque and residual are RMS"
-        f" {of}. Intervals are by leaving out one part"
-        " of the data after the other (cluster jackknife), so that they hold for model error as"
-        " well; what measured noise or white residuals alone would say stands beside them."
+        f" {estimate.equations} equations, condition number {estimate.condition_number:.3g}. The"
+        f" friction model does not hold below {estimate.standstill_rad_s:g} rad/s, so slower"
+        f" samples are not used for friction ({left_out} % of each axis{pauses}). Torque and"
+        f" residual are RMS values {of}. Intervals come from leaving out one part of the data at"
+        " a time (cluster jackknife), so they include model errors. Standard deviations by noise"
+        " alone and by white residuals are listed next to them."
     )

@@ -1,4 +1,4 @@
-"""`FrictionSection`: friction measured alone, joint by joint, and the models through it."""
+"""`FrictionSection`: friction measured joint by joint, and the models fitted to it."""
 
 from __future__ import annotations
 
@@ -21,12 +21,17 @@ LINE_POINTS = 120
 
 
 class MeasuredFriction(Section):
-    """Friction over speed, one value a speed.
+    """Measured friction of a joint, one value per speed.
 
     Attributes:
-        speed: [rad/s or m/s].
-        odd, odd_std: What changes its sign with the speed, with standard deviations [N m or N].
-        forward, backward, direction_std: Both ways alone, where the motion tells them.
+        speed: Speeds [rad/s or m/s].
+        odd: Odd part of the friction, which changes its sign with the direction [N m or N].
+        odd_std: Standard deviation of `odd` [N m or N].
+        forward: Friction in the forward direction [N m or N]; null if the motion does not separate
+            the directions.
+        backward: Friction in the backward direction [N m or N]; null if the motion does not
+            separate the directions.
+        direction_std: Standard deviation of `forward` and `backward` [N m or N].
     """
 
     speed: Numbers
@@ -38,14 +43,21 @@ class MeasuredFriction(Section):
 
     @classmethod
     def of(cls, curve: FrictionCurve) -> MeasuredFriction:
-        """Return what was measured."""
+        """Return the values of a friction curve."""
         return cls.from_attributes(
             curve, odd_std=curve.odd_sigma, direction_std=curve.direction_sigma
         )
 
 
 class FrictionCoefficient(Section):
-    """A coefficient of a friction model with its standard deviation, in `unit`."""
+    """A coefficient of a friction model.
+
+    Attributes:
+        name: Name of the coefficient.
+        value: Estimate, in `unit`.
+        std: Standard deviation, in `unit`.
+        unit: Unit of the coefficient.
+    """
 
     name: str
     value: float
@@ -57,14 +69,14 @@ class FrictionModel(Section):
     """A friction model fitted to one joint.
 
     Attributes:
-        name: In words.
-        terms: As the robot file has them.
-        rms: Root mean square error [N m or N].
-        misfit: Error in units of the measured variance.
-        criterion: Akaike's, corrected for few values.
+        name: Name of the model in words.
+        terms: Friction terms as written in the robot file.
+        rms: RMS error of the fit [N m or N].
+        misfit: Mean squared error in units of the measured variance.
+        criterion: Akaike's information criterion, corrected for few values.
         parameters: The coefficients.
-        at_bound: True where the Stribeck speed ended at a bound, so that the model is not
-            recommended. Left out elsewhere.
+        at_bound: True if the Stribeck speed ended at its bound, so that the model is not
+            recommended. Left out otherwise.
     """
 
     name: str
@@ -87,25 +99,32 @@ class FrictionModel(Section):
 
 
 class FrictionLines(Section):
-    """Models drawn over speed: torque by the model's name."""
+    """Curves of the models over speed.
+
+    Attributes:
+        speed: Speeds [rad/s or m/s].
+        torque: Friction of each model at these speeds, by the model's name [N m or N].
+    """
 
     speed: Numbers
     torque: dict[str, Numbers]
 
 
 class JointFriction(Section):
-    """The friction of a joint.
+    """Measured friction and fitted models of one joint.
 
     Attributes:
-        joint, unit, torque_unit: Its name, and the units of its position and torque.
-        sentence: Which model is best, and what to write into the robot file.
+        joint: Name of the joint.
+        unit: Unit of the joint's position.
+        torque_unit: Unit of the joint's torque.
+        sentence: The best model, and the lines for the robot file.
         curve: The measured friction.
         fits: The models, the best first.
-        lines: What is drawn of them.
-        percent, over_noise: RMS error of the best model in percent of the friction, and over its
-            standard deviation.
-        grade, reason: "good", "doubtful" or "bad", and what decides it. All four are left out if no
-            model was fitted.
+        lines: Curves of the models.
+        percent: RMS error of the best model relative to the friction [%]; left out without a model.
+        over_noise: RMS error of the best model divided by the noise; left out without a model.
+        grade: "good", "doubtful" or "bad"; left out without a model.
+        reason: Reason for the grade; left out without a model.
     """
 
     joint: str
@@ -122,7 +141,12 @@ class JointFriction(Section):
 
 
 class FrictionSection(Section):
-    """Curves, models and what follows from them, joint by joint."""
+    """Measured friction and fitted models of all joints.
+
+    Attributes:
+        sentence: Description of the measurement.
+        joints: Result of each joint.
+    """
 
     sentence: str
     joints: tuple[JointFriction, ...]
@@ -135,18 +159,20 @@ class FrictionSection(Section):
         robot: RobotDescription,
         model: EstimatedFriction | None = None,
     ) -> FrictionSection:
-        """Return what was measured and fitted.
+        """Return the section of measured friction.
 
         Args:
-            curves, fits: The measured friction, and the models fitted to it, the best first.
-            model: The friction of a model to compare with.
+            curves: Measured friction of each joint.
+            fits: Models fitted to each curve, the best first.
+            model: Friction of an estimated model to compare with.
         """
         from identification.friction.fits import CLEARLY_BETTER
 
         return cls(
-            sentence="Half of what turning round changes: gravity and inertia are gone. The"
-            " criterion is Akaike's, corrected for few values: small is good, and of models within"
-            f" {CLEARLY_BETTER:g} of the smallest the simplest is taken.",
+            sentence="Friction is half the difference between the torques of the two directions;"
+            " gravity and inertia cancel. The criterion is Akaike's, corrected for few"
+            f" values: smaller is better. Of all models within {CLEARLY_BETTER:g} of the"
+            " smallest value, the simplest is selected.",
             joints=tuple(
                 _joint(curve, own, robot, model, CLEARLY_BETTER)
                 for curve, own in zip(curves, fits, strict=True)
@@ -180,10 +206,10 @@ def _joint(
         torque["the model file"] = tuple(_odd(lambda v: model.torque(j, v), speed).tolist())
         error = curve.odd - _odd(lambda v: model.torque(j, v), curve.speed)
         rms = np.sqrt(np.mean(error**2))
-        taken = model.circumstances(j)
-        sentence += f" The model file, {taken}, is" if taken else " The model file is"
+        conditions = model.circumstances(j)
+        sentence += f" The model file, {conditions}, is" if conditions else " The model file is"
         sentence += (
-            f" off by {rms:.3g} {torque_unit} (rms),"
+            f" off by {rms:.3g} {torque_unit} RMS,"
             f" {100.0 * rms / np.sqrt(np.mean(curve.odd**2)):.2g} %."
         )
     return JointFriction(
@@ -202,7 +228,7 @@ def _joint(
 
 
 def _graded(curve: FrictionCurve, fits: tuple[FrictionFit, ...]) -> FitGrade | None:
-    """Grade the best model by the friction and what is known of it; None without a model."""
+    """Grade the best model by its error relative to friction and noise; None without a model."""
     if not fits:
         return None
     rms = [np.array([np.sqrt(np.mean(each**2))]) for each in (curve.odd, curve.odd_sigma)]
@@ -216,14 +242,14 @@ def _sentence(
     graded: FitGrade | None,
     clearly_better: float,
 ) -> str:
-    """Say which model is best, and what to write into the robot file."""
+    """Return a sentence with the best model and the lines for the robot file."""
     if not fits or graded is None:
-        return f"{curve.joint}: too few speeds to fit a model; run more of them."
+        return f"{curve.joint}: too few speeds to fit a model; measure at more speeds."
     best = fits[0]
     if graded.grade is Grade.BAD:
         return (
-            f"{curve.joint}: no model fits, {best.name} comes closest. Look at the curve in the"
-            " report for a warming or slipping joint, and measure again."
+            f"{curve.joint}: no model fits; {best.name} is closest. Check the curve in the report"
+            " for a joint that warms up or slips, and measure again."
         )
     sound = [fit for fit in fits if not fit.at_bound]
     smallest = min((fit.criterion for fit in sound), default=best.criterion)

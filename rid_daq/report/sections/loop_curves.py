@@ -1,4 +1,4 @@
-"""The curves of a drive's loops: responses with their errors, opened loops with their margins."""
+"""Curves of a drive's loops: frequency responses with errors, and open loops with margins."""
 
 from __future__ import annotations
 
@@ -21,10 +21,12 @@ HIGHEST_HZ = 50.0
 
 
 class Polar(Section):
-    """A frequency response: magnitude, and phase between -360 and 0 degrees at its start.
+    """A frequency response, as magnitude and phase.
 
     Attributes:
-        frequency_hz, magnitude, phase_deg: One value a frequency.
+        frequency_hz: Frequencies [Hz].
+        magnitude: Magnitude at each frequency.
+        phase_deg: Phase at each frequency [degrees]; the first value is between -360 and 0.
     """
 
     frequency_hz: Numbers
@@ -33,12 +35,14 @@ class Polar(Section):
 
 
 class DistortionSection(Section):
-    """Distortion at lines that nobody excites, one value a line.
+    """Nonlinear distortion at frequency lines that the multisine does not excite.
 
     Attributes:
         frequency_hz: The lines [Hz].
-        output, level, noise: What the response does not explain there, over the velocity error
-            beside it, and its noise.
+        output: Amplitude of the torque at each line.
+        level: Part of the torque that the linear response does not explain, divided by the velocity
+            error at the neighbouring excited lines.
+        noise: The part of `level` that noise alone would cause.
     """
 
     frequency_hz: Numbers
@@ -48,12 +52,21 @@ class DistortionSection(Section):
 
     @classmethod
     def of(cls, found: Distortion) -> DistortionSection:
-        """Return the distortion of one kind of lines."""
+        """Return the distortion at even or odd lines."""
         return cls(**{name: rounded(getattr(found, name)) for name in cls.model_fields})
 
 
 class ControllerResponse(Polar):
-    """A velocity controller's response with its errors, distortion, and what was fitted."""
+    """Frequency response of a velocity controller, with its errors, distortion and fit.
+
+    Attributes:
+        std_noise: Standard deviation of the response by noise alone, at each frequency.
+        std_total: Standard deviation of the response by noise and distortion, at each frequency.
+        coherence: Coherence at each frequency.
+        even: Distortion at even lines.
+        odd: Distortion at odd lines.
+        fit: Response of the fitted controller.
+    """
 
     std_noise: Numbers
     std_total: Numbers
@@ -64,7 +77,7 @@ class ControllerResponse(Polar):
 
     @classmethod
     def of(cls, measured: FrequencyResponse, loop: VelocityLoop) -> ControllerResponse:
-        """Return what was measured of a controller."""
+        """Return the measured response of a controller, with the fitted response."""
         f = measured.frequency_hz
         grid = np.geomspace(f[0], f[-1], FIT_POINTS)
         magnitude, phase_deg = _polar(measured.response)
@@ -83,14 +96,19 @@ class ControllerResponse(Polar):
 
 
 class MechanicsResponse(Polar):
-    """The response of an axis, velocity over torque, with its errors."""
+    """Frequency response of an axis, velocity over torque.
+
+    Attributes:
+        std_total: Standard deviation of the response, at each frequency.
+        coherence: Coherence at each frequency.
+    """
 
     std_total: Numbers
     coherence: Numbers
 
     @classmethod
     def of(cls, measured: FrequencyResponse) -> MechanicsResponse:
-        """Return what was measured of an axis."""
+        """Return the measured response of an axis."""
         magnitude, phase_deg = _polar(measured.response)
         return cls(
             frequency_hz=tuple(measured.frequency_hz.tolist()),
@@ -102,12 +120,14 @@ class MechanicsResponse(Polar):
 
 
 class LoopMargins(Section):
-    """How far an open loop is from instability; None where there is no such crossing.
+    """Stability margins of an open loop; a margin is null if the loop has no such crossover.
 
     Attributes:
-        gain, gain_db: The factor by which its gain may grow, and the same in decibels.
-        phase_deg: The phase that it may lose.
-        crossover_hz, phase_crossover_hz: Where its gain is 1, and where its phase is -180 degrees.
+        gain: Factor by which the loop's gain may grow.
+        gain_db: The same factor in decibels.
+        phase_deg: Phase that the loop may lose [degrees].
+        crossover_hz: Frequency at which the loop's gain is 1 [Hz].
+        phase_crossover_hz: Frequency at which the loop's phase is -180 degrees [Hz].
     """
 
     gain: float | None
@@ -118,7 +138,7 @@ class LoopMargins(Section):
 
     @property
     def words(self) -> tuple[str, str]:
-        """Phase and gain margin."""
+        """Phase margin and gain margin as texts."""
         phase, gain = self.phase_deg, self.gain_db
         return (
             "no crossover" if phase is None else f"{phase:.0f}° at {self.crossover_hz:.2g} Hz",
@@ -127,7 +147,13 @@ class LoopMargins(Section):
 
 
 class OpenLoop(Section):
-    """An opened loop over the cascade's frequencies, with its margins."""
+    """Frequency response of an open loop, with its margins.
+
+    Attributes:
+        magnitude: Magnitude at each frequency of the cascade.
+        phase_deg: Phase at each frequency of the cascade [degrees].
+        margins: The margins.
+    """
 
     magnitude: Numbers
     phase_deg: Numbers
@@ -135,13 +161,20 @@ class OpenLoop(Section):
 
     @classmethod
     def of(cls, response: np.ndarray[Any, Any], margins: LoopMargins) -> OpenLoop:
-        """Return an opened loop."""
+        """Return an open loop from its complex response."""
         magnitude, phase_deg = _polar(response)
         return cls(magnitude=magnitude, phase_deg=phase_deg, margins=margins)
 
 
 class CascadeCurves(Section):
-    """The opened velocity and position loop of an axis, modelled, and the latter as measured."""
+    """Open velocity loop and open position loop of an axis.
+
+    Attributes:
+        frequency_hz: Frequencies of the modelled loops [Hz].
+        velocity: The modelled velocity loop.
+        position: The modelled position loop.
+        measured: The position loop, computed from measured responses.
+    """
 
     frequency_hz: Numbers
     velocity: OpenLoop
@@ -152,7 +185,7 @@ class CascadeCurves(Section):
     def of(
         cls, controller: FrequencyResponse, mechanics: FrequencyResponse, cascade: Cascade
     ) -> CascadeCurves:
-        """Return what is drawn of a cascade."""
+        """Return the curves of a cascade, from measured responses and the model."""
         highest = min(HIGHEST_HZ, 0.45 / cascade.cycle_time_s)
         grid = np.geomspace(LOWEST_HZ, highest, CASCADE_POINTS)
         f = controller.frequency_hz
@@ -176,7 +209,7 @@ class CascadeCurves(Section):
 
 
 def _polar(response: np.ndarray[Any, Any]) -> tuple[Numbers, Numbers]:
-    """Return magnitude and phase, the phase between -360 and 0 degrees at its start."""
+    """Return magnitude and phase of a response; the first phase is between -360 and 0 degrees."""
     phase: FloatArray = np.degrees(np.unwrap(np.angle(response)))
     phase = phase - 360.0 * np.ceil(phase[0] / 360.0 - 1e-9) if len(phase) else phase
     return rounded(np.abs(response), 6), rounded(phase)

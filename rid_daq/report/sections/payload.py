@@ -1,4 +1,4 @@
-"""`PayloadSection`: what a robot carries, with intervals, and whether that is sure enough."""
+"""`PayloadSection`: an estimated payload with intervals, and the verdict on its accuracy."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ if TYPE_CHECKING:
     from identification.payload.verdict import PayloadResult, Repeats
 
 _PROCEDURES = {
-    "together": "Robot and payload estimated together from runs with and without it",
-    "difference": "Torques of the same motion with and without the payload, subtracted",
-    "model": "Runs with the payload, less the model of the unloaded robot",
-    "apart": "The robot identified with the payload and without, and subtracted",
+    "together": "Robot and payload estimated together from runs with and without the payload",
+    "difference": "Payload estimated from torques of one motion with it, minus those without it",
+    "model": "Payload estimated from runs with it, minus a model of the unloaded robot",
+    "apart": "Robot identified with and without the payload; the payload is the difference of both",
 }
 
 
 class EmptyFlange(StrEnum):
-    """How it is known that nothing was on the flange in the runs without payload."""
+    """Evidence that the flange was empty in the runs without payload."""
 
     SAID = "said"
     BY_FLAG = "by flag"
@@ -32,25 +32,31 @@ class EmptyFlange(StrEnum):
 
 
 _EMPTY = {
-    None: "The runs without payload count as empty: what hung on the flange there is missing from"
-    " this mass.",
-    EmptyFlange.SAID: "As you said, nothing was on the flange in the run without payload: what hung"
-    " there all the same is missing from this mass.",
-    EmptyFlange.BY_FLAG: "Nobody was asked whether the flange was empty in the run without payload"
-    " (--yes): what hung there is missing from this mass.",
-    EmptyFlange.SIMULATED: "Nothing was on the simulated flange in the run without payload.",
+    None: "The program assumes that the flange was empty in the runs without payload: a load"
+    " that was on it is missing from this mass.",
+    EmptyFlange.SAID: "You confirmed that the flange was empty in the run without payload: a"
+    " load that was on it nevertheless is missing from this mass.",
+    EmptyFlange.BY_FLAG: "The option --yes skipped the question whether the flange was empty in"
+    " the run without payload: a load that was on it is missing from this"
+    " mass.",
+    EmptyFlange.SIMULATED: "The simulated flange was empty in the run without payload.",
 }
 
 
 class PayloadParameter(Section):
-    """A parameter of a payload with standard deviations, in `unit`.
+    """One parameter of a payload with its standard deviations.
 
     Attributes:
-        name, unit: Its name and unit.
-        value, std, std_noise: The estimate, the standard deviation to quote, and that by noise;
-            None where the motion does not show it.
-        known: Whether it was given.
-        exported: Of the closest body that can exist; left out where not all parameters are seen.
+        name: Name of the parameter.
+        unit: Unit of the parameter.
+        value: The estimate, in `unit`; null if the motion does not identify it.
+        std: Standard deviation to quote, in `unit`; null if the motion does not identify the
+            parameter.
+        std_noise: Standard deviation by noise alone, in `unit`; null if the motion does not
+            identify the parameter.
+        known: True if the user stated the value.
+        exported: Value of the closest physically consistent body, in `unit`; left out unless all
+            parameters are identified.
     """
 
     name: str
@@ -63,19 +69,24 @@ class PayloadParameter(Section):
 
 
 class PrincipalMoment(Section):
-    """A principal moment of inertia [kg m^2], and the axis that it is about."""
+    """A principal moment of inertia and its axis.
+
+    Attributes:
+        moment: Moment of inertia [kg m^2].
+        axis: Unit vector of the axis in the flange's frame.
+    """
 
     moment: float
     axis: Numbers
 
 
 class PayloadRepeats(Section):
-    """The payload from each loaded run alone.
+    """Scatter of the payload between estimates from single loaded runs.
 
     Attributes:
-        runs: So many.
-        ratio: Their scatter over the quoted standard deviation, all parameters together.
-        scatter: Standard deviation between runs, one a parameter.
+        runs: Number of loaded runs.
+        ratio: Scatter divided by the quoted standard deviation, for all parameters together.
+        scatter: Standard deviation between runs, one value per parameter.
     """
 
     runs: int
@@ -84,17 +95,21 @@ class PayloadRepeats(Section):
 
 
 class PayloadAxis(Section):
-    """What an axis sees of the payload.
+    """Torque of the payload and residual on one axis.
 
     Attributes:
-        joint, unit: Its name, and the unit of its torque.
-        payload, residual: Torque of the payload, and the residual (RMS), in `unit`.
-        residual_percent: The residual, of the axis' torque [%].
-        noise, over_noise: What the measured noise alone leaves, in `unit`, and the residual over
-            it; None if it is not measured.
-        grade, reason: "good", "doubtful" or "bad", and what decides it.
-        mass_per_percent: By how much the mass changes for 1 % of this axis' torque [kg]; None where
-            that is not told, as by `apart`.
+        joint: Name of the joint.
+        unit: Unit of the torque.
+        payload: RMS torque of the payload, in `unit`.
+        residual: RMS residual, in `unit`.
+        mass_per_percent: Change of the mass if this axis's torque changes by 1 % [kg]; null for
+            procedure `apart`.
+        residual_percent: Residual relative to the axis's torque [%].
+        noise: RMS that the measured noise alone would leave, in `unit`; left out if it was not
+            measured.
+        over_noise: Residual divided by `noise`; left out if the noise was not measured.
+        grade: "good", "doubtful" or "bad".
+        reason: Reason for the grade.
     """
 
     joint: str
@@ -113,15 +128,18 @@ class PayloadSection(Section):
     """A payload with its intervals, principal axes, findings and torques.
 
     Attributes:
-        sentence, procedure: How it was found.
-        equations, rank: Their number, and the number of parameters that they show.
-        condition_number: Of the equations.
+        sentence: Description of the method.
+        procedure: Name of the method.
+        equations: Number of equations.
+        condition_number: Condition number of the equations.
+        rank: Number of parameters that the equations determine.
         parameters: Mass, centre of gravity, inertia.
-        principal: None where not all parameters are seen.
-        repeats: None where there is one loaded run.
-        findings: What a person should know.
-        axes: One an axis.
-        existence: Whether such a body can exist; left out where not all parameters are seen.
+        principal: Principal moments of inertia; null unless all parameters are identified.
+        repeats: Scatter between loaded runs; null if there is only one loaded run.
+        findings: Remarks on the payload.
+        axes: Torque and residual of each axis.
+        existence: A sentence on physical consistency; left out unless all parameters are
+            identified.
     """
 
     sentence: str
@@ -140,11 +158,12 @@ class PayloadSection(Section):
     def of(
         cls, payload: PayloadResult, repeats: Repeats | None, findings: Sequence[str] = ()
     ) -> PayloadSection:
-        """Return what is said of a payload.
+        """Return the section of a payload.
 
         Args:
-            repeats: The same from each loaded run alone.
-            findings: What else a person should know.
+            payload: The estimate with its checks.
+            repeats: Estimates from each loaded run alone.
+            findings: Additional remarks.
         """
         from identification.payload.findings import payload_findings
 
@@ -182,16 +201,16 @@ class PayloadSection(Section):
 
     @property
     def has_centre(self) -> bool:
-        """Whether enough is known of the centre of gravity to draw where it lies."""
+        """True if at least two coordinates of the centre of gravity are known."""
         return sum(each.value is not None for each in self.parameters[1:4]) >= 2
 
 
 def payload_verdict(payload: PayloadResult, empty: EmptyFlange | None = None) -> VerdictSection:
-    """Return whether a payload is as sure as was asked for.
+    """Return the verdict on a payload: passed if it is as accurate as required.
 
     Args:
-        empty: How it is known that nothing hung on the flange without it; None where nobody was
-            asked.
+        empty: Evidence that the flange was empty in the runs without payload; None if the user was
+            not asked.
     """
     estimate = payload.estimate
     checks = [
@@ -201,15 +220,13 @@ def payload_verdict(payload: PayloadResult, empty: EmptyFlange | None = None) ->
         for line in payload.checks
     ]
     failed = [line.text for line in checks if not line.passed]
-    mass = (
-        f"{_mass(estimate)} (2σ)" if estimate.seen[0] else "a mass that this motion does not show"
-    )
+    mass = f"{_mass(estimate)} (2σ)" if estimate.seen[0] else "not identifiable from this motion"
     headline = (
         f"Failed: {'; '.join(failed)}"
         if failed
-        else f"Passed: the payload has {mass.split(' (')[0]}"
+        else f"Passed: the payload's mass is {mass.split(' (')[0]}"
     )
-    sentence = "Load data are exported where this verdict is passed."
+    sentence = "Load data are exported only if this verdict is passed."
     if failed:
         sentence = f"Mass: {mass}. {sentence}"
     if estimate.procedure != "model":
@@ -217,8 +234,8 @@ def payload_verdict(payload: PayloadResult, empty: EmptyFlange | None = None) ->
     if estimate.seen[0]:
         known = 100.0 * estimate.torque_constant_sigma
         sentence += (
-            f" Each torque constant counts as known to {known:.2g} % (1 σ): 1 % of all of them is"
-            f" {0.01 * abs(estimate.reported[0]):.2g} kg."
+            f" Each torque constant is assumed to be known to {known:.2g} % (1 σ): an error of 1"
+            f" % in all of them changes the mass by {0.01 * abs(estimate.reported[0]):.2g} kg."
         )
     return VerdictSection.of(checks, headline, sentence)
 
@@ -250,10 +267,10 @@ def _principal(estimate: PayloadEstimate) -> tuple[PrincipalMoment, ...]:
 def _existence(estimate: PayloadEstimate) -> str:
     p = estimate.consistent[1]
     if p == 1.0:
-        return "A body with these parameters can exist."
+        return "The parameters are physically consistent: a body with them can exist."
     explains = "explains" if estimate.can_exist else "DOES NOT explain"
     return (
-        "No body has exactly these parameters; the closest one that can exist"
+        "The parameters are not physically consistent; the closest body that can exist"
         f" {explains} the data (p = {p:.2g})."
     )
 
@@ -271,7 +288,7 @@ def _known(name: str, value: float, reach: float) -> str:
 def _sentence(estimate: PayloadEstimate) -> str:
     held = ", ".join(_known(k.name, k.value, 2.0 * k.sigma) for k in estimate.known)
     return (
-        f"{_PROCEDURES[estimate.procedure]}: {estimate.equations} equations, friction free in each"
-        f" run, condition number {estimate.condition_number:.3g}"
+        f"{_PROCEDURES[estimate.procedure]}: {estimate.equations} equations, friction estimated"
+        f" separately for each run, condition number {estimate.condition_number:.3g}"
         + (f"; known: {held}." if held else ".")
     )

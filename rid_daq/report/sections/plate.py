@@ -1,4 +1,4 @@
-"""`PlateSection`: what a force plate under the robot adds to an estimate."""
+"""`PlateSection`: the improvement of an estimate by a force plate under the robot."""
 
 from __future__ import annotations
 
@@ -21,14 +21,17 @@ if TYPE_CHECKING:
 
 
 class WrenchResidual(Section):
-    """What the model leaves of one component of the base wrench, RMS in `unit`.
+    """Residual of one component of the base wrench.
 
     Attributes:
-        name, unit: The component.
-        residual, noise: Left over, and what noise alone would leave.
-        percent: The residual in percent of the component, at least of a share of the largest like
-            it.
-        grade, reason: "good", "doubtful" or "bad", and what decides it.
+        name: Name of the component.
+        unit: Unit of the component.
+        residual: RMS of measured minus predicted component, in `unit`.
+        noise: RMS that noise alone would leave, in `unit`.
+        percent: Residual relative to the component [%]. A small component counts as a fixed share
+            of the largest component of its unit.
+        grade: "good", "doubtful" or "bad".
+        reason: Reason for the grade.
     """
 
     name: str
@@ -41,7 +44,16 @@ class WrenchResidual(Section):
 
 
 class ImprovedParameter(Section):
-    """A parameter with its standard deviation by torques, by the plate, and by both, in `unit`."""
+    """One parameter with its standard deviations by torques, by the plate, and by both.
+
+    Attributes:
+        words: The parameter as a combination of standard parameters.
+        unit: Unit of the parameter.
+        value: Estimate from torques and plate together, in `unit`.
+        std_internal: Standard deviation by the torques alone, in `unit`.
+        std_external: Standard deviation by the plate alone, in `unit`.
+        std_combined: Standard deviation by torques and plate together, in `unit`.
+    """
 
     words: str
     unit: str
@@ -52,12 +64,12 @@ class ImprovedParameter(Section):
 
 
 class ImprovementSection(Section):
-    """What the plate improved.
+    """Improvement of the parameters by the plate.
 
     Attributes:
-        determinant_ratio: Of the covariances of the shared parameters.
-        shared: Parameters that torques and plate both show.
-        parameters: All of them.
+        determinant_ratio: Ratio of the determinants of the covariances of the shared parameters.
+        shared: Parameters that are identifiable both from torques and from the plate.
+        parameters: All parameters.
     """
 
     determinant_ratio: float
@@ -66,7 +78,7 @@ class ImprovementSection(Section):
 
     @classmethod
     def of(cls, improved: Improvement) -> ImprovementSection:
-        """Return what the combined model says of the plate's gain."""
+        """Return the improvement that the combined model computed."""
         return cls.from_attributes(
             improved,
             parameters=tuple(
@@ -83,14 +95,15 @@ class ImprovementSection(Section):
 
 
 class AxisTorqueScale(Section):
-    """How an axis' torque constant compares with the plate.
+    """Torque scale of an axis: its torque constant relative to the force plate.
 
     Attributes:
-        joint: Its name.
-        ratio, std: Measured torque over the torque that the plate expects, and its standard
-            deviation: above 1 the drive measures too much.
-        p_value: Probability of such a difference by noise.
-        wrong: Whether the torque constant is wrong by it.
+        joint: Name of the joint.
+        ratio: Measured torque divided by the torque that the plate implies; above 1 if the drive
+            reports too much torque.
+        std: Standard deviation of the ratio.
+        p_value: Probability of a difference as large by noise alone.
+        wrong: True if the difference shows that the torque constant is wrong.
     """
 
     joint: str
@@ -101,11 +114,11 @@ class AxisTorqueScale(Section):
 
 
 class TorqueConstants(Section):
-    """Whether the torque constants agree with the plate.
+    """Comparison of all torque constants with the force plate.
 
     Attributes:
-        p_value: Probability of such differences by noise, all axes together.
-        axes: One an axis.
+        p_value: Probability of differences as large by noise alone, for all axes together.
+        axes: Torque scale of each axis.
     """
 
     p_value: float
@@ -113,23 +126,26 @@ class TorqueConstants(Section):
 
     @classmethod
     def of(cls, torques: TorqueConsistency) -> TorqueConstants:
-        """Return how torque constants compare with the plate."""
+        """Return the comparison of the torque constants with the plate."""
         axes = tuple(AxisTorqueScale.from_attributes(axis, std=axis.sigma) for axis in torques.axes)
         return cls(p_value=torques.p_value, axes=axes)
 
 
 class PlateSection(Section):
-    """How a force plate fits an estimate, and what it improved.
+    """Fit of a force plate's signals by an estimate, and the improvement by the plate.
 
     Attributes:
-        sentences: All of it in words.
-        components: One a component of the base wrench.
-        delay_s, delay_std_s: How late the plate's signals were, one a run [s].
-        left_out: Channels that are not used, run by run.
-        drift_n_s: Drift that was removed, run by run, one a channel [N/s].
-        improvement: Of the combined model.
-        torque_constants: Of the combined model, if it explains the plate.
-        mistake: What is probably wrong in its description; left out if nothing explains it better.
+        sentences: Summary in words.
+        components: Residual of each component of the base wrench.
+        delay_s: Delay of the plate's signals, one value per run [s].
+        delay_std_s: Standard deviation of the delay, one value per run [s].
+        left_out: Channels that were left out, run by run.
+        drift_n_s: Drift that was removed, run by run, one value per channel [N/s].
+        improvement: Improvement by the plate; null unless the model is a combined one.
+        torque_constants: Comparison of the torque constants with the plate. Null unless a combined
+            model explains the plate's signals.
+        mistake: Probable mistake in the plate's description; left out if no mistake explains the
+            signals better.
     """
 
     sentences: Texts
@@ -144,7 +160,7 @@ class PlateSection(Section):
 
     @property
     def bad_components(self) -> tuple[str, ...]:
-        """The components of the wrench that the model does not explain."""
+        """The components of the base wrench that the model does not explain."""
         return tuple(each.name for each in self.components if each.grade is Grade.BAD)
 
     @classmethod
@@ -156,14 +172,15 @@ class PlateSection(Section):
         torques: TorqueConsistency | None = None,
         mistake: PlateMistake | None = None,
     ) -> PlateSection:
-        """Return how a force plate fits an estimate.
+        """Return the section of a force plate.
 
         Args:
-            plate: Of the external or the combined model.
-            weight: Parameters that only the standing weight shows, in words.
-            improved, torques: What the combined model says of the plate's gain and of the torque
-                constants.
-            mistake: What is probably wrong in the plate's description.
+            plate: Fit of the external or the combined model.
+            weight: Parameters that are identifiable only from the robot's weight at standstill, in
+                words.
+            improved: Improvement by the plate, computed by a combined model.
+            torques: Comparison of the torque constants with the plate, by a combined model.
+            mistake: Probable mistake in the plate's description.
         """
         sentences = [_fit_sentence(plate, weight)]
         sentences += [] if improved is None else [improved.sentence]
@@ -174,11 +191,12 @@ class PlateSection(Section):
         sentences += [] if torques is None else [torques.sentence]
         if doubts:
             names = "; ".join(f"{each.joint}: {each.reason}" for each in doubts)
-            sentences.append(f"The model does not explain the whole base wrench. {names}.")
+            sentences.append(f"The model does not explain the base wrench completely. {names}.")
         if doubts and mistake is None:
             sentences.append(
-                "Suspect the plate first: its sizes, position_m, rotation_rad and sensitivities in"
-                " the cell file. Torque constants are not compared with it."
+                "First check the plate's description in the cell file: its sizes, position_m,"
+                " rotation_rad and sensitivities. The torque constants were not compared with"
+                " the plate."
             )
         sentences += [] if mistake is None else [mistake.sentence]
         return cls.from_attributes(
@@ -205,14 +223,14 @@ def _fit_sentence(plate: PlateFit, weight: Sequence[str]) -> str:
         " ± ".join(format_measured(1e3 * float(delay), 2e3 * float(sigma)))
         for delay, sigma in zip(plate.delay_s, plate.delay_sigma_s, strict=True)
     )
-    words = f"The force plate's signals were {delays} ms late, which is made up for"
-    words += f"; drift of up to {1e3 * abs(plate.drift_n_s).max():.3g} mN/s a channel is removed"
+    words = f"The force plate's signals were {delays} ms late; this delay is corrected"
+    words += f"; drift of up to {1e3 * abs(plate.drift_n_s).max():.3g} mN/s per channel is removed"
     left_out = sorted({name for names in plate.left_out for name in names})
     if left_out:
-        words += f"; {', '.join(left_out)} not used, for overload, loss or drift"
+        words += f"; {', '.join(left_out)} not used because of overload, loss or drift"
     if weight:
         words += (
-            f". {', '.join(weight)} is the standing weight, which a plate cannot tell from its"
-            " offset"
+            f". {', '.join(weight)}: identifiable only from the robot's weight, which a plate"
+            " cannot distinguish from its own offset"
         )
     return words + "."

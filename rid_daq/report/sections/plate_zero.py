@@ -1,4 +1,4 @@
-"""`PlateZeroSection`: a force plate's offsets with their uncertainty, and whether they hold."""
+"""`PlateZeroSection`: offsets of a force plate with their uncertainties, and a verdict on them."""
 
 from __future__ import annotations
 
@@ -17,11 +17,19 @@ if TYPE_CHECKING:
     from acquisition.plate_zero.plate_zero import PlateOffset, ZeroTurn
 
 DIGITS = 4
-"""Decimals of a zero in a cell file: a tenth of a millinewton."""
+"""Decimals of an offset [N] in a cell file: a tenth of a millinewton."""
 
 
 class ChannelZero(Section):
-    """The offset [N] and the drift [N/s] of a channel, with standard deviations."""
+    """Offset and drift of one channel of a force plate.
+
+    Attributes:
+        name: Name of the channel.
+        offset_n: Offset [N].
+        offset_std_n: Standard deviation of the offset [N].
+        drift_n_s: Drift [N/s].
+        drift_std_n_s: Standard deviation of the drift [N/s].
+    """
 
     name: str
     offset_n: float
@@ -31,7 +39,14 @@ class ChannelZero(Section):
 
 
 class GravityComponent(Section):
-    """A component of gravity's wrench in the first pose, with its standard deviation, in `unit`."""
+    """One component of the gravity wrench in the first pose, in `unit`.
+
+    Attributes:
+        name: Name of the component.
+        unit: Unit of the component.
+        value: Value of the component.
+        std: Standard deviation of the value.
+    """
 
     name: str
     unit: str
@@ -40,15 +55,16 @@ class GravityComponent(Section):
 
 
 class PlateZeroSection(Section):
-    """The channels, the moment of gravity, and how they were told apart.
+    """Offsets of a force plate, separated from gravity by readings in two poses of axis 1.
 
     Attributes:
-        sentences: In words.
-        turn_degrees: By how much axis 1 was turned.
-        first_pose, second_pose: The poses of the readings [rad or m].
-        seconds: How long all of it took [s].
-        channels: One a channel.
-        gravity: One a component of the wrench.
+        sentences: Description of the measurement in words.
+        turn_degrees: Angle by which axis 1 was turned [degrees].
+        first_pose: Pose of the first reading [rad or m].
+        second_pose: Pose of the second reading [rad or m].
+        seconds: Duration of the measurement [s].
+        channels: Offset and drift of each channel.
+        gravity: Gravity wrench, component by component.
     """
 
     sentences: Texts
@@ -61,14 +77,14 @@ class PlateZeroSection(Section):
 
     @classmethod
     def of(cls, found: PlateOffset, turn: ZeroTurn) -> PlateZeroSection:
-        """Return what the readings show."""
+        """Return the section for the offsets from two readings."""
         degrees = math.degrees(turn.turn_rad)
         return cls(
             sentences=(
-                f"Axis 1 was turned by {degrees:.0f} degrees and back, {found.seconds:.0f} s in"
-                f" all. {_how(turn)}",
-                f"Gravity's moment in the first pose: {_moment(found)}. The robot's weight is taken"
-                " for offset.",
+                f"Axis 1 was turned by {degrees:.0f} degrees and back in {found.seconds:.0f} s."
+                f" {_offset_sentence(turn)}",
+                f"Gravity's moment in the first pose: {_gravity_moment(found)}. The offset"
+                " contains the robot's weight.",
             ),
             turn_degrees=degrees,
             first_pose=tuple(turn.first.tolist()),
@@ -88,7 +104,7 @@ class PlateZeroSection(Section):
 
 
 def as_zero(found: PlateOffset, turn: ZeroTurn) -> PlateZero:
-    """Return what was found as a cell file's `plate.zero`."""
+    """Return the offsets as the entry `plate.zero` of a cell file."""
     offset, drift, pose, rest = (
         tuple(round(value, digits) for value in values.tolist())
         for values, digits in (
@@ -102,10 +118,10 @@ def as_zero(found: PlateOffset, turn: ZeroTurn) -> PlateZero:
 
 
 def zero_verdict(found: PlateOffset, turn: ZeroTurn, plate: PlateConfig) -> VerdictSection:
-    """Return whether the zero holds.
+    """Return the verdict on a plate's zero.
 
-    What axis 1 cannot have turned, forces and the moment about it, shows a plate that is described
-    wrongly, or a robot that touches something.
+    A turn of axis 1 cannot change forces or the moment about that axis. If they change, the plate's
+    description is wrong or the robot touches something.
     """
     from acquisition.session.plate_preparation import ZERO_LIMIT_N
 
@@ -115,12 +131,18 @@ def zero_verdict(found: PlateOffset, turn: ZeroTurn, plate: PlateConfig) -> Verd
     certain = 2.0 * float(found.offset_sigma_n.max())
     reach_m = max(plate.a_m, plate.b_m)
     checks = [
-        VerdictCheck.of("largest force that came from turning", forces, "≤", ZERO_LIMIT_N, "N"),
         VerdictCheck.of(
-            "moment about axis 1 that came from turning", about, "≤", ZERO_LIMIT_N * reach_m, "N m"
+            "largest force that changed when axis 1 turned", forces, "≤", ZERO_LIMIT_N, "N"
         ),
-        VerdictCheck.of("least certain offset, 2σ", certain, "≤", ZERO_LIMIT_N, "N"),
-        VerdictCheck.of("fastest drift", drift, "≤", plate.drift_limit_n_s, "N/s"),
+        VerdictCheck.of(
+            "moment about axis 1 that changed when it turned",
+            about,
+            "≤",
+            ZERO_LIMIT_N * reach_m,
+            "N m",
+        ),
+        VerdictCheck.of("largest uncertainty of an offset, 2σ", certain, "≤", ZERO_LIMIT_N, "N"),
+        VerdictCheck.of("largest drift", drift, "≤", plate.drift_limit_n_s, "N/s"),
     ]
     failed = [line.text for line in checks if not line.passed]
     worst = int(np.abs(found.offset_n).argmax())
@@ -132,20 +154,20 @@ def zero_verdict(found: PlateOffset, turn: ZeroTurn, plate: PlateConfig) -> Verd
     return VerdictSection.of(checks, headline, sentence)
 
 
-def _how(turn: ZeroTurn) -> str:
+def _offset_sentence(turn: ZeroTurn) -> str:
     if turn.is_half:
         return (
-            "Half the sum of the readings is the offset, half their difference the moment of"
-            " gravity."
+            "The offset is half the sum of the two readings; the moment of gravity is half their"
+            " difference."
         )
     return (
-        "That is less than half a turn, as far as the limits allow: the offset is half the"
-        f" sum of the readings and {0.5 / math.tan(0.5 * turn.turn_rad):.3g} times their"
-        " difference, a quarter turn on, and less certain by that."
+        "The limits of axis 1 do not allow half a turn. The offset is therefore half the sum of"
+        f" the two readings plus {0.5 / math.tan(0.5 * turn.turn_rad):.3g} times their"
+        " difference, rotated by a quarter turn; its uncertainty is larger."
     )
 
 
-def _moment(found: PlateOffset) -> str:
+def _gravity_moment(found: PlateOffset) -> str:
     parts = []
     for k in (3, 4):
         value, reach = format_measured(float(found.gravity[k]), 2.0 * float(found.gravity_sigma[k]))

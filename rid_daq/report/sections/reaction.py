@@ -1,4 +1,4 @@
-"""The reaction on the base: `ReactionSection` predicts it, `BaseLoadSection` holds it to limits."""
+"""The base wrench: `ReactionSection` compares it with a plate, `BaseLoadSection` with limits."""
 
 from __future__ import annotations
 
@@ -14,14 +14,16 @@ if TYPE_CHECKING:
 
 
 class WrenchError(Section):
-    """The error of one component, in `unit`.
+    """Error of one predicted component of the base wrench, in `unit`.
 
     Attributes:
-        name, unit: The component.
-        rms_error: Root mean square.
-        relative_error_percent: Of the measured one [%].
-        noise: Of the measurement, where it is known.
-        measured, predicted: The curves, thinned for drawing.
+        name: Name of the component.
+        unit: Unit of the component.
+        rms_error: RMS of measured minus predicted component.
+        relative_error_percent: RMS error relative to the measured component [%].
+        noise: RMS noise of the measurement; None if it is not known.
+        measured: Measured curve, thinned for drawing.
+        predicted: Predicted curve, thinned for drawing.
     """
 
     name: str
@@ -34,13 +36,13 @@ class WrenchError(Section):
 
 
 class ReactionSection(Section):
-    """The errors of a predicted base wrench.
+    """Errors of a predicted base wrench.
 
     Attributes:
-        sentence: What is compared.
-        delay_s: How late the plate's signals were [s].
-        components: One a component.
-        time_s: Of the curves [s].
+        sentence: Description of the comparison.
+        delay_s: Delay of the force plate's signals [s].
+        components: Error of each component.
+        time_s: Times of the curves [s].
     """
 
     sentence: str
@@ -50,7 +52,7 @@ class ReactionSection(Section):
 
     @classmethod
     def of(cls, validation: BaseWrenchValidation) -> ReactionSection:
-        """Return the errors of a predicted base wrench."""
+        """Return the section for a comparison of predicted and measured base wrench."""
         rows = curve_rows(len(validation.time_s))
         return cls.from_attributes(
             validation,
@@ -68,13 +70,16 @@ class ReactionSection(Section):
 
 
 class LoadComponent(Section):
-    """One component at its largest, in `unit`.
+    """Largest value of one component of the base wrench during a motion, in `unit`.
 
     Attributes:
-        name, unit: The component.
-        peak, std, limit: Its largest size, the standard deviation of that, and what is allowed.
-        at_s: When [s].
-        held: Whether the limit holds, two standard deviations included.
+        name: Name of the component.
+        unit: Unit of the component.
+        peak: Largest absolute value.
+        std: Standard deviation of `peak`.
+        at_s: Time of the largest value [s].
+        limit: The allowed value.
+        held: True if `peak` plus two standard deviations is within the limit.
     """
 
     name: str
@@ -87,12 +92,12 @@ class LoadComponent(Section):
 
 
 class BaseLoadSection(Section):
-    """What a motion does to the floor.
+    """Base wrench of a motion: the load on the floor, compared with its limits.
 
     Attributes:
-        sentence: In words.
-        weight_known: Whether the standing weight is in it.
-        components: One a component.
+        sentence: Summary in words.
+        weight_known: True if the wrench contains the robot's weight.
+        components: Largest value of each component.
     """
 
     sentence: str
@@ -101,7 +106,11 @@ class BaseLoadSection(Section):
 
     @classmethod
     def of(cls, load: BaseLoad, more: str = "") -> BaseLoadSection:
-        """Return the largest reaction of a motion against its limits; `more` is a sentence."""
+        """Return the largest base wrench of a motion with its limits.
+
+        Args:
+            more: Additional sentence.
+        """
         return cls(
             sentence=load.sentence + more,
             weight_known=load.weight_known,
@@ -118,10 +127,10 @@ class BaseLoadSection(Section):
 
     @property
     def checks(self) -> list[VerdictCheck]:
-        """The lines of a verdict on limits of the base."""
+        """Comparison of each component plus two standard deviations with its limit."""
         return [
             VerdictCheck.of(
-                f"reaction on the base with 2σ, {each.name}",
+                f"base wrench with 2σ, {each.name}",
                 each.peak + 2.0 * each.std,
                 "≤",
                 each.limit,

@@ -1,4 +1,4 @@
-"""`RetimingSection`: a path timed to its limits: how fast, and which limit is reached where."""
+"""`RetimingSection`: a path retimed to its limits, with its duration and the active limits."""
 
 from __future__ import annotations
 
@@ -21,21 +21,25 @@ if TYPE_CHECKING:
 REACHED: Final = 0.98
 CHANGES: Final = "a change of acceleration"
 PERIODIC: Final = (
-    " The motion was periodic: all its turns, those to settle included, are one way from rest to"
-    " rest now, and what is recorded of it has no periods."
+    " The motion was periodic. All its periods, including those for settling, are now one way"
+    " from rest to rest, so a recording of the retimed motion has no periods."
 )
 WRENCH: Final = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 
 
 class RetimedJoint(Section):
-    """What a joint reaches of its limits.
+    """Largest values of a joint on a retimed path, with their limits.
 
     Attributes:
-        joint, unit: Its name, and the unit of its torque.
-        torque_limit, torque_peak, torque_margin, torque_uncertain_peak, torque_rms: What is
-            allowed, and of the whole motion by the model: the largest torque, the largest margin
-            for what is uncertain of it, the largest sum of both, the root mean square [N m or N].
-        speed_share, acceleration_share: The largest, over their limits.
+        joint: Name of the joint.
+        unit: Unit of the joint's torque.
+        torque_limit: Torque limit [N m or N].
+        torque_peak: Largest absolute torque by the model [N m or N].
+        torque_margin: Largest margin for the uncertainty of the torque [N m or N].
+        torque_uncertain_peak: Largest sum of absolute torque and margin [N m or N].
+        torque_rms: RMS torque by the model [N m or N].
+        speed_share: Largest speed divided by its limit.
+        acceleration_share: Largest acceleration divided by its limit.
     """
 
     joint: str
@@ -50,7 +54,14 @@ class RetimedJoint(Section):
 
 
 class BaseShare(Section):
-    """A component of the base wrench: limit, largest value by the model, largest margin."""
+    """One component of the base wrench on a retimed path [N or N m].
+
+    Attributes:
+        component: Name of the component.
+        limit: Limit of the component.
+        peak: Largest absolute value by the model.
+        margin: Largest margin for the uncertainty of the component.
+    """
 
     component: str
     limit: float
@@ -59,7 +70,13 @@ class BaseShare(Section):
 
 
 class ReachedLimit(Section):
-    """From when to when a limit is the one that is reached; nearly so where it says a change."""
+    """Interval in which one limit is the active one.
+
+    Attributes:
+        begin_s: Start of the interval [s].
+        end_s: End of the interval [s].
+        limit: Name of the active limit; "a change of acceleration" if no limit is reached.
+    """
 
     begin_s: float
     end_s: float
@@ -67,16 +84,21 @@ class ReachedLimit(Section):
 
 
 class RetimedWay(Section):
-    """The pictures of a way from rest to rest.
+    """Curves of one way: a part of the path from rest to rest.
 
     Attributes:
-        place, speed, limit: Phase plane: the speed over the path's length, and the limit curve.
-        time_s: From the way's begin [s].
-        torques, margins: Of each joint, over its limit.
-        reached: Which limit when.
-        done: Which share of the way is done, at `time_s`.
-        original_s, original_done: The same of the motion that it was made of.
-        measured: The torques of each joint as they were measured when it was driven, at `time_s`.
+        place: Length along the path, the abscissa of the phase plane.
+        speed: Speed at each length.
+        limit: Limit curve at each length.
+        time_s: Times from the start of the way [s].
+        torques: Torque of each joint, divided by its limit.
+        margins: Margin of each joint's torque, divided by its limit.
+        reached: The active limit of each interval.
+        done: Completed share of the way at `time_s`.
+        original_s: Times of the original motion [s].
+        original_done: Completed share of the way at `original_s`.
+        measured: Measured torque of each joint at `time_s`, divided by its limit; left out if the
+            path was not driven.
     """
 
     place: Numbers
@@ -93,22 +115,25 @@ class RetimedWay(Section):
 
 
 class RetimingSection(Section):
-    """A path timed to its limits.
+    """A path retimed to its limits.
 
     Attributes:
-        motion, model: The files that it was made of.
+        motion: Original motion file.
+        model: Model file that predicted the torques.
         cycle_s: Time between rows [s].
-        original_s, moving_s: How long the motion took, and takes now, without rests [s].
-        rows, scans: Rows that were verified, and scans of the path until all held.
-        confidence: With which probability the robot's torques keep to their limits; None for no
-            margin.
-        margin: The share of torques that was kept free besides.
-        averaged_s: Over how much time the motion is averaged, at most [s].
-        joints: Joint by joint.
-        base: The base wrench, where it was limited.
-        ways: The pictures.
-        was_periodic: Whether the motion had periods, which are one way now; None for not.
-        driven: What became of it on a robot.
+        original_s: Duration of the original motion, without rests [s].
+        moving_s: Duration of the retimed motion, without rests [s].
+        rows: Number of rows that were checked against the model.
+        scans: Number of scans of the path until all limits were kept.
+        confidence: Probability that the robot's torques keep their limits; null without a margin.
+        margin: Additional share of the torques that is kept free.
+        averaged_s: Longest time over which the motion is averaged [s].
+        joints: Largest values of each joint.
+        base: Largest values of the base wrench; left out if it is not limited.
+        ways: Curves of each way from rest to rest.
+        was_periodic: True if the original motion had periods; they are one way now. Left out
+            otherwise.
+        driven: Measurements on a robot; left out if the path was not driven.
     """
 
     motion: str
@@ -138,7 +163,7 @@ class RetimingSection(Section):
         confidence: float,
         margin: float,
     ) -> RetimingSection:
-        """Return what was timed, and the names of the motion and the model that it was made of."""
+        """Return the section of a retimed motion; `named` are the names of motion and model."""
         torque = np.concatenate([way.torque for way in timed.ways])
         uncertain = np.concatenate([_margins(way)[0] for way in timed.ways])
         v, a = (np.concatenate([way.path[k] for way in timed.ways]) for k in (1, 2))
@@ -191,7 +216,12 @@ class RetimingSection(Section):
         )
 
     def with_driven(self, driven: DrivenTiming, torque: FloatArray) -> RetimingSection:
-        """Return it with how its one way was driven; `torque` (rows, n) over the limits."""
+        """Return the section with measurements of its only way.
+
+        Args:
+            driven: Comparison of the original and the retimed path.
+            torque: Shape (rows, n). Measured torques, divided by the limits.
+        """
         (way,) = self.ways
         rows = torque[curve_rows(len(torque))]
         drawn = way.model_copy(update={"measured": tuple(rounded(column) for column in rows.T)})
@@ -199,12 +229,12 @@ class RetimingSection(Section):
 
     @property
     def shorter_percent(self) -> float:
-        """By how much it is shorter; negative where it takes longer."""
+        """Reduction of the duration [%]; negative if the retimed motion takes longer."""
         return 100.0 * (1.0 - self.moving_s / self.original_s)
 
     @property
     def checks(self) -> tuple[VerdictCheck, ...]:
-        """The torques with their margins, held to their limits."""
+        """Comparison of each joint's torque with margin with its limit."""
         return tuple(
             VerdictCheck.of(
                 f"torque of {joint.joint} with its margin",
@@ -218,18 +248,18 @@ class RetimingSection(Section):
 
     @property
     def sentence(self) -> str:
-        """How long it takes, in words."""
+        """Duration before and after retiming, in words."""
         change = self.shorter_percent
-        word = "shorter" if change >= 0.0 else "longer: the limits allow no more"
+        word = "shorter" if change >= 0.0 else "longer, because of the limits"
         kept = (
             "by the model"
             if self.confidence is None
             else f"with a confidence of {100.0 * self.confidence:g} %"
         )
         return (
-            f"The path takes {self.moving_s:.4g} s in place of {self.original_s:.4g} s,"
-            f" {abs(change):.1f} % {word}; {self.rows} rows were held against the model, none is"
-            f" above a limit {kept}." + (PERIODIC if self.was_periodic else "")
+            f"The path takes {self.moving_s:.4g} s instead of {self.original_s:.4g} s"
+            f" ({abs(change):.1f} % {word}). {self.rows} rows were checked against the model: no"
+            f" row exceeds a limit {kept}." + (PERIODIC if self.was_periodic else "")
         )
 
 
@@ -272,7 +302,7 @@ def _margins(way: TimedPath) -> tuple[FloatArray, FloatArray]:
 def _reached(
     way: TimedPath, robot: RobotDescription, limits: TimingLimits, time_s: FloatArray
 ) -> tuple[ReachedLimit, ...]:
-    """Return which limit each stretch of time reaches most nearly."""
+    """Return the intervals of the retimed path with the limit that is reached in each."""
     torque, wrench = _margins(way)
     path: JointTrajectory = way.path
     shares = [

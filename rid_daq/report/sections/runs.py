@@ -1,4 +1,4 @@
-"""`CellSection`, `RunSection`, `ClockSection`: the cell, what was recorded, and its clock."""
+"""`CellSection`, `RunSection`, `ClockSection`: the cell, a recorded run, and the run's clock."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ if TYPE_CHECKING:
 
 
 class CellSection(Section):
-    """The cell, as the report's head names it.
+    """The cell, as the head of the report names it.
 
     Attributes:
-        simulated: Whether no hardware moved.
-        cycle_time_ms: Of the cyclic task [ms].
-        bus: Interface and channel.
+        name: Name of the cell.
+        simulated: True if no hardware moved.
+        cycle_time_ms: Cycle time of the cyclic task [ms].
+        bus: Interface and channel of the bus.
     """
 
     name: str
@@ -31,20 +32,24 @@ class CellSection(Section):
 
     @classmethod
     def of(cls, cell: CellConfig) -> CellSection:
-        """Return what the report says of a cell."""
+        """Return the section of a cell."""
         return cls.from_attributes(cell, bus=f"{cell.can.interface}:{cell.can.channel}")
 
 
 class AxisExtremes(Section):
-    """How far, fast and hard an axis went in a run.
+    """Extreme values of an axis in a run.
 
     Attributes:
-        joint, unit, torque_unit: Its name, and the units of its position and torque.
-        position_min, position_max: In `unit`.
-        max_velocity: In `unit` per second.
-        max_torque: In `torque_unit`.
-        max_torque_percent: Of the robot file's limit [%].
-        max_following_error: In `unit`; None where the recording has no set-points.
+        joint: Name of the joint.
+        unit: Unit of the joint's position.
+        torque_unit: Unit of the joint's torque.
+        position_min: Lowest position, in `unit`.
+        position_max: Highest position, in `unit`.
+        max_velocity: Largest speed, in `unit` per second.
+        max_torque: Largest absolute torque, in `torque_unit`.
+        max_torque_percent: Largest absolute torque relative to the limit in the robot file [%].
+        max_following_error: Largest following error, in `unit`; null if the recording has no
+            set-points.
     """
 
     joint: str
@@ -62,9 +67,9 @@ class BadRows(Section):
     """Neighbouring rows of an imported file that were left out.
 
     Attributes:
-        rows: Which: "7", or "2-20".
-        count: How many.
-        reason: Why.
+        rows: Numbers of the rows: "7", or "2-20".
+        count: Number of rows that were left out.
+        reason: Reason for leaving them out.
     """
 
     rows: str
@@ -73,7 +78,7 @@ class BadRows(Section):
 
     @classmethod
     def of(cls, report: ImportReport) -> tuple[BadRows, ...]:
-        """Return all that an import left out."""
+        """Return all rows that an import left out."""
         return tuple(
             cls(
                 rows=f"{rows.first}-{rows.last}" if rows.last > rows.first else str(rows.first),
@@ -88,23 +93,24 @@ class BadRows(Section):
 
 
 class ClockSection(Section):
-    """The clock of a run.
+    """Check of the time stamps of a run.
 
     Attributes:
         clock: "confirmed" by velocities, "rebuilt" from them, "unverified", or "unknown".
-        rows, repeated_rows, missing_rows: Rows looked at, those that repeat the one before although
-            the robot moves, and those that the time stamps leave room for.
-        repeated_percent: Repeated rows in percent of the rows [%].
-        longest_repeat: Rows in the longest run of equal ones; 1 if none repeat.
-        jitter_rms_ms: How far steps of the stamps are from whole multiples of the median step, RMS
-            [ms].
-        held_percent: Of each joint's positions, those of the row before although the joint moves
+        rows: Number of checked rows.
+        repeated_rows: Number of rows that repeat the row before although the robot moves.
+        missing_rows: Number of rows that are missing according to the time stamps.
+        repeated_percent: Repeated rows relative to all rows [%].
+        longest_repeat: Number of rows in the longest sequence of equal rows; 1 if no row repeats.
+        jitter_rms_ms: RMS deviation of the time steps from whole multiples of the median step [ms].
+        held_percent: For each joint: positions that repeat the row before although the joint moves
             [%].
-        corrected_rms_ms: How far rebuilt times are from the stamps, after the best shift and rate,
-            RMS [ms].
-        rate: Duration of the rebuilt times over that of the stamps; 1 if they are kept.
-        tick_ms: What all rebuilt steps are whole multiples of [ms].
-        doubt: Why the clock is unknown.
+        corrected_rms_ms: RMS difference between rebuilt times and time stamps, after the best shift
+            and rate [ms].
+        rate: Duration of the rebuilt times divided by that of the time stamps; 1 if the stamps are
+            kept.
+        tick_ms: Time of which all rebuilt steps are whole multiples [ms].
+        doubt: Reason why the clock is unknown.
         run: Id of the run.
     """
 
@@ -124,7 +130,7 @@ class ClockSection(Section):
 
     @classmethod
     def of(cls, report: ClockReport, run: str | None = None) -> ClockSection:
-        """Return what a result says of a clock."""
+        """Return the section of a clock report."""
         return cls(
             clock=report.clock.value,
             rows=report.rows,
@@ -143,20 +149,22 @@ class ClockSection(Section):
 
 
 class RunSection(Section):
-    """What was run: extremes of every axis, lost rows, and why it stopped early.
+    """One run: extremes of every axis, lost rows, and the stop reason.
 
     Attributes:
-        role: What the run was for.
-        sentence: What was asked for, and what became of it.
-        stop: Why the motion was stopped, where it was.
-        rows, invalid_rows: Recorded, and those without a valid answer.
-        duration_s: Of the recording [s].
-        axes: One an axis; none where fewer than two rows are valid.
-        bad_rows: What an import left out.
-        left_out: How many rows it left out for which reason.
-        findings: What is odd about the rows that it used.
-        clock: Its clock, where that was judged.
-        stop_curve: What the joint did that it was stopped for; left out where it was for no joint.
+        role: Purpose of the run.
+        sentence: Planned motion, and the recorded rows.
+        stop: Stop reason; null if the motion was not stopped.
+        rows: Number of recorded rows.
+        invalid_rows: Number of rows without a valid answer.
+        duration_s: Duration of the recording [s].
+        axes: Extremes of each axis; empty if fewer than two rows are valid.
+        bad_rows: Rows that an import left out.
+        left_out: Number of rows that an import left out, by reason.
+        findings: Anomalies of the rows that the import used.
+        clock: Check of the time stamps; left out if it was not made.
+        stop_curve: Curve of the joint for which the motion was stopped; left out if no joint was
+            the reason.
     """
 
     role: str
@@ -181,14 +189,14 @@ class RunSection(Section):
         robot: RobotDescription,
         stop: str | None = None,
     ) -> RunSection:
-        """Return what was run.
+        """Return the section of a recorded run.
 
         Args:
-            role: What the run was for.
-            sentence: What was asked for.
-            tally: What was measured.
-            robot: The robot, for limits and units.
-            stop: Why the motion was stopped, where it was.
+            role: Purpose of the run.
+            sentence: The planned motion.
+            tally: Extremes and counts of the recording.
+            robot: Robot with limits and units.
+            stop: Stop reason; None if the motion was not stopped.
         """
         invalid, duration_s = tally.rows - tally.valid_rows, tally.duration_s
         lost = "no row is missing" if invalid == 0 else f"{invalid} rows have no valid answer"
@@ -203,8 +211,8 @@ class RunSection(Section):
             bad_rows=(),
         )
 
-    def imported(self, report: ImportReport) -> RunSection:
-        """Return what was run with what an import says of it."""
+    def with_import(self, report: ImportReport) -> RunSection:
+        """Return the section with the findings of an import report."""
         found: dict[str, object] = {
             "sentence": "; ".join(report.lines()[:2]) + ".",
             "bad_rows": BadRows.of(report),

@@ -1,4 +1,4 @@
-"""`Section`: what all parts of a result have in common, and how numbers are kept in them."""
+"""`Section`: base class of all parts of a result, and the number formats in them."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ CURVE_POINTS = 1500
 class Section(ConfigModel):
     """A frozen part of a result.
 
-    A field without a default is always written, as null where there is nothing; a field whose
-    default is null is left out of the file where there is nothing.
+    A field without a default is always written; it is null if there is no value. A field whose
+    default is null is left out of the file if there is no value.
     """
 
     @model_serializer(mode="wrap")
@@ -48,30 +48,30 @@ class GradedAxis(Protocol):
 
     @property
     def joint(self) -> str:
-        """Its name."""
+        """The joint's name."""
         ...
 
     @property
     def grade(self) -> Grade | None:
-        """How far its fit can be trusted; None where that was not judged."""
+        """Grade of the axis's fit; None if the fit was not graded."""
         ...
 
     @property
     def reason(self) -> str | None:
-        """What decides the grade."""
+        """The reason for the grade."""
         ...
 
 
 def curve_rows(rows: int) -> slice:
-    """Return which of so many rows a curve of the report shows."""
+    """Return the slice that thins so many rows to at most `CURVE_POINTS` for a drawing."""
     return slice(0, rows, max(1, -(-rows // CURVE_POINTS)))
 
 
 def rounded(values: Iterable[float], digits: int = 5) -> tuple[float, ...]:
-    """Return values for a drawing: so many significant digits."""
+    """Return the values, rounded to `digits` significant digits for a drawing."""
     return tuple(float(f"{value:.{digits}g}") for value in values)
 
 
 def finite(value: float) -> float | None:
-    """Return a number, None where it is not finite."""
+    """Return the number; None if it is not finite."""
     return float(value) if math.isfinite(value) else None

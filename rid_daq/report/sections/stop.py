@@ -1,4 +1,4 @@
-"""`StopCurve`: what a joint did in the last second before a motion was stopped for its sake."""
+"""`StopCurve`: the last second of the joint for which a motion was stopped."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _MEASURED: Final = (
 
 
 class _Quantity(NamedTuple):
-    """One quantity of a joint, row by row, with what was allowed."""
+    """Values of one quantity of a joint, row by row, with the allowed range."""
 
     unit: str
     value: FloatArray
@@ -43,13 +43,17 @@ class _Quantity(NamedTuple):
 
 
 class StopCurve(Section):
-    """What was judged of the joint that a motion was stopped for, up to the stop.
+    """Curve of the quantity that stopped a motion, up to the stop.
 
     Attributes:
-        joint, quantity, unit: Which joint, what of it, and its unit. Where a drive said no more
-            than that it failed, it is the torque.
-        time_s: Before the stop, which is 0 [s].
-        value, low, high: Values, and the least and greatest that were allowed, in `unit`.
+        joint: Name of the joint.
+        quantity: Name of the quantity. It is the torque if a drive reported a fault without a
+            quantity.
+        unit: Unit of the quantity.
+        time_s: Time relative to the stop, which is at 0 [s].
+        value: Values of the quantity, in `unit`.
+        low: Lowest allowed values, in `unit`.
+        high: Highest allowed values, in `unit`.
     """
 
     joint: str
@@ -64,13 +68,13 @@ class StopCurve(Section):
     def of(
         cls, recording: Recording, reason: StopReason, cell: CellConfig, robot: RobotDescription
     ) -> StopCurve | None:
-        """Return the curve of a stop; None where it is about no joint, or nothing was recorded.
+        """Return the curve of a stop; None if the stop concerns no joint, or no rows were recorded.
 
         Args:
-            recording: The end of the recording, at least.
-            reason: Why the motion was stopped.
-            cell: What it was allowed.
-            robot: Names, limits and units of the joints.
+            recording: The recording, or at least its end.
+            reason: The stop reason.
+            cell: The cell with its supervision limits.
+            robot: Robot with names, limits and units of the joints.
         """
         if reason.joint not in robot.joint_names or recording.target_position is None:
             return None
@@ -82,7 +86,7 @@ class StopCurve(Section):
         kept = np.flatnonzero((since >= -SHOWN_S) & (since <= 0.0) & np.isfinite(drawn.value))
         if len(kept) < 2:
             return None
-        kept = kept[::-1][curve_rows(len(kept))][::-1]  # the stop itself is always kept
+        kept = kept[::-1][curve_rows(len(kept))][::-1]  # always keep the row of the stop
         return cls(
             joint=reason.joint,
             quantity=name,
@@ -95,17 +99,17 @@ class StopCurve(Section):
 
     @property
     def caption(self) -> str:
-        """What is drawn, in a sentence."""
+        """Caption of the curve, in a sentence."""
         return (
-            f"{self.joint}: {self.quantity} in the last second before the stop, and what was"
-            f" allowed; at the stop {self.value[-1]:.4g} {self.unit}."
+            f"{self.joint}: {self.quantity} in the last second before the stop, with its allowed"
+            f" range; at the stop {self.value[-1]:.4g} {self.unit}."
         )
 
 
 def _quantity(
     name: str, recording: Recording, joint: int, cell: CellConfig, robot: RobotDescription
 ) -> _Quantity:
-    """Return a quantity of a joint over all rows, with what the supervision allows."""
+    """Return a quantity of a joint in all rows, with the range that the supervisor allows."""
     from acquisition.motion.limits import position_bounds
 
     limits, rules = robot.joints[joint].limits, cell.supervision
@@ -131,7 +135,7 @@ def _quantity(
 
 
 def _velocity(time_s: FloatArray, position: FloatArray) -> FloatArray:
-    """Return the velocity since the row before; not a number in the first row."""
+    """Return the velocity between each row and the row before; NaN in the first row."""
     moved = np.full(len(position), np.nan)
     moved[1:] = np.diff(position) / np.diff(time_s)
     return moved
@@ -140,8 +144,8 @@ def _velocity(time_s: FloatArray, position: FloatArray) -> FloatArray:
 def _stop_row(recording: Recording, value: FloatArray, reason: StopReason) -> int:
     """Return the row in which the motion was stopped.
 
-    It is the one that holds the value that was told; where none was told of this quantity, the last
-    one before the robot was held where it came to rest.
+    This is the last row with the value that the stop reason contains. If the stop reason contains
+    no value of this quantity, it is the last row before the standstill after the stop.
     """
     if reason.code in _MEASURED and reason.value is not None:
         off = np.abs(value - reason.value)

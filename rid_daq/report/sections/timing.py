@@ -1,4 +1,4 @@
-"""`Timing`: all of a result that differs from one execution to the next."""
+"""`Timing`: all values of a result that differ from one execution to the next."""
 
 from __future__ import annotations
 
@@ -15,25 +15,30 @@ if TYPE_CHECKING:
     from acquisition.session.timing import CycleStatistics
 
 ROUNDING_S: Final = 1e-7
-"""How late cycles are by rounding of simulated time; no real loop wakes up as punctually."""
+"""Largest lateness that rounding of simulated time can cause. A real task is always later."""
 
 Counts = Annotated[tuple[int, ...], Strict(False)]
 
 
 class LoopTiming(Section):
-    """How well the cyclic task of a run kept its time.
+    """Timing of the cyclic task of a run.
 
     Attributes:
-        role: What the run was for.
-        sentence: All of it in a sentence.
-        edges_us: Lower edges of the histogram of lateness [us].
-        counts: Cycles a bin; the last bin holds everything beyond.
-        cycles, overruns: Cycles that were run, and cycle times that passed without one.
-        missed_frames: Rows without a drive's answer, one a joint.
-        lateness_p50_s, lateness_p99_s, lateness_max_s: How late cycles began after their deadline
-            [s].
-        lateness_edges_s, lateness_counts: The histogram in seconds.
-        exchange_p50_s, exchange_p99_s, exchange_max_s: From SYNC to the last answer [s].
+        role: Purpose of the run.
+        sentence: Summary in a sentence.
+        edges_us: Lower edges of the bins of the lateness histogram [us].
+        counts: Number of cycles in each bin; the last bin has no upper edge.
+        cycles: Number of cycles.
+        overruns: Number of cycle times that passed without a cycle.
+        missed_frames: Number of rows without an answer, for each joint's drive.
+        lateness_p50_s: Median of the lateness [s]: time from a cycle's deadline to its start.
+        lateness_p99_s: 99th percentile of the lateness [s].
+        lateness_max_s: Largest lateness [s].
+        lateness_edges_s: Lower edges of the lateness histogram [s].
+        lateness_counts: Number of cycles in each bin of `lateness_edges_s`.
+        exchange_p50_s: Median of the time from SYNC to the last drive's answer [s].
+        exchange_p99_s: 99th percentile of the time from SYNC to the last answer [s].
+        exchange_max_s: Largest time from SYNC to the last answer [s].
     """
 
     role: str
@@ -53,13 +58,13 @@ class LoopTiming(Section):
     exchange_max_s: float
 
     @property
-    def told(self) -> bool:
-        """Whether anything is known of how late cycles began: not in simulated time (lock-step)."""
+    def has_lateness(self) -> bool:
+        """True if the lateness was measured; it is not measured in simulated time (lock-step)."""
         return self.lateness_max_s > ROUNDING_S
 
     @classmethod
     def of(cls, role: str, statistics: CycleStatistics) -> LoopTiming:
-        """Return the loop's timing, with the histogram of how late its cycles began."""
+        """Return the timing of a run's cyclic task, with the histogram of its lateness."""
         return cls(
             role=role,
             sentence=loop_sentence(statistics),
@@ -70,14 +75,15 @@ class LoopTiming(Section):
 
 
 class Timing(Section):
-    """When a result was made, how long that took, and how well the cyclic tasks kept time.
+    """Times, durations and loop timing of a result.
 
     Attributes:
-        elapsed_s: How long it took [s]; left out where nobody measured it.
-        created_utc: When the run began, ISO 8601.
-        run_ids: The runs that a result of several rests on; left out for one that was recorded.
-        loops: One a motion that was driven; left out for an imported run.
-        made: When each section was made, ISO 8601, by its name.
+        elapsed_s: Time that the computation of the result took [s]; left out if it was not
+            measured.
+        created_utc: Start of the run, ISO 8601.
+        run_ids: The runs that the result is based on; left out for the result of one recorded run.
+        loops: Timing of each recorded motion; left out for an imported run.
+        made: Time at which each section was made, ISO 8601, by the section's name.
     """
 
     elapsed_s: float | None = None
@@ -88,10 +94,10 @@ class Timing(Section):
 
 
 def bin_names(edges_us: Sequence[float]) -> list[str]:
-    """Return what the bins of a histogram are called: "10–20", "1–2 ms", "≥ 5 ms".
+    """Return the names of the bins of a histogram: "10–20", "1–2 ms", "≥ 5 ms".
 
     Args:
-        edges_us: The bins' lower edges [µs]; the last bin holds everything beyond.
+        edges_us: Lower edges of the bins [µs]; the last bin has no upper edge.
     """
     return [
         f"{low:g}–{high:g}" if low < 1000.0 else f"{low / 1000.0:g}–{high / 1000.0:g} ms"
@@ -100,19 +106,19 @@ def bin_names(edges_us: Sequence[float]) -> list[str]:
 
 
 def loop_sentence(statistics: CycleStatistics) -> str:
-    """Say how well the cyclic task kept its time."""
+    """Return a sentence on cycles, overruns, missed answers and lateness of a cyclic task."""
     missed = sum(statistics.missed_frames)
     if statistics.cycles and statistics.lateness_max_s <= ROUNDING_S:
         return (
-            f"{statistics.cycles} cycles, {statistics.overruns} overruns, {missed} missed answers,"
-            " in simulated time (lock-step): how late cycles begin on this computer is not told."
+            f"{statistics.cycles} cycles, {statistics.overruns} overruns, {missed} missed"
+            " answers, in simulated time (lock-step), which has no lateness to measure."
         )
     return (
         f"{statistics.cycles} cycles, {statistics.overruns} overruns, {missed} missed answers;"
         f" cycles began {_microseconds(statistics.lateness_p50_s)} late in the median,"
-        f" {_microseconds(statistics.lateness_p99_s)} at 99 %,"
-        f" {_microseconds(statistics.lateness_max_s)} at most; the drives had all answered"
-        f" {_microseconds(statistics.exchange_p99_s)} after SYNC (99 %)."
+        f" {_microseconds(statistics.lateness_p99_s)} at the 99th percentile,"
+        f" {_microseconds(statistics.lateness_max_s)} at most; all drives had answered"
+        f" {_microseconds(statistics.exchange_p99_s)} after SYNC (99th percentile)."
     )
 
 

@@ -1,6 +1,6 @@
-"""How closely paths were followed: `TrackingSection` before and after compensation.
+"""Path errors of driven motions: `TrackingSection` before and after compensation.
 
-`DrivenTiming` is the same before and after a path was timed to its limits, with what that took.
+`DrivenTiming` compares a path before and after it was retimed to its limits.
 """
 
 from __future__ import annotations
@@ -29,26 +29,26 @@ SHORTER_PERCENT = 20.0
 MEASURED_PERCENT = 102.0
 CLOSE_AS_BEFORE = 3.0
 ENCODERS_AT_MOTORS: Final = (
-    "The path is computed from the encoders at the motors: it does not contain the bending of gears"
-    " and links, so the tool itself can be farther away."
+    "The path is computed from the encoders at the motors. It does not contain the deflection of"
+    " gears and links, so the true distance of the tool from the path can be larger."
 )
 MOTOR_TORQUES: Final = (
     "the measured motor torques (gravity, friction and the motors' own inertia included)"
 )
 STILL_M = 1e-9
-"""A tool point that moves less stands still."""
+"""Extent of a path [m] below which the tool point counts as standing still."""
 Columns = Annotated[tuple[Numbers, ...], Strict(False)]
 
 
 @dataclass(frozen=True)
 class FollowedRun:
-    """How closely one run followed its path.
+    """Path error of one run.
 
     Attributes:
-        error: Over the run's main part.
-        drawn: The rows to draw: the last period, or all.
+        error: Error over the main part of the run.
+        drawn: Rows to draw: the last period, or all rows.
         sample_period_s: Time between rows [s].
-        deflection: Estimated bending of the gears, if the stiffness of one is known.
+        deflection: Estimated deflection of the gears; None if no stiffness is known.
     """
 
     error: TrackingError
@@ -57,11 +57,12 @@ class FollowedRun:
     deflection: Deflection | None = None
 
 
-class Bending(Section):
-    """Estimated bending of the gears whose stiffness is known, at the tool point.
+class ToolDeflection(Section):
+    """Estimated deflection at the tool point, from the gears whose stiffness is known.
 
     Attributes:
-        rms_m, max_m: RMS and largest value over the motion [m].
+        rms_m: RMS deflection over the motion [m].
+        max_m: Largest deflection over the motion [m].
     """
 
     rms_m: float
@@ -69,37 +70,38 @@ class Bending(Section):
 
 
 class ErrorSize(Section):
-    """The size of a run's errors.
+    """Size of the errors of a run.
 
     Attributes:
-        mean_m, max_m: Distance of the tool point from its path [m].
+        mean_m: Mean distance of the tool point from its path [m].
+        max_m: Largest distance of the tool point from its path [m].
         joint_peak: Largest error of each joint [rad or m].
-        bending: What the gears bend the tool by, which none of these contains; None if no stiffness
-            is known.
+        bending: Estimated deflection of the gears, which the other values do not contain; left out
+            if no stiffness is known.
     """
 
     mean_m: float
     max_m: float
     joint_peak: Numbers
-    bending: Bending | None = None
+    bending: ToolDeflection | None = None
 
     @classmethod
     def of(cls, run: FollowedRun) -> ErrorSize:
         """Return the size of a run's errors."""
         bent = run.deflection
-        bending = None if bent is None else Bending(rms_m=bent.rms_m, max_m=bent.max_m)
+        bending = None if bent is None else ToolDeflection(rms_m=bent.rms_m, max_m=bent.max_m)
         return cls.from_attributes(run.error, bending=bending)
 
 
 class PathCurves(Section):
-    """A run's path and errors over time, thinned for drawing.
+    """Path and errors of a run over time, thinned for drawing.
 
     Attributes:
-        time_s: [s].
-        wanted_m, deviation_m: The tool point's path in the base frame and how far the robot was
-            from it, x, y and z [m].
-        distance_m: The size of the deviation [m].
-        joint: Wanted minus reached, one a joint [rad or m].
+        time_s: Times [s].
+        wanted_m: Desired path of the tool point in the base frame, as x, y and z [m].
+        deviation_m: Reached minus desired tool point in the base frame, as x, y and z [m].
+        distance_m: Magnitude of the deviation [m].
+        joint: Desired minus reached position of each joint [rad or m].
     """
 
     time_s: Numbers
@@ -110,7 +112,7 @@ class PathCurves(Section):
 
     @classmethod
     def of(cls, run: FollowedRun) -> PathCurves:
-        """Return the rows to draw, so many that a figure shows all there is to see."""
+        """Return the curves of a run with about `DRAWN_POINTS` points."""
         error, period = run.error, run.drawn
         wanted, reached = error.wanted_m[period], error.reached_m[period]
         kept = slice(None, None, max(1, len(wanted) // DRAWN_POINTS))
@@ -129,20 +131,27 @@ class PathCurves(Section):
 
 
 class DrawnPaths(Section):
-    """The paths of a motion: with compensation and, where there is such a run, without."""
+    """Curves of a motion with and without compensation.
+
+    Attributes:
+        after: Curves with compensation.
+        before: Curves without compensation; null if there is no such run.
+    """
 
     after: PathCurves
     before: PathCurves | None
 
 
 class FollowedMotion(Section):
-    """One motion: how closely it was followed, and by which use of its own runs.
+    """Path errors of one motion with and without compensation.
 
     Attributes:
-        sentence: What was driven.
-        use: Whether runs of this motion have made its feedforward.
-        after, before: With compensation and, where there is such a run, without.
-        mean_ratio, max_ratio: By how many times mean and largest distance have shrunk.
+        sentence: Description of the motion.
+        use: States whether runs of this motion were used to compute its feedforward.
+        after: Errors with compensation.
+        before: Errors without compensation; null if there is no such run.
+        mean_ratio: Mean distance without compensation divided by that with compensation.
+        max_ratio: Largest distance without compensation divided by that with compensation.
         drawn: The curves.
     """
 
@@ -158,7 +167,7 @@ class FollowedMotion(Section):
     def of(
         cls, sentence: str, use: str, after: FollowedRun, before: FollowedRun | None
     ) -> FollowedMotion:
-        """Return what is said of a motion that was driven with compensation, and without."""
+        """Return the errors of a motion from a run with compensation and one without."""
         one, other = after.error, None if before is None else before.error
         return cls(
             sentence=sentence,
@@ -175,22 +184,27 @@ class FollowedMotion(Section):
 
 
 class JointUnit(Section):
-    """A joint, and the unit of its position."""
+    """Name and position unit of a joint.
+
+    Attributes:
+        joint: Name of the joint.
+        unit: Unit of the joint's position.
+    """
 
     joint: str
     unit: str
 
 
 class TrackingSection(Section):
-    """The table of all motions, and what their figures draw.
+    """Path errors of all motions.
 
     Attributes:
-        sentence: What is compared.
+        sentence: Description of the comparison.
         joints: The robot's joints.
-        motions: One a motion.
-        unseen: What the encoders do not see, and its size if known.
-        with_stiffness, without_stiffness: Joints whose gear's stiffness robot file or model has,
-            and those that are missing.
+        motions: Errors of each motion.
+        unseen: A sentence on deflection, which the encoders do not measure, and its size if known.
+        with_stiffness: Joints whose gear stiffness is in the robot file or the model.
+        without_stiffness: Joints whose gear stiffness is unknown.
     """
 
     sentence: str
@@ -208,31 +222,36 @@ class TrackingSection(Section):
         more: str = "",
         torques: str = MOTOR_TORQUES,
     ) -> TrackingSection:
-        """Return the section of some motions of a robot; `more` is said besides.
+        """Return the section for motions of a robot.
 
-        `torques` says from which torques the bending was estimated.
+        Args:
+            more: Additional sentence.
+            torques: Name of the torques from which the deflection was estimated.
         """
         return cls(
-            sentence="Distance between the tool point wanted and reached at the same instant, by"
-            " the robot file's kinematics; joint errors are wanted minus reached." + more,
+            sentence="Distance between the desired and the reached tool point at the same"
+            " instant, computed with the robot file's kinematics. Joint errors are"
+            " desired minus reached position." + more,
             joints=JointUnit.for_each(
                 joint=robot.joint_names, unit=[units(joint)[0] for joint in robot.joints]
             ),
             motions=tuple(motions),
-            unseen=f"{ENCODERS_AT_MOTORS} {_bending_words(motions, robot, torques)}",
+            unseen=f"{ENCODERS_AT_MOTORS} {_deflection_sentence(motions, robot, torques)}",
             with_stiffness=_joints_with_stiffness(robot, known=True),
             without_stiffness=_joints_with_stiffness(robot, known=False),
         )
 
     @property
     def verdict(self) -> VerdictSection:
-        """What the report says first; nothing is judged."""
+        """Headline of the report; no limit is checked."""
         after = [motion.after.mean_m for motion in self.motions]
         ratios = [motion.mean_ratio for motion in self.motions if motion.mean_ratio is not None]
         mean = f"Mean distance from the path at the motor encoders {number(1e3 * max(after), 3)} mm"
         mean += " at most" if len(after) > 1 else ""
         if not ratios:
-            return VerdictSection.of([], mean, f"No run to compare with was given. {self.unseen}")
+            return VerdictSection.of(
+                [], mean, f"No run without compensation was given for comparison. {self.unseen}"
+            )
         least = min(ratios)
         if least < 1.0:
             changed = f"error grew {number(1.0 / max(least, 1e-12), 3)} times"
@@ -240,7 +259,7 @@ class TrackingSection(Section):
         else:
             changed = f"error reduced {number(least, 3)} times"
             changed += " at least" if len(ratios) > 1 else ""
-        two = "Before and after are two runs of the same motion."
+        two = "The errors before and after are those of two runs of the same motion."
         return VerdictSection.of([], f"{mean}: {changed}", f"{two} {self.unseen}")
 
 
@@ -250,27 +269,31 @@ def _joints_with_stiffness(robot: RobotDescription, *, known: bool) -> tuple[str
     )
 
 
-def _bending_words(motions: Sequence[FollowedMotion], robot: RobotDescription, torques: str) -> str:
-    """Say how much the gears bend the tool, as far as their stiffness is known."""
+def _deflection_sentence(
+    motions: Sequence[FollowedMotion], robot: RobotDescription, torques: str
+) -> str:
+    """Return a sentence on the deflection of the gears whose stiffness is known."""
     bent = [motion.after.bending for motion in motions if motion.after.bending is not None]
     missing = _joints_with_stiffness(robot, known=False)
     if not bent:
-        return "Its size is not known: the robot file has no stiffness_nm_rad."
+        return "The size of this deflection is not known: the robot file has no stiffness_nm_rad."
     largest, rms = (max(getattr(each, key) for each in bent) for key in ("max_m", "rms_m"))
     words = (
-        f"Estimated bending of the gears at the tool: {number(1e3 * largest, 2)} mm at most,"
+        f"Estimated deflection of the gears at the tool: {number(1e3 * largest, 2)} mm at most,"
         f" {number(1e3 * rms, 2)} mm RMS, from stiffness_nm_rad and {torques}."
     )
-    lacking = f" No stiffness is known of {', '.join(missing)}." if missing else ""
+    lacking = f" The stiffness of {', '.join(missing)} is not known." if missing else ""
     return words + lacking
 
 
 def magnification(extent_m: float, deviation_m: float) -> float:
-    """Return 1, 2 or 5 times a power of ten, so that a deviation is drawn as an eighth of a path.
+    """Return the magnification that draws a deviation as at most `DRAWN_SHARE` of the path.
+
+    The magnification is 1, 2 or 5 times a power of ten, at least 1.
 
     Args:
-        extent_m: Of the path.
-        deviation_m: The largest one.
+        extent_m: Size of the path.
+        deviation_m: Largest deviation.
     """
     wanted = DRAWN_SHARE * extent_m / max(deviation_m, 1e-9)
     power = 10.0 ** math.floor(math.log10(max(wanted, 1.0)))
@@ -278,14 +301,15 @@ def magnification(extent_m: float, deviation_m: float) -> float:
 
 
 class DrivenPath(Section):
-    """A pick-and-place path as it was driven.
+    """Measurements of one driven pick-and-place path.
 
     Attributes:
-        sentence: What was driven.
-        moving_s: How long it moves [s].
-        mean_m, max_m: Distance of the tool point from its path [m].
-        torque_share: The largest measured torque of each joint, over its limit.
-        base_peak: The largest measured base wrench, component by component [N, N m].
+        sentence: Description of the run.
+        moving_s: Duration of the motion [s].
+        mean_m: Mean distance of the tool point from its path [m].
+        max_m: Largest distance of the tool point from its path [m].
+        torque_share: Largest measured torque of each joint, divided by its limit.
+        base_peak: Largest measured value of each component of the base wrench [N, N m].
     """
 
     sentence: str
@@ -297,13 +321,14 @@ class DrivenPath(Section):
 
 
 class DrivenTiming(Section):
-    """A path that was driven before and after it was timed, pre-compensated both times.
+    """Comparison of a driven path before and after retiming, both with pre-compensation.
 
     Attributes:
-        before, after: As it was, and timed.
-        components: Of the base wrench, those that are limited.
-        limit: Their limits [N, N m].
-        sentence: On what, by which model.
+        before: Measurements of the original path.
+        after: Measurements of the retimed path.
+        components: Names of the limited components of the base wrench.
+        limit: Limit of each component [N, N m].
+        sentence: Robot and model of the measurement.
     """
 
     before: DrivenPath
@@ -314,41 +339,53 @@ class DrivenTiming(Section):
 
     @property
     def base_share(self) -> float:
-        """The largest measured base reaction of the timed path, over its limit."""
+        """Largest measured base wrench on the retimed path, divided by its limit."""
         peaks = zip(self.after.base_peak, self.limit, strict=True)
         return max(peak / limit for peak, limit in peaks)
 
     @property
     def words(self) -> str:
-        """What was gained, in a sentence."""
+        """Improvement by retiming, in a sentence."""
         before, after = self.before, self.after
         return (
-            f"Pick and place in {after.moving_s:.4g} s in place of {before.moving_s:.4g} s: at most"
-            f" {100.0 * max(after.torque_share):.0f} % of a torque and"
-            f" {100.0 * self.base_share:.0f} % of what the base may take; mean distance"
-            f" {1e3 * before.mean_m:.3f} mm before, {1e3 * after.mean_m:.3f} mm after, at the motor"
-            " encoders."
+            f"Pick and place in {after.moving_s:.4g} s instead of {before.moving_s:.4g} s, with"
+            f" at most {100.0 * max(after.torque_share):.0f} % of the torque limits and"
+            f" {100.0 * self.base_share:.0f} % of the base wrench limits. Mean distance from the"
+            f" path at the motor encoders: {1e3 * before.mean_m:.3f} mm before,"
+            f" {1e3 * after.mean_m:.3f} mm after."
         )
 
     @property
     def checks(self) -> list[VerdictCheck]:
-        """Return what a timed path is held to when it is driven."""
+        """Comparison of the retimed path's measurements with their limits."""
         before, after = self.before, self.after
         shorter = 100.0 * (1.0 - after.moving_s / before.moving_s)
         torque, base = 100.0 * max(after.torque_share), 100.0 * self.base_share
         mean, largest = after.mean_m / before.mean_m, after.max_m / before.max_m
         return [
-            VerdictCheck.of("timed path shorter by", shorter, "≥", SHORTER_PERCENT, "%"),
+            VerdictCheck.of("reduction of the path's duration", shorter, "≥", SHORTER_PERCENT, "%"),
             VerdictCheck.of(
-                "its largest measured torque, of the limit", torque, "≤", MEASURED_PERCENT, "%"
+                "largest measured torque of the retimed path, relative to its limit",
+                torque,
+                "≤",
+                MEASURED_PERCENT,
+                "%",
             ),
             VerdictCheck.of(
-                "its largest measured base reaction, of the limit", base, "≤", 100.0, "%"
+                "largest measured base wrench of the retimed path, relative to its limit",
+                base,
+                "≤",
+                100.0,
+                "%",
             ),
             VerdictCheck.of(
-                "its mean path error, of that before", mean, "≤", CLOSE_AS_BEFORE, "times"
+                "mean path error, relative to that before", mean, "≤", CLOSE_AS_BEFORE, "times"
             ),
             VerdictCheck.of(
-                "its largest path error, of that before", largest, "≤", CLOSE_AS_BEFORE, "times"
+                "largest path error, relative to that before",
+                largest,
+                "≤",
+                CLOSE_AS_BEFORE,
+                "times",
             ),
         ]

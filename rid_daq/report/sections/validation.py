@@ -1,4 +1,4 @@
-"""`ValidationSection`, `TruthCase`: predicted against measured torque, estimated against true."""
+"""`ValidationSection`: predicted and measured torque; `TruthCase`: estimated and true values."""
 
 from __future__ import annotations
 
@@ -19,24 +19,28 @@ if TYPE_CHECKING:
 
 
 class AxisError(Section):
-    """The torque error of an axis, in `unit`, on samples at which it moves.
+    """Torque error of an axis, in `unit`. Only samples count at which the axis moves.
 
     Attributes:
-        joint, unit: Its name, and the unit of its torque.
-        rms_torque, rms_error: Root mean squares; None where it stands still.
-        relative_error_percent, all_samples_percent: Error over torque [%], on moving samples and on
-            all.
-        noise: Of one measured sample, where periods show it.
-        floor, error_over_floor: Of a simulated robot: the error of the true parameters, and the
-            error over it.
-        limit_percent: What the relative error is held to [%].
-        passed: Whether it holds.
-        samples: That count.
-        unknown_samples: That do not count, moving or not, because they depend on where the joint
-            came from before the recording or in a gap of it; left out where there is none.
-        over_noise: The error over what noise alone leaves, where periods show it.
-        grade, reason: "good", "doubtful" or "bad", and what decides it. Left out of an external
-            model.
+        joint: Name of the joint.
+        unit: Unit of the torque.
+        rms_torque: RMS of the measured torque; null if the axis does not move.
+        rms_error: RMS of the torque error; null if the axis does not move.
+        relative_error_percent: RMS error relative to the RMS torque, on moving samples [%].
+        all_samples_percent: RMS error relative to the RMS torque, on all samples [%].
+        noise: Noise of one measured sample; null if the recording has no periods.
+        floor: Error of the true parameters; null if the robot is not simulated.
+        error_over_floor: RMS error divided by `floor`; null if the robot is not simulated.
+        limit_percent: Limit of the relative error [%].
+        passed: True if the relative error is within its limit.
+        samples: Number of samples that count.
+        unknown_samples: Number of samples, moving or not, whose friction depends on the motion
+            before the recording or in a gap of the recording. They do not count. Left out if there
+            are none.
+        over_noise: RMS error divided by the error that noise alone causes; left out if the
+            recording has no periods.
+        grade: "good", "doubtful" or "bad"; left out for an external model.
+        reason: Reason for the grade; left out for an external model.
     """
 
     joint: str
@@ -58,15 +62,16 @@ class AxisError(Section):
 
 
 class ValidationSection(Section):
-    """The torque errors of every axis, and what they are held to.
+    """Torque errors of every axis, with their limits.
 
     Attributes:
-        sentence: What is compared.
-        cutoff_hz: Signals are compared up to here [Hz].
-        standstill_rad_s: Lowest speed that counts [rad/s].
-        has_floor, has_limits: Whether the truth is known, and whether limits are given.
-        axes: One an axis.
-        diagnosis: What the errors look like; left out where nobody looked.
+        sentence: Description of the comparison.
+        cutoff_hz: Cut-off frequency of the low-pass filter for all signals [Hz].
+        standstill_rad_s: Lowest speed of a sample that counts [rad/s].
+        has_floor: True if the true parameters are known.
+        has_limits: True if the errors have limits.
+        axes: Errors of each axis.
+        diagnosis: Probable causes of the errors; left out if no diagnosis was made.
     """
 
     sentence: str
@@ -90,16 +95,18 @@ class ValidationSection(Section):
 
         Args:
             validation: The comparison.
-            robot: The robot, for units.
-            sentence: Which run was predicted.
-            floor_nm: Shape (n,). RMS error of the true parameters, where the robot is simulated.
-            diagnosis: What the errors look like.
+            robot: Robot with the units.
+            sentence: Names the predicted run.
+            floor_nm: Shape (n,). RMS error of the true parameters; None if the robot is not
+                simulated.
+            diagnosis: Probable causes of the errors.
         """
         shares = ", ".join(f"{100.0 * share:.0f}" for share in validation.counted_fraction)
         return cls(
-            sentence=f"{sentence} Signals below {validation.cutoff_hz:g} Hz (no phase shift);"
-            f" errors count samples at {validation.standstill_rad_s:g} rad/s or faster ({shares} %"
-            f" of each axis): below, friction is stiction.{_besides(validation)}",
+            sentence=f"{sentence} Signals are low-pass filtered at {validation.cutoff_hz:g} Hz"
+            f" without phase shift. Only samples at {validation.standstill_rad_s:g}"
+            f" rad/s or faster count for the errors ({shares} % of each axis): at lower"
+            f" speeds, friction is stiction.{_remarks(validation)}",
             cutoff_hz=validation.cutoff_hz,
             standstill_rad_s=validation.standstill_rad_s,
             has_floor=floor_nm is not None,
@@ -147,12 +154,14 @@ def _axis(
 
 
 class TruthCase(Section):
-    """How the parameters of one simulated robot compare with the truth.
+    """Comparison of the estimated parameters of one simulated robot with the true values.
 
     Attributes:
-        title, sentence: Which robot, and what was found.
-        inside, of: Parameters inside their two-sigma intervals, of so many.
-        deviation_sigmas: How far each is off, in standard deviations.
+        title: Name of the simulated robot.
+        sentence: Result of the comparison.
+        inside: Number of true values inside the two-sigma intervals.
+        of: Number of compared parameters.
+        deviation_sigmas: Deviation of each estimate from the true value [standard deviations].
     """
 
     title: str
@@ -162,44 +171,45 @@ class TruthCase(Section):
     deviation_sigmas: Numbers
 
     @classmethod
-    def compared(cls, title: str, estimate: EstimateSection) -> TruthCase:
-        """Return how an estimate whose truth is known compares with it."""
+    def from_estimate(cls, title: str, estimate: EstimateSection) -> TruthCase:
+        """Return the comparison of an estimate with its true values."""
         parameters = [each for each in estimate.parameters if each.deviation_sigmas is not None]
         inside = sum(bool(each.inside_two_sigma) for each in parameters)
         return cls(
             title=title,
-            sentence=f"{title}: {inside} of {len(parameters)} true values lie inside the two-sigma"
-            f" interval ({100.0 * inside / len(parameters):.0f} %).",
+            sentence=f"{title}: {inside} of {len(parameters)} true values are inside their"
+            f" two-sigma intervals ({100.0 * inside / len(parameters):.0f} %).",
             inside=inside,
             of=len(parameters),
             deviation_sigmas=tuple(each.deviation_sigmas or 0.0 for each in parameters),
         )
 
 
-def _besides(validation: Validation) -> str:
-    """Say what else the errors rest on, after the sentence of the samples."""
+def _remarks(validation: Validation) -> str:
+    """Return sentences on torque channel, presliding and samples that were left out."""
     said = ""
     if validation.channel is not None and validation.channel.changes:
         said += (
-            f" The predicted torque passes the torque channel of the model's recording"
-            f" ({validation.channel.kind})."
+            " The predicted torque was passed through the torque channel of the model's"
+            f" recording ({validation.channel.kind})."
         )
     if validation.remembering:
         errors = ", ".join(number(error, 3) for error in validation.all_samples_percent)
         said += (
-            f" The friction of {', '.join(validation.remembering)} has memory: with every sample"
-            f" counted, standstill too, the errors of the axes are {errors} %."
+            f" The friction of {', '.join(validation.remembering)} includes presliding: if all"
+            f" samples count, standstill included, the errors of the axes are {errors} %."
         )
     unknown = np.count_nonzero(~validation.known, axis=0)
     if unknown.any():
         step_s = float(np.median(np.diff(validation.time_s)))
-        told = ", ".join(
+        left_out = ", ".join(
             f"{count} of {name} ({number(count * step_s, 2)} s)"
             for name, count in zip(validation.joint_names, unknown.tolist(), strict=True)
             if count
         )
         said += (
-            " Where they came from before the recording, or in a gap of it, is not known and"
-            f" decides their friction at first: samples that are left out, {told}."
+            " Presliding friction depends on the motion before the recording or in a gap of the"
+            " recording, so it is not known at first. Samples that were left out for this"
+            f" reason: {left_out}."
         )
     return said

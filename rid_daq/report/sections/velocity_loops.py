@@ -1,4 +1,4 @@
-"""`VelocityLoopsSection`: the drives' velocity loops, measured and fitted, with their margins."""
+"""`VelocityLoopsSection`: measured and fitted velocity loops of the drives, with margins."""
 
 from __future__ import annotations
 
@@ -27,7 +27,14 @@ LARGEST_MISFIT = 0.3
 
 
 class LoopTrialSection(Section):
-    """A candidate of the controller: terms beside the PI, cost, and two criteria."""
+    """One candidate model of the velocity controller.
+
+    Attributes:
+        extras: Terms in addition to the PI controller.
+        cost: Cost of the fit.
+        aic: Akaike's information criterion.
+        mdl: Minimum description length.
+    """
 
     extras: Texts
     cost: float
@@ -36,28 +43,36 @@ class LoopTrialSection(Section):
 
 
 class AxisLoop(Section):
-    """One axis: its velocity controller, its mechanics, and its cascade.
+    """Velocity controller, mechanics and cascade of one axis.
 
     Attributes:
-        joint, unit, inertia_unit: Its name, and the units of gain and damping, and of inertia.
-        gain, integral_time_s, delay_s, lag_s: Of the controller; `gain` in `unit`, the others in
-            seconds.
-        std: Standard deviation of each parameter that was fitted, by its name.
-        covariance: Of the same, in the same order.
-        p_value, whiteness: Probability of a misfit as large by noise alone, and of misfits as alike
-            on neighbours.
-        trials: The candidates.
-        inertia, damping: Apparent ones of the axis. They have no interval: friction that holds and
-            other joints that give way bias them by more than the noise. With them the share that is
-            not explained (`mechanics_misfit`), and what noise alone leaves of it
-            (`mechanics_noise`).
-        velocity_margins, position_margins: Of the two loops.
+        joint: Name of the joint.
+        unit: Unit of gain and damping.
+        inertia_unit: Unit of the inertia.
+        gain: Proportional gain of the controller, in `unit`.
+        integral_time_s: Integral time of the controller [s].
+        delay_s: Delay of the controller [s].
+        lag_s: Time constant of the controller's lag [s].
+        std: Standard deviation of each fitted parameter, by its name.
+        covariance: Covariance of the fitted parameters, in the order of `std`.
+        p_value: Probability of a misfit as large by noise alone.
+        whiteness: Probability, by noise alone, of misfits as similar on neighbouring lines.
+        trials: The candidate models.
+        inertia: Apparent inertia of the axis. It has no interval: stiction and the motion of other
+            joints bias it by more than the noise.
+        damping: Apparent damping of the axis, biased as the inertia is.
+        mechanics_misfit: Share of the axis's response that inertia and damping do not explain.
+        mechanics_noise: The share that noise alone would leave unexplained.
+        velocity_margins: Margins of the velocity loop.
+        position_margins: Margins of the position loop.
         position_peak: Largest amplification of the closed position loop.
-        largest_position_gain_per_s: That keeps the margins [1/s].
-        response, mechanics_response, cascade: The curves.
-        findings: What is wrong, if anything.
-        grade, reason: "good", "doubtful" or "bad" by the share that the mechanics leave
-            unexplained, and what decides it.
+        largest_position_gain_per_s: Largest position gain that keeps the margins [1/s].
+        response: Measured response of the controller.
+        mechanics_response: Measured response of the axis.
+        cascade: Curves of the open loops.
+        findings: Problems of the measurement or the fit; empty if there are none.
+        grade: "good", "doubtful" or "bad", by the share `mechanics_misfit`.
+        reason: Reason for the grade.
     """
 
     joint: str
@@ -89,11 +104,14 @@ class AxisLoop(Section):
 
     @property
     def left_words(self) -> str:
-        """What an inertia leaves of torque over speed, beside the noise."""
-        left = f"an inertia leaves {100.0 * self.mechanics_misfit:.2g} % of torque over speed"
+        """A text: share of the response that the inertia does not explain, relative to noise."""
+        left = (
+            f"an inertia leaves {100.0 * self.mechanics_misfit:.2g} % of the response (torque"
+            " to speed) unexplained"
+        )
         if self.mechanics_noise:
             over = number(self.mechanics_misfit / self.mechanics_noise, 2)
-            left += f", {over} times what noise alone does"
+            left += f", {over} times the share that noise alone would leave"
         return left
 
     @classmethod
@@ -104,7 +122,7 @@ class AxisLoop(Section):
         mechanics: FrequencyResponse,
         cascade: Cascade,
     ) -> AxisLoop:
-        """Return what was measured and fitted of an axis."""
+        """Return the measurements and fits of one axis."""
         loop, axis = cascade.loop, cascade.mechanics
         position_unit, torque_unit = units(robot.joints[robot.joint_names.index(loop.joint_name)])
         (fit,) = grade_fit(
@@ -142,11 +160,11 @@ class VelocityLoopsSection(Section):
     """Responses, fitted controllers, margins and advice, axis by axis.
 
     Attributes:
-        sentence: How they were measured.
-        position_gain_per_s, largest_position_gain_per_s: Now, and the largest that keeps the
-            margins of all axes [1/s].
-        advice: About the position gain.
-        axes: One an axis.
+        sentence: Description of the measurement.
+        position_gain_per_s: Present position gain [1/s].
+        largest_position_gain_per_s: Largest position gain that keeps the margins of all axes [1/s].
+        advice: Advice on the position gain.
+        axes: Result of each axis.
     """
 
     sentence: str
@@ -159,12 +177,12 @@ class VelocityLoopsSection(Section):
     def of(
         cls, robot: RobotDescription, measured: LoopMeasurement, advice: GainAdvice
     ) -> VelocityLoopsSection:
-        """Return what was measured of the loops.
+        """Return the section of measured velocity loops.
 
         Args:
-            robot: The robot, for units.
+            robot: Robot with the units.
             measured: Responses and fits.
-            advice: About the position gain.
+            advice: Advice on the position gain.
         """
         return cls(
             sentence=_sentence(measured),
@@ -188,42 +206,44 @@ class VelocityLoopsSection(Section):
 def _sentence(measured: LoopMeasurement) -> str:
     first, left_out = measured.controllers[0], measured.left_out
     sentence = (
-        f"{first.realisations} realisations of {first.periods} periods. Intervals are two standard"
-        " deviations, from what differs between periods and between realisations. Gain and integral"
-        " time are fitted to the complex response by maximum likelihood; delay and lag are taken"
-        " into the fit where the description length gets shorter by them."
+        f"{first.realisations} realisations of {first.periods} periods. Intervals are two"
+        " standard deviations, from the differences between periods and between realisations."
+        " Gain and integral time are fitted to the complex response by maximum likelihood. Delay"
+        " and lag are included in the fit if they shorten the description length."
     )
     if left_out:
         numbers = ", ".join(str(k) for k in left_out)
-        sentence += f" Left out, because rows are missing: realisation {numbers}."
+        sentence += f" Realisations left out because rows are missing: {numbers}."
     if first.realisations == 1:
-        sentence += " One realisation cannot tell nonlinear distortion from the response."
+        sentence += " One realisation cannot separate nonlinear distortion from the response."
     return sentence
 
 
 def _findings(measured: FrequencyResponse, cascade: Cascade) -> list[str]:
-    """Say what is wrong, if anything."""
+    """Return the problems of the fit; empty if there are none."""
     loop, found = cascade.loop, []
     if loop.p_value < SMALLEST_P:
         found.append(
-            "a proportional-integral controller does not explain what was measured: look for"
-            " filters in the drive, or excite less"
+            "a proportional-integral controller does not explain the measured response: look for"
+            " filters in the drive, or reduce the excitation"
         )
     if loop.whiteness < SMALLEST_P:
         found.append(
-            "what the fit leaves is alike on neighbouring lines: a term is missing, such as a"
-            " filter or a second delay"
+            "the residual of the fit is similar on neighbouring lines: a term is missing, such"
+            " as a filter or a second delay"
         )
     weak = measured.frequency_hz[measured.coherence < 0.5]
     if len(weak):
         where = ", ".join(f"{f:.3g}" for f in weak)
         found.append(
-            f"torque follows the multisine badly (coherence below 0.5) at {where} Hz: these lines"
-            " hardly count; excite more, or start the band higher"
+            f"the torque follows the multisine poorly (coherence below 0.5) at {where} Hz, so"
+            " these lines have little weight: increase the excitation, or start the band at a"
+            " higher frequency"
         )
     if cascade.mechanics.misfit > LARGEST_MISFIT:
         found.append(
-            f"the axis is not one inertia (misfit {100.0 * cascade.mechanics.misfit:.0f} %):"
-            " elastic, or stuck; its margins do not hold"
+            "the axis does not behave as one inertia (misfit"
+            f" {100.0 * cascade.mechanics.misfit:.0f} %), because it is elastic or stuck: its"
+            " margins are not valid"
         )
     return found

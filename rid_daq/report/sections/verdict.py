@@ -1,4 +1,4 @@
-"""`VerdictSection`: what a result is held to, and whether it holds."""
+"""`VerdictSection`: the verdict on a result, with the limits that it was compared with."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ Relation = Literal["≤", "≥"]
 
 
 class VerdictCheck(Section):
-    """One line of a verdict: what was reached, and what was required.
+    """Comparison of one value with its limit.
 
     Attributes:
-        text: What is held to a limit.
-        value, limit: Reached and required, in `unit`.
-        relation: How `value` must stand to `limit`.
-        unit: Of both; empty where they have none.
-        passed: Whether it does.
+        text: Name of the quantity.
+        value: The value that was reached, in `unit`.
+        limit: The limit, in `unit`.
+        relation: Required relation of `value` to `limit`: ≤ or ≥.
+        unit: Unit of value and limit; empty if they have no unit.
+        passed: True if the value satisfies the relation.
     """
 
     text: str
@@ -32,7 +33,7 @@ class VerdictCheck(Section):
     def of(
         cls, text: str, value: float, relation: Relation, limit: float, unit: str = ""
     ) -> VerdictCheck:
-        """Return a value held to a limit."""
+        """Return the comparison of a value with its limit."""
         passed = value <= limit if relation == "≤" else value >= limit
         return cls(
             text=text,
@@ -45,13 +46,13 @@ class VerdictCheck(Section):
 
 
 class VerdictSection(Section):
-    """Passed, failed, or neither where nothing was to be judged.
+    """Verdict on a result: passed, failed, or not judged.
 
     Attributes:
-        passed: None where there was no limit.
-        headline: What matters, in a line.
-        sentence: What else is to be said.
-        checks: What was held to a limit.
+        passed: True or False; None if there was no limit to compare with.
+        headline: The verdict in one line.
+        sentence: Additional information on the verdict.
+        checks: The values that were compared with limits.
     """
 
     passed: bool | None
@@ -61,11 +62,11 @@ class VerdictSection(Section):
 
     @classmethod
     def of(cls, checks: Sequence[VerdictCheck], headline: str, sentence: str) -> VerdictSection:
-        """Return the verdict of some checks: passed where all of them are."""
+        """Return a verdict from its checks: passed if all checks passed."""
         passed = all(line.passed for line in checks) if checks else None
         return cls(passed=passed, headline=headline, sentence=sentence, checks=tuple(checks))
 
     @classmethod
     def failed(cls, headline: str, sentence: str) -> VerdictSection:
-        """Return a verdict that failed without a limit, such as a motion that was stopped."""
+        """Return a failed verdict without checks, for example after a motion was stopped."""
         return cls(passed=False, headline=headline, sentence=sentence, checks=())

@@ -63,7 +63,7 @@ PLOT = Plot(
         ),
         Panel(
             x=TIME,
-            y=Axis(label="limits reached", unit="1"),
+            y=Axis(label="active limit", unit="1"),
             spans=(
                 Stretch(name="torque", begin=0.0, end=1.0),
                 Stretch(name="speed", begin=1.0, end=2.0, colour="faint"),
@@ -144,7 +144,7 @@ def test_a_plot_that_is_zoomed_has_every_part() -> None:
         "time [s]",
         "torque [N m]",
         "frequency [Hz]",
-        "limits reached",
+        "active limit",
         "other times",
         "cycles [1]",
     ):

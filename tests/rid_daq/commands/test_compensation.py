@@ -106,9 +106,9 @@ def test_the_circle_comes_an_order_of_magnitude_closer(
     assert found["without_stiffness"] == ["axis1", "axis2", "axis3"]
     assert motion["bending"] is None
     page = Path(found["report"]).read_text()
-    assert "deviation drawn 10 times as large" in page
+    assert "deviation magnified 10 times" in page
     assert ": error reduced " in page
-    assert "does not contain the bending" in page
+    assert "does not contain the deflection" in page
     assert "tuned on it" in page
     stiff = json.loads((workshop / "model.json").read_text())
     stiff["robot"]["joints"][2]["stiffness_nm_rad"] = 2e4

@@ -82,9 +82,9 @@ def test_the_whole_demo_reaches_what_it_is_held_to(
     assert after["mean_m"] < 3.0 * before["mean_m"]
     assert after["max_m"] < 3.0 * before["max_m"]
     page = Path(document["report"]).read_text()
-    assert "As it was driven" in page
-    assert "Dotted: as measured" in page
-    assert page.count("times as large") == 4
+    assert "Measured on the robot" in page
+    assert "Dotted: measured torques" in page
+    assert page.count("deviation magnified ") == 4
     assert [run["role"] for run in document["runs"]][2:] == [
         "Multisine",
         "Circle, plain",

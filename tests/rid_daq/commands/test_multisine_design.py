@@ -23,9 +23,9 @@ from config.errors import ConfigError
 from config.load import load_cell
 from rid_daq.app import run
 from rid_daq.blocks.block import Text
+from rid_daq.report.section_blocks.bode import bode_plot
+from rid_daq.report.section_blocks.velocity_loops import loop_blocks
 from rid_daq.report.sections.velocity_loops import VelocityLoopsSection
-from rid_daq.report.shown.bode import bode_plot
-from rid_daq.report.shown.velocity_loops import loop_blocks
 from rid_daq.report_page.drawings.plot import plot_svg
 from tests.builders.raised_codes import raises_code
 

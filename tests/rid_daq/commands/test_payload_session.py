@@ -72,7 +72,7 @@ def test_a_session_weighs_the_payload_unattended(
         assert abs(entry["value"] - truth) < max(0.004, 2.5 * entry["std"])
     assert document["verdict"]["passed"] is True
     assert document["facts"]["empty_flange"] == "simulated"
-    assert "Nothing was on the simulated flange" in document["verdict"]["sentence"]
+    assert "The simulated flange was empty" in document["verdict"]["sentence"]
     assert "Warm-up: " in document["payload"]["findings"][-1]
     assert "Simulated: medium was on the flange." in document["payload"]["findings"][-2]
     report = Path(document["report"]).read_text(encoding="utf-8")

@@ -62,7 +62,7 @@ def test_the_combined_model_tells_what_the_plate_improved(
     assert len(plate["components"]) == 6
     report = find_run(workshop / "runs", "excitation").file("report.html").read_text()
     assert "The force plate" in report
-    assert "σ by both" in report
+    assert "σ from both" in report
 
 
 def test_it_says_so_to_people(
@@ -125,7 +125,7 @@ def test_limits_of_the_base_are_judged(
     assert load["weight_known"]
     assert load["components"][2]["peak"] > 900.0
     assert code == (0 if all(c["held"] for c in load["components"]) else 1)
-    assert any("reaction on the base" in line["text"] for line in told["verdict"]["checks"])
+    assert any("base wrench with 2σ" in line["text"] for line in told["verdict"]["checks"])
     assert run([*command, "--mass", "250", *runs]) == 1
     broken = [c["name"] for c in document(capsys)["base_load"]["components"] if not c["held"]]
     assert "Fz" in broken

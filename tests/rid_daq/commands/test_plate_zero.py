@@ -190,7 +190,7 @@ def test_the_zero_stands_in_the_cell_file_and_beside_the_run(
     assert zeroed["written"] == str(cell)
     beside = find_run(cell.parent / "runs", "plate zero")
     assert beside.read("zero.yaml").decode() in cell.read_text()
-    assert "Zero of the force plate" in beside.file("report.html").read_text()
+    assert "Offsets of the force plate" in beside.file("report.html").read_text()
     assert "# a Kistler 9281B under the robot" in cell.read_text()
 
 
@@ -259,7 +259,7 @@ def test_without_write_the_lines_are_printed_and_the_file_is_left_alone(
     assert run([*words, "--pose", "1.6,0.1,0.2"]) == 0
     said = capsys.readouterr().out
     assert "turned by 124 degrees" in said
-    assert "less than half a turn" in said
+    assert "do not allow half a turn" in said
     assert "    offset_n: [" in said
     assert cell.read_bytes() == before
 

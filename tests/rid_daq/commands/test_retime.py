@@ -164,10 +164,10 @@ def test_a_motion_is_timed_and_shown(folder: Path, capsys: pytest.CaptureFixture
         assert torque[:, j].max() == pytest.approx(joint["torque_peak"], rel=1e-6)
         assert torque[:, j].max() + joint["torque_margin"] * 0.5 < joint["torque_limit"]
     page = (folder / "fast.html").read_text()
-    assert "Timed to its limits" in page
+    assert "Retimed path" in page
     assert "limit curve" in page
     assert "path.yaml" in page
-    assert "of the path [%]" in page
+    assert "completed path [%]" in page
     assert f"original, {told['original_s']:.4g} s" in page
     assert f"timed, {told['moving_s']:.4g} s" in page
 
@@ -230,7 +230,7 @@ def test_turns_of_a_circle_become_one_way(folder: Path, capsys: pytest.CaptureFi
     (folder / "path.yaml").write_text(CIRCLE)
     assert run(words(folder, "--report", folder / "fast.html")) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert "all its turns, those to settle included, are one way from rest to rest now" in said
+    assert "All its periods, including those for settling, are now one way from rest to rest" in said
     assert "The motion was periodic" in (folder / "fast.html").read_text()
     samples = planned_in(folder / "fast.yaml")
     assert samples.periods == 0

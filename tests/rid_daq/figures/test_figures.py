@@ -17,10 +17,10 @@ from rid_daq.figures.embedding import as_csv, as_item, bokeh_script, figure_scri
 from rid_daq.figures.palette import INK, darkened
 from rid_daq.figures.panel import panel, words
 from rid_daq.figures.plot_figure import plot_figure
-from rid_daq.report.shown.bode import bode_plot
-from rid_daq.report.shown.centre_of_gravity import VIEWS, CentreOfGravity, centre_plot
-from rid_daq.report.shown.curves import spectrum_plot, torque_plot
-from rid_daq.report.shown.tracking import path_plots
+from rid_daq.report.section_blocks.bode import bode_plot
+from rid_daq.report.section_blocks.centre_of_gravity import VIEWS, CentreOfGravity, centre_plot
+from rid_daq.report.section_blocks.curves import spectrum_plot, torque_plot
+from rid_daq.report.section_blocks.tracking import path_plots
 from rid_daq.workbench.motion_blocks import limits_plot
 from rid_daq.workbench.run_blocks import warm_up_plot
 from tests.builders.drawn_figures import (

@@ -108,7 +108,7 @@ def test_it_says_who_when_where_by_what_and_with_which_files(kept: Session, text
     assert manifest.finished_utc is not None
     for stamp in (manifest.created_utc, manifest.finished_utc):
         assert f"{stamp[:19].replace('T', ' ')} UTC" in text
-    assert "Passed: the payload has" in text
+    assert "Passed: the payload's mass is" in text
     assert "interval of the mass (2σ)" in text
     assert f"gripper 4 ({kept.folder.run_id})" in text
     assert f"By {NAME}" in text
@@ -189,14 +189,14 @@ def test_a_failed_verdict_is_certified_as_failed_and_gives_no_load_data(tmp_path
     text = words_of(certificate_of(failed.folder, None))
     assert "Failed: interval of the mass (2σ)" in text
     assert "Passed" not in text
-    assert "None: the verdict is not passed." in text
+    assert "No load data: the verdict is not passed." in text
     assert "principal moment" not in text
 
 
 def test_what_is_not_seen_has_no_number(session: Session) -> None:
     note_payload(session.folder, with_unseen_inertia(session.payload))
     text = words_of(certificate_of(session.folder, None))
-    assert "inertia Izz not seen kg m²" in text
+    assert "inertia Izz not identified kg m²" in text
     assert "Failed" in text
 
 

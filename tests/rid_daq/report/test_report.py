@@ -222,16 +222,16 @@ def test_the_verdict_stands_before_everything_else(page: str, undrawn: dict[str,
 
 def test_the_page_shows_what_the_issue_asks_for(page: str) -> None:
     for part in (
-        "What was run",
-        "Predicted against measured torque",
-        "Residual spectrum against the noise floor",
+        "Runs",
+        "Predicted and measured torque",
+        "Residual spectrum and noise floor",
         "Parameters with their intervals",
         "rejected period",
         "7 samples are missing",
         "Loop timing",
-        "Paths followed",
-        "deviation drawn 10 times as large",
-        "deviation drawn 1000 times as large",
+        "Path errors",
+        "deviation magnified 10 times",
+        "deviation magnified 1000 times",
         "2 mm of deviation",
         "tuned on it",
         "rid-daq 0.1.0",
@@ -342,7 +342,7 @@ def test_a_key_that_nobody_knows_is_named(result: dict[str, Any], folder: RunFol
 
 
 def test_a_run_without_a_result_is_told_apart(folder: RunFolder) -> None:
-    with raises_code(RecordingError, "RID-RUN-NO-RESULT", "yet"):
+    with raises_code(RecordingError, "RID-RUN-NO-RESULT", "result.json"):
         read_result(folder)
 
 

@@ -10,8 +10,8 @@ import pytest
 from acquisition.runs.folder import RunFolder
 from config.errors import RecordingError
 from rid_daq.report.result import Result
+from rid_daq.report.section_blocks.tracking import path_plots
 from rid_daq.report.sections.tracking import PathCurves, TrackingSection
-from rid_daq.report.shown.tracking import path_plots
 from rid_daq.report_page.write import write_result
 from tests.builders.invented import whole_result
 from tests.builders.raised_codes import raises_code
@@ -59,7 +59,7 @@ def test_a_tool_point_that_stands_still_has_a_page_without_a_scale_bar(
         assert not panel.marks
         assert "scale" not in [line.label for line in panel.lines]
     page = write_result(folder, head().updated(tracking=still)).read_text()
-    assert "Paths followed" in page
+    assert "Path errors" in page
     assert "of deviation" not in page
 
 

@@ -15,7 +15,7 @@ from tests.rid_daq.workbench.test_every_page import require_axe
 
 pytestmark = pytest.mark.slow
 
-SHOWN = "[data-figure-state=shown]"
+BLOCKS_BY_SECTION = "[data-figure-state=shown]"
 LONG_MS = 400_000  # a motion, where others work on this computer too
 
 
@@ -69,7 +69,7 @@ def test_from_an_experiment_to_a_validated_model(open_page: OpenPage, screenshot
     page.locator("#design-go").click()
     expect(page.locator("#picture")).to_contain_text("Condition number")
     expect(page.locator("#motion")).to_have_value("excitation.yaml")
-    expect(page.locator(f"#picture > [data-figure=motion]{SHOWN}")).to_be_visible()
+    expect(page.locator(f"#picture > [data-figure=motion]{BLOCKS_BY_SECTION}")).to_be_visible()
 
     page.locator("#label").fill("other")
     begin_motion(page, "#record")
@@ -92,7 +92,7 @@ def test_from_an_experiment_to_a_validated_model(open_page: OpenPage, screenshot
     expect(page.locator("#result td", has_text=re.compile("^good$"))).to_have_count(3)
     for figure in ("fit", "residual_spectrum"):
         page.locator(f"[data-figure={figure}]").scroll_into_view_if_needed()
-        expect(page.locator(f"[data-figure={figure}] {SHOWN}").first).to_be_visible()
+        expect(page.locator(f"[data-figure={figure}] {BLOCKS_BY_SECTION}").first).to_be_visible()
 
     page.locator("#other").select_option(
         page.locator("#other option", has_text="other,").first.get_attribute("value")
@@ -134,11 +134,11 @@ def test_a_newcomer_comes_to_a_payload_verdict(
     begin_motion(page, "#begin")
     expect(page.locator("#job")).to_contain_text("goes on; done already: rehearsal.")
     expect(page.locator("#result .verdict").first).to_contain_text(
-        "✓ Passed: the payload has 9.", timeout=LONG_MS
+        "✓ Passed: the payload's mass is 9.", timeout=LONG_MS
     )
-    expect(page.locator(f"#warm-figure > {SHOWN}")).to_be_visible()
+    expect(page.locator(f"#warm-figure > {BLOCKS_BY_SECTION}")).to_be_visible()
     page.locator("[data-figure=payload]").scroll_into_view_if_needed()
-    expect(page.locator(f"[data-figure=payload] {SHOWN}").first).to_be_visible()
+    expect(page.locator(f"[data-figure=payload] {BLOCKS_BY_SECTION}").first).to_be_visible()
 
     page.locator("#by").fill("A. Newcomer")
     page.locator("#certify").click()

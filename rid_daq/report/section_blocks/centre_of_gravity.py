@@ -19,22 +19,22 @@ _TURN: Final = np.linspace(0.0, 2.0 * np.pi, 73)
 AXES: Final = "xyz"
 VIEWS: Final = ((0, 2), (1, 2), (0, 1))
 AXIS_SHARE: Final = 0.3
-"""Length of the drawn axes, as a share of the distance to the centre of gravity."""
+"""Length of the drawn axes relative to the distance of the centre of gravity."""
 LEAST_MM: Final = 50.0
 _COLOURS: Final[tuple[Colour, ...]] = ("red", "green", "blue")
 
 
 @dataclass(frozen=True, eq=False)
 class CentreOfGravity:
-    """What is drawn of a payload, in the flange's frame.
+    """Centre of gravity and size of a payload for a drawing, in the flange's frame.
 
     Attributes:
-        centre_mm, sigma_mm: Shape (3,). The centre of gravity and its standard deviations; not a
-            number where it is not seen.
-        covariance_mm2: Shape (3, 3). Of the centre; None where a result tells standard deviations
-            only.
+        centre_mm: Shape (3,). The centre of gravity; NaN for a coordinate that is not identified.
+        sigma_mm: Shape (3,). Standard deviations of the coordinates; NaN if not identified.
+        covariance_mm2: Shape (3, 3). Covariance of the centre; None if a result contains standard
+            deviations only.
         spread_mm2: Shape (3, 3). Squared half axes, as a matrix, of the ellipsoid of even density
-            that has the payload's mass and inertia; None where not all parameters are seen.
+            that has the payload's mass and inertia; None unless all parameters are identified.
     """
 
     centre_mm: FloatArray
@@ -44,10 +44,10 @@ class CentreOfGravity:
 
     @classmethod
     def of(cls, estimate: PayloadEstimate) -> CentreOfGravity:
-        """Return what is drawn of an estimate.
+        """Return the values to draw for an estimate.
 
         Raises:
-            EstimationError: There is no body close to the estimate that can exist.
+            EstimationError: No physically consistent body is close to the estimate.
         """
         from identification.payload.body import reported_slopes
 
@@ -68,7 +68,7 @@ class CentreOfGravity:
 
     @classmethod
     def of_section(cls, section: PayloadSection) -> CentreOfGravity:
-        """Return what is drawn of a payload as its result tells it."""
+        """Return the values to draw for the payload of a result."""
         from identification.payload.body import PayloadBody
 
         entries = section.parameters
@@ -85,7 +85,7 @@ class CentreOfGravity:
 
 
 def _spread(mass_kg: float, inertia_kg_m2: FloatArray) -> FloatArray | None:
-    """Return squared half axes of an ellipsoid [mm²] by mass and inertia; None without a mass."""
+    """Return the squared half axes of an ellipsoid [mm²] as a matrix; None without a mass."""
     if mass_kg <= 0.0:
         return None
     second = 0.5 * np.trace(inertia_kg_m2) * np.eye(3) - inertia_kg_m2
@@ -93,24 +93,24 @@ def _spread(mass_kg: float, inertia_kg_m2: FloatArray) -> FloatArray | None:
 
 
 def ellipse(centre: FloatArray, matrix: FloatArray) -> FloatArray:
-    """Return points (2, k) on the ellipse of a centre and squared half axes as a matrix (2, 2)."""
+    """Return points (2, k) on an ellipse; `matrix` (2, 2) contains the squared half axes."""
     squares, axes = np.linalg.eigh(matrix)
     half = axes * np.sqrt(np.maximum(squares, 0.0))
     return np.asarray(centre[:, np.newaxis] + half @ np.array([np.cos(_TURN), np.sin(_TURN)]))
 
 
 def centre_plot(drawn: CentreOfGravity) -> Plot:
-    """Return the flange's axes, the centre with its intervals, and the size of the payload.
+    """Return a plot of the flange's axes, the centre with intervals, and the payload's size.
 
     Args:
-        drawn: Of a payload; without a covariance there is no ellipse.
+        drawn: Values of a payload; without a covariance no ellipse is drawn.
     """
     return Plot(
         name="payload",
         panels=tuple(_view(drawn, *view) for view in VIEWS),
-        caption="The centre of gravity in the frame of the flange, to scale. Even density: the"
-        " ellipsoid of even density with the mass and inertia of the payload, which is at least"
-        " about as large.",
+        caption="The centre of gravity in the frame of the flange, to scale. Even density:"
+        " ellipsoid of even density with the payload's mass and inertia; the payload"
+        " itself is usually at least as large.",
         columns=len(VIEWS),
     )
 
@@ -165,5 +165,5 @@ def _view(drawn: CentreOfGravity, across: int, up: int) -> Panel:
 def _title(drawn: CentreOfGravity, pair: list[int]) -> str:
     (along,) = {0, 1, 2} - set(pair)
     missing = [AXES[k] for k in pair if not np.isfinite(drawn.centre_mm[k])]
-    unseen = f": {' and '.join(missing)} not shown by the motion" if missing else ""
+    unseen = f": {' and '.join(missing)} not identifiable from this motion" if missing else ""
     return f"seen along {AXES[along]}{unseen}"

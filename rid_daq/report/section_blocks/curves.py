@@ -12,30 +12,26 @@ from rid_daq.report.sections.curves import CurvesSection, SpectrumCurves, Torque
 WIDE_PX: Final = 4.5
 THIN_PX: Final = 1.2
 RESIDUAL_REACH: Final = 1.2
-"""Height of a panel of residuals, as a multiple of the largest residual that counts."""
+"""Height of a residual panel relative to the largest residual that counts."""
 
 
 def curves_blocks(section: CurvesSection) -> Iterator[AnyBlock]:
-    """Yield measured and predicted torque, and the spectrum of what the model leaves.
-
-    Args:
-        section: The curves.
-    """
+    """Yield measured and predicted torque, and the spectrum of the residual."""
     if section.torque is not None:
         yield Heading(text="Measured and predicted torque")
         yield Text(text=section.torque.sentence)
         yield torque_plot(section.torque)
     if section.spectrum is not None:
-        yield Heading(text="Residual spectrum against the noise floor")
+        yield Heading(text="Residual spectrum and noise floor")
         yield Text(text=section.spectrum.sentence)
         yield spectrum_plot(section.spectrum)
 
 
 def torque_plot(curves: TorqueCurves) -> Plot:
-    """Return measured and predicted torque over time, and their difference, axis by axis.
+    """Return measured and predicted torque over time, and the residual, for each axis.
 
     Args:
-        curves: Of a validation, or of the mean period that a model was fitted to.
+        curves: Curves of a validation, or of the mean period to which a model was fitted.
     """
     panels = [panel for axis in curves.axes for panel in _torque_panels(curves, axis)]
     return Plot(name="fit", panels=tuple(panels))
@@ -85,11 +81,7 @@ def _torque_panels(curves: TorqueCurves, axis: TorqueCurve) -> tuple[Panel, Pane
 
 
 def spectrum_plot(spectrum: SpectrumCurves) -> Plot:
-    """Return torque, residual and noise over frequency, one panel an axis.
-
-    Args:
-        spectrum: Of a mean period.
-    """
+    """Return torque, residual and noise over frequency, one panel per axis."""
     panels = [
         Panel(
             title=axis.joint,
@@ -121,5 +113,5 @@ def spectrum_plot(spectrum: SpectrumCurves) -> Plot:
 
 
 def _positive(values: tuple[float, ...]) -> Gapped:
-    """Return values for a logarithmic axis, with a gap instead of 0."""
+    """Return values for a logarithmic axis, with gaps instead of values that are not positive."""
     return tuple(value if value > 0.0 else None for value in values)

@@ -9,29 +9,21 @@ from rid_daq.blocks.block import AnyBlock, Heading, Text
 from rid_daq.blocks.plot import Axis, Bar, Panel, Plot
 from rid_daq.report.sections.timing import LoopTiming, Timing, bin_names
 
-LEAST: Final = 0.5  # of a logarithmic axis of counts
+LEAST: Final = 0.5  # lower end of a logarithmic axis of counts
 
 
 def timing_blocks(section: Timing) -> Iterator[AnyBlock]:
-    """Yield the timing of each run, and histograms of the lateness of its cycles.
-
-    Args:
-        section: The timing.
-    """
+    """Yield the timing of each run, and histograms of the lateness of its cycles."""
     if section.loops:
         yield Heading(text="Loop timing")
     for timing in section.loops or ():
         yield Text(text=f"{timing.role}: {timing.sentence}")
-        if timing.told:
+        if timing.has_lateness:
             yield lateness_plot(timing)
 
 
 def lateness_plot(timing: LoopTiming) -> Plot:
-    """Return the number of cycles over their lateness.
-
-    Args:
-        timing: The timing of a run.
-    """
+    """Return a histogram of the lateness of a run's cycles."""
     names = bin_names(timing.edges_us)
     panel = Panel(
         x=Axis("lateness of the cycle", "µs"),

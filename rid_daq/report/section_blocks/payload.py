@@ -1,4 +1,4 @@
-"""`payload_blocks`: what people see of a payload."""
+"""`payload_blocks`: an estimated payload as blocks."""
 
 from __future__ import annotations
 
@@ -7,23 +7,19 @@ from collections.abc import Iterator
 from identification.regression.fit_grade import Grade
 from rid_daq.blocks.block import AnyBlock, Cells, Heading, Interval, Table, Text, table
 from rid_daq.blocks.formats import format_measured, number, unit
+from rid_daq.report.section_blocks.centre_of_gravity import CentreOfGravity, centre_plot
 from rid_daq.report.sections.payload import PayloadParameter, PayloadSection
-from rid_daq.report.shown.centre_of_gravity import CentreOfGravity, centre_plot
 
 
 def payload_blocks(section: PayloadSection) -> Iterator[AnyBlock]:
-    """Yield parameters with intervals, principal moments, findings, and the fit of each axis.
-
-    Args:
-        section: The payload.
-    """
+    """Yield parameters with intervals, principal moments, findings, and the fit of each axis."""
     yield Heading(text="Payload")
     yield Text(text=section.sentence)
     yield _parameters(section)
     yield Text(
-        text="Centre of gravity (cx, cy, cz) from the flange's origin, inertia about it, in the"
-        " axes of the flange: the robot file's tool frame. Ixy is the element of the matrix,"
-        " −∫ x y dm.",
+        text="Centre of gravity (cx, cy, cz) relative to the flange's origin, inertia about the"
+        " centre of gravity, in the axes of the flange (the robot file's tool frame). Ixy"
+        " is the element of the matrix, −∫ x y dm.",
         is_note=True,
     )
     if section.has_centre:
@@ -37,9 +33,10 @@ def payload_blocks(section: PayloadSection) -> Iterator[AnyBlock]:
     if section.repeats is not None:
         scatter, ratio = section.repeats.scatter[0], section.repeats.ratio
         yield Text(
-            text=f"{section.repeats.runs} runs, each for itself: the mass scatters by"
-            f" {number(scatter, 2)} kg (1σ). Scatter over quoted standard deviation, all ten"
-            f" parameters together: {number(ratio, 2)}."
+            text=f"The payload was also estimated from each of {section.repeats.runs} runs alone:"
+            f" the mass scatters by {number(scatter, 2)} kg (1σ). Scatter divided by the"
+            " quoted standard deviation, for all ten parameters together:"
+            f" {number(ratio, 2)}."
         )
     for finding in section.findings:
         yield Text(text=finding)
@@ -53,12 +50,12 @@ def _parameters(section: PayloadSection) -> Table:
         Cells(
             "estimate ± 2σ",
             lambda each: (
-                "not seen"
+                "not identified"
                 if each.value is None or each.std is None
                 else Interval.of(each.value, each.std)
             ),
         ),
-        Cells("σ by noise", lambda each: each.std_noise, digits=2),
+        Cells("σ from noise", lambda each: each.std_noise, digits=2),
         Cells("unit", lambda each: unit(each.unit)),
         Cells("consistent body", _exported),
         Cells("", lambda each: "known" if each.known else ""),
@@ -79,10 +76,10 @@ def _axes(section: PayloadSection) -> Table:
         Cells("unit", lambda axis: axis.unit),
         Cells("torque of the payload (RMS)", lambda axis: axis.payload, digits=3),
         Cells("residual (RMS)", lambda axis: axis.residual, digits=3),
-        Cells("of the torque", lambda axis: axis.residual_percent, "%", 3),
-        Cells("times the noise", lambda axis: axis.over_noise, digits=2),
+        Cells("residual / torque", lambda axis: axis.residual_percent, "%", 3),
+        Cells("residual / noise", lambda axis: axis.over_noise, digits=2),
         Cells("fit", lambda axis: axis.grade or "–"),
         Cells("reason", lambda axis: axis.reason),
-        Cells("mass per 1 % of torque", lambda axis: axis.mass_per_percent, "kg", 2),
+        Cells("change of mass per 1 % of torque", lambda axis: axis.mass_per_percent, "kg", 2),
         failed=lambda axis: axis.grade is Grade.BAD,
     )

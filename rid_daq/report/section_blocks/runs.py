@@ -1,4 +1,4 @@
-"""`runs_blocks`: the runs of a result, and the curve of a joint that stopped one."""
+"""`runs_blocks`: the runs of a result, and the curve of a joint that stopped a run."""
 
 from __future__ import annotations
 
@@ -11,12 +11,8 @@ from rid_daq.report.sections.stop import StopCurve
 
 
 def runs_blocks(section: Sequence[RunSection]) -> Iterator[AnyBlock]:
-    """Yield what was run, why it stopped, the extremes of each axis, and rows that are left out.
-
-    Args:
-        section: The runs.
-    """
-    yield Heading(text="What was run")
+    """Yield each run, its stop reason, the extremes of each axis, and rows that are left out."""
+    yield Heading(text="Runs")
     for run in section:
         yield Heading(text=run.role, level=3)
         yield Text(text=run.sentence)
@@ -47,7 +43,7 @@ def _extremes(run: RunSection) -> Table:
         Cells("max following error", lambda axis: axis.max_following_error, digits=3),
         Cells("unit", lambda axis: axis.torque_unit),
         Cells("max torque", lambda axis: axis.max_torque, digits=3),
-        Cells("of its limit", lambda axis: axis.max_torque_percent, "%", 3),
+        Cells("max torque / limit", lambda axis: axis.max_torque_percent, "%", 3),
     )
 
 
@@ -61,14 +57,10 @@ def _bad_rows(bad_rows: Sequence[BadRows]) -> Table:
 
 
 def stop_plot(curve: StopCurve) -> Plot:
-    """Return the judged quantity in the last second before a stop, and its limits.
-
-    Args:
-        curve: The curve of the joint that stopped the motion.
-    """
+    """Return the quantity that stopped a motion, with its limits, in the last second."""
     lines: tuple[tuple[str, Numbers, Colour, Dash], ...] = (
-        ("least allowed", curve.low, "red", "dashed"),
-        ("most allowed", curve.high, "red", "dashed"),
+        ("lowest allowed", curve.low, "red", "dashed"),
+        ("highest allowed", curve.high, "red", "dashed"),
         (curve.quantity, curve.value, "blue", "solid"),
     )
     panel = Panel(

@@ -1,4 +1,4 @@
-"""`friction_choice_blocks`: the friction terms and the torque channel that `--choose` found."""
+"""`friction_choice_blocks`: the friction terms and the torque channel that `--choose` selected."""
 
 from __future__ import annotations
 
@@ -10,16 +10,12 @@ from rid_daq.report.sections.section import Texts
 
 
 def friction_choice_blocks(section: ComparisonSection) -> Iterator[AnyBlock]:
-    """Yield the chosen terms, what they gain, and what else was found.
-
-    Args:
-        section: The choice.
-    """
+    """Yield the selected terms, their gain, and other findings."""
     yield Heading(text="Chosen friction terms", level=3)
     yield Text(
-        text="RMS error of moving samples [N m or N] on parts of the runs that each fit left out. A"
-        " term is kept only if it is distinct from zero and the error falls by more than its"
-        " standard error."
+        text="RMS error of moving samples [N m or N] on parts of the runs that each fit left"
+        " out. A term is selected only if it differs from zero and reduces the error by"
+        " more than the error's standard error."
     )
     yield table(
         range(len(section.joints)),
@@ -30,7 +26,10 @@ def friction_choice_blocks(section: ComparisonSection) -> Iterator[AnyBlock]:
         Cells("Stribeck speed", lambda j: section.stribeck_speed[j], digits=3),
     )
     if section.memory is not None and any(d is not None for d in section.memory.distance):
-        yield Text(text="Friction with presliding, judged with standstill and reversal:")
+        yield Text(
+            text="Friction with presliding, compared on all samples including standstill"
+            " and reversal:"
+        )
         yield _presliding(section.memory, section.joints)
     for trial in (section.warming, section.channel):
         for sentence in () if trial is None else trial.sentences(section.joints):
@@ -43,6 +42,6 @@ def _presliding(memory: MemoryTrial, joints: Texts) -> Table:
         Cells("axis", lambda j: joints[j]),
         Cells("RMS error without presliding", lambda j: memory.without[j]),
         Cells("RMS error with presliding", lambda j: memory.with_memory[j]),
-        Cells("presliding distance, if it is chosen", lambda j: memory.distance[j], digits=3),
-        Cells("share of the friction that gives way", lambda j: memory.shown_shares[j], digits=2),
+        Cells("presliding distance, if selected", lambda j: memory.distance[j], digits=3),
+        Cells("presliding fraction of the friction", lambda j: memory.shown_shares[j], digits=2),
     )

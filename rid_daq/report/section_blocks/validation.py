@@ -1,21 +1,17 @@
-"""`validation_blocks`: the torque errors of a model on a run that it was not identified from."""
+"""`validation_blocks`: the torque errors of a model on a run that was not used for its fit."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from rid_daq.blocks.block import AnyBlock, Cells, Heading, Table, Text, table
+from rid_daq.report.section_blocks.verdict import doubt_texts, yes_or_no
 from rid_daq.report.sections.validation import AxisError, ValidationSection
-from rid_daq.report.shown.verdict import doubt_texts, yes_or_no
 
 
 def validation_blocks(section: ValidationSection) -> Iterator[AnyBlock]:
-    """Yield the errors axis by axis, what makes a fit doubtful, and the diagnosis.
-
-    Args:
-        section: The errors.
-    """
-    yield Heading(text="Predicted against measured torque")
+    """Yield the errors of each axis, the reasons for poor grades, and the diagnosis."""
+    yield Heading(text="Predicted and measured torque")
     yield Text(text=section.sentence)
     yield _errors(section)
     yield from doubt_texts(section.axes)

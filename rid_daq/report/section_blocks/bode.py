@@ -1,4 +1,4 @@
-"""`bode_plot`: the velocity controller and the opened loops of an axis, with their margins."""
+"""`bode_plot`: the velocity controller and the open loops of an axis, with their margins."""
 
 from __future__ import annotations
 
@@ -17,13 +17,14 @@ FREQUENCY: Final = Axis("frequency", "Hz", log=True)
 
 
 def bode_plot(axis: AxisLoop) -> Plot:
-    """Return the response of the controller with its errors and fit, and the opened loops."""
+    """Return the controller's response with its errors and fit, and the open loops."""
     return Plot(
         name=f"bode_{axis.joint}",
-        panels=(_gain(axis), _phase(axis.response), *_opened(axis)),
-        caption="Controller: torque over velocity error, at the lines of the multisine. Triangles:"
-        " torque at lines that are not excited and that the controller does not explain, over the"
-        " velocity error beside it. Opened loops: bars are the margins.",
+        panels=(_gain(axis), _phase(axis.response), *_open_loops(axis)),
+        caption="Controller: torque over velocity error, at the excited lines of the multisine."
+        " Triangles: torque at lines that are not excited and that the linear response"
+        " does not explain, divided by the velocity error at the neighbouring lines."
+        " Open loops: the bars are the margins.",
     )
 
 
@@ -97,7 +98,7 @@ def _band(x: Sequence[float], low: Sequence[float], high: Sequence[float]) -> Li
     return Line("measured ± 2σ", (*x, *reversed(x)), (*low, *reversed(high)), "blue", is_area=True)
 
 
-def _opened(axis: AxisLoop) -> tuple[Panel, Panel]:
+def _open_loops(axis: AxisLoop) -> tuple[Panel, Panel]:
     cascade = axis.cascade
     loops: tuple[tuple[str, OpenLoop, Colour, Dash], ...] = (
         ("velocity loop", cascade.velocity, "green", "dashed"),
@@ -142,7 +143,7 @@ def _opened(axis: AxisLoop) -> tuple[Panel, Panel]:
             lines=tuple(sizes),
             limits=(0.0,),
             marks=tuple(size_marks),
-            title=f"{axis.joint}: opened loops",
+            title=f"{axis.joint}: open loops",
         ),
         Panel(
             x=FREQUENCY,

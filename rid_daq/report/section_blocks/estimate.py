@@ -1,4 +1,4 @@
-"""`estimate_blocks`: the parameters of a robot with their intervals, and how well they fit."""
+"""`estimate_blocks`: the parameters of a robot with their intervals, and the quality of the fit."""
 
 from __future__ import annotations
 
@@ -18,16 +18,12 @@ from rid_daq.blocks.block import (
 )
 from rid_daq.blocks.formats import format_measured, number, unit
 from rid_daq.report.mistake_entry import MistakeEntry
+from rid_daq.report.section_blocks.verdict import doubt_texts, yes_or_no
 from rid_daq.report.sections.estimate import EstimateSection, ParameterEntry
-from rid_daq.report.shown.verdict import doubt_texts, yes_or_no
 
 
 def estimate_blocks(section: EstimateSection) -> Iterator[AnyBlock]:
-    """Yield the method, mistakes, fits, parameters and findings.
-
-    Args:
-        section: The estimate.
-    """
+    """Yield the method, mistakes, fits, parameters and findings."""
     yield Heading(text="Parameters with their intervals")
     yield Text(text=section.sentence)
     yield from mistake_blocks(section)
@@ -38,27 +34,19 @@ def estimate_blocks(section: EstimateSection) -> Iterator[AnyBlock]:
 
 
 def fit_verdict(section: EstimateSection) -> Verdict:
-    """Return whether the model explains the torque of every axis.
-
-    Args:
-        section: The estimate.
-    """
+    """Return a verdict: passed if the model explains the torque of every axis."""
     bad = [axis.joint for axis in section.axes if axis.grade is Grade.BAD]
     if not bad:
         return Verdict(passed=True, text="The model explains the torque of every axis.")
     return Verdict(
         passed=False,
-        text=f"The model does not explain the torque of {', '.join(bad)}: it is not exported"
-        " without --despite-misfit. Correct the files, then identify again.",
+        text=f"The model does not explain the torque of {', '.join(bad)}, so it is exported only"
+        " with --despite-misfit. Correct the files, then identify again.",
     )
 
 
 def mistake_blocks(section: EstimateSection) -> Iterator[AnyBlock]:
-    """Yield each mistake that explains the data far better, and the lines to change.
-
-    Args:
-        section: The estimate.
-    """
+    """Yield each mistake that explains the data far better, and the lines to change."""
     for mistake in section.mistakes or ():
         yield Verdict(passed=False, text=mistake.sentence)
         yield Text(text=_remedy(mistake))
@@ -66,19 +54,15 @@ def mistake_blocks(section: EstimateSection) -> Iterator[AnyBlock]:
             yield Text(text=place.words)
         if mistake.alternatives:
             as_good = "; ".join(other.words for other in mistake.alternatives)
-            yield Text(text=f"As good an explanation: {as_good}.")
+            yield Text(text=f"Equally good explanation: {as_good}.")
 
 
 def _remedy(mistake: MistakeEntry) -> str:
-    return f"Change {' or '.join(mistake.change)}; read the run again."
+    return f"Change {' or '.join(mistake.change)}, then identify the run again."
 
 
 def fit_blocks(section: EstimateSection) -> Iterator[AnyBlock]:
-    """Yield how well the model explains the torque of each axis, and what makes a fit doubtful.
-
-    Args:
-        section: The estimate.
-    """
+    """Yield the fit of each axis, and the reasons for poor grades."""
     yield table(
         section.axes,
         Cells("axis", lambda axis: axis.joint),
@@ -94,11 +78,7 @@ def fit_blocks(section: EstimateSection) -> Iterator[AnyBlock]:
 
 
 def parameter_table(section: EstimateSection) -> Table:
-    """Return the parameters with their intervals; of a simulated robot with the true values.
-
-    Args:
-        section: The estimate.
-    """
+    """Return the parameters with intervals; for a simulated robot also the true values."""
     numbered = list(enumerate(section.parameters, start=1))
     columns: list[Cells[tuple[int, ParameterEntry]]] = [
         Cells("#", lambda each: each[0]),
@@ -125,18 +105,16 @@ def _reach(each: ParameterEntry) -> float | None:
 def _value(each: ParameterEntry) -> Cell:
     if (reach := _reach(each)) is not None:
         return Interval(value=each.value, reach=reach)
-    return f"{number(each.value)}, {'at its bound' if each.at_bound else 'not shown'}"
+    return f"{number(each.value)}, {'at its bound' if each.at_bound else 'not identified'}"
 
 
 def finding_texts(section: EstimateSection) -> Iterator[Text]:
-    """Yield what a person should know of the estimate.
-
-    Args:
-        section: The estimate.
-    """
+    """Yield the remarks on the estimate."""
     if section.unseen:
-        yield Text(text=f"Without any effect on the torques: {', '.join(section.unseen)}.")
+        yield Text(
+            text=f"Parameters without any effect on the torques: {', '.join(section.unseen)}."
+        )
     for finding in section.findings or ():
         yield Text(text=finding)
     if section.mistakes == ():
-        yield Text(text="No common mistake of wiring, units or files explains the data far better.")
+        yield Text(text="No common mistake in wiring, units or files explains the data far better.")

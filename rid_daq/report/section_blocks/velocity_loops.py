@@ -1,4 +1,4 @@
-"""`loop_blocks`: velocity loops in tables, sentences and plots."""
+"""`loop_blocks`: velocity loops as tables, sentences and plots."""
 
 from __future__ import annotations
 
@@ -6,24 +6,21 @@ from collections.abc import Iterator
 
 from rid_daq.blocks.block import AnyBlock, Cell, Cells, Heading, Interval, Table, Text, table
 from rid_daq.blocks.formats import number, unit
+from rid_daq.report.section_blocks.bode import bode_plot
 from rid_daq.report.sections.section import Numbers
 from rid_daq.report.sections.velocity_loops import AxisLoop, VelocityLoopsSection
-from rid_daq.report.shown.bode import bode_plot
 
 
 def loop_blocks(section: VelocityLoopsSection) -> Iterator[AnyBlock]:
-    """Yield controllers, candidates, grades and findings, margins, advice and plots.
-
-    Args:
-        section: The loops.
-    """
+    """Yield controllers, candidates, grades, findings, margins, advice and plots."""
     yield Heading(text="Velocity loops")
     yield Text(text=section.sentence)
     yield _controllers(section)
     yield Text(
-        text="p: probability of a misfit as large by noise alone; whiteness: of misfits as alike on"
-        " neighbouring lines. Either below 0.001 says that the controller is something else. A"
-        " delay and a lag of the same length can hardly be told apart: only their sum counts.",
+        text="p: probability of a misfit as large by noise alone. Whiteness: probability, by"
+        " noise alone, of misfits as similar on neighbouring lines. If either is below"
+        " 0.001, the controller has another structure. A delay and a lag of the same length"
+        " are nearly indistinguishable; only their sum is accurate.",
         is_note=True,
     )
     for axis in section.axes:
@@ -39,15 +36,15 @@ def loop_blocks(section: VelocityLoopsSection) -> Iterator[AnyBlock]:
         for finding in axis.findings:
             yield Text(text=f"{axis.joint}: {finding}.")
     yield _candidates(section)
-    yield Heading(text="The whole cascade", level=3)
+    yield Heading(text="Cascade of position and velocity loop", level=3)
     yield _margins(section)
     yield Text(
-        text="Inertia and damping are apparent ones about the multisine's pose. They serve the"
-        " margins and have no interval: stiction and the motion of other joints bias them by 5 to"
-        " 20 % in simulation. `identify` estimates inertias. The position loop includes the current"
-        " loop's lag, the drive's delay, one cycle of transport and the interpolation. The velocity"
-        " loop's phase margin counts from −180°. The position gain K_v is"
-        f" {number(section.position_gain_per_s, 3)} 1/s.",
+        text="Inertia and damping are apparent values near the multisine's pose. They are used"
+        " for the margins only and have no interval: in simulation, stiction and the motion"
+        " of other joints bias them by 5 to 20 %. Use `identify` to estimate inertias. The"
+        " position loop includes the current loop's lag, the drive's delay, one cycle of"
+        " transport and the interpolation. The velocity loop's phase margin is counted from"
+        f" −180°. The position gain K_v is {number(section.position_gain_per_s, 3)} 1/s.",
         is_note=True,
     )
     yield Text(text=section.advice)
@@ -70,16 +67,16 @@ def _controllers(section: VelocityLoopsSection) -> Table:
 
 
 def _ms(axis: AxisLoop, name: str) -> Cell:
-    """Return a time [ms], if it was fitted."""
+    """Return a fitted time constant [ms] with its interval."""
     std = axis.std.get(name, axis.std.get(name.removesuffix("_s")))
-    return "not seen" if std is None else Interval.of(getattr(axis, name), std, 1e3)
+    return "not fitted" if std is None else Interval.of(getattr(axis, name), std, 1e3)
 
 
 def _candidates(section: VelocityLoopsSection) -> Table:
     return table(
         [(axis.joint, trial) for axis in section.axes for trial in axis.trials],
         Cells("joint", lambda each: each[0]),
-        Cells("terms beside the PI", lambda each: ", ".join(each[1].extras) or "none"),
+        Cells("terms in addition to the PI", lambda each: ", ".join(each[1].extras) or "none"),
         Cells("cost", lambda each: each[1].cost),
         Cells("AIC", lambda each: each[1].aic, digits=5),
         Cells("MDL", lambda each: each[1].mdl, digits=5),
@@ -110,7 +107,7 @@ def _distortion(axis: AxisLoop) -> str:
             level, noise = number(_rms(found.level), 2), number(_rms(found.noise), 2)
             parts.append(f"{kind} {level} (noise {noise})")
     if not parts:
-        return "no line was left empty, so distortion is not known"
+        return "distortion is not known, because every line was excited"
     return f"distortion [{axis.unit} RMS]: {', '.join(parts)}"
 
 

@@ -1,4 +1,4 @@
-"""`average_blocks`: the periods of a run and their noise."""
+"""`average_blocks`: the averaged periods of a run and their noise."""
 
 from __future__ import annotations
 
@@ -9,11 +9,7 @@ from rid_daq.report.sections.average import AverageSection
 
 
 def average_blocks(section: AverageSection) -> Iterator[AnyBlock]:
-    """Yield which periods were averaged, and the noise of one sample.
-
-    Args:
-        section: The averaged periods.
-    """
+    """Yield averaged and rejected periods, and the noise of one sample."""
     yield Heading(text="Periods")
     yield Text(text=section.sentence)
     if section.rejected:

@@ -1,4 +1,4 @@
-"""`certificate_blocks`: what the certificate of a payload says."""
+"""`certificate_blocks`: the contents of a payload's certificate as blocks."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from identification.regression.fit_grade import Grade
 from rid_daq.blocks.block import AnyBlock, Cell, Cells, Heading, Interval, Table, Text, table
 from rid_daq.blocks.formats import number, unit
 from rid_daq.report.certificate import Certificate
+from rid_daq.report.section_blocks.centre_of_gravity import CentreOfGravity, centre_plot
 from rid_daq.report.sections.section import units
-from rid_daq.report.shown.centre_of_gravity import CentreOfGravity, centre_plot
 
 NOT_RECORDED: Final = "not recorded"
 _MEANING: Final = {
@@ -23,18 +23,14 @@ _MEANING: Final = {
     "cz": "centre of gravity cz",
 }
 _FRAME: Final = (
-    "Frame: the flange, which is the tool frame of the robot file. Centre of gravity from its"
-    " origin; inertia about the centre of gravity, along the flange's axes, as elements of the"
-    " matrix (Ixy = −∫ x y dm)."
+    "Frame: the flange, which is the tool frame of the robot file. The centre of gravity is"
+    " relative to its origin. The inertia is about the centre of gravity, along the flange's"
+    " axes, as elements of the matrix (Ixy = −∫ x y dm)."
 )
 
 
 def certificate_blocks(certificate: Certificate) -> Iterator[AnyBlock]:
-    """Yield identity, values, limits, fit, load data, origin and files.
-
-    Args:
-        certificate: Its contents.
-    """
+    """Yield identity, values, limits, fit, load data, origin and files."""
     if certificate.simulated:
         yield Text(text="The cell is simulated: no hardware moved.")
     yield _facts(_identity(certificate))
@@ -42,8 +38,9 @@ def certificate_blocks(certificate: Certificate) -> Iterator[AnyBlock]:
     yield _values(certificate)
     yield Text(text=_FRAME, is_note=True)
     yield Text(
-        text="± 2σ: two standard deviations, by what the fit leaves and by the torque constants as"
-        " far as they are known. Not seen: the motion does not show it.",
+        text="± 2σ: two standard deviations, computed from the residuals of the fit and from the"
+        " assumed uncertainty of the torque constants. Not identified: the motion does not"
+        " determine the value.",
         is_note=True,
     )
     if sum(certificate.payload.estimate.seen[1:4]) > 1:
@@ -52,7 +49,7 @@ def certificate_blocks(certificate: Certificate) -> Iterator[AnyBlock]:
     yield _fit(certificate)
     yield Heading(text="Load data for a controller")
     yield from _load_data(certificate)
-    yield Heading(text="How it was found")
+    yield Heading(text="Method")
     yield Text(text=certificate.how)
     for finding in certificate.findings:
         yield Text(text=finding)
@@ -103,16 +100,16 @@ def _values(certificate: Certificate) -> Table:
 
     def shown(i: int, factor: float) -> Cell:
         if not estimate.seen[i]:
-            return "not seen"
+            return "not identified"
         value, reach = factor * float(estimate.reported[i]), 2.0 * factor * float(estimate.sigma[i])
-        return Interval(value=value, reach=reach) if reach else f"{number(value, 6)} (held)"
+        return Interval(value=value, reach=reach) if reach else f"{number(value, 6)} (fixed)"
 
     return table(
         range(len(REPORTED)),
         Cells("quantity", lambda i: _meaning(REPORTED[i])),
         Cells("value ± 2σ", lambda i: shown(i, 1e3 if REPORTED_UNITS[i] == "m" else 1.0)),
         Cells("unit", lambda i: _shown_unit(REPORTED_UNITS[i])),
-        Cells("", lambda i: "known otherwise" if REPORTED[i] in known else ""),
+        Cells("", lambda i: "stated by the user" if REPORTED[i] in known else ""),
     )
 
 
@@ -123,8 +120,8 @@ def _fit(certificate: Certificate) -> Table:
         Cells("axis", lambda each: each[1].joint),
         Cells("unit", lambda each: units(each[0])[1]),
         Cells("residual (RMS)", lambda each: each[1].residual_nm, digits=3),
-        Cells("of its torque", lambda each: each[1].percent, "%", 3),
-        Cells("times the noise", lambda each: each[1].over_noise, digits=2),
+        Cells("residual / torque", lambda each: each[1].percent, "%", 3),
+        Cells("residual / noise", lambda each: each[1].over_noise, digits=2),
         Cells("fit", lambda each: each[1].grade or "–"),
         Cells("reason", lambda each: each[1].reason),
         failed=lambda each: each[1].grade is Grade.BAD,
@@ -132,10 +129,10 @@ def _fit(certificate: Certificate) -> Table:
 
 
 def _load_data(certificate: Certificate) -> Iterator[AnyBlock]:
-    """Yield what a controller is given."""
+    """Yield the load data for a robot controller."""
     estimate = certificate.payload.estimate
     if not certificate.payload.passed or not certificate.is_whole:
-        yield Text(text="None: the verdict is not passed.")
+        yield Text(text="No load data: the verdict is not passed.")
         return
     moments, axes = estimate.body.principal
     rows: list[tuple[Cell, ...]] = []
@@ -156,8 +153,9 @@ def _load_data(certificate: Certificate) -> Iterator[AnyBlock]:
     offset = ", ".join(number(1e3 * value, 6) for value in robot.tool_offset_m)
     turn = ", ".join(number(math.degrees(value), 6) for value in robot.tool_rpy_rad)
     yield Text(
-        text=f"The closest physically consistent body, as `payload export` writes it. {_FRAME} The"
-        f" flange in the frame of the last link: offset ({offset}) mm; roll, pitch, yaw ({turn})°.",
+        text="Values of the closest physically consistent body, as `payload export` writes them."
+        f" {_FRAME} The flange in the frame of the last link: offset ({offset}) mm; roll,"
+        f" pitch, yaw ({turn})°.",
         is_note=True,
     )
 
@@ -178,11 +176,11 @@ def _runs(certificate: Certificate) -> Table:
 
 def _files(certificate: Certificate) -> Iterator[AnyBlock]:
     yield Text(
-        text="When this certificate was written, the SHA-256 of each file was the one below, as in"
-        " manifest.json of its run."
+        text="When this certificate was written, each file had the SHA-256 in this table, which"
+        " is also in manifest.json of its run."
     )
     if certificate.payload.estimate.procedure == "model":
-        yield Text(text="Name and SHA-256 of the model of the unloaded robot: not recorded.")
+        yield Text(text="Name and SHA-256 of the unloaded robot's model are not recorded.")
     yield table(
         certificate.files,
         Cells("run", lambda file: file[0]),

@@ -1,4 +1,4 @@
-"""`verdict_blocks`: a verdict with its limits; `doubt_texts`: what makes fits doubtful or bad."""
+"""`verdict_blocks`: a verdict with its limits; `doubt_texts`: reasons for poor grades."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from rid_daq.report.sections.verdict import VerdictSection
 
 
 def verdict_blocks(verdict: VerdictSection) -> Iterator[AnyBlock]:
-    """Yield a verdict, its sentence, and what was held to limits."""
+    """Yield a verdict, its sentence, and the table of its checks."""
     yield VerdictBlock(passed=verdict.passed, text=verdict.headline)
     yield Text(text=verdict.sentence)
     yield from check_tables(verdict)
 
 
 def check_tables(verdict: VerdictSection) -> Iterator[Table]:
-    """Yield the table of what was held to limits, if there is any."""
+    """Yield the table of values and their limits, if the verdict has any."""
     if verdict.checks:
         yield table(
             verdict.checks,
-            Cells("Held to", lambda check: check.text),
+            Cells("Quantity", lambda check: check.text),
             Cells("reached", lambda check: f"{number(check.value)} {check.unit}"),
             Cells("required", lambda of: f"{of.relation} {number(of.limit)} {of.unit}"),
             Cells("holds", lambda check: yes_or_no(check.passed)),
@@ -33,12 +33,12 @@ def check_tables(verdict: VerdictSection) -> Iterator[Table]:
 
 
 def yes_or_no(holds: bool | None) -> str:
-    """Return whether something holds, in a word; a dash if it was not judged."""
+    """Return "yes", "NO", or a dash for None."""
     return {None: "–", True: "yes", False: "NO"}[holds]
 
 
 def doubt_texts(axes: Iterable[GradedAxis]) -> Iterator[Text]:
-    """Yield what decides the grade of each axis whose fit is not good."""
+    """Yield the reason for the grade of each axis whose fit is not good."""
     for axis in axes:
         if axis.grade not in (None, Grade.GOOD):
             yield Text(text=f"{axis.joint}: the fit is {axis.grade}, {axis.reason}.")

@@ -1,4 +1,4 @@
-"""`tracking_blocks`: what people see of paths that were followed."""
+"""`tracking_blocks`: path errors before and after compensation, as blocks."""
 
 from __future__ import annotations
 
@@ -29,29 +29,25 @@ _LOOKS: Final[Mapping[str, tuple[Colour, Dash]]] = {
 
 
 def tracking_blocks(section: TrackingSection) -> Iterator[AnyBlock]:
-    """Yield errors before and after, of the tool and of joints, bending, and the paths.
-
-    Args:
-        section: The paths.
-    """
-    yield Heading(text="Paths followed")
+    """Yield the path errors of tool and joints, the deflection, and the plots."""
+    yield Heading(text="Path errors")
     yield Text(text=section.sentence)
     yield Text(text=section.unseen)
     yield _distances(section.motions)
     streamed = any(motion.use == "streamed" for motion in section.motions)
     yield Text(
-        text='"Own runs" says whether runs of this very motion made its feedforward: never used,'
-        " tuned on it, or refined from run to run."
-        + (" Streamed: compensated on line, as it came." if streamed else ""),
+        text='"Own runs" states whether runs of this motion were used for its feedforward: never'
+        " used, tuned on it, or refined from run to run."
+        + (" Streamed: compensated on line while the set-points arrived." if streamed else ""),
         is_note=True,
     )
     yield _joint_errors(section)
     yield Text(text="Largest error of each joint.", is_note=True)
     if section.with_stiffness:
-        yield _bending(section.motions)
+        yield _deflections(section.motions)
         yield Text(
-            text=f"Estimated bending of the gears of {', '.join(section.with_stiffness)}, at the"
-            " tool point. No distance above contains it.",
+            text=f"Estimated deflection of the gears of {', '.join(section.with_stiffness)}, at"
+            " the tool point. The distances above do not contain it.",
             is_note=True,
         )
     for number, motion in enumerate(section.motions, start=1):
@@ -67,10 +63,10 @@ def _distances(motions: Sequence[FollowedMotion]) -> Table:
         Cells("own runs", lambda n: motions[n].use),
         Cells("mean before", lambda n: _mm(motions[n].before, "mean_m"), "mm", 3),
         Cells("mean after", lambda n: _mm(motions[n].after, "mean_m"), "mm", 3),
-        Cells("reduced, times", lambda n: motions[n].mean_ratio, digits=3),
+        Cells("reduction factor", lambda n: motions[n].mean_ratio, digits=3),
         Cells("largest before", lambda n: _mm(motions[n].before, "max_m"), "mm", 3),
         Cells("largest after", lambda n: _mm(motions[n].after, "max_m"), "mm", 3),
-        Cells("reduced, times", lambda n: motions[n].max_ratio, digits=3),
+        Cells("reduction factor", lambda n: motions[n].max_ratio, digits=3),
     )
 
 
@@ -91,16 +87,16 @@ def _joint_errors(section: TrackingSection) -> Table:
     return table(range(len(section.motions)), Cells("#", lambda n: n + 1), *columns)
 
 
-def _bending(motions: Sequence[FollowedMotion]) -> Table:
+def _deflections(motions: Sequence[FollowedMotion]) -> Table:
     def bent(size: ErrorSize | None, key: str) -> float | None:
         return None if size is None else _mm(size.bending, key)
 
     return table(
         range(len(motions)),
         Cells("#", lambda n: n + 1),
-        Cells("bending before, RMS", lambda n: bent(motions[n].before, "rms_m"), "mm", 2),
+        Cells("deflection before, RMS", lambda n: bent(motions[n].before, "rms_m"), "mm", 2),
         Cells("largest", lambda n: bent(motions[n].before, "max_m"), "mm", 2),
-        Cells("bending after, RMS", lambda n: bent(motions[n].after, "rms_m"), "mm", 2),
+        Cells("deflection after, RMS", lambda n: bent(motions[n].after, "rms_m"), "mm", 2),
         Cells("largest", lambda n: bent(motions[n].after, "max_m"), "mm", 2),
     )
 
@@ -129,7 +125,8 @@ def path_plots(motion: FollowedMotion, joints: Sequence[JointUnit]) -> tuple[Plo
                 *(_deviation(driven, k) for k in range(len(AXES))),
                 *(_joint_error(driven, k, joint) for k, joint in enumerate(joints)),
             ),
-            caption="Wanted minus reached, joint by joint, and reached minus wanted of the tool.",
+            caption="Joint errors: desired minus reached position. Tool errors: reached minus"
+            " desired position.",
             columns=len(AXES),
         ),
     )
@@ -148,7 +145,7 @@ def _path(driven: Mapping[str, PathCurves]) -> Panel:
         for word, each in driven.items()
     }
     lines = [
-        Line("wanted", wanted[across].tolist(), wanted[up].tolist(), "faint", width=3.2),
+        Line("desired", wanted[across].tolist(), wanted[up].tolist(), "faint", width=3.2),
         *(_line(word, path[0].tolist(), path[1].tolist()) for word, path in paths.items()),
     ]
     bar, mark = _scale_bar(np.hstack([wanted[pair], *paths.values()]), extent, times)
@@ -159,14 +156,14 @@ def _path(driven: Mapping[str, PathCurves]) -> Panel:
         marks=mark,
         height_px=400,
         is_to_scale=True,
-        title=f"deviation drawn {times:g} times as large",
+        title=f"deviation magnified {times:g} times",
     )
 
 
 def _scale_bar(
     points: np.ndarray[tuple[int, ...], np.dtype[np.float64]], extent_m: float, times: float
 ) -> tuple[tuple[Line, ...], tuple[Mark, ...]]:
-    """Return a bar below a path with the size of the deviation that is as long."""
+    """Return a bar below the path, and the deviation that has the bar's length in this drawing."""
     if extent_m < STILL_M:
         return (), ()
     length = 0.12 * extent_m / times

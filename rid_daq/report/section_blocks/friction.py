@@ -1,4 +1,4 @@
-"""`friction_blocks`: friction that was measured alone, and the models that fit it."""
+"""`friction_blocks`: measured friction, and the models fitted to it."""
 
 from __future__ import annotations
 
@@ -19,11 +19,7 @@ STROKES: Final[tuple[tuple[Colour, Dash], ...]] = (
 
 
 def friction_blocks(section: FrictionSection) -> Iterator[AnyBlock]:
-    """Yield the curves, and for each joint its values, its models and their fit.
-
-    Args:
-        section: The measured friction.
-    """
+    """Yield the friction curves, and for each joint its values, models and fit."""
     yield Heading(text="Measured friction")
     yield Text(text=section.sentence)
     yield friction_plot(section)
@@ -37,11 +33,7 @@ def friction_blocks(section: FrictionSection) -> Iterator[AnyBlock]:
 
 
 def friction_plot(section: FrictionSection) -> Plot:
-    """Return measured friction ± 2σ over speed and the models, one panel a joint.
-
-    Args:
-        section: The measured friction.
-    """
+    """Return measured friction ± 2σ over speed, and the models, one panel per joint."""
     return Plot(name="friction", panels=tuple(_panel(joint) for joint in section.joints), columns=3)
 
 

@@ -14,22 +14,22 @@ LEAST_REACH: Final = 4.0
 
 
 def truth_blocks(cases: Sequence[TruthCase]) -> Iterator[AnyBlock]:
-    """Yield how many parameters lie inside their intervals, and how far each is off.
+    """Yield the number of parameters inside their intervals, and the deviation of each.
 
     Args:
-        cases: One for each simulated robot.
+        cases: One entry per simulated robot.
     """
-    yield Heading(text="Against the truth", level=3)
+    yield Heading(text="Estimated and true parameters", level=3)
     for case in cases:
         yield Text(text=case.sentence)
     yield truth_plot(cases)
 
 
 def truth_plot(cases: Sequence[TruthCase]) -> Plot:
-    """Return the deviations in standard deviations, one panel for each simulated robot.
+    """Return the deviations in standard deviations, one panel per simulated robot.
 
     Args:
-        cases: One for each simulated robot.
+        cases: One entry per simulated robot.
     """
     panels = tuple(_panel(case) for case in cases)
     return Plot(name="truth", panels=panels, columns=max(2, len(panels)))

@@ -1,4 +1,4 @@
-"""Blocks of a force plate: its zero, its fit, and the reaction on the base."""
+"""Blocks of a force plate: its offsets, its fit, and the base wrench."""
 
 from __future__ import annotations
 
@@ -7,19 +7,15 @@ from collections.abc import Iterator
 from identification.regression.fit_grade import Grade
 from rid_daq.blocks.block import AnyBlock, Cells, Heading, Interval, Table, Text, table
 from rid_daq.blocks.formats import unit
+from rid_daq.report.section_blocks.verdict import yes_or_no
 from rid_daq.report.sections.plate import ImprovementSection, PlateSection
 from rid_daq.report.sections.plate_zero import PlateZeroSection
 from rid_daq.report.sections.reaction import BaseLoadSection, ReactionSection
-from rid_daq.report.shown.verdict import yes_or_no
 
 
 def plate_zero_blocks(section: PlateZeroSection) -> Iterator[AnyBlock]:
-    """Yield offset and drift of each channel of a force plate.
-
-    Args:
-        section: The zero.
-    """
-    yield Heading(text="Zero of the force plate")
+    """Yield offset and drift of each channel of a force plate."""
+    yield Heading(text="Offsets of the force plate")
     for sentence in section.sentences:
         yield Text(text=sentence)
     yield table(
@@ -39,11 +35,7 @@ def plate_zero_blocks(section: PlateZeroSection) -> Iterator[AnyBlock]:
 
 
 def plate_blocks(section: PlateSection) -> Iterator[AnyBlock]:
-    """Yield how a force plate fits an estimate, and what it improved.
-
-    Args:
-        section: The fit.
-    """
+    """Yield the fit of a force plate's signals, and the improvement of the parameters."""
     yield Heading(text="Force plate", level=3)
     for sentence in section.sentences:
         yield Text(text=sentence)
@@ -58,7 +50,10 @@ def plate_blocks(section: PlateSection) -> Iterator[AnyBlock]:
         failed=lambda each: each.grade is Grade.BAD,
     )
     if section.improvement is not None:
-        yield Text(text="Standard deviations by the measured noise, with torques, plate, and both:")
+        yield Text(
+            text="Standard deviations by the measured noise, from torques, from the"
+            " plate, and from both:"
+        )
         yield _improvement(section.improvement)
 
 
@@ -67,27 +62,23 @@ def _improvement(section: ImprovementSection) -> Table:
         section.parameters,
         Cells("parameter", lambda each: each.words),
         Cells(
-            "estimate ± 2σ by both",
+            "estimate ± 2σ from both",
             lambda each: Interval.of(each.value, each.std_combined),
         ),
         Cells("unit", lambda each: unit(each.unit)),
-        Cells("σ by torques", lambda each: each.std_internal, digits=2),
-        Cells("σ by plate", lambda each: each.std_external, digits=2),
-        Cells("σ by both", lambda each: each.std_combined, digits=2),
+        Cells("σ from torques", lambda each: each.std_internal, digits=2),
+        Cells("σ from the plate", lambda each: each.std_external, digits=2),
+        Cells("σ from both", lambda each: each.std_combined, digits=2),
     )
 
 
 def reaction_blocks(section: ReactionSection) -> Iterator[AnyBlock]:
-    """Yield the errors of a predicted base wrench.
-
-    Args:
-        section: The errors.
-    """
-    yield Heading(text="Reaction on the base")
+    """Yield the errors of a predicted base wrench."""
+    yield Heading(text="Base wrench")
     yield Text(text=section.sentence)
     yield table(
         section.components,
-        Cells("reaction", lambda each: each.name),
+        Cells("component", lambda each: each.name),
         Cells("unit", lambda each: each.unit),
         Cells("RMS error", lambda each: each.rms_error, digits=3),
         Cells("relative error", lambda each: each.relative_error_percent, "%", 3),
@@ -96,16 +87,12 @@ def reaction_blocks(section: ReactionSection) -> Iterator[AnyBlock]:
 
 
 def base_load_blocks(section: BaseLoadSection) -> Iterator[AnyBlock]:
-    """Yield the largest reaction of a motion and its limits.
-
-    Args:
-        section: The reaction.
-    """
+    """Yield the largest base wrench of a motion and its limits."""
     yield Heading(text="Load on the floor")
     yield Text(text=section.sentence)
     yield table(
         section.components,
-        Cells("reaction", lambda each: each.name),
+        Cells("component", lambda each: each.name),
         Cells("unit", lambda each: each.unit),
         Cells("largest ± 2σ", lambda each: Interval.of(each.peak, each.std)),
         Cells("at", lambda each: each.at_s, "s"),

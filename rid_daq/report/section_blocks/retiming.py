@@ -1,4 +1,4 @@
-"""`retiming_blocks`: what people see of a path that was timed to its limits."""
+"""`retiming_blocks`: a path retimed to its limits, as blocks."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from rid_daq.report.sections.retiming import CHANGES, RetimedJoint, RetimedWay, 
 from rid_daq.report.sections.tracking import DrivenTiming
 
 LIMIT_REACH: Final = 1.6
-"""Height of the phase plane, as a multiple of the largest speed."""
+"""Height of the phase plane relative to the largest speed."""
 
 
 def retiming_blocks(section: RetimingSection) -> Iterator[AnyBlock]:
-    """Yield the duration, what joints and base reach of their limits, and the plots."""
-    yield Heading(text="Timed to its limits")
+    """Yield the duration, the largest values of joints and base, and the plots."""
+    yield Heading(text="Retimed path")
     yield Text(text=section.sentence)
-    made = f"Made from {section.motion} and {section.model}"
+    made = f"Computed from {section.motion} and {section.model}"
     cycle_ms, averaged_ms = 1e3 * section.cycle_s, 1e3 * section.averaged_s
     times = f"cycles of {cycle_ms:.3g} ms; averaged over {averaged_ms:.3g} ms"
     free = f"; {100.0 * section.margin:.2g} % of the torques are kept free"
@@ -51,7 +51,7 @@ def _joint_table(section: RetimingSection) -> Table:
 def _base_table(section: RetimingSection) -> Table:
     return table(
         section.base or (),
-        Cells("reaction on the base", lambda base: base.component),
+        Cells("base wrench", lambda base: base.component),
         Cells("unit", lambda base: "N" if base.component.startswith("F") else "N m"),
         Cells("limit", lambda base: base.limit),
         Cells("largest", lambda base: base.peak),
@@ -60,9 +60,9 @@ def _base_table(section: RetimingSection) -> Table:
 
 
 def _driven_blocks(driven: DrivenTiming, joints: Sequence[RetimedJoint]) -> Iterator[AnyBlock]:
-    """Yield what was measured when the path was driven, before and after it was timed."""
+    """Yield the measurements of the path before and after retiming."""
     before, after = driven.before, driven.after
-    yield Heading(text="As it was driven", level=3)
+    yield Heading(text="Measured on the robot", level=3)
     yield Text(text=driven.sentence)
     rows: list[tuple[str, str, float, float]] = [
         ("duration of the motion", "s", before.moving_s, after.moving_s)
@@ -73,7 +73,7 @@ def _driven_blocks(driven: DrivenTiming, joints: Sequence[RetimedJoint]) -> Iter
     for c, name in enumerate(driven.components):
         peaks = (before.base_peak[c], after.base_peak[c])
         first, second = (100.0 * peak / driven.limit[c] for peak in peaks)
-        rows.append((f"largest {name} on the base / limit", "%", first, second))
+        rows.append((f"largest {name} of the base wrench / limit", "%", first, second))
     for word, key in (("mean", "mean_m"), ("largest", "max_m")):
         first, second = (1e3 * getattr(each, key) for each in (before, after))
         rows.append((f"{word} distance from the path, at the motor encoders", "mm", first, second))
@@ -82,32 +82,32 @@ def _driven_blocks(driven: DrivenTiming, joints: Sequence[RetimedJoint]) -> Iter
         Cells("measured", lambda row: row[0]),
         Cells("unit", lambda row: row[1]),
         Cells("before", lambda row: row[2], digits=3),
-        Cells("timed", lambda row: row[3], digits=3),
+        Cells("after", lambda row: row[3], digits=3),
     )
 
 
 def way_plot(way: RetimedWay, joints: Sequence[str]) -> Plot:
-    """Return progress, phase plane, torques and reached limits.
+    """Return progress, phase plane, torques and active limits.
 
     Args:
-        joints: The joints' names.
+        joints: Names of the joints.
     """
-    band = "The band is the margin for what the model does not know."
-    dotted = "" if way.measured is None else " Dotted: as measured."
+    band = "The band is the margin for the uncertainty of the model."
+    dotted = "" if way.measured is None else " Dotted: measured torques."
     return Plot(
         name="retiming",
         panels=(_progress(way), _plane(way), _torques(way, joints), _limits(way)),
-        caption=f"Torques by the model. {band}{dotted}",
+        caption=f"Torques predicted by the model. {band}{dotted}",
     )
 
 
 def _progress(way: RetimedWay) -> Panel:
     return Panel(
         x=Axis("time", "s"),
-        y=Axis("of the path", "%", least=0.0, most=102.0),
+        y=Axis("completed path", "%", least=0.0, most=102.0),
         lines=(
             _done("original", way.original_s, way.original_done, "soft", "dashed"),
-            _done("timed", way.time_s, way.done, "ink", "solid"),
+            _done("retimed", way.time_s, way.done, "ink", "solid"),
         ),
         height_px=200,
     )
@@ -120,8 +120,8 @@ def _done(word: str, time_s: Numbers, done: Numbers, stroke: Colour, dash: Dash)
 
 def _plane(way: RetimedWay) -> Panel:
     return Panel(
-        x=Axis("length of the path, as time at the speed limits", "s"),
-        y=Axis("speed, as a share of them", "1", least=0.0, most=LIMIT_REACH * max(way.speed)),
+        x=Axis("length of the path (time at the speed limits)", "s"),
+        y=Axis("speed / speed limit", "1", least=0.0, most=LIMIT_REACH * max(way.speed)),
         lines=(
             Line("limit curve", way.place, way.limit, "red"),
             Line("speed of the path", way.place, way.speed, "ink"),
@@ -137,7 +137,7 @@ def _torques(way: RetimedWay, joints: Sequence[str]) -> Panel:
         if way.measured is not None:
             lines.append(
                 Line(
-                    f"{joint} as measured",
+                    f"{joint}, measured",
                     way.time_s,
                     way.measured[j],
                     j,
@@ -148,7 +148,7 @@ def _torques(way: RetimedWay, joints: Sequence[str]) -> Panel:
             )
     return Panel(
         x=Axis("time", "s"),
-        y=Axis("torque over its limit", "1", least=-1.1, most=1.1),
+        y=Axis("torque / limit", "1", least=-1.1, most=1.1),
         lines=tuple(lines),
         limits=(-1.0, 1.0),
     )
@@ -157,7 +157,7 @@ def _torques(way: RetimedWay, joints: Sequence[str]) -> Panel:
 def _limits(way: RetimedWay) -> Panel:
     return Panel(
         x=Axis("time", "s"),
-        y=Axis("limits reached", "1"),
+        y=Axis("active limit", "1"),
         spans=tuple(
             Span(
                 part.limit,

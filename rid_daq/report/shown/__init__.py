@@ -1,1 +1,0 @@
-"""What people see of the sections of a result, as blocks."""
