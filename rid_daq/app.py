@@ -26,7 +26,7 @@ from rid_daq.command_line.completion import PROGRAM, VARIABLE
 from rid_daq.command_line.root import Root
 from rid_daq.terminal.console import Console, documents_written, make_printable, output_error
 from rid_daq.terminal.exit_codes import ExitCode, exit_code_of
-from rid_daq.terminal.fitted import fitted
+from rid_daq.terminal.text_wrapping import wrap_text
 
 # Small factorisations gain nothing from threads of BLAS, and lose much where the cores are busy.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -44,7 +44,7 @@ def run(arguments: Sequence[str]) -> int:
         named = f" [{ending.refusal}]" if ending.refusal else ""
         message = f"rid-daq: {make_printable(ending.message)}{named}"
         columns = shutil.get_terminal_size().columns if sys.stderr.isatty() else None
-        click.echo(message if columns is None else fitted(message, columns), err=True)
+        click.echo(message if columns is None else wrap_text(message, columns), err=True)
     if ending.code and "--json" in arguments and documents_written() == written:
         problem: dict[str, object] = {
             "kind": ending.kind,

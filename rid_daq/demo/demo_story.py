@@ -181,7 +181,7 @@ class _Told:
     def say(self, text: str = "") -> None:
         """Leave it to the run's folder."""
 
-    def begins(self, run: str, title: str, rows: int, rows_per_period: int | None) -> None:
+    def announce_motion(self, run: str, title: str, rows: int, rows_per_period: int | None) -> None:
         """Leave it to the progress."""
 
     @contextlib.contextmanager

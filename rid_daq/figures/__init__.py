@@ -1,6 +1,6 @@
-"""Interactive figures: declared plots to bokeh layouts, their JSON and their CSV.
+"""Interactive figures: declared plots as Bokeh layouts, their JSON and their CSV.
 
-A figure takes a `Plot` and returns a layout; it computes nothing but how it is drawn. Pages, routes
-and files live above. Begin with `embedding.py`, which says how a layout reaches a browser, then
-`plot_figure.py` and `panel.py`.
+A figure is made from a `Plot` and contains a Bokeh layout; this package computes only the
+appearance. Pages, routes and files are in other packages. Begin with `embedding.py`, which
+describes how a layout reaches a browser, then read `plot_figure.py` and `panel.py`.
 """

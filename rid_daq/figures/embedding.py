@@ -1,13 +1,13 @@
-"""A figure in a page: its JSON, its CSV, and the scripts that show it.
+"""Embedding of a figure in a page: its JSON, its CSV, and the scripts that show it.
 
-A page loads `bokeh_script()` as an ordinary script and imports `showFigure` of `figure_script()`,
-which is a module; both come from the page's own server, nothing from the internet. What BokehJS
-needs of a Content-Security-Policy, found by trying in Chromium:
+A page loads `bokeh_script()` as an ordinary script and imports `showFigure` from the module
+`figure_script()`. Both come from the page's own server; nothing is loaded from the internet.
+BokehJS needs this Content-Security-Policy (tested in Chromium):
 
     script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; connect-src 'self'
 
-There is no `unsafe-eval`, since no figure holds code, and no `unsafe-inline` for scripts. Styles
-need it: BokehJS writes style elements into the shadow tree of each of its views.
+`unsafe-eval` is not needed, because no figure contains code; scripts need no `unsafe-inline`.
+Styles need it, because BokehJS writes style elements into the shadow tree of each of its views.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from bokeh.models import ColumnDataSource
 from bokeh.models.ui import UIElement
 from bokeh.themes import Theme
 
-from rid_daq.figures.palette import GRID, INK, SOFT, darkened
+from rid_daq.figures.palette import GRID, INK, SOFT, to_dark
 
 CSV_DIGITS: Final = 7
 FONT: Final = "system-ui, sans-serif"
@@ -78,44 +78,45 @@ _THEME: Final = Theme(
 
 
 def as_item(figure: UIElement, dark: bool) -> dict[str, object]:
-    """Return what `Bokeh.embed.embed_item` of a page takes, as values of JSON.
+    """Return the argument of `Bokeh.embed.embed_item` as JSON values.
 
     Args:
-        figure: A layout of this room.
-        dark: Whether the page is dark.
+        figure: A layout made by this package.
+        dark: True for a dark page.
     """
-    item: dict[str, object] = renumbered(dict(json_item(figure, theme=_THEME)), {})
-    recoloured: dict[str, object] = darkened(item) if dark else item
+    item: dict[str, object] = renumber_models(dict(json_item(figure, theme=_THEME)), {})
+    recoloured: dict[str, object] = to_dark(item) if dark else item
     return recoloured
 
 
-def renumbered(value: Any, known: dict[str, str]) -> Any:
-    """Return an item whose models are numbered from 1, so that a figure has always the same bytes.
+def renumber_models(value: Any, known: dict[str, str]) -> Any:
+    """Return an item whose models are numbered from 1, so that equal figures have equal bytes.
 
     Args:
         value: The item, or a value in it.
-        known: New numbers by old ones; what is met first is numbered first.
+        known: New numbers by old numbers, in the order of first occurrence.
     """
     if isinstance(value, dict):
         return {
             key: known.setdefault(child, f"p{len(known) + 1}")
             if key in ("id", "root_id")
-            else renumbered(child, known)
+            else renumber_models(child, known)
             for key, child in value.items()
         }
     if isinstance(value, (list, tuple)):
-        return [renumbered(child, known) for child in value]
+        return [renumber_models(child, known) for child in value]
     return value
 
 
 def as_csv(figure: UIElement) -> str:
-    """Return the data that a figure draws as one table, its names in the first line.
+    """Return the data of a figure as one CSV table with the names in the first line.
 
-    Columns of different length stand side by side, empty where they end; where a figure holds
-    several tables, each column says of which it is: "measured: frequency [Hz]".
+    Columns of different length are next to each other; the shorter ones have empty cells at the
+    end. If a figure has several tables, each column name begins with the name of its table:
+    "measured: frequency [Hz]".
 
     Args:
-        figure: A layout of this room.
+        figure: A layout made by this package.
     """
     tables = list(_tables(figure))
     columns: dict[str, list[str]] = {}
@@ -123,7 +124,7 @@ def as_csv(figure: UIElement) -> str:
         for name, values in table.data.items():
             title = f"{table.name}: {name}" if len(tables) > 1 else str(name)
             if title in columns:
-                raise ValueError(f"two columns of a figure are called {title!r}")
+                raise ValueError(f"two columns of a figure have the same name {title!r}")
             columns[title] = [_cell(value) for value in values]
     rows = max((len(column) for column in columns.values()), default=0)
     padded = [column + [""] * (rows - len(column)) for column in columns.values()]
@@ -135,17 +136,17 @@ def as_csv(figure: UIElement) -> str:
 
 
 def bokeh_script() -> Path:
-    """Return BokehJS, which the server serves as it is: 1.3 MB, 0.35 MB compressed."""
+    """Return the path of BokehJS, which the server sends unchanged: 1.3 MB, 0.35 MB compressed."""
     return Path(bokeh.__file__).parent / "server" / "static" / "js" / "bokeh.min.js"
 
 
 def figure_script() -> Path:
-    """Return the module that exports `showFigure(element, url)`."""
+    """Return the path of the module that exports `showFigure(element, url)`."""
     return Path(__file__).with_name("figure.js")
 
 
 def _tables(figure: UIElement) -> Iterator[ColumnDataSource]:
-    """Yield the named data of a figure, in the order of drawing, each once."""
+    """Yield each named data source of a figure once, in the order of drawing."""
     found = [m for m in figure.references() if isinstance(m, ColumnDataSource) and m.name]
     yield from sorted(found, key=lambda table: int(table.id.removeprefix("p")))
 

@@ -1,23 +1,24 @@
-// Shows figures of rid-daq in a page that has loaded BokehJS. No code is evaluated.
+// Shows figures of rid-daq in a page that has loaded BokehJS. It evaluates no code.
 
 const dark = matchMedia("(prefers-color-scheme: dark)");
 const touch = matchMedia("(pointer: coarse)");
 
 /**
- * Show a figure, and show it anew when the page turns light or dark.
+ * Show a figure, and redraw it when the page switches between light and dark colours.
  *
- * `from` is an address that answers with the figure's item (JSON); with `dark=true` in its dark
- * colours; with `as=csv` with its data. Or it is an object whose `item(dark)` promises the item, and
- * whose `csv` is the address of its data, if there is one. `element.dataset.figureState` is
- * "loading", "shown" or "failed". Returns a function that takes the figure out of the page again.
+ * `from` is either a URL or an object. The URL returns the figure's item (JSON); the parameter
+ * `dark=true` selects dark colours, and `as=csv` returns the data. The object has a method
+ * `item(dark)`, which returns a promise of the item, and an optional `csv`, the URL of the data.
+ * `element.dataset.figureState` is "loading", "shown" or "failed". Returns a function that removes
+ * the figure from the page.
  */
 export function showFigure(element, from) {
-  const source = typeof from === "string" ? ofServer(from) : from;
+  const source = typeof from === "string" ? serverSource(from) : from;
   const words = document.createElement("p");
   words.setAttribute("role", "status");
   words.hidden = true;
   const place = document.createElement("div");
-  const tell = (state, text = "") => {
+  const setState = (state, text = "") => {
     element.dataset.figureState = state;
     words.textContent = text;
     words.hidden = !text;
@@ -26,23 +27,23 @@ export function showFigure(element, from) {
   let shown = null;
   const show = async () => {
     const mine = ++number;
-    tell("loading", shown ? "" : "Loading the figure …");
+    setState("loading", shown ? "" : "Loading the figure …");
     try {
       const item = await source.item(dark.matches);
       if (mine !== number) return;
       shown?.clear();
       place.replaceChildren();
-      shown = await embedded(item, place);
-      if (mine === number) tell("shown");
+      shown = await embed(item, place);
+      if (mine === number) setState("shown");
     } catch (error) {
-      if (mine === number) tell("failed", `The figure cannot be shown: ${error.message}`);
+      if (mine === number) setState("failed", `The figure cannot be shown: ${error.message}`);
     }
   };
   const save = () => {
     try {
       saveSvg(shown, place);
     } catch (error) {
-      tell("shown", `No SVG was made: ${error.message}`);
+      setState("shown", `The SVG file cannot be made: ${error.message}`);
     }
   };
   element.replaceChildren(buttons(source.csv, save), words, place);
@@ -56,19 +57,19 @@ export function showFigure(element, from) {
   };
 }
 
-function ofServer(url) {
+function serverSource(url) {
   return {
-    csv: asked(url, { as: "csv" }),
-    item: (isDark) => fetched(asked(url, { dark: isDark })),
+    csv: withParameters(url, { as: "csv" }),
+    item: (isDark) => fetchJson(withParameters(url, { dark: isDark })),
   };
 }
 
-async function fetched(url) {
+async function fetchJson(url) {
   let answer;
   try {
     answer = await fetch(url, { cache: "no-store" });
   } catch {
-    throw new Error("the server does not answer. Check that it runs, then reload the page.");
+    throw new Error("the server does not answer. Check that the service runs, then reload the page.");
   }
   if (!answer.ok) throw new Error(await reason(answer));
   return answer.json();
@@ -76,43 +77,43 @@ async function fetched(url) {
 
 async function reason(answer) {
   const text = (await answer.text()).slice(0, 500);
-  let said = text;
+  let message = text;
   try {
-    const told = JSON.parse(text);
-    said = told.message ?? told.detail ?? text;
+    const parsed = JSON.parse(text);
+    message = parsed.message ?? parsed.detail ?? text;
   } catch {
-    // The answer is plain text.
+    // The response is plain text.
   }
-  return typeof said === "string" && said ? said : `the server answered ${answer.status}.`;
+  return typeof message === "string" && message ? message : `the server answered ${answer.status}.`;
 }
 
-function asked(url, values) {
+function withParameters(url, values) {
   const whole = new URL(url, location.href);
   for (const [key, value] of Object.entries(values)) whole.searchParams.set(key, value);
   return whole;
 }
 
-async function embedded(item, place) {
+async function embed(item, place) {
   if (!globalThis.Bokeh) throw new Error("bokeh.min.js was not loaded. Reload the page.");
-  if (touch.matches) withoutDrag(item);
+  if (touch.matches) disableDrag(item);
   const views = await globalThis.Bokeh.embed.embed_item(item, place);
   const drawn = views.roots[0].model.document;
   if (!drawn.is_idle) await new Promise((done) => drawn.idle.connect(done));
   return views;
 }
 
-/** Return the colour that an element stands on. */
+/** Return the background colour that is visible behind an element. */
 function background(element) {
   const color = getComputedStyle(element).backgroundColor;
   if (color !== "rgba(0, 0, 0, 0)" || !element.parentElement) return color;
   return background(element.parentElement);
 }
 
-/** Let a finger scroll the page: what a drag does is chosen in the toolbar first. */
-function withoutDrag(value) {
+/** Disable drag tools on touch screens, so that a finger scrolls the page; the toolbar enables them. */
+function disableDrag(value) {
   if (value === null || typeof value !== "object") return;
   if (value.name === "Toolbar" && value.attributes) value.attributes.active_drag = null;
-  Object.values(value).forEach(withoutDrag);
+  Object.values(value).forEach(disableDrag);
 }
 
 function buttons(table, save) {
@@ -121,7 +122,7 @@ function buttons(table, save) {
   if (table) {
     const csv = document.createElement("a");
     csv.textContent = "CSV";
-    csv.title = "The figure's data as a table";
+    csv.title = "Download the figure's data as a CSV table";
     csv.href = table;
     csv.download = "";
     bar.append(csv, " ");
@@ -129,7 +130,7 @@ function buttons(table, save) {
   const svg = document.createElement("button");
   svg.type = "button";
   svg.textContent = "SVG";
-  svg.title = "The figure as it is drawn now";
+  svg.title = "Download the figure with its present zoom as SVG";
   svg.addEventListener("click", save);
   bar.append(svg);
   return bar;

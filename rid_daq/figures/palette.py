@@ -1,7 +1,8 @@
-"""The colours of the figures, light and dark, and how joints are told apart without colour.
+"""Colours of the figures for light and dark pages, and line styles of joints.
 
-The hues are those of Okabe and Ito, which colour-blind people tell apart; curves that are compared
-differ in lightness, width, dash or marker besides, so that they differ in grey too.
+The hues are those of Okabe and Ito, which colour-blind people can distinguish. Curves that are
+compared also differ in lightness, width, dash or marker, so that they remain distinguishable in
+grey.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ NAMED: Final[dict[Colour, str]] = {
     "red": RED,
     "purple": PURPLE,
 }
-"""The colours by the names that declared plots use."""
+"""Colours by their names in declared plots."""
 
 _DARK: Final = {
     INK: "#e9eef3",
@@ -51,7 +52,7 @@ _DARK: Final = {
 
 
 class Stroke(NamedTuple):
-    """How a joint's lines are drawn."""
+    """Line style of a joint: colour and dash."""
 
     color: str
     dash: Dash
@@ -69,22 +70,22 @@ _STROKES: Final = (
 )
 
 
-def stroke(number: int) -> Stroke:
-    """Return how the lines of the joint of this number, from 0, are drawn."""
+def joint_stroke(number: int) -> Stroke:
+    """Return the line style of a joint by its number, from 0."""
     return _STROKES[number % len(_STROKES)]
 
 
 def dark_colours() -> dict[str, str]:
-    """Return the dark colour of every light one."""
+    """Return the dark colour of every light colour."""
     return dict(_DARK)
 
 
-def darkened(value: Any) -> Any:
-    """Return a JSON value in which every light colour of this palette is the dark one."""
+def to_dark(value: Any) -> Any:
+    """Return a JSON value in which dark colours replace the light colours of this palette."""
     if isinstance(value, str):
         return _DARK.get(value, value)
     if isinstance(value, dict):
-        return {key: darkened(child) for key, child in value.items()}
+        return {key: to_dark(child) for key, child in value.items()}
     if isinstance(value, (list, tuple)):
-        return [darkened(child) for child in value]
+        return [to_dark(child) for child in value]
     return value

@@ -1,4 +1,4 @@
-"""`panel`: one plot with its axes, and what all figures share: data, hover, legends, layout."""
+"""`panel`: one plot with its axes; common parts of all figures: data, hover, legends, layout."""
 
 from __future__ import annotations
 
@@ -35,27 +35,27 @@ GLYPH_PX: Final = 44
 LETTER_PX: Final = 6
 
 Drawn: TypeAlias = "GlyphRenderer[Any]"
-"""Something that was drawn in a panel."""
+"""A curve, points or an area in a panel."""
 
 Scale: TypeAlias = Literal["auto", "log"]
 _HoverFormat: TypeAlias = Literal["numeral", "datetime", "printf"] | CustomJSHover
 Ranges: TypeAlias = Any
-"""What bokeh takes as a range: its own, another panel's, or (start, end)."""
+"""Range of a Bokeh axis: its own range, the range of another panel, or (start, end)."""
 
 
 def source(name: str, columns: Mapping[str, Any]) -> ColumnDataSource:
-    """Return data to draw, which the figure's CSV holds.
+    """Return a data source whose columns are also in the figure's CSV.
 
     Args:
-        name: What it is of, such as a joint.
-        columns: Numbers or texts by a name that people read, its unit in brackets: `"time [s]"`.
-            Numbers are held to seven digits.
+        name: Name of the data, such as a joint.
+        columns: Numbers or texts by column name, with the unit in brackets: `"time [s]"`. Numbers
+            keep seven digits.
     """
     return ColumnDataSource(data={key: _column(row) for key, row in columns.items()}, name=name)
 
 
-def outline(columns: Mapping[str, Any]) -> ColumnDataSource:
-    """Return what is drawn beside the data, such as an ellipse; the CSV leaves it out."""
+def source_outside_csv(columns: Mapping[str, Any]) -> ColumnDataSource:
+    """Return a data source that the CSV leaves out, such as an ellipse."""
     return ColumnDataSource(data={key: _column(row) for key, row in columns.items()})
 
 
@@ -66,8 +66,8 @@ def _column(values: Any) -> Any:
     return [make_printable(str(value)) for value in array.tolist()]
 
 
-def words(text: str) -> str:
-    """Return a text as a plot shows it: no invisible characters, no formula."""
+def plot_text(text: str) -> str:
+    """Return a text for Bokeh: invisible characters visible, nothing read as a formula."""
     return make_printable(text).replace("$$", "$ $").replace("\\(", "\\ (").replace("\\[", "\\ [")
 
 
@@ -84,21 +84,25 @@ def panel(
 ) -> figure:
     """Return an empty plot as wide as its page.
 
-    Dragging zooms; turning the wheel zooms with the control key, so that a page still scrolls; two
-    fingers zoom.
+    Dragging zooms. The mouse wheel zooms with the control key only, so that the page still scrolls.
+    Two fingers zoom on a touch screen.
 
     Args:
-        title, x_label, y_label: Texts; labels have their units.
-        height: [px].
-        x_range, y_range: Of another panel, to be zoomed together; or start and end.
-        x_scale, y_scale: "log" for a logarithmic axis.
+        title: Title above the plot.
+        x_label: Label of the x axis with its unit.
+        y_label: Label of the y axis with its unit.
+        height: Height [px].
+        x_range: Range of another panel, to zoom both together; or start and end.
+        y_range: Range of another panel, to zoom both together; or start and end.
+        x_scale: "log" for a logarithmic axis.
+        y_scale: "log" for a logarithmic axis.
     """
     ranges = {"x_range": x_range, "y_range": y_range}
     zoom = BoxZoomTool()
     plot = figure(
-        title=words(title),
-        x_axis_label=words(x_label),
-        y_axis_label=words(y_label),
+        title=plot_text(title),
+        x_axis_label=plot_text(x_label),
+        y_axis_label=plot_text(y_label),
         x_axis_type=x_scale,
         y_axis_type=y_scale,
         height=height,
@@ -113,12 +117,12 @@ def panel(
         ],
         **{key: value for key, value in ranges.items() if value is not None},
     )
-    plot.toolbar.active_drag = zoom  # "auto" pans, whatever the toolbar of the figure says
+    plot.toolbar.active_drag = zoom  # the default "auto" would pan
     return plot
 
 
 def panel_to_scale(title: str, x_label: str, y_label: str, height: int) -> figure:
-    """Return an empty plot on which a metre is as long both ways; see `panel`."""
+    """Return an empty plot with the same scale on both axes; otherwise as `panel`."""
     plot = panel(
         title,
         x_label,
@@ -134,8 +138,8 @@ def panel_to_scale(title: str, x_label: str, y_label: str, height: int) -> figur
     return plot
 
 
-def limit_line(plot: figure, at: float, color: str) -> None:
-    """Draw a line across a plot at a value."""
+def add_limit_line(plot: figure, at: float, color: str) -> None:
+    """Draw a horizontal line across a plot at a value."""
     plot.add_layout(
         Span(location=at, dimension="width", line_color=color, line_dash=[6, 4], line_width=1.2)
     )
@@ -149,19 +153,20 @@ def add_hover(
     along_x: bool = False,
     digits: int = 5,
 ) -> None:
-    """Show values where the pointer is, or where a finger taps.
+    """Show values at the pointer, or at the place where a finger taps.
 
     Args:
-        plot, renderer: The plot, and what of it is pointed at.
-        rows: Column by the word before it; a number is shown with `digits` digits.
-        along_x: Whether the pointer need only be above or below.
-        digits: Significant digits.
+        plot: The plot.
+        renderer: The curve or points to which the values belong.
+        rows: Column names by the labels that are shown.
+        along_x: True if the pointer only needs the same x value as the point.
+        digits: Significant digits of numbers.
     """
     assert isinstance(renderer.data_source, ColumnDataSource)
     data = renderer.data_source.data
     formats = {key: isinstance(data[key], np.ndarray) for key in rows.values()}
     shown = [
-        (words(word), f"@{{{key}}}" + (f"{{%.{digits}g}}" if formats[key] else ""))
+        (plot_text(word), f"@{{{key}}}" + (f"{{%.{digits}g}}" if formats[key] else ""))
         for word, key in rows.items()
     ]
     printf: dict[str, _HoverFormat] = {
@@ -180,8 +185,10 @@ def add_hover(
 
 
 def add_legend(plot: figure, entries: Mapping[str, Sequence[Drawn]]) -> None:
-    """Name lines above a plot; a click on a name hides its lines."""
-    items = [LegendItem(label=words(word), renderers=list(own)) for word, own in entries.items()]
+    """Add a legend above a plot; a click on a name hides its lines."""
+    items = [
+        LegendItem(label=plot_text(word), renderers=list(own)) for word, own in entries.items()
+    ]
     widest = GLYPH_PX + LETTER_PX * max(len(word) for word in entries)
     legend = Legend(
         items=items,
@@ -193,8 +200,8 @@ def add_legend(plot: figure, entries: Mapping[str, Sequence[Drawn]]) -> None:
     plot.add_layout(legend, "above")
 
 
-def beside(panels: Sequence[UIElement]) -> Row:
-    """Return panels beside each other, below each other where the page is narrow."""
+def row_of_panels(panels: Sequence[UIElement]) -> Row:
+    """Return panels in a row; a narrow page shows them below each other."""
     return Row(
         children=list(panels),
         sizing_mode="stretch_width",
@@ -203,12 +210,12 @@ def beside(panels: Sequence[UIElement]) -> Row:
 
 
 def layout(name: str, parts: Sequence[UIElement], panels: Sequence[figure]) -> GridPlot:
-    """Return a whole figure: one toolbar for all of its panels, and its parts below each other.
+    """Return a complete figure: its parts below each other, with one toolbar for all panels.
 
     Args:
-        name: What its CSV and SVG files are called.
-        parts: Panels, or rows of them.
-        panels: All panels that are in them.
+        name: Name of the figure's CSV and SVG files.
+        parts: Panels, or rows of panels.
+        panels: All panels in `parts`.
     """
     column = Column(children=list(parts), sizing_mode="stretch_width", spacing=6)
     return GridPlot(

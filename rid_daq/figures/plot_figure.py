@@ -11,32 +11,28 @@ from bokeh.models import ColumnDataSource, FactorRange, GridPlot
 from bokeh.plotting import figure
 
 from rid_daq.blocks.plot import Axis, Dash, Line, Mark, Panel, Plot
-from rid_daq.figures.palette import NAMED, RED, stroke
+from rid_daq.figures.palette import NAMED, RED, joint_stroke
 from rid_daq.figures.panel import (
     Drawn,
     Ranges,
     add_hover,
     add_legend,
-    beside,
+    add_limit_line,
     layout,
-    limit_line,
-    outline,
     panel,
     panel_to_scale,
+    row_of_panels,
     source,
+    source_outside_csv,
 )
 
-MOST_TOLD: Final = 6
+MOST_HOVER_LINES: Final = 6
 ROW_PX: Final = 24
-ROWS_BESIDES_PX: Final = 100
+SPANS_MARGIN_PX: Final = 100
 
 
 def plot_figure(plot: Plot) -> GridPlot:
-    """Return the figure of a declared plot.
-
-    Args:
-        plot: The declaration.
-    """
+    """Return the Bokeh figure of a declared plot."""
     drawn: list[figure] = []
     title = ""
     for number, each in enumerate(plot.panels):
@@ -46,13 +42,13 @@ def plot_figure(plot: Plot) -> GridPlot:
             drawn[-1].xaxis.visible = False
         draw = _spans if each.spans else _bars if each.bars else _lines
         drawn.append(draw(each, shared, title))
-    return layout(plot.name, [beside(drawn)] if plot.columns > 1 else drawn, drawn)
+    return layout(plot.name, [row_of_panels(drawn)] if plot.columns > 1 else drawn, drawn)
 
 
 def stroke_of(line: Line) -> tuple[str, Dash]:
     """Return colour and dash of a line."""
     if isinstance(line.stroke, int):
-        own = stroke(line.stroke)
+        own = joint_stroke(line.stroke)
         return own.color, line.dash or own.dash
     return NAMED[line.stroke], line.dash or "solid"
 
@@ -101,7 +97,7 @@ def _lines(of: Panel, shared: Ranges, title: str) -> figure:
             entries[line.label] += [*drawn, own[line.label]]
     _add_hovers(drawing, of, own)
     for at in of.limits:
-        limit_line(drawing, at, RED)
+        add_limit_line(drawing, at, RED)
     for mark in of.marks:
         _draw_mark(drawing, mark)
     if entries:
@@ -125,7 +121,7 @@ def _empty(of: Panel, shared: Ranges) -> figure:
 
 
 def _area(drawing: figure, line: Line) -> Drawn:
-    edge = outline({"x": line.x, "y": line.y})
+    edge = source_outside_csv({"x": line.x, "y": line.y})
     color, _ = stroke_of(line)
     return drawing.patch("x", "y", source=edge, color=color, fill_alpha=0.2, line_alpha=0.0)
 
@@ -135,7 +131,7 @@ def _draw_mark(drawing: figure, mark: Mark) -> None:
         "x",
         "y",
         "text",
-        source=outline({"x": [mark.x], "y": [mark.y], "text": [mark.text]}),
+        source=source_outside_csv({"x": [mark.x], "y": [mark.y], "text": [mark.text]}),
         x_offset=6,
         text_baseline="middle",
         text_font_size="12px",
@@ -144,10 +140,10 @@ def _draw_mark(drawing: figure, mark: Mark) -> None:
 
 
 def _add_hovers(drawing: figure, of: Panel, own: Mapping[str, Drawn]) -> None:
-    """Show the values of all lines above the pointer if they are few and of the same x."""
+    """Show values of all lines at the pointer if they are few and share their x values."""
     lines = [line for line in of.lines if not line.is_area]
     names = {line.label: f"{line.label} [{of.y.unit}]" for line in lines}
-    if len({line.x for line in lines}) == 1 and len(names) <= MOST_TOLD:
+    if len({line.x for line in lines}) == 1 and len(names) <= MOST_HOVER_LINES:
         whole = next((line for line in lines if None not in line.y), lines[0])
         shown = {of.x.label: of.x.text, **names}
         add_hover(drawing, own[whole.label], shown, along_x=True, digits=4)
@@ -157,7 +153,7 @@ def _add_hovers(drawing: figure, of: Panel, own: Mapping[str, Drawn]) -> None:
 
 
 def _sources(of: Panel, title: str) -> Iterator[tuple[Line, ColumnDataSource]]:
-    """Yield the lines with their data; lines of the same x share one table."""
+    """Yield each line with its data source; lines with the same x values share one."""
     tables: dict[tuple[float, ...], list[Line]] = defaultdict(list)
     for line in of.lines:
         if not line.is_area:
@@ -227,7 +223,7 @@ def _spans(of: Panel, shared: Ranges, title: str) -> figure:
         of.y.label,
         of.x.text,
         "",
-        height=ROWS_BESIDES_PX + ROW_PX * len(of.rows),
+        height=SPANS_MARGIN_PX + ROW_PX * len(of.rows),
         x_range=shared if shared is not None else _ends(of.x),
         y_range=FactorRange(factors=list(of.rows)[::-1]),
     )

@@ -15,7 +15,7 @@ from config.cell.cell import CellConfig
 from config.plausible import ZERO_CELSIUS_K
 from config.process.safety_clock import safety_now_s
 from config.robot.robot import RobotDescription
-from rid_daq.terminal.motion_progress import motion_words
+from rid_daq.terminal.motion_progress import describe_state
 
 RATE_AFTER_S = 2.0
 
@@ -75,7 +75,7 @@ class MotionPicture:
             "cell": motion.cell.name,
             "robot": motion.robot.name,
             "state": progress.state.name.lower(),
-            "words": motion_words(progress),
+            "words": describe_state(progress),
             "phase": progress.phase.name.lower() if progress.state is TaskState.MOVING else "",
             "moving": progress.state in (TaskState.MOVING, TaskState.STOPPING),
             "age_s": round(now_s - self._changed_s, 3) if self._written else None,

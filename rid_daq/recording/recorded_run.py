@@ -22,7 +22,7 @@ from rid_daq.report.sections.verdict import VerdictSection
 from rid_daq.runs.run_data import RunData
 from rid_daq.runs.run_quality import RunQuality
 from rid_daq.terminal.exit_codes import ExitCode, exit_code_of_stop
-from rid_daq.terminal.motion_progress import place_words
+from rid_daq.terminal.motion_progress import describe_end_position
 
 _AGAIN = "Start again when you are ready"
 _BY_ITSELF = "; the robot goes to the start by itself"
@@ -108,7 +108,7 @@ class RecordedRun:
         stop = self.outcome.stop
         if stop is None:
             return ""
-        place = "" if self.data is None else f" {place_words(self.data.tally)}"
+        place = "" if self.data is None else f" {describe_end_position(self.data.tally)}"
         what_to_do = _WHAT_TO_DO.get(stop.code, _CHECK)
         if what_to_do == _AGAIN:
             what_to_do = f"{_AGAIN}{'' if self.held else _BY_ITSELF}."

@@ -47,7 +47,7 @@ from rid_daq.session.session import unfinished
 from rid_daq.session.versions import software_versions
 from rid_daq.terminal.clearance import require_cleared
 from rid_daq.terminal.context import Context, Display
-from rid_daq.terminal.motion_progress import progress_shown, total_of
+from rid_daq.terminal.motion_progress import motion_total, progress_callback
 
 if TYPE_CHECKING:
     from mock_hw.cell import SimulatedCell
@@ -221,14 +221,16 @@ class RunSession:
             seen = seen or watch.enough(new)
             return seen
 
-        self.display.begins(folder.run_id, request.sentence, rows, per_period)
-        with self.display.progress(request.role, *total_of(samples, held=request.held)) as shown:
+        self.display.announce_motion(folder.run_id, request.sentence, rows, per_period)
+        with self.display.progress(
+            request.role, *motion_total(samples, held=request.held)
+        ) as shown:
             outcome = record_motion(
                 self.cell,
                 robot,
                 motion,
                 folder,
-                on_progress=progress_shown(
+                on_progress=progress_callback(
                     samples,
                     robot.joint_names,
                     shown.update,

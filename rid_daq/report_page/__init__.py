@@ -1,5 +1,6 @@
-"""The report: a result as one HTML file that is read, zoomed and printed.
+"""The report: a result as one self-contained HTML file, for reading, zooming and printing.
 
-Sections give blocks, which `blocks.html` lays out; `drawings` draws plots for paper,
-`rid_daq/figures` for zooming. Nothing is computed here. Begin with `render.py`.
+The sections of a result provide blocks, and the template `blocks.html` lays them out. The package
+`drawings` draws plots for print; `rid_daq/figures` makes the figures for zooming. This package
+computes no results. Begin with `render.py`.
 """

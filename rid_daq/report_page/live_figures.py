@@ -1,8 +1,8 @@
-"""`LiveFigures`: the figures of a report that are zoomed, packed into its page with their scripts.
+"""`LiveFigures`: the interactive figures of a report, compressed in its page with their scripts.
 
-A page has BokehJS once and each figure's item, all compressed; `report.js` unpacks what comes into
-view. Nothing is loaded from anywhere, and the page's policy names the two scripts that may run by
-their hashes: a script that got into the page otherwise does not run.
+A page contains BokehJS once and one item per figure, all compressed; `report.js` decompresses a
+figure when it becomes visible. The page loads nothing from a network. Its content security policy
+names its two scripts by their hashes, so that no injected script can run.
 """
 
 from __future__ import annotations
@@ -25,35 +25,35 @@ STILL_POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; img-src da
 
 
 class LiveFigures:
-    """The figures of one page, in the order in which its templates ask for them."""
+    """The interactive figures of one page, in the order in which the templates add them."""
 
     def __init__(self) -> None:
         self._packed: dict[str, Markup] = {}
 
     def __iter__(self) -> Iterator[tuple[str, Markup]]:
-        """Yield every figure's name and its packed item."""
+        """Yield name and compressed item of every figure."""
         yield from self._packed.items()
 
     def __len__(self) -> int:
         return len(self._packed)
 
-    def keep(self, plot: Plot) -> str:
-        """Put a figure into the page; return its name there.
+    def add(self, plot: Plot) -> str:
+        """Add a figure to the page and return its name there.
 
         Args:
-            plot: The declaration of the figure.
+            plot: Declaration of the figure.
         """
-        from rid_daq.figures.embedding import as_item  # they load what draws
+        from rid_daq.figures.embedding import as_item  # imported late, because Bokeh loads slowly
         from rid_daq.figures.plot_figure import plot_figure
 
         item = as_item(plot_figure(plot), dark=False)
         name = f"{plot.name}-{len(self._packed) + 1}"
-        self._packed[name] = packed(json.dumps(item, allow_nan=False, separators=(",", ":")))
+        self._packed[name] = compress_text(json.dumps(item, allow_nan=False, separators=(",", ":")))
         return name
 
     @property
     def policy(self) -> str:
-        """The content security policy of a page with these figures."""
+        """Content security policy of a page with these figures."""
         if not self._packed:
             return STILL_POLICY
         allowed = " ".join(f"'sha256-{_hash(text)}'" for text in (_library(), script()))
@@ -61,27 +61,27 @@ class LiveFigures:
 
 
 def dark_map() -> Markup:
-    """Return the dark colour of every light one, as JSON."""
+    """Return the dark colour of every light colour, as JSON."""
     return Markup(json.dumps(dark_colours()))
 
 
 @functools.cache
 def library() -> Markup:
-    """Return BokehJS, packed."""
-    return packed(_library())
+    """Return BokehJS, compressed."""
+    return compress_text(_library())
 
 
 @functools.cache
 def script() -> Markup:
-    """Return the page's own module: what shows a figure, and when."""
+    """Return the page's JavaScript module, which shows each figure when it becomes visible."""
     from rid_daq.figures.embedding import figure_script
 
     own = Path(__file__).with_name("report.js").read_text(encoding="utf-8")
     return Markup(figure_script().read_text(encoding="utf-8") + own)
 
 
-def packed(text: str) -> Markup:
-    """Return a text compressed, as letters that mean nothing in HTML."""
+def compress_text(text: str) -> Markup:
+    """Return a text, compressed with gzip and encoded in base64."""
     return Markup(base64.b64encode(gzip.compress(text.encode(), 9, mtime=0)).decode("ascii"))
 
 

@@ -1,4 +1,4 @@
-"""`print_pdf`: print a page to PDF with an installed Chromium."""
+"""`print_pdf`: prints a page to PDF with an installed Chromium."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ def print_pdf(page: Path, output: Path) -> None:
     """Print a page to PDF.
 
     Args:
-        page: The page (HTML).
-        output: The PDF.
+        page: The HTML file.
+        output: The PDF file.
 
     Raises:
         ConfigError: No Chromium is installed (RID-PDF-BROWSER).
-        RecordingError: It failed (RID-PDF-FAILED), or the file cannot be written.
+        RecordingError: Chromium failed (RID-PDF-FAILED), or the PDF cannot be written.
     """
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:
         raise ConfigError(
-            f"{output}: no Chromium is installed that prints PDF: install one, or open {page} in a"
-            " browser and print it",
+            f"{output}: cannot print PDF, because no Chromium is installed: install one, or open"
+            f" {page} in a browser and print it",
             code="RID-PDF-BROWSER",
         )
     with tempfile.TemporaryDirectory(prefix="rid-daq-") as folder:
@@ -48,18 +48,19 @@ def print_pdf(page: Path, output: Path) -> None:
             page.resolve().as_uri(),
         ]
         if os.geteuid() == 0:
-            words.insert(1, "--no-sandbox")  # Chromium refuses to run as root otherwise
+            words.insert(1, "--no-sandbox")  # Chromium refuses to run as root with a sandbox
         try:
-            ended = subprocess.run(
+            finished = subprocess.run(
                 words, capture_output=True, timeout=PATIENCE_S, check=False, text=True
             )
-            said = ended.stderr.strip().splitlines()[-1:]
+            reason = finished.stderr.strip().splitlines()[-1:]
         except (OSError, subprocess.TimeoutExpired) as error:
-            said = [str(error)]
+            reason = [str(error)]
         if not printed.is_file():
             raise RecordingError(
-                f"{output}: {browser} did not print {page}: {' '.join(said) or 'no reason given'};"
-                " open the page in a browser and print it",
+                f"{output}: {browser} could not print {page}:"
+                f" {' '.join(reason) or 'it gave no reason'}; open the page in a browser and"
+                " print it",
                 code="RID-PDF-FAILED",
             )
         write_whole(output, printed.read_bytes())

@@ -1,4 +1,4 @@
-"""`render_report`: a result to one self-contained HTML page."""
+"""`render_report`: renders a result as one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -25,22 +25,25 @@ from rid_daq.terminal.console import make_printable
 
 
 def render_report(result: Result, before: Result | None = None) -> str:
-    """Return the report: every number is the result's, every text from outside is escaped.
+    """Return the report of a result as HTML.
+
+    All numbers are those of the result. All texts from outside the program are escaped.
 
     Args:
-        result: What is shown; sections that it lacks are left out.
-        before: What the run's file holds: sections that are the same were read from it.
+        result: The result to show; sections that it does not contain are left out.
+        before: The result in the run's file. Sections that are equal in both were read from the
+            file.
 
     Raises:
-        RecordingError: A section holds numbers that cannot be shown.
+        RecordingError: A section contains numbers that cannot be shown.
     """
     figures = LiveFigures()
     parts = []
     for name, section in result.sections():
-        with _shown(name, read=getattr(before, name, None) == section):
+        with _named_in_errors(name, read=getattr(before, name, None) == section):
             parts.append(_part(name, BLOCKS_BY_SECTION[name](section), figures))
             parts.append(_origin(result, name))
-    with _shown("the document", read=before is not None):
+    with _named_in_errors("the document", read=before is not None):
         page = _environment().get_template("page.html")
         simulated = result.cell is not None and result.cell.simulated
         checks = _part("verdict", check_tables(result.verdict), figures)
@@ -55,11 +58,7 @@ def render_report(result: Result, before: Result | None = None) -> str:
 
 
 def render_certificate(certificate: Certificate) -> str:
-    """Return the certificate of a payload as a page to print; the same gives the same bytes.
-
-    Args:
-        certificate: Its contents.
-    """
+    """Return the certificate of a payload as an HTML page; equal contents give equal bytes."""
     robot = certificate.payload.estimate.robot.name
     result = Result.new("rid-daq payload certificate", robot).updated(
         verdict=certificate.verdict, software=certificate.folder.software, cell=certificate.cell
@@ -83,14 +82,14 @@ def render_certificate(certificate: Certificate) -> str:
 
 
 def _part(name: str, blocks: Iterable[AnyBlock], figures: LiveFigures | None) -> Markup:
-    """Return a part of the page; without figures to zoom if there is no place for them."""
+    """Return a part of the page; if `figures` is None, plots are not interactive."""
     template = _environment().get_template("blocks.html")
-    live = (lambda *_of: "") if figures is None else figures.keep
+    live = (lambda *_of: "") if figures is None else figures.add
     return Markup(template.render(blocks=list(blocks), name=name, live=live))
 
 
 def _origin(result: Result, name: str) -> Markup:
-    """Say which model a section is of, and when it was made; empty where neither is known."""
+    """Return the model and the time of a section as HTML; empty if neither is known."""
     model = str(result.model) if result.model is not None and name in BY_MODEL else ""
     made = "" if result.timing is None else (result.timing.made or {}).get(name, "")
     words = ", ".join(filter(None, (model, made and moment(made))))
@@ -109,29 +108,32 @@ def _environment() -> jinja2.Environment:
     )
     for show in (number, duration, moment):
         environment.filters[show.__name__] = show
-    for tell in (_plot_svg, colours, dark_map, library, script):
-        environment.globals[tell.__name__] = tell
+    for function in (_plot_svg, colours, dark_map, library, script):
+        environment.globals[function.__name__] = function
     return environment
 
 
 def _plot_svg(plot: Plot, name: str) -> Markup:
-    """Return the drawing of a plot; matplotlib is loaded for the first one."""
+    """Return the drawing of a plot as SVG; the first call imports matplotlib."""
     from rid_daq.report_page.drawings.plot import plot_svg
 
     return plot_svg(plot, name)
 
 
 def _visible(value: object) -> object:
-    """Return what an expression of the page gave, its invisible characters visible."""
+    """Return the value of a template's expression with invisible characters made visible."""
     return make_printable(value) if type(value) is str else value
 
 
 @contextlib.contextmanager
-def _shown(section: str, *, read: bool) -> Iterator[None]:
-    """Name the section that cannot be shown; one that was read from a file may have been edited.
+def _named_in_errors(section: str, *, read: bool) -> Iterator[None]:
+    """Name the section in an error if it cannot be shown.
+
+    Args:
+        read: True if the section was read from a file, which may have been edited.
 
     Raises:
-        RecordingError: In place of what Python says of numbers that are not what they should be.
+        RecordingError: The section contains invalid values.
     """
     try:
         yield
@@ -143,7 +145,7 @@ def _shown(section: str, *, read: bool) -> Iterator[None]:
         ValueError,
         jinja2.TemplateError,
     ) as error:
-        why = "was it edited?" if read else "nothing was written"
+        hint = "the file may have been edited" if read else "nothing was written"
         raise RecordingError(
-            f"{section}: cannot be shown: {error}; {why}", code="RID-RESULT-UNSOUND"
+            f"{section}: this section cannot be shown: {error}; {hint}", code="RID-RESULT-UNSOUND"
         ) from error

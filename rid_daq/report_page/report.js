@@ -1,11 +1,11 @@
 
-// Puts a report's figures where its drawings stand, one after the other as they come into view.
-// What is printed, and what is seen where this does not run, are the drawings.
+// Replaces the drawings of a report by interactive figures, each when it becomes visible.
+// Printed pages, and browsers without JavaScript, show the drawings.
 
 const darkOf = new Map(Object.entries(JSON.parse(document.getElementById("plot-dark").textContent)));
 let library;
 
-async function unpacked(element) {
+async function decompress(element) {
   const bytes = Uint8Array.from(atob(element.textContent), (letter) => letter.charCodeAt(0));
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
   return new Response(stream).text();
@@ -13,15 +13,15 @@ async function unpacked(element) {
 
 async function load() {
   const script = document.createElement("script");
-  script.textContent = await unpacked(document.getElementById("plot-library"));
+  script.textContent = await decompress(document.getElementById("plot-library"));
   document.head.append(script);
 }
 
-function darkened(value) {
+function toDark(value) {
   if (typeof value === "string") return darkOf.get(value) ?? value;
-  if (Array.isArray(value)) return value.map(darkened);
+  if (Array.isArray(value)) return value.map(toDark);
   if (value === null || typeof value !== "object") return value;
-  return Object.fromEntries(Object.entries(value).map(([key, child]) => [key, darkened(child)]));
+  return Object.fromEntries(Object.entries(value).map(([key, child]) => [key, toDark(child)]));
 }
 
 function show(plot) {
@@ -30,8 +30,8 @@ function show(plot) {
     async item(isDark) {
       library ??= load();
       await library;
-      const item = JSON.parse(await unpacked(packed));
-      return isDark ? darkened(item) : item;
+      const item = JSON.parse(await decompress(packed));
+      return isDark ? toDark(item) : item;
     },
   });
 }

@@ -1,4 +1,4 @@
-"""`write_result`: `result.json` and `report.html`, written into a run folder together."""
+"""`write_result`: writes `result.json` and `report.html` into a run folder."""
 
 from __future__ import annotations
 
@@ -14,22 +14,19 @@ from rid_daq.report.sections.timing import Timing
 
 
 def write_result(folder: RunFolder, result: Result) -> Path:
-    """Write `result.json` and `report.html` into a run folder; return the report's path.
+    """Write `result.json` and `report.html` into a run folder and return the report's path.
 
-    Neither is written where the report cannot be drawn. A section that is new, or not as it was,
-    gets the present time.
-
-    Args:
-        folder: The run.
+    If the report cannot be rendered, neither file is written. Sections that are new or changed are
+    marked with the present time.
 
     Raises:
-        RecordingError: A file cannot be written, or a section not be shown.
+        RecordingError: A file cannot be written, or a section cannot be shown.
     """
-    from rid_daq.report_page.render import render_report  # it loads what draws: half a second
+    from rid_daq.report_page.render import render_report  # imported late: it takes half a second
 
     path = folder.file(RESULT)
     before = read_result(folder) if path.exists() else None
-    result = _dated(result, before)
+    result = _with_section_times(result, before)
     document = result.model_dump(mode="json", by_alias=True)
     text = json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False) + "\n"
     try:
@@ -40,8 +37,8 @@ def write_result(folder: RunFolder, result: Result) -> Path:
     return folder.write(REPORT, page.encode())
 
 
-def _dated(result: Result, before: Result | None) -> Result:
-    """Return a result that says when each of its sections was made."""
+def _with_section_times(result: Result, before: Result | None) -> Result:
+    """Return the result with the time at which each of its sections was made."""
     known = {} if before is None or before.timing is None else before.timing.made or {}
     now = datetime.now(UTC).isoformat(timespec="seconds")
     made = {}

@@ -13,7 +13,7 @@ from config.errors import ConfigError, RidDaqError, ServiceError
 from rid_daq.operations.operation import Operation
 from rid_daq.requests.request import Request
 from rid_daq.service.job_kinds import JobKind
-from rid_daq.terminal.clearance import clear
+from rid_daq.terminal.clearance import ask_clearance
 from rid_daq.terminal.console import Console, Progress
 
 _NAME = re.compile(r"^name:\s*[\"']?([\w.-]+)", re.MULTILINE)
@@ -45,7 +45,7 @@ def send(address: str, operation: Operation, request: Request, console: Console)
             leased = stack.enter_context(service.lease(name, note=f"rid-daq {kind.value}"))
             shown.answer = leased.answer
             cleared = cell.simulated or not kind.operation.moves
-            cleared = cleared or clear(name, getattr(request, "cleared", False), console)
+            cleared = cleared or ask_clearance(name, getattr(request, "cleared", False), console)
             try:
                 result = leased.run(kind, body, cleared=cleared, watch=shown)
             except KeyboardInterrupt:
@@ -122,7 +122,7 @@ class _Shown:
             case "said" | "key_refused":
                 console.say(event.text)
             case "state":
-                console.enters(event.session, event.state, event.text)
+                console.announce_state(event.session, event.state, event.text)
             case "judged":
                 console.verdict(event.passed, event.text)
             case "result":

@@ -1,4 +1,4 @@
-"""What a person at a terminal sees: lines, tables, verdicts, exit codes, questions.
+"""Output and input of a terminal: lines, tables, verdicts, exit codes, questions, held keys.
 
-Words and layout; no job is done here. Begin with `console.py`.
+This package contains texts and layout; it executes no operations. Begin with `console.py`.
 """

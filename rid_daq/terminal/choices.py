@@ -1,7 +1,7 @@
-"""What options choose among, and what holds where they are not given.
+"""Choices and defaults of command-line options.
 
-A command's help is shown from these alone, so nothing here imports numerics; what the choices mean
-stands where they are used.
+The help of a command imports only this module, so nothing here imports numerics. The modules that
+use a choice document its meaning.
 """
 
 from __future__ import annotations
@@ -13,23 +13,23 @@ from typing import Final
 MODEL: Final = "model.json"
 PAYLOAD: Final = "payload.json"
 CERTIFICATE: Final = "certificate.pdf"
-"""The files of a run that `identify`, `payload identify` and `payload certificate` write."""
+"""Files that `identify`, `payload identify` and `payload certificate` write into a run folder."""
 
 DEFAULT_RUNS: Final = Path("runs")
-"""The folder of the run folders."""
+"""Folder that contains the run folders."""
 
 DEFAULT_LISTEN: Final = "127.0.0.1:8642"
-"""Where pages are served."""
+"""Address and port of the pages."""
 
 JOG_PERCENT: Final = 5.0
-"""Of the speed limit: how fast `jog` moves."""
+"""Speed of `jog` in percent of the speed limit."""
 
 DEMO_PERIOD_S: Final = 10.0
-"""The period of the excitations of `demo`."""
+"""Period of the excitation trajectories of `demo` [s]."""
 
 
 class Kind(StrEnum):
-    """What the motion is for."""
+    """Purpose of a motion."""
 
     EXCITATION = "excitation"
     CONSTANT_VELOCITY = "constant-velocity"
@@ -38,7 +38,7 @@ class Kind(StrEnum):
 
 
 class Format(StrEnum):
-    """What can be written."""
+    """File formats for export."""
 
     URDF = "urdf"
     SDF = "sdf"

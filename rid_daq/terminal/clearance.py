@@ -1,4 +1,4 @@
-"""Asking whether a real cell is clear before its robot moves."""
+"""Questions to the user about a real cell before its robot moves."""
 
 from __future__ import annotations
 
@@ -21,70 +21,80 @@ def require_cleared(
     practise: bool = False,
     files: Mapping[str, bytes] | None = None,
 ) -> None:
-    """Ask whether a real cell is clear; of a simulated one only where that is practised.
+    """Ask the user whether a real cell is clear; ask for a simulated cell only with `practise`.
 
     Args:
-        cleared: Whether that was said already.
-        context: Where a person is asked.
-        practise: Whether a simulated cell is asked about like a real one.
-        files: What the motion is made from, as its run keeps it; shown by hashes beside the
-            question.
+        cleared: True if the user confirmed this in advance.
+        context: Context that asks the question.
+        practise: True if a simulated cell is treated like a real one.
+        files: Files that define the motion, as its run stores them; their hashes are shown before
+            the question.
 
     Raises:
-        PreflightError: Nobody can be asked, or the cell is not clear.
+        PreflightError: No user can be asked, or the cell is not clear.
     """
     if practise or not cell.simulated:
         if files:
-            context.say(hashes_shown(files))
-        clear(cell.name, cleared, context)
+            context.say(hash_sentence(files))
+        ask_clearance(cell.name, cleared, context)
 
 
-def hashes_shown(files: Mapping[str, bytes]) -> str:
-    """Return the first digits of the SHA-256 of files that a motion is made from, in a sentence."""
+def hash_sentence(files: Mapping[str, bytes]) -> str:
+    """Return a sentence with the first digits of the SHA-256 of the files that define a motion."""
     shown = (f"{name} {sha256_of(content)[:SHORT]}" for name, content in sorted(files.items()))
-    return f"To be driven, as read (SHA-256): {', '.join(shown)}."
+    return f"The motion uses these files (SHA-256): {', '.join(shown)}."
 
 
-def clear(cell: str, cleared: bool, context: Context, danger: str = "The robot will move.") -> bool:
-    """Ask whether a cell is clear, question by question, unless that was said; return True.
+def ask_clearance(
+    cell: str, cleared: bool, context: Context, danger: str = "The robot will move."
+) -> bool:
+    """Ask the questions about a cell, unless they were answered in advance; return True.
+
+    Args:
+        danger: Sentence that is shown before the questions.
 
     Raises:
-        PreflightError: Nobody can be asked, or the cell is not clear.
+        PreflightError: No user can be asked, or the cell is not clear.
     """
     if cleared:
         return True
     advice = "clear the cell, then type its name, or give --i-have-cleared-the-cell"
     if not context.can_ask:
         raise PreflightError(
-            f"nobody can be asked whether cell {cell} is clear: {advice}", code="RID-ANSWER-NOBODY"
+            f"cannot ask whether cell {cell} is clear, because there is no terminal: {advice}",
+            code="RID-ANSWER-NOBODY",
         )
     context.say(danger)
-    answer = context.ask(f"Is nobody in cell {cell}? Type the cell's name", str)
+    answer = context.ask(f"Is cell {cell} free of people? Type the cell's name to confirm", str)
     if answer != cell:
         raise PreflightError(
-            f"nothing was moved: {answer!r} is not {cell!r}; {advice}", code="RID-ANSWER-NO"
+            f"no motion was started: {answer!r} is not the cell's name {cell!r}; {advice}",
+            code="RID-ANSWER-NO",
         )
-    if not context.confirm("Is the emergency stop at hand?"):
+    if not context.confirm("Is the emergency stop within reach?"):
         raise PreflightError(
-            "nothing was moved: have the emergency stop at hand, then start again",
+            "no motion was started: keep the emergency stop within reach, then start again",
             code="RID-ANSWER-NO",
         )
     return True
 
 
 def require_yes(context: Context, question: str, answered: bool) -> None:
-    """Ask a person, unless a flag answers.
+    """Ask the user a question, unless a flag answers it with yes.
 
     Raises:
-        PreflightError: Nobody can be asked, or the answer is no.
+        PreflightError: No user can be asked, or the answer is no.
     """
     if answered:
         context.say(f"{question} Answered by --yes.")
         return
     if not context.can_ask:
         raise PreflightError(
-            f"{question} Nobody can be asked here: answer by the flags (--yes)",
+            f"{question} The question cannot be asked, because there is no terminal: answer it"
+            " with the option --yes",
             code="RID-ANSWER-NOBODY",
         )
     if not context.confirm(question):
-        raise PreflightError("nothing was moved further: the answer was no", code="RID-ANSWER-NO")
+        raise PreflightError(
+            "no further motion was started, because the answer was no", code="RID-ANSWER-NO"
+        )

@@ -1,4 +1,4 @@
-"""What a command says: sentences and tables for people, or one JSON document for programs."""
+"""Output of a command: sentences and tables for people, or one JSON document for programs."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ import click
 
 from config.errors import ConfigError, PreflightError
 from rid_daq.terminal.context import Progress as Progress
-from rid_daq.terminal.fitted import fitted
-from rid_daq.terminal.progress_bar import MovingBar, format_count
+from rid_daq.terminal.progress_bar import ProgressBar, format_count
+from rid_daq.terminal.text_wrapping import wrap_text
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -33,15 +33,15 @@ T = TypeVar("T")
 _INVISIBLE = re.compile("[\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff]")
 
 
-_WIDEST = 1 << 16  # columns, where nobody knows how many
+_WIDEST = 1 << 16  # columns, if the width is unknown
 
 
 class _Output:
-    """What this process has done with standard output."""
+    """State of this process's standard output."""
 
     documents = 0
     refused: OSError | None = None
-    bar: MovingBar | None = None
+    bar: ProgressBar | None = None
 
 
 _output = _Output()
@@ -55,27 +55,27 @@ SERVICE_HELP: Final = (
 
 
 def make_printable(text: str) -> str:
-    """Return text with control characters made visible: it may come from a device or a file."""
+    """Return text, which may come from a device or a file, with control characters made visible."""
     return "".join(c if c.isprintable() or c in "\n\t" else _escaped(c) for c in text)
 
 
 def as_command(*words: object) -> str:
-    """Return a command of this program as it is typed, names with spaces in quotes."""
+    """Return a command of this program as it is typed; names with spaces are quoted."""
     return f"rid-daq {shlex.join(map(str, words))}"
 
 
 def output_error() -> OSError | None:
-    """Return why standard output did not take what was written, the first time; None if it did."""
+    """Return the first error of standard output; None if there was none."""
     return _output.refused
 
 
 def documents_written() -> int:
-    """Return how many documents this process has written for programs."""
+    """Return the number of JSON documents that this process has written."""
     return _output.documents
 
 
 def _write(text: str) -> None:
-    """Write a line; a motion does not end because nobody takes what is said of it."""
+    """Write a line. An error of standard output is stored, because it must not end a motion."""
     try:
         if _output.bar is None:
             click.echo(text)
@@ -86,7 +86,7 @@ def _write(text: str) -> None:
 
 
 def _rich_console() -> RichConsole:
-    """Return what draws on the terminal: above a moving bar, where one is shown."""
+    """Return the console that writes on the terminal, above a progress bar if there is one."""
     if _output.bar is not None:
         return _output.bar.console
     from rich.console import Console as RichConsole
@@ -104,68 +104,68 @@ def _cell(text: str) -> str:
 
 
 def _as_json(value: object) -> object:
-    """Return a model as JSON has it.
+    """Return a model as JSON values.
 
     Raises:
-        TypeError: It is none.
+        TypeError: The value is not a model.
     """
-    from pydantic import BaseModel  # takes longer to import than all else that says something
+    from pydantic import BaseModel  # imported late, because it is slow
 
     if isinstance(value, BaseModel):
         return value.model_dump(mode="json", by_alias=True)
-    raise TypeError(f"{type(value).__name__} is nothing that JSON has")
+    raise TypeError(f"values of type {type(value).__name__} cannot be written as JSON")
 
 
 @dataclass(frozen=True)
 class Console:
     """Writes to people on stdout, or, with `as_json`, to programs.
 
-    Colours, moving bars and wide tables are for terminals only, and never with NO_COLOR's users'
-    colours; what a pipe or a log file gets is plain text. What is said while a bar moves stands
-    above it.
+    Colours, progress bars and wide tables appear on terminals only, and colours not if NO_COLOR is
+    set. Pipes and log files receive plain text. Text that is written during a progress bar appears
+    above the bar.
     """
 
     as_json: bool = False
 
     @property
     def is_terminal(self) -> bool:
-        """Whether a person sees this as it is written."""
+        """True if a person reads the output on a terminal."""
         return not self.as_json and sys.stdout is not None and sys.stdout.isatty()
 
     @property
     def service(self) -> ServiceBeat | None:
-        """Signs of life of the service that has ordered what is done; None without one."""
+        """Heartbeat of the service that started the operation; None without a service."""
         return None
 
     @property
     def columns(self) -> int | None:
-        """How wide the terminal is; None where this is no terminal."""
+        """Width of the terminal; None if the output is not a terminal."""
         return shutil.get_terminal_size().columns if self.is_terminal else None
 
     def say(self, text: str = "") -> None:
-        """Write a sentence for people; nothing with `--json`."""
+        """Write a sentence for people; write nothing with `--json`."""
         if not self.as_json:
             columns = self.columns
             text = make_printable(text)
-            _write(text if columns is None else fitted(text, columns))
+            _write(text if columns is None else wrap_text(text, columns))
 
     def next_step(self, *words: object, lead: str = "Next") -> None:
-        """Write a command that comes next, as a shell takes it, behind a word or two."""
+        """Write the command for the next step, in shell syntax, after a lead word."""
         self.say(f"{lead}: {as_command(*words)}")
 
     def verdict(self, passed: bool | None, text: str) -> None:
-        """Write the sentence that matters, green or red on a terminal."""
+        """Write a verdict; green or red on a terminal."""
         if not self.is_terminal:
             self.say(text)
             return
         from rich.text import Text
 
         style = "bold" if passed is None else "bold green" if passed else "bold red"
-        shown = fitted(make_printable(text), self.columns or _WIDEST)
+        shown = wrap_text(make_printable(text), self.columns or _WIDEST)
         _rich_console().print(Text(shown, style=style), soft_wrap=True)
 
     def document(self, document: Mapping[str, object] | BaseModel) -> None:
-        """Write the command's result for programs; nothing without `--json`."""
+        """Write the command's result as JSON; write nothing without `--json`."""
         if self.as_json:
             _output.documents += 1
             text = self.as_text(document)
@@ -177,17 +177,19 @@ class Console:
         """Write the result of an operation, for programs or for people.
 
         Args:
-            document: Its numbers, for programs; nothing is written for them if it is empty.
-            blocks: What people see of it.
+            document: Values for programs; if it is empty, no document is written.
+            blocks: The same result for people.
         """
-        from rid_daq.terminal.shown_blocks import show  # blocks are models: a help needs none
+        from rid_daq.terminal.block_printer import (
+            print_blocks,
+        )  # imported late: the help needs no blocks
 
         if document:
             self.document(document)
-        show(blocks, self)
+        print_blocks(blocks, self)
 
     def as_text(self, document: Mapping[str, object] | BaseModel) -> str:
-        """Return a document as JSON."""
+        """Return a document as JSON text."""
         return json.dumps(document, ensure_ascii=False, indent=2, allow_nan=False, default=_as_json)
 
     def table(
@@ -197,15 +199,15 @@ class Console:
         red: Sequence[bool] | None = None,
         key: int = 1,
     ) -> None:
-        """Write a table for people, rows in red where told.
+        """Write a table for people.
 
-        On a terminal that is too narrow for it, in parts one under the other.
+        A terminal that is too narrow shows the table in parts below each other.
 
         Args:
-            columns: The head.
-            rows: One sequence of cells a row, as many as `columns`.
-            red: One truth value a row.
-            key: How many of the first columns say what a row is.
+            columns: Names of the columns.
+            rows: One sequence of cells per row, as many as `columns`.
+            red: True for each row that is written in red.
+            key: Number of leading columns that identify a row.
         """
         if self.as_json:
             return
@@ -222,7 +224,7 @@ class Console:
 
     @property
     def can_ask(self) -> bool:
-        """Whether somebody is there who can be asked."""
+        """True if standard input is a terminal, so that a user can be asked."""
         return sys.stdin.isatty()
 
     def ask(
@@ -231,14 +233,14 @@ class Console:
         understood: Callable[[str], T],
         choices: Sequence[tuple[str, str]] = (),
     ) -> T:
-        """Ask a person, beside what programs read, until an answer is understood.
+        """Ask the user on stderr until an answer is accepted.
 
         Args:
-            understood: Returns what an answer means; raises ConfigError where it means nothing.
-            choices: Answers that a page shows as buttons: what each says, and its text.
+            understood: Returns the meaning of an answer; raises ConfigError for an invalid answer.
+            choices: Answers that a page shows as buttons: label and text of each.
 
         Raises:
-            PreflightError: There is no answer: the input has ended.
+            PreflightError: The input ended without an answer.
         """
 
         def meaning(text: str) -> T:
@@ -251,21 +253,22 @@ class Console:
         return answer
 
     def confirm(self, question: str) -> bool:
-        """Ask a person for yes or no, beside what programs read.
+        """Ask the user for yes or no on stderr.
 
         Raises:
-            PreflightError: There is no answer: the input has ended.
+            PreflightError: The input ended without an answer.
         """
         return _answered(lambda: click.confirm(question, err=True))
 
     def require_keys(self, *, simulated: bool) -> None:
-        """Refuse to begin if no key can be held, or not safely.
+        """Raise an error if keys cannot be held on this terminal, or not safely.
 
         Args:
-            simulated: Whether the cell is: then a remote terminal will do.
+            simulated: True for a simulated cell, which may use a remote terminal.
 
         Raises:
-            PreflightError: There is no keyboard, or a network is between it and a real cell.
+            PreflightError: There is no keyboard, or there is a network between keyboard and real
+                cell.
         """
         from rid_daq.terminal.keyboard import require_keyboard
         from rid_daq.terminal.remote_terminal import refuse_remote_terminal
@@ -275,60 +278,60 @@ class Console:
             refuse_remote_terminal()
 
     def keys(self, tapped: Callable[[str], None]) -> AbstractContextManager[Keys]:
-        """Return what says which key is held, for as long as its `with` lasts.
+        """Return a reader of the held key, for use in a `with` block.
 
         Args:
-            tapped: Told of every key that comes, held or not.
+            tapped: Called with every key, held or not.
 
         Raises:
-            PreflightError: On entering: there is no keyboard.
+            PreflightError: On entering the block: there is no keyboard.
         """
         from rid_daq.terminal.keyboard import Keyboard
 
         return Keyboard(tapped)
 
-    def begins(self, run: str, title: str, rows: int, rows_per_period: int | None) -> None:
-        """Be told that a motion begins; what a person sees of it is its progress.
+    def announce_motion(self, run: str, title: str, rows: int, rows_per_period: int | None) -> None:
+        """Do nothing, because the progress display announces the motion to people.
 
         Args:
-            run: The id of its run.
-            title: What is done, in a sentence.
-            rows: How many cycles it has, 0 where nobody knows.
-            rows_per_period: Of a periodic motion.
+            run: Id of the motion's run.
+            title: Description of the motion.
+            rows: Number of cycles; 0 if unknown.
+            rows_per_period: Rows of one period of a periodic motion.
         """
 
-    def enters(self, session: str, state: SessionState, text: str) -> None:
-        """Write what a payload session does next.
+    def announce_state(self, session: str, state: SessionState, text: str) -> None:
+        """Write the next state of a payload session.
 
         Args:
-            session: The id of its folder.
-            state: The state that it enters.
-            text: What is done in it.
+            session: Id of the session's folder.
+            state: The next state.
+            text: Description of the state.
         """
         self.say(text)
 
-    def warms_up(
+    def announce_warm_up(
         self, joints: Sequence[str], power_w: Sequence[Sequence[float]], settled_percent: float
     ) -> None:
-        """Be told of more periods of a warm-up; what a person sees of it is its progress.
+        """Do nothing, because the progress display shows a warm-up to people.
 
         Args:
             joints: Base to flange.
-            power_w: What friction takes of each joint, one row a period [W].
-            settled_percent: The change of a period that counts as warm [%].
+            power_w: Friction power of each joint, one row per period [W].
+            settled_percent: Change between periods below which the robot counts as warm [%].
         """
 
     @contextmanager
     def progress(self, title: str, total: float | None, unit: str) -> Iterator[Progress]:
-        """Show how far a long step is, with the time that is left.
+        """Show the progress of a long step and the time left.
 
-        On a terminal a moving bar; elsewhere a line a tenth; with `--json` nothing. `total` is None
-        where nobody knows how long it is.
+        A terminal shows a progress bar; other outputs get one line per tenth; `--json` shows
+        nothing. `total` is None if it is unknown.
         """
         if self.as_json:
             yield _Silent()
         elif self.is_terminal:
-            with MovingBar(title, total, unit).shown() as bar:
+            with ProgressBar(title, total, unit).shown() as bar:
                 outer, _output.bar = _output.bar, bar
                 try:
                     yield bar
@@ -342,9 +345,10 @@ def _answered(ask: Callable[[], T]) -> T:
     try:
         return ask()
     except click.Abort:
-        click.echo(err=True)  # the question's line has no end
+        click.echo(err=True)  # end the line of the question
         raise PreflightError(
-            "nobody answered: nothing more is moved", code="RID-ANSWER-NOBODY"
+            "the input ended without an answer: no further motion was started",
+            code="RID-ANSWER-NOBODY",
         ) from None
 
 
@@ -354,7 +358,7 @@ class _Silent:
 
 
 class _Lines:
-    """A line for each tenth that is done."""
+    """Progress display with one line per completed tenth."""
 
     def __init__(self, title: str, total: float | None, unit: str) -> None:
         self._title, self._total, self._unit = title, total, unit

@@ -1,4 +1,4 @@
-"""`Context`: what an operation uses while it runs; a console of a terminal or of a worker."""
+"""`Context`: interface of an operation to its user; a console of a terminal or of a worker."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ T = TypeVar("T")
 
 
 class Progress(Protocol):
-    """A progress display: the amount done, and one line of status."""
+    """Progress display: the amount done, and one line of status."""
 
     def update(self, done: float, line: str) -> None:
         """Show that `done` of the total is done; `line` is the status."""
 
 
 class Display(Protocol):
-    """Shows how a motion goes."""
+    """Shows the progress of a motion."""
 
     def say(self, text: str = "") -> None:
-        """Show a sentence before the result is there, such as what happens next."""
+        """Show a sentence before the result is available, such as the next step."""
         ...
 
     def progress(
@@ -35,40 +35,40 @@ class Display(Protocol):
         """Show the progress of a long step; `total` is None if it is unknown."""
         ...
 
-    def begins(self, run: str, title: str, rows: int, rows_per_period: int | None) -> None:
+    def announce_motion(self, run: str, title: str, rows: int, rows_per_period: int | None) -> None:
         """Announce a motion: its run, its description, its number of cycles (0 if unknown)."""
         ...
 
 
 class Context(Display, Protocol):
-    """What an operation uses while it runs: progress, announcements, questions, held keys."""
+    """Interface of an operation to its user: progress, announcements, questions, held keys."""
 
     @property
     def service(self) -> ServiceBeat | None:
-        """Signs of life of the service that ordered the operation; None without one."""
+        """Heartbeat of the service that started the operation; None without a service."""
         ...
 
     @property
     def as_json(self) -> bool:
-        """True if programs read what is shown, and not people."""
+        """True if programs read the output, and not people."""
         ...
 
     @property
     def is_terminal(self) -> bool:
-        """True if a person sees on a terminal what is shown."""
+        """True if a person reads the output on a terminal."""
         ...
 
     @property
     def can_ask(self) -> bool:
-        """True if a person can be asked."""
+        """True if a user can be asked."""
         ...
 
     def verdict(self, passed: bool | None, text: str) -> None:
-        """Show the verdict of one step of several."""
+        """Show the verdict of one of several steps."""
         ...
 
     def result(self, document: Mapping[str, object], blocks: Iterable[AnyBlock]) -> None:
-        """Show what programs and people must know before the operation ends, such as an address."""
+        """Show facts that are needed before the operation ends, such as an address."""
         ...
 
     def ask(
@@ -77,27 +77,27 @@ class Context(Display, Protocol):
         understood: Callable[[str], T],
         choices: Sequence[tuple[str, str]] = (),
     ) -> T:
-        """Ask a person until `understood` accepts the answer, and return what it returns."""
+        """Ask the user until `understood` accepts the answer, and return its result."""
         ...
 
     def confirm(self, question: str) -> bool:
-        """Ask a person for yes or no."""
+        """Ask the user for yes or no."""
         ...
 
     def require_keys(self, *, simulated: bool) -> None:
-        """Raise `PreflightError` if no key can be held here, or not safely."""
+        """Raise `PreflightError` if keys cannot be held on this terminal, or not safely."""
         ...
 
     def keys(self, tapped: Callable[[str], None]) -> AbstractContextManager[Keys]:
-        """Return a reader of the held key; `tapped` is called with every key."""
+        """Return a reader of the held key; it calls `tapped` with every key."""
         ...
 
-    def enters(self, session: str, state: SessionState, text: str) -> None:
-        """Announce the next state of a payload session; `text` says what is done in it."""
+    def announce_state(self, session: str, state: SessionState, text: str) -> None:
+        """Announce the next state of a payload session; `text` describes the state."""
         ...
 
-    def warms_up(
+    def announce_warm_up(
         self, joints: Sequence[str], power_w: Sequence[Sequence[float]], settled_percent: float
     ) -> None:
-        """Announce further periods of a warm-up."""
+        """Announce the friction power in further periods of a warm-up."""
         ...

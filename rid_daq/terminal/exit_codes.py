@@ -1,4 +1,4 @@
-"""The exit codes of the command line, and what leads to which."""
+"""The exit codes of the command line, and the errors and stops that lead to them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from config import errors
 
 
 class ExitCode(IntEnum):
-    """What the program's exit status says to a script."""
+    """Exit status of the program."""
 
     DONE = 0
     VERDICT_FAILED = 1
@@ -54,16 +54,16 @@ _BY_STOP: dict[StopCode, ExitCode] = {
     StopCode.PLATE_OVERLOAD: ExitCode.DATA_QUALITY,
     StopCode.POINTS_LOST: ExitCode.COMMUNICATION,
 }
-"""Every other stop is a limit or a safety stop."""
+"""Exit codes of stops; all other stops are limit or safety stops (`STOPPED`)."""
 
 
 def exit_code_of_stop(code: StopCode, interrupted_by: signal.Signals | None) -> ExitCode:
     """Return the exit code of a motion that was stopped.
 
     Args:
-        code: Why it was stopped.
-        interrupted_by: The signal that came, where one did: SIGINT is 130, SIGTERM and SIGHUP are
-            143.
+        code: Code of the stop reason.
+        interrupted_by: Signal that stopped the motion: SIGINT gives 130, SIGTERM and SIGHUP give
+            143. None if no signal arrived.
     """
     if code is StopCode.INTERRUPTED and interrupted_by not in (None, signal.SIGINT):
         return ExitCode.TERMINATED
@@ -71,7 +71,7 @@ def exit_code_of_stop(code: StopCode, interrupted_by: signal.Signals | None) -> 
 
 
 def exit_code_of(error: errors.RidDaqError) -> ExitCode:
-    """Return the exit code that an error of the tree stands for."""
+    """Return the exit code of an error."""
     for kind, code in _BY_ERROR:
         if isinstance(error, kind):
             return code

@@ -1,7 +1,7 @@
-"""`JobEvent`: what a job says on its way, one line of JSON each; and how it is shown again.
+"""`JobEvent`: messages of a running job, one line of JSON each.
 
-The worker writes them into the job's folder, the service reads them from there and sends them on,
-the client shows them as the command would have.
+The worker writes the events into the job's folder, the service reads and forwards them, and the
+client shows them as the command itself would.
 """
 
 from __future__ import annotations
@@ -14,11 +14,15 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 from rid_daq.blocks.block import Heading, Next, Table, Text, Verdict
 
 ToldBlock = Annotated[Heading | Text | Verdict | Table | Next, Field(discriminator="kind")]
-"""A block that an event has: all but plots."""
+"""Blocks that an event can contain: all kinds except plots."""
 
 
 class _Event(BaseModel):
-    """What every event has: `at_s`, when it was said [s since 1970]."""
+    """Common part of all events.
+
+    Attributes:
+        at_s: Time of the event [s since 1970].
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -33,7 +37,12 @@ class Said(_Event):
 
 
 class Judged(_Event):
-    """The sentence that matters: good, bad, or neither."""
+    """A verdict.
+
+    Attributes:
+        passed: True for passed, False for failed, None for neither.
+        text: The verdict in words.
+    """
 
     kind: Literal["judged"] = "judged"
     passed: bool | None
@@ -41,9 +50,13 @@ class Judged(_Event):
 
 
 class Resulted(_Event):
-    """The result of an operation: its document for programs, its blocks for people.
+    """Result of an operation.
 
-    The cells of tables are texts. Plots are left out: the report of the run has them.
+    The cells of tables are texts. Plots are left out, because the run's report contains them.
+
+    Attributes:
+        document: Values for programs.
+        blocks: The same result for people.
     """
 
     kind: Literal["result"] = "result"
@@ -52,7 +65,14 @@ class Resulted(_Event):
 
 
 class MotionBegun(_Event):
-    """A motion begins: its run, its sentence, how many cycles it has, 0 if nobody knows."""
+    """Start of a motion.
+
+    Attributes:
+        run: Id of the motion's run.
+        title: Description of the motion.
+        rows: Number of cycles; 0 if unknown.
+        rows_per_period: Rows of one period; None if the motion is not periodic.
+    """
 
     kind: Literal["motion"] = "motion"
     run: str
@@ -62,7 +82,15 @@ class MotionBegun(_Event):
 
 
 class Progressed(_Event):
-    """How far a long step is; `total` is None where nobody knows how long it is."""
+    """Progress of a long step.
+
+    Attributes:
+        title: Title of the step.
+        done: Amount done, in `unit`.
+        total: Total amount, in `unit`; None if it is unknown.
+        unit: Unit of the amounts.
+        line: Status in one line.
+    """
 
     kind: Literal["progress"] = "progress"
     title: str
@@ -73,7 +101,12 @@ class Progressed(_Event):
 
 
 class Choice(BaseModel):
-    """An answer that somebody may choose: what it says, and the text that is sent."""
+    """An answer that a user can select.
+
+    Attributes:
+        label: Label of the button.
+        text: Text that is sent as the answer.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -82,10 +115,13 @@ class Choice(BaseModel):
 
 
 class WarmedUp(_Event):
-    """More periods of a warm-up: what friction takes of each joint [W], and what counts as warm.
+    """Further periods of a warm-up.
 
-    `power_w` has one row a period, in the order of `joints`; it counts as warm where no joint's
-    power changes by more than `settled_percent` in a period.
+    Attributes:
+        joints: Names of the joints, base to flange.
+        power_w: Friction power of each joint, one row per period [W].
+        settled_percent: The robot counts as warm if no joint's power changes by more than this
+            between two periods [%].
     """
 
     kind: Literal["warmed_up"] = "warmed_up"
@@ -95,7 +131,7 @@ class WarmedUp(_Event):
 
 
 class SessionState(StrEnum):
-    """A state of a payload session, in the order of a session that is not interrupted."""
+    """State of a payload session, in the order of a session without interruption."""
 
     PREPARE = "prepare"
     REHEARSE = "rehearse"
@@ -109,7 +145,13 @@ class SessionState(StrEnum):
 
 
 class StateEntered(_Event):
-    """A payload session enters a state; `session` is the id of its folder."""
+    """Next state of a payload session.
+
+    Attributes:
+        session: Id of the session's folder.
+        state: The next state.
+        text: Description of the state.
+    """
 
     kind: Literal["state"] = "state"
     session: str
@@ -118,9 +160,13 @@ class StateEntered(_Event):
 
 
 class Asked(_Event):
-    """A question that waits for an answer: free text, yes or no, or a key to be held.
+    """A question that waits for an answer.
 
-    `choices` are answers to a free text that a page shows as buttons.
+    Attributes:
+        question: Number of the question.
+        form: Kind of answer: free text, yes or no, or a key to hold.
+        text: The question.
+        choices: Answers to a free-text question that a page shows as buttons.
     """
 
     kind: Literal["asked"] = "asked"
@@ -131,9 +177,11 @@ class Asked(_Event):
 
 
 class KeyRefused(_Event):
-    """A held key counts no longer, or not at all, until it is pressed again; and why.
+    """A held key does not count until it is released and pressed again.
 
-    `round_trip_ms` is how long the link takes there and back, if that is the reason [ms].
+    Attributes:
+        text: Reason for the refusal.
+        round_trip_ms: Round-trip time of the connection, if it is the reason [ms].
     """
 
     kind: Literal["key_refused"] = "key_refused"
@@ -142,14 +190,25 @@ class KeyRefused(_Event):
 
 
 class Answered(_Event):
-    """A question needs no answer any more."""
+    """A question no longer waits for an answer.
+
+    Attributes:
+        question: Number of the question.
+    """
 
     kind: Literal["answered"] = "answered"
     question: int
 
 
 class Ended(_Event):
-    """The job's end: exit code as the command's; `error`, `message`, `code` of an error."""
+    """End of the job.
+
+    Attributes:
+        exit_code: Exit code of the command.
+        error: Class of the error; None without an error.
+        message: Text of the error; None without an error.
+        code: Code of the error, `RID-AREA-NAME`; None without an error.
+    """
 
     kind: Literal["ended"] = "ended"
     exit_code: int
@@ -174,4 +233,4 @@ AnyEvent = Annotated[
 ]
 
 EVENT: TypeAdapter[AnyEvent] = TypeAdapter(AnyEvent)
-"""Reads and writes one event."""
+"""Converts one event from and to JSON."""

@@ -1,10 +1,10 @@
-"""`Keyboard`: which key of a terminal is held, by its repeats; a terminal says no more than those.
+"""`Keyboard`: detects the held key of a terminal by its repeats.
 
-A terminal has no word for a key that is let go. A key counts as held from the second of two
-repeats that follow one another within `DEAD_MAN_S`, and no longer than that after the last: the
-first press, which is long before its first repeat, and a tap move nothing. If this program was
-suspended, or too busy to look, nobody knows whether the key was let go meanwhile: it counts only
-after `DEAD_MAN_S` in which none came, which is a release.
+A terminal does not report the release of a key. A key counts as held from the second of two repeats
+that follow each other within `DEAD_MAN_S`, until `DEAD_MAN_S` after the last repeat. Therefore a
+short tap moves nothing, and neither does the first press, which is long before its first repeat. If
+this program was suspended or busy, it may have missed a release. Then the key counts again only
+after `DEAD_MAN_S` without a repeat, which is a release.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from config.errors import PreflightError
 from config.process.safety_clock import safety_now_s
 
 _ALIKE = {"=": "+", "_": "-"}
-"""What the same key sends without, or with, the shift key."""
+"""Characters of the same key, with and without the shift key."""
 
 
 class Keyboard:
-    """A terminal's keys for as long as the `with` lasts, in which it shows none of them.
+    """Reader of a terminal's keys within a `with` block, in which the terminal does not show them.
 
     Args:
-        tapped: Told of every key that comes, held or not.
-        now_s: The clock that keys are held by [s].
+        tapped: Called with every key, held or not.
+        now_s: Clock for key repeats [s].
 
     Raises:
-        PreflightError: On entering: standard input is no terminal.
+        PreflightError: On entering the block: standard input is not a terminal.
     """
 
     def __init__(
@@ -48,8 +48,8 @@ class Keyboard:
         self._before: list[Any] = []
         self._key, self._came_s, self._held = "", -1.0, False
         self._presses = 0
-        self._looked_s = now_s()
-        self._unseen = False  # what may have been a release was not looked at
+        self._polled_s = now_s()
+        self._release_missed = False  # a release may have been missed
 
     def __enter__(self) -> Keyboard:
         require_keyboard()
@@ -59,50 +59,50 @@ class Keyboard:
         return self
 
     def __exit__(self, *_: object) -> None:
-        # what was typed too much answers no question that comes next
+        # discard surplus keys, so that they do not answer the next question
         termios.tcsetattr(self._input, termios.TCSAFLUSH, self._before)
 
     def begin(self) -> None:
-        """Let keys count that are pressed from now on; one that is held already does not."""
+        """Accept keys that are pressed from now on; a held key must be released first."""
         self._held = False
-        self._unseen = self._now_s() - self._came_s < DEAD_MAN_S
+        self._release_missed = self._now_s() - self._came_s < DEAD_MAN_S
 
     def look(self) -> Held | None:
-        """Return which key is held now, by what has come since the last look."""
+        """Return the key that is held now; None if no key is held."""
         typed = b""
         while select.select([self._input], [], [], 0.0)[0] and (more := os.read(self._input, 1024)):
             typed += more
         keys = typed.decode(errors="replace")
-        self._note_pause(len(keys))
+        self._detect_missed_release(len(keys))
         for key in keys[:-1]:
             self._tapped(_ALIKE.get(key, key))
         if keys:
             self.take(keys[-1])
         return self.held
 
-    def _note_pause(self, came: int) -> None:
-        """Note whether keys have come while nobody looked: a release among them was not seen."""
+    def _detect_missed_release(self, came: int) -> None:
+        """Detect that a release may have been missed because this program was busy."""
         now_s = self._now_s()
-        paused = now_s - self._looked_s >= DEAD_MAN_S
+        paused = now_s - self._polled_s >= DEAD_MAN_S
         silent = now_s - self._came_s >= DEAD_MAN_S
-        self._looked_s = now_s
+        self._polled_s = now_s
         if came and (paused or (silent and came > 1)):
-            self._unseen = True
+            self._release_missed = True
         elif silent:
-            self._unseen = False
+            self._release_missed = False
 
     @property
     def held(self) -> Held | None:
-        """Which key is held now, by what was taken."""
+        """The key that is held now, according to the received keys."""
         until_s = self._came_s + DEAD_MAN_S
         if not self._held or self._now_s() >= until_s:
             return None
         return Held(self._key, self._presses, until_s)
 
     def take(self, key: str) -> None:
-        """Take a key that has come; several at once, after a pause of this program, are one."""
+        """Process a received key; several keys received at once after a pause count as one."""
         key, now_s = _ALIKE.get(key, key), self._now_s()
-        held = key == self._key and now_s - self._came_s < DEAD_MAN_S and not self._unseen
+        held = key == self._key and now_s - self._came_s < DEAD_MAN_S and not self._release_missed
         if held and not self._held:
             self._presses += 1
         self._key, self._came_s, self._held = key, now_s, held
@@ -110,14 +110,14 @@ class Keyboard:
 
 
 def require_keyboard() -> None:
-    """Refuse to begin where no key can be held.
+    """Raise an error if no key can be held.
 
     Raises:
-        PreflightError: Standard input is no terminal.
+        PreflightError: Standard input is not a terminal.
     """
     if not sys.stdin.isatty():
         raise PreflightError(
-            "a key must be held for the robot to move, and there is no keyboard here: run the"
-            " command in a terminal",
+            "the robot moves only while a key is held, and standard input is not a terminal: run"
+            " the command in a terminal",
             code="RID-KEY-NEEDED",
         )

@@ -1,4 +1,4 @@
-"""How far a motion is and how it goes, in words: on the terminal and on the live page."""
+"""Progress and state of a motion in words, for the terminal and the live page."""
 
 from __future__ import annotations
 
@@ -26,17 +26,18 @@ _PHASES = {
 }
 
 
-def motion_words(progress: TaskProgress) -> str:
-    """Return what the cyclic task is doing."""
+def describe_state(progress: TaskProgress) -> str:
+    """Return the activity of the cyclic task."""
     if progress.state is TaskState.MOVING:
         return _PHASES[progress.phase]
     return _STATES[progress.state]
 
 
-def total_of(samples: MotionSamples | None, *, held: bool = False) -> tuple[float | None, str]:
-    """Return how long a motion is and in what that is counted.
+def motion_total(samples: MotionSamples | None, *, held: bool = False) -> tuple[float | None, str]:
+    """Return the length of a motion and the unit in which it is counted.
 
-    Periods or seconds; points where they come from elsewhere, cycles where a key is `held`.
+    The unit is periods or seconds. The length is None for points that arrive during the motion, and
+    for cycles while a key is `held`.
     """
     if samples is None:
         return None, "cycles" if held else "points"
@@ -45,22 +46,22 @@ def total_of(samples: MotionSamples | None, *, held: bool = False) -> tuple[floa
     return len(samples) / samples.samples_per_period, "periods"
 
 
-def progress_shown(
+def progress_callback(
     samples: MotionSamples | None,
     joint_names: Sequence[str],
     show: Callable[[float, str], None],
     watched: Callable[[], str],
     seen_enough: Callable[[], bool] = lambda: False,
 ) -> Callable[[TaskProgress], None]:
-    """Return what shows the cyclic task's progress, counted as `total_of` counts.
+    """Return a function that shows the cyclic task's progress in the unit of `motion_total`.
 
     Args:
-        samples: The motion; None where no rows are planned.
+        samples: The motion; None if no rows are planned.
         joint_names: Base to flange.
-        show: Takes how much is done, and a line about how it goes.
-        watched: Says what is estimated meanwhile; empty where nothing is.
-        seen_enough: Says whether the motion ends early: its run-out follows the period under way,
-            and what it leaves out is not counted as done.
+        show: Called with the amount done and a line of status.
+        watched: Returns the live estimates as text; empty if nothing is estimated.
+        seen_enough: Returns True if the motion ends early. The run-out then follows the current
+            period, and the omitted rows do not count as done.
     """
     done = 0.0
 
@@ -70,17 +71,17 @@ def progress_shown(
         left_out = progress.phase is Phase.RUN_OUT and seen_enough()
         if row >= 0 and not left_out:
             done = float(row) if samples is None else _done(samples, row)
-        line = motion_words(progress) + (": enough was measured" if left_out else "")
+        line = describe_state(progress) + (": enough was measured" if left_out else "")
         if progress.state is TaskState.MOVING:
-            load = "" if progress.joints is None else load_words(progress.joints, joint_names)
+            load = "" if progress.joints is None else describe_load(progress.joints, joint_names)
             line = "; ".join(filter(None, (line, load, watched())))
         show(done, line)
 
     return update
 
 
-def load_words(joints: JointValues, names: Sequence[str]) -> str:
-    """Say how much of their limits torque and following error take, each of the worst joint."""
+def describe_load(joints: JointValues, names: Sequence[str]) -> str:
+    """Return torque and following error relative to their limits, each of the worst joint."""
     torque, error = int(joints.torque_share.argmax()), int(joints.following_error_share.argmax())
     return (
         f"torque {joints.torque_share[torque]:.0%} ({names[torque]}), following error"
@@ -88,14 +89,14 @@ def load_words(joints: JointValues, names: Sequence[str]) -> str:
     )
 
 
-def place_words(tally: RecordingTally) -> str:
-    """Say how far into the motion a recording goes."""
+def describe_end_position(tally: RecordingTally) -> str:
+    """Return a sentence with the position in the motion at which a recording ended."""
     if tally.last_row < 0 or tally.head.sample_period_s is None:
-        return "The motion had not begun."
+        return "The motion had not started."
     into_s = tally.last_row * tally.head.sample_period_s
     begun = tally.cutter.periods if tally.last_phase is Phase.MAIN else 0
     period = f", period {begun}" if begun else ""
-    return f"That was {into_s:.2f} s into the motion ({_PHASES[tally.last_phase]}{period})."
+    return f"The motion ended {into_s:.2f} s after its start ({_PHASES[tally.last_phase]}{period})."
 
 
 def _done(samples: MotionSamples, row: int) -> float:

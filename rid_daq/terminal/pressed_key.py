@@ -1,4 +1,4 @@
-"""`read_key`: one key of a terminal, as soon as it is pressed."""
+"""`read_key`: reads one key of a terminal as soon as it is pressed."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import tty
 
 
 def read_key() -> str:
-    """Return the next key that is pressed, without showing it; empty at the end of the input."""
+    """Return the next pressed key without showing it; empty at the end of the input."""
     stdin = sys.stdin.fileno()
     before = termios.tcgetattr(stdin)
-    tty.setcbreak(stdin, termios.TCSANOW)  # a key that was pressed already counts
+    tty.setcbreak(stdin, termios.TCSANOW)  # keep a key that was already pressed
     try:
         return os.read(stdin, 1).decode("ascii", "replace")
     finally:

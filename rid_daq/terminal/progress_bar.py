@@ -1,4 +1,4 @@
-"""The moving line of a long step: title, bar, how much, time left, and how it goes."""
+"""Progress bar of a long step: title, bar, amount, time left, and status on one line."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.console import Console as RichConsole
 
-BAR = (10, 24)  # columns at least, and at most
+BAR = (10, 24)  # smallest and largest width [columns]
 _TIME_LEFT = 8  # 99:59:59
-_TAIL = 28  # columns that the tail is given before the bar grows
+_TAIL = 28  # columns of the tail before the bar grows
 _BREAKS = re.compile(r"; |, | \(")
 
 
 @dataclass(frozen=True)
 class BarLine:
-    """What one line of the display holds.
+    """Layout of one line of the display.
 
     Attributes:
-        title: What is done.
-        bar: Columns of the bar.
-        tail: How it goes.
+        title: Title of the step, shorten.
+        bar: Width of the bar [columns].
+        tail: Status, shorten.
     """
 
     title: str
@@ -33,23 +33,25 @@ class BarLine:
 
 
 def bar_line(width: int, title: str, count: str, tail: str) -> BarLine:
-    """Lay a line out so that bar, count and time left are never lost.
+    """Return the layout of a line in which bar, amount and time left always have room.
 
     Args:
-        width: Columns of the terminal.
-        title, count, tail: What is done, how much of it, and how it goes, most important first.
+        width: Width of the terminal [columns].
+        title: Title of the step.
+        count: Amount done.
+        tail: Status, most important part first.
     """
-    title = shortened(title, max(width // 4, 8))
-    free = width - len(title) - len(count) - _TIME_LEFT - 4  # a column between each two
+    title = shorten(title, max(width // 4, 8))
+    free = width - len(title) - len(count) - _TIME_LEFT - 4  # one column between neighbours
     least, most = BAR
     whole = _BREAKS.search(tail)
-    first = len(tail) if whole is None else whole.start()  # of no use where it is cut
+    first = len(tail) if whole is None else whole.start()  # the first part is not cut
     bar = max(least, min(most, free - max(first, min(_TAIL, len(tail)))))
-    return BarLine(title, bar, shortened(tail, free - bar))
+    return BarLine(title, bar, shorten(tail, free - bar))
 
 
-def shortened(text: str, room: int) -> str:
-    """Return the parts of a text that have room, from its beginning; parts end at `;`, `,`, `(`."""
+def shorten(text: str, room: int) -> str:
+    """Return the leading parts of a text that fit `room` columns; parts end at `;`, `,` or `(`."""
     if len(text) <= room:
         return text
     ends = [found.start() for found in _BREAKS.finditer(text) if found.start() <= room]
@@ -59,12 +61,12 @@ def shortened(text: str, room: int) -> str:
 
 
 def format_count(number: float) -> str:
-    """Return how much is done as a person reads it."""
+    """Return an amount, with one decimal if it is small and not whole."""
     return f"{number:.0f}" if number >= 10 or number == int(number) else f"{number:.1f}"
 
 
-class MovingBar:
-    """What a step tells how far it is."""
+class ProgressBar:
+    """Progress bar of one step on a terminal."""
 
     def __init__(
         self, title: str, total: float | None, unit: str, console: RichConsole | None = None
@@ -86,15 +88,15 @@ class MovingBar:
 
     @property
     def console(self) -> RichConsole:
-        """What writes above it, on whole lines."""
+        """Console that writes whole lines above the bar."""
         return self._display.console
 
     def say(self, text: str) -> None:
-        """Write lines above it."""
+        """Write lines above the bar."""
         self.console.print(text, markup=False, highlight=False, emoji=False, soft_wrap=True)
 
     def update(self, done: float, line: str) -> None:
-        """Show that `done` of the total is done; `line` says how it goes."""
+        """Show that `done` of the total is done; `line` is the status."""
         of = "" if self._total is None else f"/{format_count(self._total)}"
         count = f"{format_count(done)}{of} {self._unit}"
         layout = bar_line(self._display.console.width, self._title, count, line)
@@ -108,7 +110,7 @@ class MovingBar:
         )
 
     @contextmanager
-    def shown(self) -> Iterator[MovingBar]:
-        """Show it for as long as this lasts."""
+    def shown(self) -> Iterator[ProgressBar]:
+        """Show the bar within a `with` block."""
         with self._display:
             yield self

@@ -1,8 +1,8 @@
-"""`print_table`: a table's columns on a terminal, so that no number and no unit is broken.
+"""`print_table`: prints a table on a terminal without breaking numbers or units.
 
-Columns share the width that is there. A table of values that is too wide even with every text
-broken at its words is shown in parts, one under the other, each beginning with the columns that say
-what a row is.
+The columns share the terminal's width. If a table of values is too wide even with all texts broken
+at words, it is printed in parts below each other. Each part begins with the columns that identify a
+row.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from rich.console import Console as RichConsole
 from rich.table import Table
 from rich.text import Text
 
-GAP: Final = 2  # columns between two of them
-_NAME_LENGTH: Final = 26  # a run id; what is longer may be broken into lines
-_LITTLE: Final = 8  # columns that a head may lack to stand on one line
-_WHOLE: Final = 18  # a cell up to so long is a value with its unit, and is not broken
+GAP: Final = 2  # columns between neighbouring columns
+_NAME_LENGTH: Final = 26  # length of a run id; longer names may be broken
+_LITTLE: Final = 8  # free columns that one column may get first
+_WHOLE: Final = 18  # cells up to this length are values with units and are not broken
 
 Part = list[tuple[int, int]]
-"""Columns of one part of a table: the number of each and its width."""
+"""Columns of one part of a table: number and width of each column."""
 
 
 def print_table(
@@ -32,9 +32,9 @@ def print_table(
     red: Sequence[bool] | None = None,
     key: int = 1,
 ) -> None:
-    """Write a table on a terminal; the other parameters as `Console.table` has them."""
+    """Print a table on a terminal; the other parameters are those of `Console.table`."""
     names = all(len(row[0]) <= _NAME_LENGTH for row in rows)
-    parts = laid_out((head, *rows), terminal.width, key)
+    parts = layout_parts((head, *rows), terminal.width, key)
     unbound: list[tuple[int, int | None]] = [(number, None) for number in range(len(head))]
     shown = [unbound] if parts is None else [[*part] for part in parts]
     for part in shown:
@@ -49,32 +49,32 @@ def print_table(
         terminal.print(table)
 
 
-def laid_out(table: Sequence[Sequence[str]], columns: int, key: int = 1) -> list[Part] | None:
-    """Return the parts in which a table is shown; None where its words do not fit.
+def layout_parts(table: Sequence[Sequence[str]], columns: int, key: int = 1) -> list[Part] | None:
+    """Return the parts in which a table is printed; None if its words do not fit.
 
     Args:
-        table: The head and the rows, as many cells in each.
+        table: The head and the rows, with the same number of cells.
         columns: Width of the terminal.
-        key: How many of the first columns say what a row is: every part begins with them.
+        key: Number of leading columns that identify a row; every part begins with them.
     """
     cells = [[row[number] for row in table] for number in range(len(table[0]))]
     natural = [max(map(cell_len, column)) for column in cells]
-    whole = [max((_longest_word(head), *map(_unbroken, body))) for head, *body in cells]
+    whole = [max((_longest_word(head), *map(_unbroken_width, body))) for head, *body in cells]
     words = [max(map(_longest_word, column)) for column in cells]
     everything = range(len(cells))
     for least in (whole, words):
         if _width(least, everything) <= columns:
-            return [_shared(everything, least, natural, columns)]
+            return [_distribute_width(everything, least, natural, columns)]
     if any(cell_len(cell) > _WHOLE for row in table[1:] for cell in row[key:]):
-        return None  # texts, which are better broken than far from each other
+        return None  # long texts are better broken than split into parts
     for count in range(2, len(cells) - key + 1):
-        parts = [[*range(key), *own] for own in _dealt(key, len(cells), count)]
+        parts = [[*range(key), *own] for own in _split_evenly(key, len(cells), count)]
         if all(_width(whole, part) <= columns for part in parts):
-            return [_shared(part, whole, natural, columns) for part in parts]
+            return [_distribute_width(part, whole, natural, columns) for part in parts]
     return None
 
 
-def _unbroken(cell: str) -> int:
+def _unbroken_width(cell: str) -> int:
     return cell_len(cell) if cell_len(cell) <= _WHOLE else _longest_word(cell)
 
 
@@ -86,16 +86,16 @@ def _width(widths: Sequence[int], part: Sequence[int]) -> int:
     return sum(widths[number] for number in part) + GAP * (len(part) - 1)
 
 
-def _dealt(first: int, end: int, count: int) -> list[range]:
-    """Return the numbers from `first` to `end` in so many runs, as equal as can be."""
+def _split_evenly(first: int, end: int, count: int) -> list[range]:
+    """Split the numbers from `first` to `end` into `count` ranges of nearly equal length."""
     edges = [first + (end - first) * i // count for i in range(count + 1)]
     return [range(low, high) for low, high in pairwise(edges)]
 
 
-def _shared(
+def _distribute_width(
     part: Sequence[int], least: Sequence[int], natural: Sequence[int], columns: int
 ) -> Part:
-    """Give what is left to those columns that want little more, then to all as much to each."""
+    """Distribute the free width: first to columns that need little, then equally to all."""
     widths = {number: least[number] for number in part}
     left = columns - _width(least, part)
     for number in sorted(part, key=lambda each: natural[each] - least[each]):

@@ -114,7 +114,7 @@ class JobConsole(Console):
         result = {"at_s": time.time(), "document": told, "blocks": shown}
         self.events.write(Resulted.model_validate(result))
 
-    def begins(self, run: str, title: str, rows: int, rows_per_period: int | None) -> None:
+    def announce_motion(self, run: str, title: str, rows: int, rows_per_period: int | None) -> None:
         """Tell that a motion begins."""
         self.events.write(
             MotionBegun(
@@ -126,12 +126,12 @@ class JobConsole(Console):
             )
         )
 
-    def enters(self, session: str, state: SessionState, text: str) -> None:
+    def announce_state(self, session: str, state: SessionState, text: str) -> None:
         """Tell that a payload session enters a state."""
         entered = StateEntered(at_s=time.time(), session=session, state=state, text=text)
         self.events.write(entered)
 
-    def warms_up(
+    def announce_warm_up(
         self, joints: Sequence[str], power_w: Sequence[Sequence[float]], settled_percent: float
     ) -> None:
         """Tell of more periods of a warm-up."""

@@ -17,7 +17,7 @@ from rid_daq.preflight.last_pose import PoseRule
 from rid_daq.preflight.preflight import lines_before_bus, preflight
 from rid_daq.session.cells import mountable_cell
 from rid_daq.session.drive_writes import new_write_log
-from rid_daq.terminal.clearance import clear
+from rid_daq.terminal.clearance import ask_clearance
 
 POWER: Final = "The drives will be switched on, at rest, and their brakes open."
 
@@ -56,7 +56,7 @@ def check_cell(request: CheckRequest, context: Context) -> CheckedCell:
     name = loaded.config.name
     cleared = request.cleared or loaded.config.simulated
     if loaded.config.drive_safety.trip_watchdog_with_power:
-        cleared = clear(name, cleared, context, POWER)
+        cleared = ask_clearance(name, cleared, context, POWER)
     before = lines_before_bus(loaded, request.runs)
     say_devices(context, before)
     with mountable_cell(loaded, any_eds=True) as (reachable, simulated):
@@ -80,7 +80,7 @@ def check_cell(request: CheckRequest, context: Context) -> CheckedCell:
 
         lines, problem = look(cleared=cleared)
         if context.can_ask and any(line.what == TRIAL_WAITS for line in lines):
-            clear(name, cleared, context, POWER)
+            ask_clearance(name, cleared, context, POWER)
             lines, problem = look(cleared=True)
     path = None if write_log is None else write_log.path
     return CheckedCell(name, loaded.files_hash, lines, problem, path)

@@ -40,7 +40,7 @@ SESSION_MOTION: Final = "Of a payload session."
 def enter(session: SessionFile, state: State, context: Context, *, again: bool = False) -> None:
     """Enter a state and announce it."""
     session.enter(state, again=again)
-    context.enters(session.folder.run_id, state, STATES[state].text)
+    context.announce_state(session.folder.run_id, state, STATES[state].text)
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ class PayloadGuide:
                 name = WARM_UP
                 most = {"periods": request.warm_up_periods, "transient_periods": 0}
                 motion = motion.model_copy(update=most)
-                watch = WarmUpWatch(request.warm_up_percent, self.context.warms_up)
+                watch = WarmUpWatch(request.warm_up_percent, self.context.announce_warm_up)
             case _:
                 name = self._missing[0]
                 if state is State.RECORD_WITH:

@@ -1,5 +1,4 @@
-"""The report's drawings: numbers of a section to one inline SVG each, as it is printed.
+"""Drawings of a report for print: one inline SVG per plot.
 
-A drawing takes fields of a section and returns markup; it computes nothing that the result does not
-hold. Begin with `curves.py`, which has what all drawings share.
+A drawing takes a declared plot and returns markup; it computes no results. Begin with `plot.py`.
 """

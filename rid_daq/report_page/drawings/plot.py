@@ -31,14 +31,14 @@ _MARKERS: Final[dict[Marker, str]] = {
     "triangle": "^",
     "inverted_triangle": "v",
 }
-_SCALE: Final = 0.75  # of the widths in px that a screen has
+_SCALE: Final = 0.75  # line width in points per px on the screen
 
 
 def plot_svg(plot: Plot, name: str) -> Markup:
     """Return the drawing of a declared plot.
 
     Args:
-        plot: The declaration.
+        plot: Declaration of the plot.
         name: Prefix of the ids in the drawing, different for every figure of a page.
     """
     with mpl.rc_context(STYLE):
@@ -49,7 +49,7 @@ def plot_svg(plot: Plot, name: str) -> Markup:
 
 
 def _drawings(panels: Sequence[Panel]) -> list[list[Panel]]:
-    """Return the panels of each drawing."""
+    """Return the panels, grouped into drawings: each title begins a drawing."""
     drawings: list[list[Panel]] = []
     for each in panels:
         if each.title or not drawings:

@@ -1,4 +1,4 @@
-"""`STYLE`: the style of drawings, and SVG of a figure for a page."""
+"""`STYLE`: the matplotlib style of drawings; `as_svg`: a figure as SVG for a page."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MEASURED, PREDICTED, WRONG = INK, BLUE, RED
 
 
 STYLE: Any = {
-    "svg.fonttype": "none",  # text stays text: small, searchable, in the page's font
+    "svg.fonttype": "none",  # keep text as text: small, searchable, in the page's font
     "svg.hashsalt": "rid-daq",  # the same numbers give the same bytes
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
@@ -50,22 +50,23 @@ STYLE: Any = {
 
 
 def drawn_text(text: str) -> str:
-    """Return text for a figure, shown as it is: invisible characters visible, `$` no formula."""
+    """Return a text for matplotlib: invisible characters visible, `$` not as a formula."""
     return make_printable(text).replace("$", r"\$")
 
 
 def as_svg(figure: Figure, name: str) -> Markup:
-    """Return a drawing as an element to put into a page, its ids made its own by a word.
+    """Return a figure as an SVG element.
 
-    Its colours are the page's (`colours`), light or dark.
+    The prefix `name` makes the ids in the element unique on the page. The colours are CSS variables
+    (`colours`), so that they follow the light or dark page.
     """
     buffer = io.StringIO()
-    # `savefig` would draw everything twice, once to lay it out; drawing lays it out as well.
+    # `savefig` would draw everything twice, once for the layout; `print_svg` draws once.
     canvas: Any = FigureCanvasSVG(figure)
     canvas.print_svg(buffer, metadata={"Date": None, "Creator": None})
     drawing = buffer.getvalue()
     drawing = drawing[drawing.index("<svg") :]
-    drawing = re.sub(r"<path (?![^>]*\bd=)[^>]*/>", "", drawing)  # a line without any point
+    drawing = re.sub(r"<path (?![^>]*\bd=)[^>]*/>", "", drawing)  # remove lines without points
     drawing = re.sub(r'\bid="', f'id="{name}-', drawing)
     drawing = re.sub("|".join(NAMES), lambda found: f"var(--{NAMES[found[0]]})", drawing)
     drawing = drawing.replace("url(#", f"url(#{name}-").replace('href="#', f'href="#{name}-')

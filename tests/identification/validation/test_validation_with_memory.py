@@ -161,8 +161,9 @@ def test_report_and_curves_say_how_much_is_left_out(
     count = int(np.count_nonzero(~begun_in_motion.known[:, 1]))
     assert [axis.unknown_samples for axis in section.axes] == [None, count, None]
     name = arm().joint_names[1]
-    assert f"Samples that were left out for this reason: {count} of {name} ({count * STEP_S:.2g} s)." in (
-        section.sentence
+    assert (
+        f"Samples that were left out for this reason: {count} of {name} ({count * STEP_S:.2g} s)."
+        in (section.sentence)
     )
     assert section.axes[1].samples == np.count_nonzero(begun_in_motion.counted[:, 1])
     curves = TorqueCurves.of(begun_in_motion, arm())

@@ -28,8 +28,8 @@ from rid_daq.figures.palette import NAMED
 from rid_daq.figures.plot_figure import plot_figure
 from rid_daq.report_page.drawings.page_colours import NAMES
 from rid_daq.report_page.drawings.plot import plot_svg
+from rid_daq.terminal.block_printer import print_blocks
 from rid_daq.terminal.console import Console
-from rid_daq.terminal.shown_blocks import show
 
 TIME = Axis(label="time", unit="s")
 PLOT = Plot(
@@ -118,7 +118,7 @@ def test_blocks_survive_json() -> None:
 def test_a_terminal_shows_text_tables_and_the_next_command(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    show((Text(text="A sentence."), TABLE, PLOT, Next(words=("runs",))), Console())
+    print_blocks((Text(text="A sentence."), TABLE, PLOT, Next(words=("runs",))), Console())
     assert capsys.readouterr().out.splitlines() == [
         "A sentence.",
         "joint  mass [kg]",

@@ -211,10 +211,10 @@ def test_other_commands_measure_from_that_zero(
 
 
 def interrupting(after_row: int, sent: list[int]) -> Callable[..., Callable[[TaskProgress], None]]:
-    from rid_daq.terminal.motion_progress import progress_shown
+    from rid_daq.terminal.motion_progress import progress_callback
 
     def wrapped(*arguments: Any) -> Callable[[TaskProgress], None]:
-        show = progress_shown(*arguments)
+        show = progress_callback(*arguments)
 
         def update(progress: TaskProgress) -> None:
             show(progress)
@@ -238,7 +238,7 @@ def test_ctrl_c_leaves_the_drives_disabled_and_nothing_written(
     before = cell.read_bytes()
     sent: list[int] = []
     monkeypatch.setattr(
-        "rid_daq.recording.run_session.progress_shown", interrupting(after_row, sent)
+        "rid_daq.recording.run_session.progress_callback", interrupting(after_row, sent)
     )
     words = ["plate", "zero", str(cell), "--write", "--runs", str(tmp_path / "runs"), *QUICK]
     with served(cell, monkeypatch, tmp_path) as simulated:

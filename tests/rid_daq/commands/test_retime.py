@@ -230,7 +230,9 @@ def test_turns_of_a_circle_become_one_way(folder: Path, capsys: pytest.CaptureFi
     (folder / "path.yaml").write_text(CIRCLE)
     assert run(words(folder, "--report", folder / "fast.html")) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert "All its periods, including those for settling, are now one way from rest to rest" in said
+    assert (
+        "All its periods, including those for settling, are now one way from rest to rest" in said
+    )
     assert "The motion was periodic" in (folder / "fast.html").read_text()
     samples = planned_in(folder / "fast.yaml")
     assert samples.periods == 0

@@ -14,8 +14,8 @@ from bokeh.models.ui import UIElement
 
 from config.load import load_cell
 from rid_daq.figures.embedding import as_csv, as_item, bokeh_script, figure_script
-from rid_daq.figures.palette import INK, darkened
-from rid_daq.figures.panel import panel, words
+from rid_daq.figures.palette import INK, to_dark
+from rid_daq.figures.panel import panel, plot_text
 from rid_daq.figures.plot_figure import plot_figure
 from rid_daq.report.section_blocks.bode import bode_plot
 from rid_daq.report.section_blocks.centre_of_gravity import VIEWS, CentreOfGravity, centre_plot
@@ -192,7 +192,7 @@ def test_a_path_without_a_run_before_is_drawn_alone() -> None:
     motion = tracking.motions[0]
     alone = motion.model_copy(update={"drawn": motion.drawn.model_copy(update={"before": None})})
     path, *_ = path_plots(alone, tracking.joints)
-    assert [line.label for line in path.panels[0].lines] == ["wanted", "after", "scale"]
+    assert [line.label for line in path.panels[0].lines] == ["desired", "after", "scale"]
     assert len(path.panels) == 1
 
 
@@ -270,19 +270,19 @@ def test_a_centre_that_was_held_has_no_width() -> None:
 def test_what_a_motion_does_not_show_is_said() -> None:
     estimate = payload(unseen="sz")
     plot = centre_plot(CentreOfGravity.of(estimate))
-    assert sum("z not shown" in each.title for each in plot.panels) == 2
+    assert sum("z not identifiable" in each.title for each in plot.panels) == 2
     assert [any(line.points for line in each.lines) for each in plot.panels] == [
         2 not in view for view in VIEWS
     ]
 
 
 def test_texts_are_no_formulas_and_show_what_is_invisible() -> None:
-    assert words("$$x$$") == "$ $x$ $"
-    assert "\u202e" not in words("a\u202eb")
+    assert plot_text("$$x$$") == "$ $x$ $"
+    assert "\u202e" not in plot_text("a\u202eb")
 
 
 def test_dark_colours_replace_light_ones_and_nothing_else() -> None:
-    assert darkened({"a": [INK, "other", 3]}) == {"a": ["#e9eef3", "other", 3]}
+    assert to_dark({"a": [INK, "other", 3]}) == {"a": ["#e9eef3", "other", 3]}
 
 
 def test_scripts_are_files_of_this_computer() -> None:

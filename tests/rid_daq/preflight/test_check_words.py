@@ -8,8 +8,8 @@ import pytest
 
 from rid_daq.preflight.bus_check import CheckLine, Verdict
 from rid_daq.preflight.check_words import all_blocks, say_devices
+from rid_daq.terminal.block_printer import print_blocks
 from rid_daq.terminal.console import Console
-from rid_daq.terminal.shown_blocks import show
 
 
 def line(
@@ -55,7 +55,7 @@ def test_a_headline_is_shown_even_if_all_is_well(capsys: pytest.CaptureFixture[s
 def test_all_lines_are_what_drives_share_and_each_devices_own_red_ones_first(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    show(all_blocks(LINES), Console())
+    print_blocks(all_blocks(LINES), Console())
     assert capsys.readouterr().out.splitlines() == [
         "",
         "every drive",

@@ -126,7 +126,7 @@ def test_the_cell_is_cleared_again_once_a_person_has_attached_the_payload(
         state.note_step(step, "RUN")
     person = Person()
     assert lead(person, practise=True) is not None
-    cleared = [number for number, each in enumerate(person.asked) if "nobody" in each]
+    cleared = [number for number, each in enumerate(person.asked) if "free of people" in each]
     (attached,) = (number for number, each in enumerate(person.asked) if "attached" in each)
     assert len(cleared) == 2
     assert cleared[0] < attached < cleared[1]
@@ -173,8 +173,8 @@ def test_a_session_is_practised_on_a_simulated_cell_with_one_question_each(lead:
     person = Person()
     lead(person, simulated=simulated, practise=True, rehearsal_percent=0.0, warm_up_percent=0.0)
     assert person.asked == [
-        "Is nobody in cell kr15? Type the cell's name",
-        "Is the emergency stop at hand?",
+        "Is cell kr15 free of people? Type the cell's name to confirm",
+        "Is the emergency stop within reach?",
         "Is the flange empty: no payload, gripper or cable hangs on it?",
     ]
     assert attached == []

@@ -38,7 +38,7 @@ from rid_daq.recording.run_session import RunRequest, RunSession
 from rid_daq.report.result import Result
 from rid_daq.terminal.console import Console
 from rid_daq.terminal.exit_codes import ExitCode
-from rid_daq.terminal.motion_progress import progress_shown
+from rid_daq.terminal.motion_progress import progress_callback
 from tests.rid_daq.recording.test_recorded_run import outcome
 
 LATE = StopReason(StopCode.STOP_BUTTON, "stopped once the motion was over; no other one is begun")
@@ -153,7 +153,7 @@ def test_a_signal_while_a_rehearsal_winds_up_ends_the_command(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     def interrupting(*arguments: Any) -> Callable[[TaskProgress], None]:
-        shown = progress_shown(*arguments)
+        shown = progress_callback(*arguments)
 
         def look(progress: TaskProgress) -> None:
             if progress.state is TaskState.FINISHED:
@@ -162,7 +162,7 @@ def test_a_signal_while_a_rehearsal_winds_up_ends_the_command(
 
         return look
 
-    monkeypatch.setattr(run_session, "progress_shown", interrupting)
+    monkeypatch.setattr(run_session, "progress_callback", interrupting)
     before = signal.getsignal(signal.SIGTERM)
     files = [str(workshop / "cell.yaml"), str(workshop / "validation.yaml")]
     try:

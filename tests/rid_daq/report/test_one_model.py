@@ -28,7 +28,9 @@ def test_a_newer_model_takes_the_place_of_all_that_was_of_the_older_one() -> Non
     assert new.verdict.headline == "Nothing to judge"
     assert new.title == f"Model of {old.robot}"
     assert new.notes is not None
-    assert "the sections of model.json (11111111) were removed (validation, curves)" in new.notes[-1]
+    assert (
+        "the sections of model.json (11111111) were removed (validation, curves)" in new.notes[-1]
+    )
     assert (new.runs, new.average, new.tracking) == (old.runs, old.average, old.tracking)
 
 

@@ -11,11 +11,11 @@ from acquisition.recording.recording import Recording
 from acquisition.task.joint_values import JointValues
 from acquisition.task.states import TaskProgress, TaskState
 from rid_daq.terminal.motion_progress import (
-    load_words,
-    motion_words,
-    place_words,
-    progress_shown,
-    total_of,
+    describe_end_position,
+    describe_load,
+    describe_state,
+    motion_total,
+    progress_callback,
 )
 
 CYCLE_S = 0.01
@@ -62,12 +62,12 @@ def recorded(rows: int) -> RecordingTally:
 
 
 def test_a_motion_is_counted_in_periods_seconds_points_or_cycles() -> None:
-    assert total_of(motion(periodic=True)) == (4.0, "periods")
-    total, unit = total_of(motion(periodic=False))
+    assert motion_total(motion(periodic=True)) == (4.0, "periods")
+    total, unit = motion_total(motion(periodic=False))
     assert total == pytest.approx(1.99)
     assert unit == "s"
-    assert total_of(None) == (None, "points")
-    assert total_of(None, held=True) == (None, "cycles")
+    assert motion_total(None) == (None, "points")
+    assert motion_total(None, held=True) == (None, "cycles")
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,7 @@ def test_a_motion_is_counted_in_periods_seconds_points_or_cycles() -> None:
 )
 def test_progress_is_shown_as_it_is_counted(samples: MotionSamples | None, done: float) -> None:
     shown: list[tuple[float, str]] = []
-    update = progress_shown(samples, ("axis1",), lambda *what: shown.append(what), lambda: "")
+    update = progress_callback(samples, ("axis1",), lambda *what: shown.append(what), lambda: "")
     update(at(-1, TaskState.BRING_UP))
     update(at(100))
     update(at(-1, TaskState.FINISHED))
@@ -90,7 +90,7 @@ def test_progress_is_shown_as_it_is_counted(samples: MotionSamples | None, done:
 def test_what_an_early_end_leaves_out_is_not_counted_as_done() -> None:
     shown: list[tuple[float, str]] = []
     samples, enough = motion(periodic=True), iter((False, True, True))
-    update = progress_shown(
+    update = progress_callback(
         samples, ("axis1",), lambda *what: shown.append(what), lambda: "", lambda: next(enough)
     )
     update(at(100))
@@ -108,13 +108,13 @@ def test_what_an_early_end_leaves_out_is_not_counted_as_done() -> None:
 
 def test_what_is_estimated_is_told_while_the_robot_moves_and_not_before() -> None:
     shown: list[str] = []
-    update = progress_shown(
+    update = progress_callback(
         None, ("axis1",), lambda _done, line: shown.append(line), lambda: "2 kg"
     )
     update(at(-1, TaskState.ENABLING))
     update(at(1))
     assert shown == ["switching the drives on", "measuring; 2 kg"]
-    assert motion_words(at(1, TaskState.STOPPING)) == "stopping"
+    assert describe_state(at(1, TaskState.STOPPING)) == "stopping"
 
 
 def test_the_worst_joint_of_each_load_is_named() -> None:
@@ -129,12 +129,18 @@ def test_the_worst_joint_of_each_load_is_named() -> None:
         following_error_share=np.array([0.1, 0.04]),
         valid=np.ones(2, dtype=np.bool_),
     )
-    assert load_words(joints, ("axis1", "axis2")) == (
+    assert describe_load(joints, ("axis1", "axis2")) == (
         "torque 50% (axis2), following error 10% (axis1) of the limit"
     )
 
 
 def test_where_a_motion_was_stopped_is_told_in_seconds_phase_and_period() -> None:
-    assert place_words(recorded(0)) == "The motion had not begun."
-    assert place_words(recorded(20)) == "That was 0.19 s into the motion (transient period)."
-    assert place_words(recorded(120)) == "That was 1.19 s into the motion (measuring, period 2)."
+    assert describe_end_position(recorded(0)) == "The motion had not started."
+    assert (
+        describe_end_position(recorded(20))
+        == "The motion ended 0.19 s after its start (transient period)."
+    )
+    assert (
+        describe_end_position(recorded(120))
+        == "The motion ended 1.19 s after its start (measuring, period 2)."
+    )

@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from identification.design.criteria import Condition, Criterion, DOptimal, Goals
-from rid_daq.terminal.progress_bar import BAR, MovingBar, bar_line, shortened
+from rid_daq.terminal.progress_bar import BAR, ProgressBar, bar_line, shorten
 
 TAIL = (
     "transient period; torque 28% (axis2), following error 1.4% (axis3) of the limit; mass 2.80 kg"
@@ -36,7 +36,7 @@ def test_the_tail_gives_way_to_bar_count_and_time_left(width: int, tail: str) ->
 def test_a_terminal_shows_bar_count_and_time_left_on_one_line(width: int, title: str) -> None:
     file = io.StringIO()
     console = Console(file=file, width=width, force_terminal=True, color_system=None)
-    bar = MovingBar(title, 36.0, "periods", console)
+    bar = ProgressBar(title, 36.0, "periods", console)
     with bar.shown():
         bar.update(12.5, TAIL)
     last = [line for line in file.getvalue().splitlines() if "periods" in line][-1]
@@ -54,7 +54,7 @@ def test_what_a_design_has_reached_is_whole_at_80_columns(criterion: Criterion) 
 
 
 def test_a_text_without_parts_ends_in_dots() -> None:
-    assert shortened("abcdefgh", 5) == "abcd…"
-    assert shortened("abcdefgh", 8) == "abcdefgh"
-    assert shortened("measuring; torque", 12) == "measuring"
-    assert shortened("abcdefgh", 0) == ""
+    assert shorten("abcdefgh", 5) == "abcd…"
+    assert shorten("abcdefgh", 8) == "abcdefgh"
+    assert shorten("measuring; torque", 12) == "measuring"
+    assert shorten("abcdefgh", 0) == ""

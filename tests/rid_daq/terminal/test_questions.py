@@ -51,7 +51,7 @@ def test_a_cell_is_cleared_by_one_question_each(
     require_cleared(cell, cleared=False, context=Console(), practise=True)
     said = capsys.readouterr()
     assert said.out.strip() == "The robot will move."
-    first, second = "Is nobody in cell ir361?", "Is the emergency stop at hand?"
+    first, second = "Is cell ir361 free of people?", "Is the emergency stop within reach?"
     assert 0 <= said.err.index(first) < said.err.index(second)
     for answers, detail in (("ir362\n", "'ir362'"), ("ir361\nn\n", "emergency")):
         monkeypatch.setattr("sys.stdin", io.StringIO(answers))

@@ -12,7 +12,11 @@ from config.errors import PreflightError
 from config.load import load_cell
 from rid_daq.app import run
 from rid_daq.terminal import keyboard
-from rid_daq.terminal.remote_terminal import CODE, refuse_remote_terminal, remote_terminal
+from rid_daq.terminal.remote_terminal import (
+    CODE,
+    refuse_remote_terminal,
+    remote_terminal_evidence,
+)
 
 OF_SSH = {"SSH_CONNECTION": "10.0.0.7 50022 10.0.0.2 22"}
 
@@ -64,7 +68,7 @@ FROM_HERE = [(80, "foot", 1), (81, "bash", 80), (82, "tmux: client", 81)]
 def test_a_remote_terminal_is_known_by_variables_and_by_the_processes_above(
     tmp_path: Path, tree: list[tuple[int, str, int]], environment: dict[str, str], shown: str
 ) -> None:
-    found = remote_terminal(environment, processes(tmp_path, *tree))
+    found = remote_terminal_evidence(environment, processes(tmp_path, *tree))
     assert (shown in found) if shown else (found == "")
 
 
@@ -80,8 +84,8 @@ def test_a_server_above_a_real_process_is_found(tmp_path: Path) -> None:
     server = tmp_path / "sshd-session"
     server.symlink_to(sys.executable)
     look = (
-        "from pathlib import Path; from rid_daq.terminal.remote_terminal import remote_terminal;"
-        "print(remote_terminal({}, Path('/proc')))"
+        "from pathlib import Path; from rid_daq.terminal import remote_terminal as terminal;"
+        "print(terminal.remote_terminal_evidence({}, Path('/proc')))"
     )
     ask = "import subprocess, sys; sys.exit(subprocess.call(sys.argv[1:]))"
     told = subprocess.run(

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rid_daq.terminal.console import Console
-from rid_daq.terminal.tables import laid_out
+from rid_daq.terminal.tables import layout_parts
 from tests.builders.screens import terminal
 
 NUMBERS = [f"{1000.0 * number:.1f}" for number in range(1, 11)]
@@ -65,7 +65,7 @@ def test_a_table_that_is_too_wide_comes_in_parts_that_say_what_a_row_is(
 def test_every_column_is_shown_once_and_no_part_is_too_wide(
     table: list[list[str]], columns: int, key: int
 ) -> None:
-    parts = laid_out(table, columns, key)
+    parts = layout_parts(table, columns, key)
     if parts is None:
         return
     kept = [number for part in parts for number, _ in part]

@@ -1,4 +1,4 @@
-"""`show`: blocks on a console."""
+"""`print_blocks`: prints blocks on a console."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ if TYPE_CHECKING:
     from rid_daq.terminal.console import Console
 
 ROOMY: Final = 120
-"""Columns of a terminal on which a table shows its optional columns."""
+"""Width [columns] from which a terminal shows the optional columns of a table."""
 
 
-def show(blocks: Iterable[AnyBlock], console: Console) -> None:
-    """Write blocks for people.
+def print_blocks(blocks: Iterable[AnyBlock], console: Console) -> None:
+    """Print blocks for people.
 
     Args:
-        blocks: The blocks, in their order.
-        console: Where they are written; a worker's console writes events.
+        blocks: The blocks in their order.
+        console: Console of a terminal, or of a worker, which writes events.
     """
     for block in blocks:
         match block:
@@ -29,14 +29,14 @@ def show(blocks: Iterable[AnyBlock], console: Console) -> None:
             case Verdict():
                 console.verdict(block.passed, block.text)
             case Table():
-                _show_table(block, console)
+                _print_table(block, console)
             case Next():
                 console.next_step(*block.words, lead=block.lead)
             case Plot():
-                pass  # a report has it
+                pass  # only reports show plots
 
 
-def _show_table(table: Table, console: Console) -> None:
+def _print_table(table: Table, console: Console) -> None:
     roomy = console.columns is None or console.columns >= ROOMY
     kept = [n for n, column in enumerate(table.columns) if roomy or not column.is_optional]
     heads = [table.columns[n].head for n in kept]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rid_daq.terminal.fitted import fitted
+from rid_daq.terminal.text_wrapping import wrap_text
 
 COMMAND = "rid-daq record /home/anna/cells/cell.yaml motion.yaml --feedforward ahead.json"
 
@@ -26,4 +26,4 @@ COMMAND = "rid-daq record /home/anna/cells/cell.yaml motion.yaml --feedforward a
 def test_a_line_is_broken_at_words_and_a_command_never(text: str, lines: list[str]) -> None:
     if text.startswith("  rid"):
         lines = [text]
-    assert fitted(text, 15).split("\n") == lines
+    assert wrap_text(text, 15).split("\n") == lines

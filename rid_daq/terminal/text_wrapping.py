@@ -1,4 +1,4 @@
-"""`fitted`: sentences broken at words to a terminal's width; what is pasted is never broken."""
+"""`wrap_text`: breaks sentences at words to a terminal's width; commands and paths stay whole."""
 
 from __future__ import annotations
 
@@ -10,32 +10,31 @@ _PASTED = re.compile(r"(?:^|: )\s*(rid-daq [a-z-]+ .*|/\S+)$")
 _MARK = re.compile(r"\s*\S{1,9}\s{2,}(?=\S)")
 
 
-def fitted(text: str, columns: int) -> str:
+def wrap_text(text: str, columns: int) -> str:
     """Return text whose lines fit a terminal.
 
-    A line's own indent is kept, and its further lines have two columns more, or begin where the
-    text behind a mark (`ok      `) begins. A command of this
-    program or a path at a line's end stays whole, on a line of its own where it must, so that it
-    can be pasted.
+    Continuation lines are indented by two columns more than their first line. After a mark (such as
+    `ok      `) they begin at the column of the text. A command of this program or a path at the end
+    of a line stays whole, if necessary on its own line, so that it can be copied.
 
     Args:
         text: Lines of any length.
         columns: Width of the terminal.
     """
-    return "\n".join(_fitted_line(line, columns) for line in text.split("\n"))
+    return "\n".join(_wrap_line(line, columns) for line in text.split("\n"))
 
 
-def _fitted_line(line: str, columns: int) -> str:
+def _wrap_line(line: str, columns: int) -> str:
     if len(line) <= columns:
         return line
     pasted = _PASTED.search(line)
     if pasted is not None and pasted.start(1) > 0:
         before, whole = line[: pasted.start(1)].rstrip(), pasted[1]
-        return f"{_wrapped(before, columns)}\n  {whole}" if before else line
-    return line if pasted is not None else _wrapped(line, columns)
+        return f"{_wrap_words(before, columns)}\n  {whole}" if before else line
+    return line if pasted is not None else _wrap_words(line, columns)
 
 
-def _wrapped(line: str, columns: int) -> str:
+def _wrap_words(line: str, columns: int) -> str:
     indent = line[: len(line) - len(line.lstrip())]
     marked = _MARK.match(line)
     hanging = f"{indent}  " if marked is None else " " * marked.end()
