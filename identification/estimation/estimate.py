@@ -240,12 +240,29 @@ def predict(
     for start in range(0, len(q), BLOCK_ROWS):
         rows = slice(start, start + BLOCK_ROWS)
         block = conditions.part(rows)
-        if model.transmission.losses:
-            load = load_torque(model, q[rows], v[rows], a[rows], estimate.standard_values, block)
-            block = replace(block, load_nm=load)
-        phi = regressor(model, q[rows], v[rows], a[rows], block)
-        torque[rows] = estimate.base.columns(phi) @ estimate.values
+        torque[rows] = base_regressor(estimate, q[rows], v[rows], a[rows], block) @ estimate.values
     return torque
+
+
+def base_regressor(
+    estimate: Estimate | TorqueModel,
+    q: FloatArray,
+    v: FloatArray,
+    a: FloatArray,
+    conditions: Conditions | None = None,
+) -> FloatArray:
+    """Return Y of tau = Y values, shape (samples, n, b), b base parameters.
+
+    Args:
+        estimate: The identified robot.
+        q, v, a: As for `predict`.
+        conditions: Temperature, payload and the memory of friction; the load is computed here.
+    """
+    model = estimate.model
+    if model.transmission.losses:
+        load = load_torque(model, q, v, a, estimate.standard_values, conditions)
+        conditions = replace(conditions or Conditions(), load_nm=load)
+    return estimate.base.columns(regressor(model, q, v, a, conditions))
 
 
 def predict_base_wrench(

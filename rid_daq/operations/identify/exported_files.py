@@ -93,7 +93,26 @@ def export_model(request: ExportRequest) -> ExportedModel:
             code="RID-EXPORT-LINKS",
         )
     estimate = read_estimate(Path(request.what))
-    if not as_identified:
+    chosen, sentence = exported_parameters(request, estimate)
+    if to in TABLES:
+        text = TABLES[to](estimate, None if as_identified else chosen)
+    else:
+        text = (FUNCTIONS | DESCRIPTIONS)[to](chosen)
+    write_whole(request.output, text.encode())
+    return ExportedModel(request, estimate.robot.name, sentence, chosen.test)
+
+
+def exported_parameters(request: ExportRequest, estimate: Estimate) -> tuple[ExportModel, str]:
+    """Return the parameters of a model that other programs get, and where they come from in words.
+
+    Args:
+        request: Which parameters; its `what` names the model in messages.
+        estimate: The model.
+
+    Raises:
+        EstimationError: The model does not explain its own data, or no robot that can exist does.
+    """
+    if not request.as_identified:
         refuse_still(estimate.still, request.what)
     bad = [fit.joint for fit in estimate.fit if fit.grade is Grade.BAD]
     if bad and not request.despite_misfit:
@@ -103,24 +122,18 @@ def export_model(request: ExportRequest) -> ExportedModel:
             " accept it (--despite-misfit)",
             code="RID-MODEL-MISFIT",
         )
-    if as_identified:
-        chosen, sentence = ExportModel.identified(estimate), "Parameters as identified."
-    else:
-        found = consistent(estimate)
-        chosen, sentence = ExportModel.consistent(found), found.sentence
-        if not (found.test.is_consistent or request.despite_misfit):
-            also = ", write what was identified (--as-identified)" if to in NEED_NO_LINKS else ""
-            raise EstimationError(
-                f"{sentence} The model lacks something, or the intervals are too narrow: compare"
-                f" models and measure with another motion{also}, or accept it (--despite-misfit)",
-                code="RID-MODEL-INCONSISTENT",
-            )
-    if to in TABLES:
-        text = TABLES[to](estimate, None if as_identified else chosen)
-    else:
-        text = (FUNCTIONS | DESCRIPTIONS)[to](chosen)
-    write_whole(request.output, text.encode())
-    return ExportedModel(request, estimate.robot.name, sentence, chosen.test)
+    if request.as_identified:
+        return ExportModel.identified(estimate), "Parameters as identified."
+    found = consistent(estimate)
+    if not (found.test.is_consistent or request.despite_misfit):
+        as_they_are = request.to in NEED_NO_LINKS
+        also = ", write what was identified (--as-identified)" if as_they_are else ""
+        raise EstimationError(
+            f"{found.sentence} The model lacks something, or the intervals are too narrow: compare"
+            f" models and measure with another motion{also}, or accept it (--despite-misfit)",
+            code="RID-MODEL-INCONSISTENT",
+        )
+    return ExportModel.consistent(found), found.sentence
 
 
 def export_recording(request: ExportRequest, folder: RunFolder) -> ExportedRecording:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from acquisition.processing.periods import PeriodAverage
 from acquisition.runs.catalogue import find_run, find_runs
 from config.errors import ConfigError, EstimationError
 from identification.accuracy.identifiability import (
@@ -62,6 +63,28 @@ from rid_daq.terminal.choices import MODEL
 
 BAD_FIT = "Failed: the model does not explain this run"
 MISTAKEN = "Failed: a file of this run is probably wrong"
+
+
+@dataclass(frozen=True)
+class IdentifiedRobot:
+    """A robot that was identified, before anything is written.
+
+    Attributes:
+        section: The estimate as reports show it.
+        averages: Mean periods of periodic runs.
+        wiring: Mistakes of wiring, units and files.
+        plate: The fit of the force plate, if it was used.
+        comparison: The choice of the friction terms, if there was one.
+        gains: Drive gains; None if no load mass was given.
+    """
+
+    estimate: Estimate
+    section: EstimateSection
+    averages: tuple[PeriodAverage, ...]
+    wiring: WiringDiagnosis
+    plate: PlateSection | None
+    comparison: ComparisonSection | None
+    gains: DriveGains | None
 
 
 @dataclass(frozen=True)
@@ -127,6 +150,45 @@ def identify_runs(request: IdentifyRequest, context: Context) -> IdentifiedRuns:
     found = find_runs(request.runs, list(request.names))
     data = tuple(RunData.load(folder, unfinished=request.unfinished) for folder in found)
     notes = report_lacks(context, data)
+    robot = identify_robot(request, data, context)
+    first, section, plate = data[0], robot.section, robot.plate
+    output = request.output or first.folder.file(MODEL)
+    write_estimate(output, robot.estimate)
+    note_output(first.folder, output)
+    before = result_of(first, notes)
+    result = before.by_model(
+        ModelFile.of(output), estimate=section, plate=plate, comparison=robot.comparison
+    )
+    verdict = _verdict(before.verdict, section, robot.wiring, plate)
+    result = result if verdict is None else result.updated(verdict=verdict)
+    if first.is_periodic:
+        average = robot.averages[0]
+        period = compare_period(robot.estimate, average)
+        result = result.updated(
+            average=AverageSection.of(average, first.robot),
+            curves=CurvesSection.of_period(robot.estimate, period, average.periods_kept),
+        )
+    report = write_result(first.folder, result)
+    has_plate = first.is_periodic and all(item.has_plate for item in data)
+    unused = has_plate and plate is None
+    return IdentifiedRuns(output, result, report, notes, robot.gains, unused, clocks_of(data))
+
+
+def identify_robot(
+    request: IdentifyRequest, data: tuple[RunData, ...], context: Context
+) -> IdentifiedRobot:
+    """Estimate a robot from runs that were read; nothing is written.
+
+    Args:
+        request: What is asked for; its names and files are not used.
+        data: The runs.
+        context: Shows progress.
+
+    Raises:
+        ConfigError: The runs are of different robots or kinds, or the options exclude one another.
+        DataQualityError, EstimationError: The data do not show the parameters.
+    """
+    request.refuse_contradictions()
     how = replace(_method(request), loaded=_loaded(request, data))
     if how.options.model.kind != "external":
         require_torques(data)
@@ -153,9 +215,6 @@ def identify_runs(request: IdentifyRequest, context: Context) -> IdentifiedRuns:
             identified.consistency,
             identified.plate_mistake,
         )
-    output = request.output or first.folder.file(MODEL)
-    write_estimate(output, estimate)
-    note_output(first.folder, output)
     consistency, consistency_words = _consistency(estimate)
     findings = [*wiring.sentences, *_findings(estimate, data, weight), consistency_words]
     if comparison is not None:
@@ -165,7 +224,6 @@ def identify_runs(request: IdentifyRequest, context: Context) -> IdentifiedRuns:
     if request.diagnose and not request.choose:
         findings += asked_terms(estimate, data, how)
     findings += _cross_checked(data, how, estimate, context) if request.cross_check else []
-    before = result_of(first, notes)
     section = EstimateSection.of(
         estimate,
         findings=findings,
@@ -174,25 +232,15 @@ def identify_runs(request: IdentifyRequest, context: Context) -> IdentifiedRuns:
         driving=wiring.driving,
         arm_weight=wiring.weight_entry,
     )
-    result = before.by_model(
-        ModelFile.of(output),
-        estimate=section,
-        plate=plate,
-        comparison=None if comparison is None else ComparisonSection.of(comparison),
+    return IdentifiedRobot(
+        estimate,
+        section,
+        identified.averages,
+        wiring,
+        plate,
+        None if comparison is None else ComparisonSection.of(comparison),
+        gains,
     )
-    verdict = _verdict(before.verdict, section, wiring, plate)
-    result = result if verdict is None else result.updated(verdict=verdict)
-    if first.is_periodic:
-        average = identified.averages[0]
-        period = compare_period(estimate, average)
-        result = result.updated(
-            average=AverageSection.of(average, first.robot),
-            curves=CurvesSection.of_period(estimate, period, average.periods_kept),
-        )
-    report = write_result(first.folder, result)
-    has_plate = first.is_periodic and all(item.has_plate for item in data)
-    unused = has_plate and plate is None
-    return IdentifiedRuns(output, result, report, notes, gains, unused, clocks_of(data))
 
 
 def _method(request: IdentifyRequest) -> EstimationJob:

@@ -17,6 +17,7 @@ from config.errors import ConfigError, DataQualityError
 from config.formats.number import parse_numbers
 from config.load import load_cell
 from identification.calibration.base_reaction import base_load
+from identification.estimation.estimate import Estimate
 from identification.estimation.file import read_estimate
 from identification.regression.fit_grade import BAD_SHARE, Grade
 from identification.validation.base_wrench_validation import validate_base_wrench
@@ -72,6 +73,24 @@ class Validated:
     not_compared: str = ""
 
 
+@dataclass(frozen=True)
+class JudgedTorques:
+    """A prediction of a run and the verdict on it, before anything is written.
+
+    Attributes:
+        validation: Torques over time.
+        section: The errors as reports show them.
+        reaction, load, not_compared: As `Validated` has them.
+    """
+
+    validation: Validation
+    section: ValidationSection
+    verdict: VerdictSection
+    reaction: ReactionSection | None
+    load: BaseLoadSection | None
+    not_compared: str
+
+
 def validate_run(request: ValidateRequest) -> Validated:
     """Predict a run with a model, judge the error, and put it into the run's report.
 
@@ -89,6 +108,48 @@ def validate_run(request: ValidateRequest) -> Validated:
         )
     estimate = read_estimate(request.model)
     data = RunData.load(find_run(request.runs, request.run), unfinished=request.unfinished)
+    judged = judge_torques(request, estimate, data)
+    notes = every_lack([data])
+    result, model = result_of(data, notes), ModelFile.of(request.model)
+    curves = (result.curves if result.model == model else None) or CurvesSection()
+    torque = TorqueCurves.of(judged.validation, data.robot)
+    result = result.by_model(
+        model,
+        title=f"Validation of {estimate.robot.name}",
+        validation=judged.section,
+        estimate=EstimateSection.of(estimate),
+        curves=curves.model_copy(update={"torque": torque}),
+        reaction=judged.reaction,
+        base_load=judged.load,
+        verdict=judged.verdict,
+    )
+    report = write_result(data.folder, result)
+    clocks = clocks_of([data])
+    return Validated(
+        judged.verdict,
+        judged.section,
+        judged.reaction,
+        judged.load,
+        notes,
+        clocks,
+        report,
+        judged.not_compared,
+    )
+
+
+def judge_torques(request: ValidateRequest, estimate: Estimate, data: RunData) -> JudgedTorques:
+    """Predict a run that was read, and judge the error; nothing is written.
+
+    Args:
+        request: The limits and what counts; the model's file is named in sentences only.
+        estimate: The model.
+        data: The run.
+
+    Raises:
+        ConfigError: The limits are invalid, or are missing, or the model is of another robot.
+        DataQualityError: The run allows no verdict: the model was identified from it, or it is too
+            short.
+    """
     require_robot(request.model, estimate, data.robot)
     external = estimate.options.kind == "external"
     if external and request.limits is not None:
@@ -103,7 +164,6 @@ def validate_run(request: ValidateRequest) -> Validated:
             " says nothing of other motions. Validate on a run that it has not seen",
             code="RID-VALIDATE-SAME-RUN",
         )
-    notes = every_lack([data])
     if not external:
         require_torques([data])
     band_hz = request.band_hz or estimate.band_hz
@@ -148,22 +208,7 @@ def validate_run(request: ValidateRequest) -> Validated:
             base_load(estimate, validation.time_s, *motion, limits, mass_kg=request.mass_kg)
         )
     verdict = _verdict(section, load, estimate.robot.name)
-    result, model = result_of(data, notes), ModelFile.of(request.model)
-    curves = (result.curves if result.model == model else None) or CurvesSection()
-    torque = TorqueCurves.of(validation, data.robot)
-    result = result.by_model(
-        model,
-        title=f"Validation of {estimate.robot.name}",
-        validation=section,
-        estimate=EstimateSection.of(estimate),
-        curves=curves.model_copy(update={"torque": torque}),
-        reaction=reaction,
-        base_load=load,
-        verdict=verdict,
-    )
-    report = write_result(data.folder, result)
-    clocks = clocks_of([data])
-    return Validated(verdict, section, reaction, load, notes, clocks, report, not_compared)
+    return JudgedTorques(validation, section, verdict, reaction, load, not_compared)
 
 
 def predict_motion(request: ValidateRequest) -> Validated:

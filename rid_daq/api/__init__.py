@@ -1,0 +1,50 @@
+"""Identify a robot from Python: the functions behind the command line, on arrays and objects.
+
+    from rid_daq.api import Robot, identify, read_recording, validate
+
+    robot = Robot.load("ur10e")                  # or Robot.from_urdf("arm.urdf")
+    train = read_recording("50sec.csv", map="ur10e_31", rows="355-5090")
+    model = identify(train, robot=robot)
+    print(validate(model, read_recording("ptp.csv", map="ur10e_31", rows="700-4200")))
+
+The names in `__all__` are public. Their version is `API_VERSION`, by the rules of semantic
+versioning: a name, a parameter or an attribute goes or changes its meaning only with a new first
+number. Everything else in rid-daq may change at any time.
+
+- Arrays of a motion have the shape (samples, joints), joints from base to flange. Names end in
+  their unit; positions are in rad (m for a prismatic joint), their derivatives per second.
+- Every error is a `RidDaqError` with a stable code (`error.refusal`, such as RID-FILE-READ).
+- Nothing is printed. A function that takes long has the parameter `progress`, which is called
+  with the name of the step, the amount done and the total.
+- Nothing is written except by `save` and by `Cell`. Ctrl-C leaves nothing half-written.
+
+`model.py`, `recording.py` and `robot.py` hold the objects; begin with `estimation.py`. No logic is
+here: it is in `rid_daq.operations` and below.
+"""
+
+from rid_daq.own_packages import hidden_package
+
+if hidden := hidden_package():
+    raise ImportError(hidden)
+
+from config.errors import RidDaqError
+from rid_daq.api.estimation import identify, validate
+from rid_daq.api.model import Model, Parameter
+from rid_daq.api.recording import Recording, read_recording
+from rid_daq.api.robot import Robot
+from rid_daq.api.validation import Validation
+
+API_VERSION = "1.0"
+
+__all__ = [
+    "API_VERSION",
+    "Model",
+    "Parameter",
+    "Recording",
+    "RidDaqError",
+    "Robot",
+    "Validation",
+    "identify",
+    "read_recording",
+    "validate",
+]

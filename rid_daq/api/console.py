@@ -1,0 +1,67 @@
+"""`SilentConsole` and `TextConsole`: what operations of the API write to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+from rid_daq.blocks.block import AnyBlock
+from rid_daq.terminal.console import Console, make_printable
+from rid_daq.terminal.context import Progress
+from rid_daq.terminal.shown_blocks import show
+
+ProgressCallback = Callable[[str, float, float | None], None]
+"""Called with the name of a step, the amount done, and the total (None if it is unknown)."""
+
+
+@dataclass(frozen=True)
+class SilentConsole(Console):
+    """A console that writes nothing, asks nobody, and reports progress to a callback."""
+
+    as_json: bool = True
+    callback: ProgressCallback | None = None
+
+    @property
+    def can_ask(self) -> bool:
+        """False: nobody is asked."""
+        return False
+
+    @contextmanager
+    def progress(self, title: str, total: float | None, unit: str) -> Iterator[Progress]:
+        """Report the progress of a step to the callback."""
+        yield _Step(title, total, self.callback or (lambda _title, _done, _total: None))
+
+
+@dataclass(frozen=True)
+class _Step:
+    title: str
+    total: float | None
+    callback: ProgressCallback
+
+    def update(self, done: float, line: str) -> None:
+        """Report that `done` of the total is done."""
+        self.callback(f"{self.title}: {line}", done, self.total)
+
+
+@dataclass(frozen=True)
+class TextConsole(Console):
+    """A console that keeps its lines."""
+
+    lines: list[str] = field(default_factory=list)
+
+    @property
+    def is_terminal(self) -> bool:
+        """False: tables are as wide as they need."""
+        return False
+
+    def say(self, text: str = "") -> None:
+        """Keep a line."""
+        self.lines.append(make_printable(text))
+
+
+def text_of(blocks: Iterable[AnyBlock]) -> str:
+    """Return blocks as the command line writes them into a file."""
+    console = TextConsole()
+    show(blocks, console)
+    return "\n".join(console.lines)

@@ -1,0 +1,114 @@
+"""`identify` and `validate`: recordings to a model, and a model held to another recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from config.errors import ConfigError
+from rid_daq.api.console import ProgressCallback, SilentConsole
+from rid_daq.api.model import Model
+from rid_daq.api.recording import Recording
+from rid_daq.api.robot import Robot
+from rid_daq.api.validation import Validation
+from rid_daq.operations.identify.identified_runs import identify_robot
+from rid_daq.operations.identify.identify import IdentifyRequest
+from rid_daq.operations.identify.model_validation import judge_torques
+from rid_daq.operations.identify.validate import ValidateRequest
+
+
+def identify(
+    recordings: Recording | Sequence[Recording],
+    *,
+    robot: Robot | None = None,
+    choose: bool = False,
+    friction: Sequence[str] | None = None,
+    diagnose: bool = True,
+    options: Mapping[str, object] | None = None,
+    progress: ProgressCallback | None = None,
+) -> Model:
+    """Estimate the base parameters of a robot, with intervals, from one or more recordings.
+
+    Solves tau = Y(q, v, a) beta by weighted least squares (maximum likelihood): periodic
+    recordings are averaged and used on their harmonics (Verdonck 2004, 3.4), others are low-passed
+    without phase shift and used in the time domain. Intervals are cluster-robust, so that they hold
+    for model error as well as for noise.
+
+    Look at `Model.problems` before you use the model: it names joints that the model does not
+    explain, and mistakes of wiring, units and files.
+
+    Args:
+        recordings: One or more, all periodic or all not.
+        robot: The robot, instead of that of the recordings.
+        choose: Choose the friction terms of each joint by cross-validation.
+        friction: Friction terms of every joint, such as coulomb, viscous, offset, stribeck; those
+            of the robot file if not given.
+        diagnose: Look for mistakes of wiring, units and files, which takes most of the time.
+        options: Further fields of the request `identify` (docs/reference/api.md), such as
+            {"cross_check": True} or {"how": {"options": {"band_hz": 15.0}}}.
+        progress: Called with the step, the amount done, and the total.
+
+    Raises:
+        ConfigError: The recordings are of different robots or kinds (RID-ROBOT-OTHER,
+            RID-RUN-KINDS-MIXED), or an option is none (RID-REQUEST-INVALID).
+        DataQualityError, EstimationError: The recordings do not show the parameters.
+    """
+    recordings = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    if not recordings:
+        raise ConfigError("identify needs a recording", code="RID-REQUEST-INVALID")
+    if robot is not None:
+        recordings = [each.of(robot) for each in recordings]
+    asked: dict[str, object] = {
+        "names": [each.run.folder.run_id for each in recordings],
+        "choose": choose,
+        "diagnose": diagnose,
+        **(options or {}),
+    }
+    if friction is not None:
+        asked["how"] = _with_friction(asked.get("how"), friction)
+    request = IdentifyRequest.of(asked, shown="identify")
+    console = SilentConsole(callback=progress)
+    found = identify_robot(request, tuple(each.run for each in recordings), console)
+    return Model(found.estimate, found.section)
+
+
+def validate(
+    model: Model,
+    recording: Recording,
+    *,
+    limits_percent: float | Sequence[float] | None = None,
+    options: Mapping[str, object] | None = None,
+) -> Validation:
+    """Predict the torques of a recording with a model and judge the error, joint by joint.
+
+    Args:
+        model: The model.
+        recording: A recording that it was not identified from, of the same robot.
+        limits_percent: Largest RMS error over RMS torque, one value or one a joint [%]; 30 beside
+            the noise if not given.
+        options: Further fields of the request `validate`, such as {"band_hz": 15.0}.
+
+    Raises:
+        ConfigError: The recording is of another robot (RID-ROBOT-OTHER), or a limit is none.
+        DataQualityError: The model was identified from this recording (RID-VALIDATE-SAME-RUN), or
+            it moves for less than 5 s.
+    """
+    asked: dict[str, object] = {
+        "model": Path("the model"),
+        "run": recording.run.folder.run_id,
+        **(options or {}),
+    }
+    if limits_percent is not None:
+        limits = limits_percent if isinstance(limits_percent, Sequence) else [limits_percent]
+        asked["limits"] = ",".join(f"{each:.12g}" for each in limits)
+    request = ValidateRequest.of(asked, shown="validate")
+    judged = judge_torques(request, model.estimate, recording.run)
+    return Validation(judged, recording.run.robot)
+
+
+def _with_friction(how: object, terms: Sequence[str]) -> dict[str, object]:
+    """Return the field `how` of a request with other friction terms."""
+    how = dict(how) if isinstance(how, Mapping) else {}
+    options = dict(how.get("options", {}))
+    model = {**dict(options.get("model", {})), "friction_terms": tuple(terms)}
+    return {**how, "options": {**options, "model": model}}

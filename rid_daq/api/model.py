@@ -1,0 +1,349 @@
+"""`Model`: an identified robot: parameters with intervals, torques, files, other programs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from compensation.operating_temperature import at_operation
+from config.arrays import FloatArray
+from config.errors import ConfigError, EstimationError
+from dynamics.model.memory import with_memory
+from dynamics.model.robot_model import torque
+from identification.estimation.estimate import Estimate, base_regressor, predict
+from identification.estimation.file import read_estimate, write_estimate
+from identification.export.description import pinocchio_model, urdf
+from identification.export.model import ExportModel
+from identification.friction.curve import friction_columns
+from rid_daq.api.console import text_of
+from rid_daq.api.robot import Robot
+from rid_daq.blocks.block import AnyBlock
+from rid_daq.operations.identify.export import ExportRequest
+from rid_daq.operations.identify.exported_files import exported_parameters
+from rid_daq.report.sections.estimate import EstimateSection
+from rid_daq.report.shown.estimate import estimate_blocks, fit_blocks, fit_verdict
+from rid_daq.runs import made_file
+from rid_daq.runs.output_file import refuse_output
+from rid_daq.terminal.choices import Format
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A base parameter, or a nonlinear parameter of friction, with its 95 % interval.
+
+    Attributes:
+        name: Its name, that of the parameter at its head.
+        expression: The combination of standard parameters that it is.
+        unit: Its unit.
+        value, sigma: The estimate, and its standard deviation; it holds for model error too.
+        is_shown: False if the recordings do not show it; then the interval means nothing.
+    """
+
+    name: str
+    expression: str
+    unit: str
+    value: float
+    sigma: float
+    is_shown: bool = True
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The ends of the 95 % interval: two standard deviations to either side."""
+        return self.value - 2.0 * self.sigma, self.value + 2.0 * self.sigma
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """The inverse dynamics of a robot, tau = Y(q, v, a) beta, identified from recordings.
+
+    beta are the base parameters: the combinations of inertia, friction, springs and rotors that
+    torques show. Torques are those of the actuators at the link side, which without a coupled wrist
+    are the joints'. Arrays have the shape (samples, joints), or (joints,) for one sample; the
+    result then has one dimension less too. Friction with memory follows the samples in their order.
+
+    `print` shows the parameters, the fit of each joint, and what was found.
+
+    Attributes:
+        estimate: All that was identified, as the operations use it.
+        section: The same as reports show it, with what was found.
+    """
+
+    estimate: Estimate
+    section: EstimateSection
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Return the model of a file that `save` or `rid-daq identify` wrote.
+
+        Raises:
+            ConfigError: The file cannot be read or is not a model.
+        """
+        estimate = read_estimate(Path(path))
+        return cls(estimate, EstimateSection.of(estimate))
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write the model file (JSON), which is complete in itself; findings are not in it.
+
+        Args:
+            path: The file.
+            overwrite: Replace a model file that is there.
+
+        Raises:
+            ConfigError: There is a file already (RID-OUTPUT-EXISTS), or another kind of file.
+            RecordingError: The file cannot be written.
+        """
+        refuse_output(Path(path), overwrite, made_file.MODEL)
+        write_estimate(Path(path), self.estimate)
+
+    @property
+    def robot(self) -> Robot:
+        """The robot, with the friction terms that were identified."""
+        return Robot(self.estimate.robot)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The b base parameters, then the nonlinear parameters of friction."""
+        return tuple(
+            Parameter(each.name, each.words, each.unit, each.value, each.std, not each.not_shown)
+            for each in self.section.parameters
+        )
+
+    @property
+    def values(self) -> FloatArray:
+        """Shape (b,). Values of the base parameters, in the order of `parameters`."""
+        return self.estimate.values
+
+    @property
+    def sigma(self) -> FloatArray:
+        """Shape (b,). Standard deviations of the base parameters."""
+        return self.estimate.sigma
+
+    @property
+    def residual_percent(self) -> FloatArray:
+        """Shape (joints,). RMS residual over RMS torque on the recordings behind the model [%]."""
+        found = (fit.percent for fit in self.estimate.fit)
+        return np.array([np.nan if each is None else each for each in found])
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """Why the model must not be used as it is, one sentence each; empty for a good model.
+
+        Joints whose torque it does not explain, and mistakes of wiring, units or files.
+        """
+        verdict, mistakes = fit_verdict(self.section), self.section.mistakes or ()
+        bad = () if verdict.passed else (verdict.text,)
+        return (*bad, *(each.sentence for each in mistakes))
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """What to know of the estimate: weak parameters, consistency, terms that would help."""
+        return self.section.findings or ()
+
+    def inverse_dynamics(
+        self,
+        position: npt.ArrayLike,
+        velocity: npt.ArrayLike,
+        acceleration: npt.ArrayLike,
+    ) -> FloatArray:
+        """Return the torques of a motion, friction included: tau = Y(q, v, a) beta.
+
+        Args:
+            position, velocity, acceleration: Shape (samples, joints) or (joints,). The motion [rad
+                or m, and per s, per s²].
+
+        Returns:
+            The same shape. Torques [N m or N].
+
+        Raises:
+            EstimationError: A shape does not fit (RID-API-ARGUMENT), or a joint that stood still
+                when the robot was identified is elsewhere; or friction depends on temperature
+                (`at_temperature`).
+        """
+        q, v, a = self._motion(position, velocity, acceleration)
+        return predict(self.estimate, q, v, a).reshape(np.shape(position))
+
+    def regressor(
+        self,
+        position: npt.ArrayLike,
+        velocity: npt.ArrayLike,
+        acceleration: npt.ArrayLike,
+    ) -> FloatArray:
+        """Return Y of tau = Y beta, so that Y @ model.values are the torques.
+
+        Args:
+            position, velocity, acceleration: As for `inverse_dynamics`.
+
+        Returns:
+            Shape (samples, joints, b) or (joints, b). N m or N per unit of each base parameter.
+
+        Raises:
+            EstimationError: As `inverse_dynamics`.
+        """
+        q, v, a = self._motion(position, velocity, acceleration)
+        found = base_regressor(self.estimate, q, v, a, with_memory(self.estimate.model, q))
+        return found.reshape(*np.shape(position), len(self.values))
+
+    def mass_matrix(self, position: npt.ArrayLike) -> FloatArray:
+        """Return M of tau = M(q) a + ..., rotors included, by one unit acceleration a joint.
+
+        Weakly determined parameters can make it indefinite; that of `to_pinocchio` is of the
+        closest physically consistent parameters, which make it positive definite.
+
+        Args:
+            position: Shape (samples, joints) or (joints,). Positions [rad or m].
+
+        Returns:
+            Shape (samples, joints, joints) or (joints, joints) [kg m², kg m or kg].
+
+        Raises:
+            EstimationError: A shape does not fit (RID-API-ARGUMENT).
+        """
+        (q,) = self._motion(position)
+        own = self.estimate.model
+        bare = replace(self.estimate.options, friction=False, nonlinear=None)
+        model = bare.build(self.estimate.robot)
+        values = dict(zip(own.parameter_names, self.estimate.standard_values, strict=True))
+        theta = np.array([values[name] for name in model.parameter_names])
+        rest = np.zeros_like(q)
+        gravity = torque(model, q, rest, rest, theta)
+        columns = [
+            torque(model, q, rest, rest + unit, theta) - gravity for unit in np.eye(q.shape[1])
+        ]
+        return np.stack(columns, axis=-1).reshape(*np.shape(position), q.shape[1])
+
+    def friction(self, velocity: npt.ArrayLike) -> FloatArray:
+        """Return the torque of friction of each joint at steady speeds, offsets included.
+
+        Gears whose friction depends on the load are taken without load.
+
+        Args:
+            velocity: Shape (samples, joints) or (joints,). Velocities of the actuators, link side
+                [rad/s or m/s].
+
+        Returns:
+            The same shape. Torques [N m or N]; zero without friction in the model.
+
+        Raises:
+            EstimationError: A shape does not fit (RID-API-ARGUMENT).
+        """
+        (v,) = self._motion(velocity)
+        model = self.estimate.model
+        if "friction" not in model.parameter_groups:
+            return np.zeros(np.shape(velocity))
+        values = self.estimate.standard_values[model.parameter_groups["friction"]]
+        columns = [friction_columns(model, j, v[:, j]) @ values for j in range(v.shape[1])]
+        return np.stack(columns, axis=-1).reshape(np.shape(velocity))
+
+    def at_temperature(
+        self, temperature: str | float, velocity: npt.ArrayLike | None = None
+    ) -> Self:
+        """Return the model at a temperature, if its friction depends on temperature.
+
+        Args:
+            temperature: Of the joints [°C], one value or several in a text, such as "40,35,30"; or
+                `cold`, or `warm` (as a motion heats them) for a model without thermometers.
+            velocity: Shape (samples, joints). The motion, for `warm` [rad/s or m/s].
+
+        Raises:
+            ConfigError: Its friction does not depend on temperature (RID-OPTION-NO-EFFECT), or the
+                temperature does not fit the model (RID-MODEL-TEMPERATURE).
+        """
+        motion = None if velocity is None else np.asarray(velocity, dtype=np.float64)
+        found = at_operation(self.estimate, str(temperature), motion).estimate
+        return replace(self, estimate=found, section=EstimateSection.of(found))
+
+    def to_urdf(self, *, despite_misfit: bool = False) -> str:
+        """Return a URDF of the robot with the closest physically consistent parameters.
+
+        What a URDF cannot express is listed at its top.
+
+        Args:
+            despite_misfit: Accept a model that does not explain its data, or that no physically
+                consistent parameters explain.
+
+        Raises:
+            EstimationError: The model does not explain its own data (RID-MODEL-MISFIT), or no
+                physically consistent parameters do (RID-MODEL-INCONSISTENT).
+        """
+        return urdf(self._exported(Format.URDF, despite_misfit))
+
+    def to_pinocchio(self, *, despite_misfit: bool = False) -> Any:
+        """Return the robot as a `pinocchio.Model`, with armatures, friction and damping.
+
+        Args:
+            despite_misfit: As for `to_urdf`.
+
+        Raises:
+            EstimationError: As `to_urdf`.
+        """
+        names: dict[str, Any] = {}
+        source = pinocchio_model(self._exported(Format.PINOCCHIO, despite_misfit))
+        exec(compile(source, "pinocchio_model.py", "exec"), names)  # written by `export` as well
+        return names["build_model"]()
+
+    def to_mujoco(self, *, despite_misfit: bool = False) -> Any:
+        """Return the robot as a `mujoco.MjModel`, with armatures, friction, damping and gravity.
+
+        Args:
+            despite_misfit: As for `to_urdf`.
+
+        Raises:
+            ConfigError: MuJoCo is not installed (RID-INSTALL-LIBRARY).
+            EstimationError: As `to_urdf`.
+        """
+        try:
+            import mujoco
+        except ImportError:
+            raise ConfigError(
+                "to_mujoco needs MuJoCo, which is not installed: `pip install mujoco`",
+                code="RID-INSTALL-LIBRARY",
+            ) from None
+        exported = self._exported(Format.URDF, despite_misfit)
+        model = mujoco.MjModel.from_xml_string(urdf(exported))
+        for j in range(len(self.robot.joint_names)):
+            friction = exported.straight_friction(j)
+            model.dof_armature[j] = exported.armature(j)
+            model.dof_frictionloss[j], model.dof_damping[j] = friction.friction, friction.damping
+        model.opt.gravity[:] = exported.upright @ exported.model.chain.gravity_m_s2
+        return model
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield the fit of each joint, the parameters, what was found, and the verdict."""
+        yield from estimate_blocks(self.section)
+        if not any(axis.reason for axis in self.section.axes):
+            yield from fit_blocks(self.section)
+        yield fit_verdict(self.section)
+
+    def __str__(self) -> str:
+        return text_of(self.blocks())
+
+    def __repr__(self) -> str:
+        return f"Model({self.estimate.robot.name}, {len(self.values)} base parameters)"
+
+    def _exported(self, form: Format, despite_misfit: bool) -> ExportModel:
+        request = ExportRequest(
+            what=f"model of {self.estimate.robot.name}",
+            to=form,
+            output=Path(form.value),
+            despite_misfit=despite_misfit,
+        )
+        return exported_parameters(request, self.estimate)[0]
+
+    def _motion(self, *arrays: npt.ArrayLike) -> list[FloatArray]:
+        """Return arrays as tables of one row a sample."""
+        n, found = len(self.robot.joint_names), []
+        for each in arrays:
+            table = np.asarray(each, dtype=np.float64)
+            if table.shape != np.shape(arrays[0]) or table.shape[-1:] != (n,) or table.ndim > 2:
+                raise EstimationError(
+                    f"array of shape {table.shape}: give (samples, {n}) or ({n},), all alike, for"
+                    f" the joints {', '.join(self.robot.joint_names)}",
+                    code="RID-API-ARGUMENT",
+                )
+            found.append(np.atleast_2d(table))
+        return found

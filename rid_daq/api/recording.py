@@ -1,0 +1,223 @@
+"""`Recording`: measured positions and torques of a robot, and `read_recording`."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from acquisition.imports.import_map import ImportJoint, ImportMap, TimeColumn
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import MANIFEST
+from config.arrays import FloatArray
+from config.errors import ConfigError
+from config.load import load_bundled_or_path, to_yaml
+from rid_daq.api.robot import Robot
+from rid_daq.operations.experiment.import_ import ImportRequest
+from rid_daq.operations.experiment.imported_runs import import_files
+from rid_daq.runs.run_data import RunData, every_lack
+
+MAP = "map.yaml"
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Positions and torques of a robot over time, read and checked.
+
+    Attributes:
+        run: The run that it is, as the operations use it.
+        notes: What was found while it was read: rows that were left out, clocks, units.
+    """
+
+    run: RunData
+    notes: tuple[str, ...] = ()
+    _files: tempfile.TemporaryDirectory[str] | None = field(default=None, repr=False)
+
+    @classmethod
+    def from_arrays(
+        cls,
+        time_s: npt.ArrayLike,
+        position: npt.ArrayLike,
+        torque_nm: npt.ArrayLike,
+        *,
+        robot: Robot,
+        velocity: npt.ArrayLike | None = None,
+        period_s: float | None = None,
+        name: str = "arrays",
+    ) -> Self:
+        """Return a recording of arrays; they pass the checks of an import.
+
+        Args:
+            time_s: Shape (samples,). Time stamps [s]; they need not be uniform.
+            position: Shape (samples, joints). Measured positions, link side [rad or m].
+            torque_nm: Shape (samples, joints). Torques of the actuators, link side [N m or N].
+            robot: The robot that moved.
+            velocity: Shape (samples, joints). Measured velocities [rad/s or m/s]. They are
+                compared with the positions, so that a wrong unit or clock is found.
+            period_s: Period of a periodic motion of whole periods [s].
+            name: Its name in messages.
+
+        Raises:
+            ConfigError: A shape does not fit (RID-API-ARGUMENT).
+            DataQualityError: Too much of it is damaged, or no robot can have made it.
+        """
+        n = len(robot.joint_names)
+        tables = [position, torque_nm] if velocity is None else [position, torque_nm, velocity]
+        columns = [np.asarray(time_s, dtype=np.float64)]
+        for table in (np.asarray(each, dtype=np.float64) for each in tables):
+            if columns[0].ndim != 1 or table.shape != (len(columns[0]), n):
+                raise ConfigError(
+                    f"{name}: arrays of shape {columns[0].shape} (time_s) and {table.shape}: give"
+                    f" (samples,) and (samples, {n}), one column a joint of {robot.name}",
+                    code="RID-API-ARGUMENT",
+                )
+            columns += list(table.T)
+        layout = ImportMap(
+            name="arrays",
+            robot="robot.yaml",
+            columns=len(columns),
+            time=TimeColumn(column=0, unit="s"),
+            joints=tuple(
+                ImportJoint(
+                    joint=joint,
+                    position=1 + i,
+                    torque=1 + n + i,
+                    velocity=None if velocity is None else 1 + 2 * n + i,
+                )
+                for i, joint in enumerate(robot.joint_names)
+            ),
+            period_s=period_s,
+        )
+        with tempfile.TemporaryDirectory(prefix="rid-daq-") as folder:
+            file = Path(folder) / f"{name}.csv"
+            np.savetxt(file, np.column_stack(columns), fmt="%.17g", delimiter=",")
+            return cls._imported((file,), layout, robot, "")
+
+    @classmethod
+    def _imported(
+        cls, files: tuple[Path, ...], layout: str | ImportMap, robot: Robot | None, rows: str
+    ) -> Self:
+        """Import files into a temporary run folder, which lives as long as the recording."""
+        folder = tempfile.TemporaryDirectory(prefix="rid-daq-")
+        place = Path(folder.name)
+        if robot is not None:
+            if isinstance(layout, str):
+                layout = load_bundled_or_path(layout, "maps", ImportMap)
+            robot.save(place / "robot.yaml")
+            layout = layout.model_copy(update={"robot": "robot.yaml"})
+            (place / MAP).write_text(to_yaml(layout), encoding="utf-8")
+            layout = str(place / MAP)
+        request = ImportRequest.of(
+            {
+                "file": files,
+                "map": layout,
+                "rows": (rows,) if rows else (),
+                "runs": place / "runs",
+            },
+            shown="read_recording",
+        )
+        (imported,) = import_files(request)
+        return cls._of(imported.folder, folder)
+
+    @classmethod
+    def _of(cls, folder: RunFolder, files: tempfile.TemporaryDirectory[str] | None = None) -> Self:
+        run = RunData.load(folder)
+        return cls(run, tuple(every_lack([run])), files)
+
+    @property
+    def robot(self) -> Robot:
+        """The robot that moved."""
+        return Robot(self.run.robot)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, base to flange."""
+        return self.run.robot.joint_names
+
+    @property
+    def time_s(self) -> FloatArray:
+        """Shape (samples,). Time stamps [s]; rebuilt ones if those of the source were wrong."""
+        return self.run.recording.time_s
+
+    @property
+    def position(self) -> FloatArray:
+        """Shape (samples, joints). Positions, link side [rad or m]."""
+        return self.run.recording.position
+
+    @property
+    def torque_nm(self) -> FloatArray:
+        """Shape (samples, joints). Torques of the actuators, link side [N m or N]."""
+        return self.run.recording.torque_nm
+
+    @property
+    def is_periodic(self) -> bool:
+        """True if it holds whole periods, which are averaged."""
+        return self.run.is_periodic
+
+    def of(self, robot: Robot) -> Self:
+        """Return the recording as one of another description of the same robot.
+
+        Raises:
+            ConfigError: The joints have other names (RID-ROBOT-OTHER).
+        """
+        if robot.joint_names != self.joint_names:
+            raise ConfigError(
+                f"robot {robot.name} has the joints {', '.join(robot.joint_names)}, the recording"
+                f" {', '.join(self.joint_names)}: give them one name each",
+                code="RID-ROBOT-OTHER",
+            )
+        return replace(self, run=replace(self.run, robot=robot.description))
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def __str__(self) -> str:
+        span_s = self.time_s[-1] - self.time_s[0]
+        head = f"{self.run.folder.manifest().label}: {len(self)} samples in {span_s:.1f} s"
+        return "\n".join((f"{head}, robot {self.run.robot.name}", *self.notes))
+
+
+def read_recording(
+    source: str | Path,
+    *further: str | Path,
+    map: str | Path = "",  # the word of the command line, and no builtin is needed here
+    rows: str = "",
+    robot: Robot | None = None,
+) -> Recording:
+    """Read a recording: CSV files, a ROS 2 bag, an MCAP file, or a run folder of rid-daq.
+
+    Damaged rows are left out, wrong clocks rebuilt, and units and signs tested, as `rid-daq
+    import` does; `Recording.notes` says what was found. The source is not changed.
+
+    Args:
+        source: A file, or a run folder.
+        further: Further CSV files of the same motion, if the map names them.
+        map: What the columns or messages are: a bundled name (ur10e_31, ur10e_19, ur10_ros) or the
+            path of an import map. A run folder needs none.
+        rows: Rows to use, such as 355-5090, counted from 1; all if empty.
+        robot: The robot, instead of the one that the map names.
+
+    Raises:
+        ConfigError: A file or the map cannot be read, or they do not fit.
+        DataQualityError: Too much of it is damaged, or no robot can have made it.
+        RecordingError: The run folder is damaged.
+    """
+    path = Path(source)
+    if (path / MANIFEST).is_file():
+        if map or rows or further:
+            raise ConfigError(
+                f"{path}: a run folder is read whole: leave map, rows and further files out",
+                code="RID-OPTION-NO-EFFECT",
+            )
+        found = Recording._of(RunFolder.open(path))
+        return found if robot is None else found.of(robot)
+    if not map:
+        raise ConfigError(
+            f"{path}: is no run folder: give `map`, which says what its columns are",
+            code="RID-OPTION-NEEDS",
+        )
+    return Recording._imported((path, *(Path(each) for each in further)), str(map), robot, rows)

@@ -1,0 +1,84 @@
+"""`Robot`: kinematics, limits and friction terms of a serial robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+from config.formats.whole_file import write_whole
+from config.load import load_robot, to_yaml
+from config.robot.robot import RobotDescription
+from rid_daq.operations.start.init import InitRequest
+from rid_daq.operations.start.urdf_starter import starting_robot
+from rid_daq.runs.output_file import require_writable
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A serial robot: frames, joint limits, gears, rotors, friction terms and bodies.
+
+    Attributes:
+        description: All of it, as a robot file has it (docs/reference/files.md).
+        notes: What a URDF does not say, or what was changed; one sentence each.
+    """
+
+    description: RobotDescription
+    notes: tuple[str, ...] = ()
+
+    @classmethod
+    def load(cls, name: str | Path) -> Self:
+        """Return a robot that is bundled, or one of a robot file.
+
+        Args:
+            name: A bundled name (exercise, ir361, kr15, ur10, ur10e), or the path of a robot file.
+
+        Raises:
+            ConfigError: There is no such robot (RID-FILE-UNKNOWN), or its file is invalid.
+        """
+        return cls(load_robot(str(name)))
+
+    @classmethod
+    def from_urdf(
+        cls, path: str | Path, *, base: str | None = None, tip: str | None = None
+    ) -> Self:
+        """Return the robot of a URDF, as `rid-daq init --urdf` makes it.
+
+        Limits that the URDF does not state follow from the robot's size; `notes` says so.
+
+        Args:
+            path: The URDF.
+            base: The link that does not move; the URDF's root if not given.
+            tip: The link at the tool point; the last link that moves if not given.
+
+        Raises:
+            ConfigError: The file is no URDF of a serial robot, or has several arms and no `tip`
+                (RID-URDF-ARM).
+        """
+        request = InitRequest.of(
+            {"folder": Path(), "urdf": Path(path), "base": base, "tip": tip}, shown="from_urdf"
+        )
+        made = starting_robot(request, Path(path))
+        return cls(made.robot, made.notes)
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        return self.description.name
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, base to flange."""
+        return self.description.joint_names
+
+    def save(self, path: str | Path) -> None:
+        """Write the robot file (YAML); an existing file is replaced.
+
+        Raises:
+            RecordingError: The file cannot be written.
+        """
+        require_writable(Path(path))
+        write_whole(Path(path), to_yaml(self.description, f"Robot {self.name}.").encode())
+
+    def __str__(self) -> str:
+        return f"{self.name}: {len(self.joint_names)} joints ({', '.join(self.joint_names)})"

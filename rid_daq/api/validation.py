@@ -1,0 +1,84 @@
+"""`Validation`: predicted against measured torque of a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from config.arrays import BoolArray, FloatArray
+from config.robot.robot import RobotDescription
+from rid_daq.api.console import text_of
+from rid_daq.blocks.block import AnyBlock, Verdict
+from rid_daq.blocks.plot import Plot
+from rid_daq.operations.identify.model_validation import JudgedTorques
+from rid_daq.report.sections.curves import TorqueCurves
+from rid_daq.report.shown.curves import torque_plot
+from rid_daq.report.shown.validation import validation_blocks
+
+
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """How well a model predicts the torques of a recording that it was not identified from.
+
+    Errors count samples of moving joints only; at standstill, friction is stiction. `print` shows
+    the errors joint by joint, what they follow, and the verdict.
+
+    Attributes:
+        judged: The result as the operation has it.
+        robot: The robot.
+    """
+
+    judged: JudgedTorques
+    robot: RobotDescription
+
+    @property
+    def passed(self) -> bool:
+        """True if the error of every joint is within its limit."""
+        return self.judged.verdict.passed is not False
+
+    @property
+    def relative_error_percent(self) -> FloatArray:
+        """Shape (joints,). RMS error over RMS torque [%]."""
+        return self.judged.validation.relative_percent
+
+    @property
+    def rms_error_nm(self) -> FloatArray:
+        """Shape (joints,). RMS of measured minus predicted torque [N m or N]."""
+        return self.judged.validation.rms_nm
+
+    @property
+    def time_s(self) -> FloatArray:
+        """Shape (samples,). Times of the torques [s]."""
+        return self.judged.validation.time_s
+
+    @property
+    def measured_nm(self) -> FloatArray:
+        """Shape (samples, joints). Measured torques, low-passed [N m or N]."""
+        return self.judged.validation.measured_nm
+
+    @property
+    def predicted_nm(self) -> FloatArray:
+        """Shape (samples, joints). Predicted torques, low-passed [N m or N]."""
+        return self.judged.validation.predicted_nm
+
+    @property
+    def counted(self) -> BoolArray:
+        """Shape (samples, joints). True for samples that count."""
+        return self.judged.validation.counted
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """What the errors follow; one sentence each."""
+        return self.judged.section.diagnosis or ()
+
+    def plots(self) -> Iterator[Plot]:
+        """Yield the plot of measured and predicted torque."""
+        yield torque_plot(TorqueCurves.of(self.judged.validation, self.robot))
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield the errors, what they follow, and the verdict."""
+        yield from validation_blocks(self.judged.section)
+        yield Verdict(passed=self.judged.verdict.passed, text=self.judged.verdict.headline)
+
+    def __str__(self) -> str:
+        return text_of(self.blocks())
