@@ -21,6 +21,7 @@ def test_the_reference_pages_are_what_the_code_says() -> None:
         f"spec = importlib.util.spec_from_file_location('make', {str(REFERENCE / 'make.py')!r})\n"
         "make = importlib.util.module_from_spec(spec); spec.loader.exec_module(make)\n"
         "pages = make.command_line(), make.files(), make.results(), make.result_schema()\n"
+        "pages += (make.python_api(),)\n"
         "pages += make.drive_objects(), make.servo_profiles()\n"
         "print(json.dumps(pages))\n"
     )
@@ -32,7 +33,7 @@ def test_the_reference_pages_are_what_the_code_says() -> None:
         env={**os.environ, "PYTHONIOENCODING": "utf-8"},
     )
     how = "run: .venv/bin/python docs/reference/make.py"
-    names = ("command-line.md", "files.md", "results.md", "result.schema.json")
+    names = ("command-line.md", "files.md", "results.md", "result.schema.json", "python-api.md")
     *pages, objects, profiles = json.loads(done.stdout)
     for name, page in zip(names, pages, strict=True):
         assert (REFERENCE / name).read_text(encoding="utf-8") == page, how

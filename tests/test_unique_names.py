@@ -12,6 +12,8 @@ from tests.builders.code_lines import PACKAGES
 ROOT: Final = Path(__file__).parents[1]
 SHARED: Final = {"main", "run", "EstimationOptions", "ModelOptions"}
 """Entry points of processes, the functions of operations, and requests named as their result."""
+API: Final = ROOT / "rid_daq" / "api"
+"""Its names are those that users of Python expect; no module of rid-daq imports them."""
 
 
 def test_no_two_classes_or_public_functions_have_one_name() -> None:

@@ -164,6 +164,65 @@ def result_schema() -> str:
     return json.dumps(Result.model_json_schema(), ensure_ascii=False, indent=1) + "\n"
 
 
+def python_api() -> str:
+    """Return the page of the Python API: every public name with its signature and docstring."""
+    from rid_daq import api
+
+    parts = [
+        f"# Python API\n\nGenerated from the docstrings; version {api.API_VERSION}."
+        f" [The guide](../guide/use-from-python.md) begins with examples.\n\n{_markdown(api)}\n"
+    ]
+    for name in sorted(set(api.__all__) - {"API_VERSION", "RidDaqError"}, key=str.lower):
+        found = getattr(api, name)
+        if not inspect.isclass(found):
+            parts.append(f"## {name}\n\n{_signature(name, found)}\n{_markdown(found)}\n")
+            continue
+        parts.append(f"## {name}\n\n{_markdown(found)}\n")
+        for own, member in vars(found).items():
+            if own.startswith("_") or own == "blocks":
+                continue
+            if isinstance(member, property):
+                parts.append(f"### {name}.{own}\n\n{_markdown(member)}\n")
+            elif isinstance(member, classmethod) or inspect.isfunction(member):
+                bound = getattr(found, own)
+                text = f"{_signature(f'{name}.{own}', bound)}\n{_markdown(bound)}"
+                parts.append(f"### {name}.{own}\n\n{text}\n")
+    return "\n".join(parts)
+
+
+def _signature(name: str, of: Any) -> str:
+    """Return the names and defaults of the parameters of a function, and what it returns."""
+    found = inspect.signature(of)
+    parameters = [
+        each.replace(annotation=inspect.Parameter.empty)
+        for each in found.parameters.values()
+        if each.name != "self"
+    ]
+    shown = found.replace(parameters=parameters, return_annotation=inspect.Signature.empty)
+    result = str(found.return_annotation).replace("Self", name.partition(".")[0])
+    return f"```python\n{name}{shown} -> {result}\n```\n"
+
+
+def _markdown(of: Any) -> str:
+    """Return a docstring with its sections as lists."""
+    text = inspect.getdoc(of) or ""
+    text = re.sub(r"^(Args|Returns|Raises|Yields|Attributes):$", r"**\1**\n", text, flags=re.M)
+    lines: list[str] = []
+    for line in text.splitlines():
+        entry = (
+            re.fullmatch(r" {4}(\S.*?): (.*)", line) if "**Returns**" not in lines[-3:] else None
+        )
+        if entry is not None:
+            names = ", ".join(f"`{each}`" for each in entry[1].split(", "))
+            lines.append(f"- {names}: {entry[2]}")
+        elif line.startswith("        "):
+            lines.append(f"  {line.strip()}")
+        else:
+            is_code = line.startswith("    ") and "**" not in "".join(lines[-9:])
+            lines.append(line if is_code else line.strip())
+    return "\n".join(lines)
+
+
 def _own_commands(name: str) -> list[str]:
     """Return the commands of a command that has its own."""
     from rid_daq.command_line.root import command_words
@@ -278,6 +337,7 @@ def main() -> None:
     (HERE / "files.md").write_text(files(), encoding="utf-8")
     (HERE / "results.md").write_text(results(), encoding="utf-8")
     (HERE / "result.schema.json").write_text(result_schema(), encoding="utf-8")
+    (HERE / "python-api.md").write_text(python_api(), encoding="utf-8")
     text = GUIDE.read_text(encoding="utf-8")
     for title, table in (("objects", drive_objects()), ("profiles", servo_profiles())):
         begin, end = (text.index(f"<!-- {title}{mark} -->\n") for mark in ("", " end"))

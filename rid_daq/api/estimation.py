@@ -29,10 +29,10 @@ def identify(
 ) -> Model:
     """Estimate the base parameters of a robot, with intervals, from one or more recordings.
 
-    Solves tau = Y(q, v, a) beta by weighted least squares (maximum likelihood): periodic
-    recordings are averaged and used on their harmonics (Verdonck 2004, 3.4), others are low-passed
-    without phase shift and used in the time domain. Intervals are cluster-robust, so that they hold
-    for model error as well as for noise.
+    Solves tau = Y(q, v, a) beta by weighted least squares (maximum likelihood, docs/theory.md 9.1):
+    periodic recordings are averaged and used on their harmonics, others are low-passed without
+    phase shift and used in the time domain. Intervals are cluster-robust, so that they hold for
+    model error as well as for noise.
 
     Look at `Model.problems` before you use the model: it names joints that the model does not
     explain, and mistakes of wiring, units and files.
@@ -44,7 +44,7 @@ def identify(
         friction: Friction terms of every joint, such as coulomb, viscous, offset, stribeck; those
             of the robot file if not given.
         diagnose: Look for mistakes of wiring, units and files, which takes most of the time.
-        options: Further fields of the request `identify` (docs/reference/api.md), such as
+        options: Further fields of the request `identify` (docs/reference/openapi.json), such as
             {"cross_check": True} or {"how": {"options": {"band_hz": 15.0}}}.
         progress: Called with the step, the amount done, and the total.
 

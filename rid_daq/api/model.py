@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -297,7 +298,7 @@ class Model:
             EstimationError: As `to_urdf`.
         """
         try:
-            import mujoco
+            mujoco: Any = importlib.import_module("mujoco")
         except ImportError:
             raise ConfigError(
                 "to_mujoco needs MuJoCo, which is not installed: `pip install mujoco`",

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 import tempfile
+import weakref
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Self
@@ -24,6 +26,14 @@ from rid_daq.runs.run_data import RunData, every_lack
 MAP = "map.yaml"
 
 
+class TemporaryFolder:
+    """A folder that is deleted with the last object that has it, and at the end of the program."""
+
+    def __init__(self) -> None:
+        self.path = Path(tempfile.mkdtemp(prefix="rid-daq-"))
+        weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
+
+
 @dataclass(frozen=True, eq=False)
 class Recording:
     """Positions and torques of a robot over time, read and checked.
@@ -35,7 +45,7 @@ class Recording:
 
     run: RunData
     notes: tuple[str, ...] = ()
-    _files: tempfile.TemporaryDirectory[str] | None = field(default=None, repr=False)
+    _files: TemporaryFolder | None = field(default=None, repr=False)
 
     @classmethod
     def from_arrays(
@@ -102,8 +112,8 @@ class Recording:
         cls, files: tuple[Path, ...], layout: str | ImportMap, robot: Robot | None, rows: str
     ) -> Self:
         """Import files into a temporary run folder, which lives as long as the recording."""
-        folder = tempfile.TemporaryDirectory(prefix="rid-daq-")
-        place = Path(folder.name)
+        folder = TemporaryFolder()
+        place = folder.path
         if robot is not None:
             if isinstance(layout, str):
                 layout = load_bundled_or_path(layout, "maps", ImportMap)
@@ -124,7 +134,7 @@ class Recording:
         return cls._of(imported.folder, folder)
 
     @classmethod
-    def _of(cls, folder: RunFolder, files: tempfile.TemporaryDirectory[str] | None = None) -> Self:
+    def _of(cls, folder: RunFolder, files: TemporaryFolder | None = None) -> Self:
         run = RunData.load(folder)
         return cls(run, tuple(every_lack([run])), files)
 

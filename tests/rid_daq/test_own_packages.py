@@ -46,3 +46,13 @@ def test_a_foreign_package_in_the_environment_is_named_with_what_to_do(folder: P
     assert done.returncode == 2
     assert f"{folder}/config.py" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_the_python_api_names_the_file_that_hides_a_package(folder: Path) -> None:
+    code = "import sys; sys.path.insert(0, '.'); import rid_daq.api"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=False
+    )
+    assert "ImportError" in done.stderr
+    assert f"{folder}/config.py" in done.stderr
+    assert "RID-INSTALL-HIDDEN" in done.stderr

@@ -1,0 +1,191 @@
+"""A model from arrays: recordings in, parameters, torques and other programs' models out."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio
+import pytest
+
+from config.errors import ConfigError, DataQualityError, EstimationError
+from rid_daq.api import Model, Recording, Robot, identify, read_recording, validate
+from tests.builders.raised_codes import raises_code
+from tests.rid_daq.api.conftest import Arm
+
+
+def test_intervals_hold_the_true_parameters(model: Model, arm: Arm) -> None:
+    true = model.estimate.base.from_standard(arm.theta)
+    inside = [
+        low <= value <= high
+        for (low, high), value in zip([p.interval for p in model.parameters], true, strict=True)
+    ]
+    assert np.mean(inside) >= 0.85
+    assert [p.name for p in model.parameters] == list(model.estimate.base.names)
+    assert model.problems == ()
+    assert np.all(model.residual_percent < 5.0)
+
+
+def test_the_torques_are_those_of_the_true_arm(model: Model, arm: Arm) -> None:
+    _, q, v, a = arm.motion(7, 5.0)
+    error = model.inverse_dynamics(q, v, a) - arm.torque_nm(q, v, a)
+    assert np.all(np.sqrt(np.mean(error**2, axis=0)) < 2.0)
+    one = model.inverse_dynamics(q[3], v[3], a[3])
+    np.testing.assert_allclose(one, model.inverse_dynamics(q, v, a)[3], rtol=1e-12)
+
+
+def test_the_regressor_times_the_values_is_the_torque(model: Model, arm: Arm) -> None:
+    _, q, v, a = arm.motion(8, 1.0)
+    y = model.regressor(q, v, a)
+    assert y.shape == (*q.shape, len(model.values))
+    np.testing.assert_allclose(y @ model.values, model.inverse_dynamics(q, v, a), atol=1e-9)
+
+
+def test_mass_matrix_and_friction_are_parts_of_the_inverse_dynamics(model: Model, arm: Arm) -> None:
+    _, q, v, a = arm.motion(9, 1.0)
+    mass, rest = model.mass_matrix(q), np.zeros_like(q)
+    assert mass.shape == (*q.shape, q.shape[1])
+    np.testing.assert_allclose(mass, np.swapaxes(mass, 1, 2), atol=1e-9)
+    still = model.inverse_dynamics(q, rest, rest)
+    by_mass = still + np.einsum("sij,sj->si", mass, a)
+    np.testing.assert_allclose(model.inverse_dynamics(q, rest, a), by_mass, atol=1e-8)
+    creeping = np.full_like(v, 0.01)
+    moved = model.inverse_dynamics(q, creeping, rest) - still
+    np.testing.assert_allclose(moved, model.friction(creeping), atol=0.05)
+
+
+def test_a_saved_model_is_the_same_model(model: Model, tmp_path: Path) -> None:
+    model.save(tmp_path / "model.json")
+    again = Model.load(tmp_path / "model.json")
+    np.testing.assert_array_equal(again.values, model.values)
+    assert again.parameters == model.parameters
+    with raises_code(ConfigError, "RID-OUTPUT-EXISTS", "model.json"):
+        model.save(tmp_path / "model.json")
+    model.save(tmp_path / "model.json", overwrite=True)
+
+
+def test_pinocchio_gets_the_same_inertias(model: Model, arm: Arm) -> None:
+    built = model.to_pinocchio()
+    q = arm.motion(10, 1.0)[1][0]
+    mass = pinocchio.crba(built, built.createData(), q)
+    mass = np.triu(mass) + np.triu(mass, 1).T
+    np.testing.assert_allclose(mass, model.mass_matrix(q), rtol=0.1, atol=3.0)
+    assert list(built.names)[1:] == list(model.robot.joint_names)
+
+
+def test_mujoco_gets_the_same_mass_matrix(model: Model, arm: Arm) -> None:
+    mujoco: Any = pytest.importorskip("mujoco", reason="mujoco is not installed")
+    built, other = model.to_mujoco(), model.to_pinocchio()
+    data = mujoco.MjData(built)
+    data.qpos[:] = arm.motion(10, 1.0)[1][0]
+    mujoco.mj_forward(built, data)
+    mass = np.zeros((built.nv, built.nv))
+    mujoco.mj_fullM(built, mass, data.qM)
+    judge = pinocchio.crba(other, other.createData(), data.qpos)
+    judge = np.triu(judge) + np.triu(judge, 1).T
+    np.testing.assert_allclose(mass, judge, atol=1e-6)
+
+
+def test_without_mujoco_the_error_says_what_to_install(
+    model: Model, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with raises_code(ConfigError, "RID-INSTALL-LIBRARY", "pip install mujoco"):
+        model.to_mujoco()
+
+
+def test_the_urdf_is_read_back_as_a_robot(model: Model, tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text(model.to_urdf(), encoding="utf-8")
+    robot = Robot.from_urdf(tmp_path / "arm.urdf")
+    assert robot.joint_names == model.robot.joint_names
+
+
+def test_a_validation_passes_on_another_motion_only(
+    model: Model, train: Recording, arm: Arm
+) -> None:
+    result = validate(model, arm.recording(2))
+    assert result.passed
+    assert result.relative_error_percent.shape == (3,)
+    assert result.measured_nm.shape == result.predicted_nm.shape == result.counted.shape
+    assert "Passed" in str(result)
+    assert not validate(model, arm.recording(2), limits_percent=1e-3).passed
+    with raises_code(DataQualityError, "RID-VALIDATE-SAME-RUN"):
+        validate(model, train)
+
+
+def test_a_wrong_sign_is_a_problem_of_the_model(arm: Arm) -> None:
+    time_s, q, v, a = arm.motion(5, 20.0)
+    wrong = arm.torque_nm(q, v, a) * np.array([1.0, -1.0, 1.0])
+    model = identify(Recording.from_arrays(time_s, q, wrong, robot=arm.robot))
+    assert model.problems
+    assert any("axis2" in sentence for sentence in model.problems)
+
+
+@pytest.mark.parametrize(
+    "shapes", [((4, 3), (4, 2), (4, 3)), ((4, 3), (5, 3), (4, 3)), ((2,), (2,), (2,))]
+)
+def test_arrays_of_other_shapes_are_refused(
+    model: Model, shapes: tuple[tuple[int, ...], ...]
+) -> None:
+    with raises_code(EstimationError, "RID-API-ARGUMENT", "(samples, 3)"):
+        model.inverse_dynamics(*(np.zeros(shape) for shape in shapes))
+
+
+def test_options_of_the_request_are_checked(train: Recording) -> None:
+    with raises_code(ConfigError, "RID-REQUEST-INVALID", "speed"):
+        identify(train, options={"speed": 3})
+    with raises_code(ConfigError, "RID-OPTION-EXCLUSIVE"):
+        identify(train, choose=True, friction=["coulomb"])
+    with raises_code(ConfigError, "RID-REQUEST-INVALID"):
+        identify([])
+
+
+def test_friction_terms_are_those_asked_for(train: Recording) -> None:
+    model = identify(train, friction=["coulomb", "viscous"], diagnose=False)
+    assert not [p for p in model.parameters if p.name.startswith("fo_")]
+
+
+def test_a_run_folder_of_rid_daq_is_a_recording(run_folder: Path, model: Model) -> None:
+    before = {path: path.read_bytes() for path in run_folder.iterdir()}
+    recording = read_recording(run_folder)
+    assert recording.is_periodic
+    found = identify(recording, diagnose=False)
+    z = (found.values - model.values) / np.hypot(found.sigma, model.sigma)
+    assert np.mean(np.abs(z) < 3.0) >= 0.85
+    assert {path: path.read_bytes() for path in run_folder.iterdir()} == before
+    with raises_code(ConfigError, "RID-OPTION-NO-EFFECT"):
+        read_recording(run_folder, map="ur10e_31")
+
+
+def test_progress_is_reported_and_nothing_is_printed(
+    arm: Arm, capfd: pytest.CaptureFixture[str]
+) -> None:
+    seen: list[tuple[str, float, float | None]] = []
+    identify(
+        arm.recording(6, 6.0),
+        diagnose=False,
+        options={"cross_check": True},
+        progress=lambda title, done, total: seen.append((title, done, total)),
+    )
+    assert seen[0][1] == 0.0
+    assert seen[-1][1] == seen[-1][2]
+    assert capfd.readouterr() == ("", "")
+
+
+def test_another_description_of_the_robot_needs_the_same_joints(train: Recording, arm: Arm) -> None:
+    with raises_code(ConfigError, "RID-ROBOT-OTHER", "joint1"):
+        identify(train, robot=Robot.load("ur10e"))
+    with raises_code(ConfigError, "RID-API-ARGUMENT", "(samples, 6)"):
+        Recording.from_arrays(
+            train.time_s, train.position, train.torque_nm, robot=Robot.load("ur10e")
+        )
+
+
+def test_nothing_is_left_on_disk(arm: Arm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    recording = arm.recording(4, 3.0)
+    assert len(recording) > 500
+    del recording
+    assert list(tmp_path.iterdir()) == []
