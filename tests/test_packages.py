@@ -64,9 +64,11 @@ def test_a_room_holds_at_most_20_files() -> None:
     assert full == {}
 
 
-def test_an_init_file_holds_one_docstring_and_nothing_else() -> None:
+def test_an_init_file_holds_one_docstring_and_only_the_api_more() -> None:
     for package in PACKAGES:
         for path in (ROOT / package).rglob("__init__.py"):
+            if path == ROOT / "rid_daq" / "api" / "__init__.py":
+                continue  # the public names
             text = path.read_text().strip()
             assert text.startswith('"""'), path
             assert text.endswith('"""'), path

@@ -20,6 +20,8 @@ def test_no_two_classes_or_public_functions_have_one_name() -> None:
     places = defaultdict(list)
     for package in PACKAGES:
         for path in sorted((ROOT / package).rglob("*.py")):
+            if path.is_relative_to(API):
+                continue
             for node in ast.parse(path.read_text()).body:
                 if isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
                     places[node.name].append(str(path.relative_to(ROOT)))
