@@ -7,9 +7,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from rid_daq.blocks.block import AnyBlock
+from rid_daq.terminal.block_printer import print_blocks
 from rid_daq.terminal.console import Console, make_printable
 from rid_daq.terminal.context import Progress
-from rid_daq.terminal.shown_blocks import show
 
 ProgressCallback = Callable[[str, float, float | None], None]
 """Called with the name of a step, the amount done, and the total (None if it is unknown)."""
@@ -63,5 +63,5 @@ class TextConsole(Console):
 def text_of(blocks: Iterable[AnyBlock]) -> str:
     """Return blocks as the command line writes them into a file."""
     console = TextConsole()
-    show(blocks, console)
+    print_blocks(blocks, console)
     return "\n".join(console.lines)

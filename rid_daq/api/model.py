@@ -26,8 +26,8 @@ from rid_daq.api.robot import Robot
 from rid_daq.blocks.block import AnyBlock
 from rid_daq.operations.identify.export import ExportRequest
 from rid_daq.operations.identify.exported_files import exported_parameters
+from rid_daq.report.section_blocks.estimate import estimate_blocks, fit_blocks, fit_verdict
 from rid_daq.report.sections.estimate import EstimateSection
-from rid_daq.report.shown.estimate import estimate_blocks, fit_blocks, fit_verdict
 from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
 from rid_daq.terminal.choices import Format

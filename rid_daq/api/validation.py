@@ -11,9 +11,9 @@ from rid_daq.api.console import text_of
 from rid_daq.blocks.block import AnyBlock, Verdict
 from rid_daq.blocks.plot import Plot
 from rid_daq.operations.identify.model_validation import JudgedTorques
+from rid_daq.report.section_blocks.curves import torque_plot
+from rid_daq.report.section_blocks.validation import validation_blocks
 from rid_daq.report.sections.curves import TorqueCurves
-from rid_daq.report.shown.curves import torque_plot
-from rid_daq.report.shown.validation import validation_blocks
 
 
 @dataclass(frozen=True, eq=False)
