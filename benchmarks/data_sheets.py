@@ -27,7 +27,7 @@ from config.errors import ConfigError
 from config.formats.eds import ElectronicDataSheet, parse_eds
 from config.formats.eds_object import EdsObject
 from config.load import bundled_names, load_bundled_or_path, load_cell
-from drivers.servo.eds_fit import EdsFit, fit_eds, tells_torque
+from drivers.servo.eds_fit import EdsFit, fit_eds, torque_objects
 
 SERVO_DRIVE = 402
 WORDS: Final = ((0x6040, 0), (0x6041, 0))
@@ -85,7 +85,7 @@ def kind_of(eds: ElectronicDataSheet) -> Kind:
         return "other device"
     if not any(item.index in MAKERS for item in eds.objects):
         return "sample or simulated"
-    told = any(item.index in TORQUES for item in eds.objects) or bool(tells_torque(eds))
+    told = any(item.index in TORQUES for item in eds.objects) or bool(torque_objects(eds))
     several = default is not None and default >> 16 & SEVERAL == SEVERAL
     servo = default is not None and default & TYPE_BIT != 0 and not several
     return "servo drive" if told or servo else "stepper or without torque"

@@ -1,4 +1,4 @@
-"""`at_operation`: a model at the operating temperature, if its friction depends on temperature."""
+"""A model at the operating temperature, if its friction depends on temperature."""
 
 from __future__ import annotations
 
@@ -37,7 +37,9 @@ class AtOperation:
         return [self.sentence] if self.sentence else []
 
 
-def at_operation(estimate: Estimate, asked: str | None, velocity: FloatArray | None) -> AtOperation:
+def at_operating_temperature(
+    estimate: Estimate, asked: str | None, velocity: FloatArray | None
+) -> AtOperation:
     """Return a model at the requested temperature.
 
     Args:

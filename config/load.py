@@ -273,14 +273,14 @@ def validate(tree: YamlTree, model: type[T]) -> T:
             code = "RID-FILE-PLACEHOLDER"
         elif other:
             code = "RID-FILE-TYPE"
-        raise _refused(tree, lines, code) from None
+        raise _validation_error(tree, lines, code) from None
     found = [f"{tree.where(path)}: {key_name(path)}: {words}" for path, words in implausible(file)]
     if found:
-        raise _refused(tree, found, "RID-FILE-VALUE")
+        raise _validation_error(tree, found, "RID-FILE-VALUE")
     return file
 
 
-def _refused(tree: YamlTree, lines: list[str], code: str) -> ConfigError:
+def _validation_error(tree: YamlTree, lines: list[str], code: str) -> ConfigError:
     """Return an error with one line per problem, at most 20 lines."""
     more = [f"{tree.name}: … and {len(lines) - 20} more"] if len(lines) > 20 else []
     return ConfigError("\n".join((*lines[:20], *more)), code=code)

@@ -204,10 +204,12 @@ def _ranges(value: object, path: Path, prismatic: bool) -> Iterator[tuple[Path, 
             yield (*path, *parts), size, found
     for name, field in type(value).model_fields.items():
         inner = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
-        yield from _within(getattr(value, name), inner, (*path, field.alias or name), prismatic)
+        yield from _ranges_within(
+            getattr(value, name), inner, (*path, field.alias or name), prismatic
+        )
 
 
-def _within(
+def _ranges_within(
     value: object, annotation: Any, path: Path, prismatic: bool
 ) -> Iterator[tuple[Path, Any, Plausible]]:
     """Yield the path, value and range of every part of a value that has a range."""
@@ -221,14 +223,14 @@ def _within(
         for found in arguments[1:]:
             if isinstance(found, Plausible):
                 yield path, value, (found.prismatic if prismatic else None) or found
-        yield from _within(value, arguments[0], path, prismatic)
+        yield from _ranges_within(value, arguments[0], path, prismatic)
     elif origin in (typing.Union, types.UnionType):
         for argument in arguments:
-            yield from _within(value, argument, path, prismatic)
+            yield from _ranges_within(value, argument, path, prismatic)
     elif isinstance(value, tuple) and origin is tuple:
         inner = [arguments[0]] * len(value) if arguments[-1] is Ellipsis else arguments
         for number, (item, each) in enumerate(zip(value, inner, strict=True)):
-            yield from _within(item, each, (*path, number), prismatic)
+            yield from _ranges_within(item, each, (*path, number), prismatic)
     elif isinstance(value, dict):
         for key, item in value.items():
-            yield from _within(item, arguments[1], (*path, key), prismatic)
+            yield from _ranges_within(item, arguments[1], (*path, key), prismatic)

@@ -20,7 +20,7 @@ import click
 from click.shell_completion import shell_complete
 
 from config.errors import RecordingError, RidDaqError, with_notes
-from config.process.shortage import as_named
+from config.process.shortage import named_error
 from config.process.termination import TERMINATION, ending_signals
 from rid_daq.command_line.completion import PROGRAM, VARIABLE
 from rid_daq.command_line.root import Root
@@ -142,7 +142,7 @@ class _Interrupted(SystemExit):
 def _typed(error: Exception) -> RidDaqError:
     """Return what the system says of itself, or of a file, as an error; others are our mistakes."""
     try:
-        return as_named(error)
+        return named_error(error)
     except OSError:
         if not isinstance(error, OSError) or error.filename is None:
             raise

@@ -17,7 +17,7 @@ from acquisition.task.ring import Ring
 from acquisition.task.states import RecorderState
 from config.errors import RecordingError
 from config.process.own_process import ProcessName, set_process_name
-from config.process.shortage import as_named
+from config.process.shortage import named_error
 from config.process.termination import leave_terminal
 
 IDLE_S = 0.005
@@ -47,7 +47,7 @@ def run_recorder(
             _carry(ring, control, writer, parent)
         control.recorder.state = RecorderState.FINISHED
     except Exception as error:
-        control.recorder.fail(as_named(error))
+        control.recorder.fail(named_error(error))
 
 
 def _carry(ring: Ring, control: ControlBlock, writer: JournalWriter, parent: int) -> None:

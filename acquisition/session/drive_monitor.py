@@ -22,7 +22,7 @@ from config.cell.drive_profile import DriveProfile
 from config.cell.monitor import MonitorConfig
 from config.errors import DriverError
 from config.load import load_bundled_or_path
-from config.process.shortage import as_named
+from config.process.shortage import named_error
 from config.process.termination import leave_terminal
 from config.robot.robot import RobotDescription
 from drivers.interfaces.drive_monitor import DriveMonitor, MonitorReading
@@ -62,7 +62,7 @@ def run_monitor(
                 _ask_regularly(monitor, writer, control, config.period_s, parent)
         control.monitor.state = MonitorState.FINISHED
     except Exception as error:
-        control.monitor.fail(as_named(error))
+        control.monitor.fail(named_error(error))
 
 
 def _ask_regularly(

@@ -8,7 +8,7 @@ from typing import Any
 
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
-from config.process.shortage import as_named
+from config.process.shortage import named_error
 from config.process.termination import signals_blocked
 
 
@@ -106,4 +106,4 @@ def start_all(helpers: Sequence[HelperProcess]) -> None:
     except Exception as error:
         for helper in helpers:
             helper.kill()
-        raise as_named(error) from error
+        raise named_error(error) from error

@@ -25,7 +25,7 @@ from acquisition.session.plate_block import PlateBlock, PlateState
 from config.cell.amplifier_profile import BITS_PER_BYTE, AmplifierProfile
 from config.cell.plate import AmplifierConfig, PlateConfig
 from config.errors import DeviceFaultError, DriverError, RecordingError, TransportError
-from config.process.shortage import as_named
+from config.process.shortage import named_error
 from config.process.termination import leave_terminal
 from drivers.amplifier.amplifier import SerialAmplifier, open_amplifier
 from drivers.amplifier.simulated_arrivals import arrivals_path
@@ -76,7 +76,7 @@ def run_plate_recorder(task: PlateTask, block: PlateBlock, parent: int) -> None:
         _Recorder(task, block, parent).run()
         block.state = PlateState.FINISHED
     except Exception as error:
-        block.fail(as_named(error))
+        block.fail(named_error(error))
 
 
 def piece_time_s(baud_rate: int) -> float:

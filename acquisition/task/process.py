@@ -20,7 +20,7 @@ from acquisition.task.stop_orders import StopOrders
 from config.cell.cell import CellConfig
 from config.errors import RecordingError, SafetyStop
 from config.process.own_process import ProcessName, set_process_name
-from config.process.shortage import as_named
+from config.process.shortage import named_error
 from config.process.termination import leave_terminal
 from config.robot.robot import RobotDescription
 from drivers.cell import open_cell
@@ -107,7 +107,7 @@ def run_cyclic_task(
     except Exception as error:
         reason = orders.reason() if isinstance(error, SafetyStop) else None
         if reason is None:
-            control.task.fail(as_named(error))
+            control.task.fail(named_error(error))
         else:
             control.task.report_stop(reason)
             for note in getattr(error, "__notes__", ()):

@@ -73,8 +73,9 @@ class RefinementEntry(ConfigModel):
 class FeedforwardOrigin(ConfigModel):
     """Sources of a feedforward: files by their SHA-256, runs by their ids.
 
-    `temperature` is the assumed temperature of the joints, as in `at_operation`; empty if friction
-    does not depend on it.
+    Attributes:
+        temperature: Assumed temperature of the joints, as in `at_operating_temperature`; empty if
+            friction does not depend on it.
     """
 
     model_sha256: str = ""

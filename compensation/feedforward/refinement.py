@@ -132,15 +132,15 @@ def refinement(
     limit = 1.0 + SIGMAS_OF_NOISE * math.sqrt((1.0 + 1.0 / (measured.repetitions - 1)) / lines)
     # Wiener filter: a line that is mostly noise is hardly corrected.
     share = np.maximum(0.0, 1.0 - noise / np.maximum(power, 1e-300))
-    learned = bins * share * _fade(frequency_hz, bound.band_hz)[:, np.newaxis]
-    torque = to_bins(_torque_missed(samples, measured, smooth, learned, rows), highest)
+    learned = bins * share * _band_window(frequency_hz, bound.band_hz)[:, np.newaxis]
+    torque = to_bins(_missing_torque(samples, measured, smooth, learned, rows), highest)
     reach = interpolation_response(frequency_hz, step_s)
     omega = 2.0 * math.pi * frequency_hz
     more = np.empty_like(learned)
     for j, loop in enumerate(loops):
         missed = 1j * omega * learned[:, j] + inverse_response(loop, frequency_hz) * torque[:, j]
         more[:, j] = gain_per_s * learned[:, j] + missed / reach
-    more *= _fade(frequency_hz, bound.band_hz)[:, np.newaxis]
+    more *= _band_window(frequency_hz, bound.band_hz)[:, np.newaxis]
     return Refinement(from_bins(more, rows)[: len(measured.error)], bound, over_noise, limit)
 
 
@@ -159,7 +159,7 @@ def stability_bound(
     s = 2j * math.pi * frequency_hz
     rho = np.zeros((len(frequency_hz), len(loops)))
     for j, loop in enumerate(loops):
-        likely = _likely(loop)
+        likely = _loops_in_interval(loop)
         for pose in (int(inertia[:, j].argmin()), int(inertia[:, j].argmax())):
             mass = inertia[pose, j]
             load = s * viscous[j] + s**2 * mass
@@ -192,10 +192,10 @@ def without_jumps(estimate: Estimate) -> Estimate:
     }
     kept = [name not in jumping for name in estimate.base.names]
     smooth = replace(estimate, values=np.where(kept, estimate.values, 0.0))
-    return _lossless(smooth) if estimate.model.transmission.losses else smooth
+    return _without_losses(smooth) if estimate.model.transmission.losses else smooth
 
 
-def _lossless(estimate: Estimate) -> Estimate:
+def _without_losses(estimate: Estimate) -> Estimate:
     """Return a model without gear losses; losses jump when the speed changes its sign."""
     own, model = estimate.options, estimate.model
     left = np.array([not name.startswith(_LOSSES) for name in model.nonlinear_names])
@@ -221,7 +221,7 @@ def _lossless(estimate: Estimate) -> Estimate:
     )
 
 
-def _likely(loop: VelocityLoop) -> list[VelocityLoop]:
+def _loops_in_interval(loop: VelocityLoop) -> list[VelocityLoop]:
     """Return loops at two standard deviations from a fitted one, in random directions."""
     if not len(loop.names):
         return [loop]
@@ -266,7 +266,7 @@ def _columns(estimate: Estimate, q: FloatArray, v: FloatArray, a: FloatArray) ->
     return np.asarray(estimate.base.columns(regressor(estimate.model, q, v, a)))
 
 
-def _torque_missed(
+def _missing_torque(
     samples: MotionSamples, measured: RepeatedError, smooth: Estimate, learned: Complex, rows: int
 ) -> FloatArray:
     """Return tau(q_d) - tau(q), with q reached according to the error that is learned."""
@@ -280,7 +280,7 @@ def _torque_missed(
     return missed if measured.periodic else returned(missed, samples.sample_period_s)
 
 
-def _fade(frequency_hz: FloatArray, band_hz: float) -> FloatArray:
+def _band_window(frequency_hz: FloatArray, band_hz: float) -> FloatArray:
     """Return 1 up to `FULL_SHARE` of the band, then a smooth decrease to 0 at its end."""
     x = np.clip((frequency_hz / band_hz - FULL_SHARE) / (1.0 - FULL_SHARE), 0.0, 1.0)
     return np.asarray(1.0 - x * x * (3.0 - 2.0 * x))

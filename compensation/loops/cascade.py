@@ -184,7 +184,7 @@ def advise(cascades: Sequence[Cascade]) -> GainAdvice:
     Args:
         cascades: The measured axes.
     """
-    limits = [_surely(cascade) for cascade in cascades]
+    limits = [_safe_position_gain(cascade) for cascade in cascades]
     least = int(np.argmin(limits))
     present, largest = cascades[0].position_gain_per_s, limits[least]
     name = cascades[least].loop.joint_name
@@ -242,7 +242,7 @@ def _root(covariance: FloatArray) -> FloatArray:
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def _surely(cascade: Cascade) -> float:
+def _safe_position_gain(cascade: Cascade) -> float:
     """Return the largest K_v of an axis, two standard deviations below its best estimate."""
     ends = np.array([one.largest_position_gain_per_s for one in cascade.spread()])
     std = float(np.linalg.norm(0.5 * (ends[0::2] - ends[1::2])))

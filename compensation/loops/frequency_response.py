@@ -205,7 +205,7 @@ def _response(
         unbiased = (freedom - 1) / freedom if freedom > 1 else 1.0
         more = unbiased * float(np.mean(total / noise))
     else:
-        more = _by_empty_lines(spectra.joint_names[joint], odd)
+        more = _distortion_factor(spectra.joint_names[joint], odd)
     return FrequencyResponse(
         joint_name=spectra.joint_names[joint],
         frequency_hz=where,
@@ -220,7 +220,7 @@ def _response(
     )
 
 
-def _by_empty_lines(joint_name: str, odd: Distortion) -> float:
+def _distortion_factor(joint_name: str, odd: Distortion) -> float:
     """Return the factor by which distortion enlarges the noise variance of one realisation.
 
     Odd lines that are not excited show the distortion that excited odd lines hide (Pintelon and

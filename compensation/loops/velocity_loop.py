@@ -141,9 +141,9 @@ def fit_velocity_loop(measured: FrequencyResponse) -> VelocityLoop:
         )
     fits = [_fit(measured, extras) for extras in _choices()]
     trials = tuple(_trial(measured, extras, cost) for extras, _, _, cost in fits)
-    best = _chosen(trials)
+    best = _choose_trial(trials)
     extras, values, covariance, cost = fits[best]
-    covariance = covariance + _between_models(trials, [fit[1] for fit in fits], best)
+    covariance = covariance + _model_covariance(trials, [fit[1] for fit in fits], best)
     found = dict(zip(("gain", "integral_time_s", *extras), values.tolist(), strict=True))
     loop = VelocityLoop(
         joint_name=measured.joint_name,
@@ -160,7 +160,7 @@ def fit_velocity_loop(measured: FrequencyResponse) -> VelocityLoop:
     return replace(loop, whiteness=whiteness(misfit))
 
 
-def _chosen(trials: Sequence[LoopTrial]) -> int:
+def _choose_trial(trials: Sequence[LoopTrial]) -> int:
     """Return the trial of least description length, preferring a lag to a similar delay."""
     least = min(range(len(trials)), key=lambda k: trials[k].mdl)
     if trials[least].extras == ("delay",):
@@ -170,7 +170,7 @@ def _chosen(trials: Sequence[LoopTrial]) -> int:
     return least
 
 
-def _between_models(
+def _model_covariance(
     trials: Sequence[LoopTrial], values: Sequence[FloatArray], best: int
 ) -> FloatArray:
     """Return the covariance of gain and integral time due to the uncertain choice of terms.

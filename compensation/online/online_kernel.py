@@ -40,7 +40,7 @@ from compensation.online.path_kernels import (
 from config.arrays import FloatArray, IntArray
 from dynamics.kernels.simd import kernel
 from dynamics.model.one_sample import ModelArrays, sample_torque
-from dynamics.model.remembered_sample import LAST, go_to, remembered_torque
+from dynamics.model.remembered_sample import LAST, go_to, hysteretic_torque
 
 # More rows of `axes`.
 GAIN: Final = 5  # K_p over the tuned scale
@@ -124,7 +124,7 @@ def next_set_point(
     take_points(counters, rows, model, path, most)
     torque = out[0]
     if counts[SEEING]:
-        _take_what_was_seen(
+        _adopt_measured_state(
             model, axes[PRESLIDING : PRESLIDING + 2], memory, found, state, head, torque
         )
     known = advance(path, head)
@@ -137,7 +137,7 @@ def next_set_point(
             if abs(head[Q, j] - memory[DRIVEN, j, LAST]) > DUST:
                 counts[SEEING] = 0
         go_to(head[Q], axes[PRESLIDING : PRESLIDING + 2], memory[DRIVEN], found)
-        remembered_torque(model, head[0], head[1], head[2], found, torque)
+        hysteretic_torque(model, head[0], head[1], head[2], found, torque)
     elif known:
         node = nodes[counts[NODE] % nodes.shape[0]]
         for j in range(n):
@@ -181,7 +181,7 @@ def see(position: FloatArray, axes: FloatArray, memory: FloatArray, found: Float
 
 
 @kernel
-def _take_what_was_seen(
+def _adopt_measured_state(
     model: ModelArrays,
     presliding: FloatArray,
     memory: FloatArray,
@@ -196,13 +196,13 @@ def _take_what_was_seen(
     """
     n = len(torque)
     go_to(head[Q], presliding, memory[DRIVEN], found)
-    remembered_torque(model, head[0], head[1], head[2], found, torque)
+    hysteretic_torque(model, head[0], head[1], head[2], found, torque)
     for j in range(n):
         state[CHANGE, j] = -torque[j]
         memory[DRIVEN, j] = memory[SEEN, j]
         memory[DRIVEN, j, LAST] = head[Q, j]
     go_to(head[Q], presliding, memory[DRIVEN], found)
-    remembered_torque(model, head[0], head[1], head[2], found, torque)
+    hysteretic_torque(model, head[0], head[1], head[2], found, torque)
     for j in range(n):
         change = torque[j] + state[CHANGE, j]
         if math.isfinite(change):

@@ -173,7 +173,7 @@ def _push(point: FloatArray, model: ModelArrays, path: PathArrays) -> None:
         node[A, j] = bend / (12.0 * step_s * step_s)
     which = max(k - BEFORE, 0)
     if k > 0:
-        _judge(nodes[(k - 1) % length], node, path, which)
+        _check_segment(nodes[(k - 1) % length], node, path, which)
     sample_torque(model, node[Q], node[V], node[A], node[TAU])
     for j in range(n):
         limit = axes[TORQUE, j]
@@ -184,7 +184,7 @@ def _push(point: FloatArray, model: ModelArrays, path: PathArrays) -> None:
 
 
 @kernel
-def _judge(begin: FloatArray, end: FloatArray, path: PathArrays, which: int) -> None:
+def _check_segment(begin: FloatArray, end: FloatArray, path: PathArrays, which: int) -> None:
     """Check the control points of the quintic between two nodes against the limits."""
     axes, _, _, counts, pace, h = path
     for j in range(begin.shape[1]):
@@ -280,10 +280,10 @@ def advance(path: PathArrays, head: FloatArray) -> bool:
             counts[NODE] = ahead
     change = 0.0
     if counts[STATE] == BRAKING:
-        change = _follow(counts, profiles[counts[PROFILE]], pace, step_s)
+        change = _follow_profile(counts, profiles[counts[PROFILE]], pace, step_s)
     node = nodes[counts[NODE] % length]
     if counts[STATE] == BRAKING:
-        _between(node, nodes[(counts[NODE] + 1) % length], pace, change, step_s, head)
+        _evaluate_segment(node, nodes[(counts[NODE] + 1) % length], pace, change, step_s, head)
         return False
     moving = counts[STATE] == DRIVING
     for j in range(head.shape[1]):
@@ -294,7 +294,9 @@ def advance(path: PathArrays, head: FloatArray) -> bool:
 
 
 @kernel
-def _follow(counts: IntArray, profile: FloatArray, pace: FloatArray, step_s: float) -> float:
+def _follow_profile(
+    counts: IntArray, profile: FloatArray, pace: FloatArray, step_s: float
+) -> float:
     """Advance one cycle along a profile; return the change of the rate at its end [1/s]."""
     length, last = len(profile), counts[HORIZON]
     left, change = step_s, 0.0
@@ -326,7 +328,7 @@ def _follow(counts: IntArray, profile: FloatArray, pace: FloatArray, step_s: flo
 
 
 @kernel
-def _between(
+def _evaluate_segment(
     begin: FloatArray,
     end: FloatArray,
     pace: FloatArray,

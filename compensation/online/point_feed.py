@@ -77,7 +77,7 @@ def feed(
                 )
                 return
             for first in range(0, len(points), ROWS_AT_ONCE):
-                if not _put(ring, gate, points[first : first + ROWS_AT_ONCE], given_up):
+                if not _write_points(ring, gate, points[first : first + ROWS_AT_ONCE], given_up):
                     return
     except PreflightError as error:
         ring.fail(PointsFailed.REFUSED, str(error))
@@ -90,7 +90,7 @@ def feed(
         ring.end()
 
 
-def _put(
+def _write_points(
     ring: PointRing, gate: PointGate, points: FloatArray, given_up: Callable[[], bool]
 ) -> bool:
     gate.check(points)

@@ -121,7 +121,7 @@ def listening(path: Path) -> Iterator[socket.socket]:
     with contextlib.ExitStack() as stack:
         try:
             stack.enter_context(held_file(lock))
-            if path.is_socket() and not _answers(path):
+            if path.is_socket() and not _is_served(path):
                 path.unlink()  # left by a program that died
             listener = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
             listener.bind(os.fspath(path))
@@ -164,7 +164,7 @@ def _refuse_unfit(path: Path) -> None:
         )
 
 
-def _answers(path: Path) -> bool:
+def _is_served(path: Path) -> bool:
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
         try:
             probe.connect(os.fspath(path))
@@ -199,14 +199,14 @@ def serve_points(
     with client:
         client.settimeout(LOOK_S)
         gate = PointGate(service.robot, service.workspace, service.cycle_time_s)
-        feed(ring, gate, _points(client, service, over), over)
+        feed(ring, gate, _receive_points(client, service, over), over)
         while not over():
             time.sleep(PAUSE_S)
         with contextlib.suppress(OSError):  # the client may have disconnected
             client.sendall(farewell(ring.taken, ring.verdict or ring.failure))
 
 
-def _points(
+def _receive_points(
     client: socket.socket, service: PointService, over: Callable[[], bool]
 ) -> Iterator[FloatArray]:
     """Yield a client's points until it announces the end.

@@ -106,7 +106,7 @@ class PointSource:
         if self._counts[path.STATE] == path.ARRIVED:
             return None
         if self._counts[path.CLOSED] == path.REFUSED:
-            return self._refusal()
+            return self._stop_reason()
         at = f" The robot stopped on its path, at point {self._point(path.NODE)}."
         if self._ring.failed is not PointsFailed.NO:
             refused = self._ring.failed is PointsFailed.REFUSED
@@ -172,14 +172,14 @@ class PointSource:
             self._counts[stage.DOUBTED] = np.iinfo(np.int64).max // 2
         until_s = time.monotonic() + self._prefill_patience_s
         while True:
-            self._take(nodes)
+            self._take_points(nodes)
             if self._filled or ring.closed or time.monotonic() > until_s:
-                self._take(nodes)
+                self._take_points(nodes)
                 break
             time.sleep(PAUSE_S)
         if self._counts[path.CLOSED] == path.REFUSED and self._counts[path.KNOWN] < 2 * path.SPARE:
             raise ConfigError(
-                f"{self._refusal().text}; nothing was moved", code="RID-STREAM-POINTS"
+                f"{self._stop_reason().text}; nothing was moved", code="RID-STREAM-POINTS"
             )
         begin = path.plan_stop(self._path, 0)
         if self._counts[path.KNOWN] == 0 or begin < 1:
@@ -195,8 +195,8 @@ class PointSource:
         self._state[[stage.CARRIED, stage.LATEST]] = np.where(np.isfinite(at_rest), at_rest, 0.0)
         self._line[:, 0] = self._nodes[0, 0]
         for _ in range(forward.delay_cycles):
-            self._go_on()
-        self._see()  # compiled here; the result does not matter
+            self._may_continue()
+        self._observe_joints()  # compiled here; the result does not matter
         self._memory[stage.SEEN] = unknown(n)
 
     def begin(self, lockstep: bool, position: FloatArray) -> FloatArray:
@@ -204,7 +204,7 @@ class PointSource:
         self._lockstep = lockstep
         self._position[:] = position
         if self._counts[stage.REMEMBERS]:
-            self._see()
+            self._observe_joints()
         return np.array(self._nodes[0, 0])
 
     def watch(self, position: FloatArray, counts: NDArray[np.int32]) -> None:
@@ -216,7 +216,7 @@ class PointSource:
         if beginning and self._counts[stage.REMEMBERS]:
             moved = np.abs(counts - self._seen) > 1
             self._seen[moved], self._position[moved] = counts[moved], position[moved]
-            self._see()
+            self._observe_joints()
 
     def at(self, row: int) -> SetPoint | None:
         """Return the set-point of a cycle; None once the robot is at rest on the path."""
@@ -231,7 +231,7 @@ class PointSource:
                 self._counts[stage.DOUBTED] = self._counts[stage.HEAD] + self._counts[stage.HOLD]
         over = False
         for _ in range(1 + missed):
-            over = self._go_on()
+            over = self._may_continue()
         self._row = row
         if over and self._shown_at_rest:
             return None
@@ -243,10 +243,10 @@ class PointSource:
         phase = Phase.MAIN if self._phase is None else int(self._phase[point])
         return SetPoint(position, velocity, ahead, point, phase)
 
-    def _see(self) -> None:
+    def _observe_joints(self) -> None:
         stage.see(self._position, self._feedforward.axes, self._memory, self._found)
 
-    def _go_on(self) -> bool:
+    def _may_continue(self) -> bool:
         forward, ring = self._feedforward, self._ring
         return bool(
             stage.next_set_point(
@@ -254,7 +254,7 @@ class PointSource:
             )
         )
 
-    def _take(self, most: int) -> None:
+    def _take_points(self, most: int) -> None:
         forward, ring = self._feedforward, self._ring
         path.take_points(ring.counters, ring.rows, forward.torque.arrays, self._path, most)
 
@@ -281,7 +281,7 @@ class PointSource:
     def _point(self, word: int) -> int:
         return self._clipped(int(self._counts[word]) - path.BEFORE)
 
-    def _refusal(self) -> StopReason:
+    def _stop_reason(self) -> StopReason:
         counts, pace = self._counts, self._pace
         joint = self._feedforward.robot.joints[int(counts[path.WHOSE])]
         why, point = int(counts[path.WHY]), int(counts[path.WHICH])

@@ -93,18 +93,18 @@ def curves_of(samples: MotionSamples, speeds: Sequence[float]) -> tuple[float, l
         raise ConfigError(
             "the motion does not move, so there is nothing to retime", code="RID-TIMING-SHAPE"
         )
-    breaks = _rests(samples.velocity * weights, speed)
+    breaks = _find_rests(samples.velocity * weights, speed)
     ways: list[RestToRest] = []
     for (_, begin), (end, after) in pairwise(breaks):
         rest_s = (after - end) * step_s
         points = samples.position[begin : end + 1]
         if np.ptp(points, axis=0).max() < SHORTEST:
             continue
-        ways.append(_way(points, np.asarray(speeds), rest_s))
+        ways.append(_rest_to_rest(points, np.asarray(speeds), rest_s))
     return (breaks[0][1] - breaks[0][0]) * step_s, ways
 
 
-def _rests(velocity: FloatArray, speed: FloatArray) -> list[tuple[int, int]]:
+def _find_rests(velocity: FloatArray, speed: FloatArray) -> list[tuple[int, int]]:
     """Return the first and last row of each rest; a motion begins and ends with one."""
     slow = speed <= SLOW * speed.max()
     slow[[0, -1]] = True
@@ -127,7 +127,7 @@ def _rests(velocity: FloatArray, speed: FloatArray) -> list[tuple[int, int]]:
     return found
 
 
-def _way(points: FloatArray, speeds: FloatArray, rest_s: float) -> RestToRest:
+def _rest_to_rest(points: FloatArray, speeds: FloatArray, rest_s: float) -> RestToRest:
     chords = _chords(points, speeds)
     along = np.concatenate([[0.0], np.cumsum(chords)])
     off = np.inf

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from compensation.timing.path_rows import PathRows
-from compensation.timing.reach_kernels import backwards, forwards, largest_alone
+from compensation.timing.reach_kernels import backwards, forwards, limit_curve_kernel
 from config.arrays import FloatArray
 from config.errors import LimitError
 
@@ -73,14 +73,14 @@ def fastest(
                 break
             cap[failed] = SLOWER * min(cap[failed], x[failed])
         else:
-            raise _no_way(rows, bounds, failed)
+            raise _infeasible_error(rows, bounds, failed)
         if not closed or abs(x[-1] - x[0]) <= SAME * x[0]:
             break
         begin = end = float(min(x[0], x[-1]))
     _refuse_ends(x, ends, closed)
     stuck = np.flatnonzero(x[1:-1] <= STUCK * x.max()) + 1
     if len(stuck):
-        raise _no_way(rows, bounds, int(stuck[0]))
+        raise _infeasible_error(rows, bounds, int(stuck[0]))
     root = np.sqrt(x)
     time_s = np.concatenate([[0.0], np.cumsum(2.0 * np.diff(length) / (root[1:] + root[:-1]))])
     return SpeedOverPath(length, x, u, time_s)
@@ -89,7 +89,7 @@ def fastest(
 def limit_curve(rows: PathRows, bounds: FloatArray) -> FloatArray:
     """Return the largest squared speed at each point separately, (points,)."""
     found = np.empty(len(rows.dynamics.length))
-    largest_alone(rows.rows, bounds, rows.friction, rows.fastest, found)
+    limit_curve_kernel(rows.rows, bounds, rows.friction, rows.fastest, found)
     return found
 
 
@@ -105,7 +105,7 @@ def _refuse_ends(x: FloatArray, ends: tuple[float, float], closed: bool) -> None
             )
 
 
-def _no_way(rows: PathRows, bounds: FloatArray, point: int) -> LimitError:
+def _infeasible_error(rows: PathRows, bounds: FloatArray, point: int) -> LimitError:
     least, most = rows.at_rest()
     room = np.minimum(bounds[point, :, 1] - most[point], least[point] - bounds[point, :, 0])
     row = int(room.argmin())

@@ -182,7 +182,7 @@ def _narrow(room: FloatArray, by_u: float, rest: float, slope: float, bound: flo
 
 
 @kernel
-def _room(
+def _feasible_interval(
     rows: FloatArray,
     bounds: FloatArray,
     joints: IntArray,
@@ -217,7 +217,7 @@ def _room(
 
 
 @kernel
-def _open(room: FloatArray, x: float, twice_step: float, most_there: float) -> None:
+def _initial_interval(room: FloatArray, x: float, twice_step: float, most_there: float) -> None:
     """Start with the interval that keeps x at the other end between 0 and the largest."""
     room[LEAST], room[LEAST_SLOPE] = -x / twice_step, -1.0 / twice_step
     room[MOST], room[MOST_SLOPE] = (most_there - x) / twice_step, -1.0 / twice_step
@@ -225,7 +225,7 @@ def _open(room: FloatArray, x: float, twice_step: float, most_there: float) -> N
 
 
 @kernel
-def _lower(room: FloatArray, x: float) -> float:
+def _resume_speed(room: FloatArray, x: float) -> float:
     """Return the x below which an empty interval opens, by its two rows."""
     if room[ALONE] > 0.0:
         return float(max(0.0, x - room[ALONE]))
@@ -236,13 +236,13 @@ def _lower(room: FloatArray, x: float) -> float:
 
 
 @kernel
-def _is_open(room: FloatArray) -> bool:
+def _is_feasible(room: FloatArray) -> bool:
     size = abs(room[LEAST]) + abs(room[MOST])
     return bool(room[ALONE] < 0.0 and room[LEAST] - room[MOST] <= CLOSE * size)
 
 
 @kernel
-def largest_alone(
+def limit_curve_kernel(
     rows: FloatArray,
     bounds: FloatArray,
     friction: FrictionArrays,
@@ -259,10 +259,10 @@ def largest_alone(
             room[LEAST_SLOPE] = room[MOST_SLOPE] = 0.0
             room[ALONE] = -1.0
             friction_at(table, smoothing, speed[i], both[min(i, len(both) - 1)], x, here)
-            _room(rows[i], bounds[i], joints, here, x, 0.0, x, room)
-            if _is_open(room):
+            _feasible_interval(rows[i], bounds[i], joints, here, x, 0.0, x, room)
+            if _is_feasible(room):
                 break
-            x = _lower(room, x)
+            x = _resume_speed(room, x)
         out[i] = x
 
 
@@ -300,20 +300,20 @@ def backwards(
         for step in range(STEPS):
             friction_at(table, smoothing, speed[i], both[i], x, here)
             friction_at(table, smoothing, speed[i + 1], both[i], goal, there)
-            _open(room, x, twice_step, out[i + 1])
-            _room(rows[i], bounds[i], joints, here, x, 0.0, x, room)
-            _room(rows[i + 1], bounds[i + 1], joints, there, x, twice_step, goal, room)
+            _initial_interval(room, x, twice_step, out[i + 1])
+            _feasible_interval(rows[i], bounds[i], joints, here, x, 0.0, x, room)
+            _feasible_interval(rows[i + 1], bounds[i + 1], joints, there, x, twice_step, goal, room)
             if room[ALONE] < 0.0:
                 middle = x + twice_step * 0.5 * (room[LEAST] + room[MOST])
                 before, goal = goal, min(max(middle, 0.0), out[i + 1])
                 settled = abs(goal - before) <= 1e-6 * (goal + before) or step > STEPS // 2
             else:
                 settled = True
-            if _is_open(room):
+            if _is_feasible(room):
                 if settled:
                     break
             else:
-                x = _lower(room, x)
+                x = _resume_speed(room, x)
         out[i] = x
 
 
@@ -343,9 +343,11 @@ def forwards(
         goal = largest[i + 1]
         for _ in range(STEPS):
             friction_at(table, smoothing, speed[i + 1], both[i], goal, there)
-            _open(room, x[i], twice_step, largest[i + 1])
-            _room(rows[i], bounds[i], joints, here, x[i], 0.0, x[i], room)
-            _room(rows[i + 1], bounds[i + 1], joints, there, x[i], twice_step, goal, room)
+            _initial_interval(room, x[i], twice_step, largest[i + 1])
+            _feasible_interval(rows[i], bounds[i], joints, here, x[i], 0.0, x[i], room)
+            _feasible_interval(
+                rows[i + 1], bounds[i + 1], joints, there, x[i], twice_step, goal, room
+            )
             before = goal
             goal = min(max(x[i] + twice_step * room[MOST], 0.0), largest[i + 1])
             if abs(goal - before) <= 1e-9 * (goal + before):

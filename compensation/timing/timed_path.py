@@ -231,11 +231,11 @@ class _Search:
             seen = differenced(found.path.position, self._timer.cycle_s)
             more, beside = np.empty_like(seen.position), np.empty((len(seen.position), 6))
             torques_of(self._timer.torque.arrays, *seen, more, beside)
-            more = _folded(np.abs(more)) + (0.0 if margins is None else margins.torque)
+            more = _fold_rests(np.abs(more)) + (0.0 if margins is None else margins.torque)
             size = np.maximum(size, more)
             hull = sizes_between_rows(seen, self._timer.cycle_s, np.full_like(limits.speed, np.inf))
-            speed = np.maximum(speed, _folded(hull[0]) / (1.0 + ROUNDING))
-            acceleration = np.maximum(acceleration, _folded(hull[1]) / (1.0 + ROUNDING))
+            speed = np.maximum(speed, _fold_rests(hull[0]) / (1.0 + ROUNDING))
+            acceleration = np.maximum(acceleration, _fold_rests(hull[1]) / (1.0 + ROUNDING))
         names = [joint.name for joint in self._timer.robot.joints]
         for what, values, limit in (
             ("torque", size, limits.torque),
@@ -245,12 +245,16 @@ class _Search:
             over = values / limit - 1.0
             for j in np.flatnonzero(over.max(axis=0) > 0.0).tolist():
                 exceeded = True
-                self._keep(f"{what} of {names[j]}", _around(over[:, j], found, len(self._free)))
+                self._keep(
+                    f"{what} of {names[j]}", _spread_margins(over[:, j], found, len(self._free))
+                )
         if limits.base is not None:
             over = base / limits.base - 1.0
             for c in np.flatnonzero(over.max(axis=0) > 0.0).tolist():
                 exceeded = True
-                self._keep(f"{WRENCH[c]} of the base", _around(over[:, c], found, len(self._free)))
+                self._keep(
+                    f"{WRENCH[c]} of the base", _spread_margins(over[:, c], found, len(self._free))
+                )
         return exceeded
 
     def _keep(self, label: str, more: FloatArray) -> None:
@@ -325,7 +329,7 @@ class _Search:
         return True
 
 
-def _around(over: FloatArray, found: RowsInTime, points: int) -> FloatArray:
+def _spread_margins(over: FloatArray, found: RowsInTime, points: int) -> FloatArray:
     """Return the share to keep free at each grid point for rows that exceed a limit."""
     rows = np.flatnonzero(over > 0.0)
     more = np.zeros(points)
@@ -344,7 +348,7 @@ def differenced(position: FloatArray, step_s: float) -> JointTrajectory:
     return JointTrajectory(np.ascontiguousarray(own), velocity, change)
 
 
-def _folded(sizes: FloatArray) -> FloatArray:
+def _fold_rests(sizes: FloatArray) -> FloatArray:
     """Add the values of the two rest rows to the path's own first and last row."""
     own = sizes[2:-2].copy()
     own[0] = sizes[:3].max(axis=0)

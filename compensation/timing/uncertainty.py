@@ -60,12 +60,12 @@ class ModelMargin:
         for start in range(0, rows, BLOCK_ROWS):
             block = slice(start, start + BLOCK_ROWS)
             own = JointTrajectory(*(values[block] for values in path))
-            torque[block] = self._torque(own)
+            torque[block] = self._torque_deviations(own)
             if self.base:
-                base[block] = self._base(own)
+                base[block] = self._wrench_deviations(own)
         return TorqueMargins(self.deviations * torque, self.deviations * base)
 
-    def _torque(self, path: JointTrajectory) -> FloatArray:
+    def _torque_deviations(self, path: JointTrajectory) -> FloatArray:
         """Return the standard deviations of the torques, shape (rows, n)."""
         estimate = self.estimate
         motion = (path.position, path.velocity, path.acceleration)
@@ -79,10 +79,10 @@ class ModelMargin:
             if estimate.model.transmission.losses:
                 load = load_torque(estimate.model, *motion, estimate.standard_values, there)
                 there = Conditions(load_nm=load)
-            variance += self._of_payload(regressor(estimate.model, *motion, there))
+            variance += self._payload_variance(regressor(estimate.model, *motion, there))
         return np.sqrt(variance)
 
-    def _base(self, path: JointTrajectory) -> FloatArray:
+    def _wrench_deviations(self, path: JointTrajectory) -> FloatArray:
         """Return the standard deviations of the base wrench, shape (rows, 6)."""
         estimate = self.estimate
         motion = (path.position, path.velocity, path.acceleration)
@@ -93,7 +93,7 @@ class ModelMargin:
         if estimate.plate is not None:
             variance += _unexplained(estimate.plate.residual, estimate.plate.noise)
         if self.payload is not None:
-            variance += self._of_payload(base_wrench_regressor(estimate.model, *motion))
+            variance += self._payload_variance(base_wrench_regressor(estimate.model, *motion))
         return np.sqrt(variance)
 
     def _variance(self, columns: FloatArray) -> FloatArray:
@@ -106,7 +106,7 @@ class ModelMargin:
             found = found + _quadratic(columns[..., b:], estimate.nonlinear_covariance)
         return found
 
-    def _of_payload(self, columns: FloatArray) -> FloatArray:
+    def _payload_variance(self, columns: FloatArray) -> FloatArray:
         assert self.payload is not None
         n = len(self.estimate.robot.joints)
         last = columns[..., PARAMETERS_PER_LINK * (n - 1) : PARAMETERS_PER_LINK * n]

@@ -48,7 +48,7 @@ class Word(ConfigModel):
     source: str = ""
 
     @model_validator(mode="after")
-    def _says_where(self) -> Word:
+    def _check_source(self) -> Word:
         if self.verified and not self.source:
             raise ValueError(
                 f"{self.text!r} has verified: true; state in `source` where it was seen"
@@ -184,7 +184,7 @@ class AmplifierProfile(ConfigModel):
     events: Events
 
     @model_validator(mode="after")
-    def _unambiguous(self) -> AmplifierProfile:
+    def _check_twins(self) -> AmplifierProfile:
         words = [word.text for _, word in self.commands]
         _refuse_twins("commands", words)
         _refuse_twins("events", [number for _, number in self.events])
@@ -208,16 +208,16 @@ class AmplifierProfile(ConfigModel):
 
     def row_bytes(self, form: str) -> int:
         """Return the length of a row on the line, with its terminator [bytes]."""
-        return sum(part.size for part in self.row_parts(form)) + self._end(form)
+        return sum(part.size for part in self.row_parts(form)) + self._terminator_bytes(form)
 
     def event_bytes(self, form: str) -> int:
         """Return the length of an event on the line, with its terminator [bytes]."""
-        return sum(part.size for part in self.event_parts(form)) + self._end(form)
+        return sum(part.size for part in self.event_parts(form)) + self._terminator_bytes(form)
 
     def _templates(self, form: str) -> FrameTemplates:
         return self.binary if form == "binary" else self.ascii
 
-    def _end(self, form: str) -> int:
+    def _terminator_bytes(self, form: str) -> int:
         return 0 if form == "binary" else len(self.terminator)
 
 

@@ -122,7 +122,7 @@ class DriveSafety(ConfigModel):
     trip_watchdog_with_power: bool = False
 
     @model_validator(mode="after")
-    def _beats_within_timeouts(self) -> DriveSafety:
+    def _check_watchdog(self) -> DriveSafety:
         if self.master_heartbeat_ms * 2 > self.master_heartbeat_timeout_ms:
             raise ValueError(
                 "master_heartbeat_ms must be at most half of master_heartbeat_timeout_ms"
@@ -240,7 +240,7 @@ class CellConfig(PhysicalFile):
     monitor: MonitorConfig | None = None
 
     @model_validator(mode="after")
-    def _consistent(self) -> CellConfig:
+    def _check_consistency(self) -> CellConfig:
         nodes = [axis.node_id for axis in self.axes]
         if len(set(nodes)) != len(nodes):
             raise ValueError("two axes have the same node_id; give each its own")

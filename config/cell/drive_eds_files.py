@@ -48,7 +48,9 @@ def read_eds_files(
                 path = folder / path
             if kept is not None and (kept / name).is_file():
                 path = kept / name
-            files[name] = _bytes(path, f"{tree.where(('axes', number, 'eds'))}: axes.{number}.eds")
+            files[name] = _read_bytes(
+                path, f"{tree.where(('axes', number, 'eds'))}: axes.{number}.eds"
+            )
             known[axis.eds] = parse_eds(files[name], str(path))
             paths.append(path)
         eds_files.append(known[axis.eds])
@@ -66,7 +68,7 @@ def with_identities(cell: CellConfig, eds_files: EdsFiles) -> CellConfig:
     return cell.model_copy(update={"axes": tuple(axes)})
 
 
-def _bytes(path: Path, where: str) -> bytes:
+def _read_bytes(path: Path, where: str) -> bytes:
     try:
         return read_file(path, MAX_BYTES)
     except OSError as error:

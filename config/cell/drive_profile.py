@@ -54,7 +54,7 @@ class Register(ConfigModel):
     offset: float = 0.0
 
     @model_validator(mode="after")
-    def _readable(self) -> Register:
+    def _check_scale(self) -> Register:
         if self.scale == 0.0:
             raise ValueError("scale must not be 0")
         if self.address + self.count > 0x10000:
@@ -88,7 +88,7 @@ class DriveProfile(ConfigModel):
     registers: dict[Quantity, Register]
 
     @model_validator(mode="after")
-    def _worth_polling(self) -> DriveProfile:
+    def _check_registers(self) -> DriveProfile:
         if "motor_temperature_k" not in self.registers:
             raise ValueError("registers lacks motor_temperature_k, which is polled; add it")
         taken: dict[tuple[str, int], str] = {}

@@ -59,7 +59,7 @@ class FixedPdo(ConfigModel):
     objects: Annotated[tuple[FixedEntry, ...], Field(min_length=1, max_length=8)]
 
     @model_validator(mode="after")
-    def _usable(self) -> Self:
+    def _check_objects(self) -> Self:
         signals = self.signals
         if sum(entry.bits for entry in self.objects) > 64:
             raise ValueError(f"{self.pdo}: its objects have more than 64 bits; remove some")

@@ -27,7 +27,7 @@ class ModbusTls(ConfigModel):
     server_name: str | None = None
 
     @model_validator(mode="after")
-    def _pair(self) -> ModbusTls:
+    def _check_key_pair(self) -> ModbusTls:
         if (self.certificate_file is None) != (self.key_file is None):
             raise ValueError("certificate_file and key_file belong together; give both or neither")
         return self
@@ -84,7 +84,7 @@ class MonitorConfig(ConfigModel):
     warmest_k: Temperature = 393.15
 
     @model_validator(mode="after")
-    def _units_differ(self) -> MonitorConfig:
+    def _check_units(self) -> MonitorConfig:
         if len(set(self.units)) != len(self.units):
             raise ValueError("units names an address twice; give each drive its own")
         return self

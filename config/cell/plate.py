@@ -71,7 +71,7 @@ class AmplifierConfig(ConfigModel):
     bits: Annotated[int, Field(ge=8, le=16)] = 16
 
     @model_validator(mode="after")
-    def _measurable(self) -> AmplifierConfig:
+    def _check_settings(self) -> AmplifierConfig:
         if self.low_pass_hz > self.rate_hz / 2.0:
             raise ValueError(
                 f"low_pass_hz is {self.low_pass_hz:g} Hz, above half of rate_hz"
@@ -151,7 +151,7 @@ class PlateConfig(ConfigModel):
     amplifier: AmplifierConfig
 
     @model_validator(mode="after")
-    def _invertible(self) -> PlateConfig:
+    def _check_sensitivity(self) -> PlateConfig:
         if self.sensitivity is not None:
             sizes = np.linalg.svd(np.array(self.sensitivity), compute_uv=False)
             if sizes[-1] * WORST_CROSSTALK < sizes[0]:

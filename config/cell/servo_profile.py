@@ -102,7 +102,7 @@ class ReferencedBits(ConfigModel):
     value: Unsigned32 | None = None
 
     @model_validator(mode="after")
-    def _within_object(self) -> Self:
+    def _check_mask(self) -> Self:
         if self.mask >> self.bits:
             raise ValueError(
                 f"mask {self.mask} does not fit the object's {self.bits} bits; correct mask or bits"
@@ -195,7 +195,7 @@ class ServoProfile(ConfigModel):
     read_only: tuple[ObjectName, ...] = ()
 
     @model_validator(mode="after")
-    def _mappable(self) -> Self:
+    def _check_keys(self) -> Self:
         if self.torque.bits != 16 and not (self.torque.asked or self.pdos):
             raise ValueError(f"torque.bits is {self.torque.bits}; an answer of 8 bytes needs 16")
         if self.by_position and (self.velocity_unit, self.velocity_units) != _INCREMENTS:
@@ -235,17 +235,17 @@ class ServoProfile(ConfigModel):
     @property
     def velocity_per_increment(self) -> tuple[float, float]:
         """Units of 60FFh per increment/s and per rpm; one of the two is 0."""
-        return _per(self.velocity_unit, self.velocity_units)
+        return _per_increment(self.velocity_unit, self.velocity_units)
 
     @property
     def acceleration_per_increment(self) -> tuple[float, float]:
         """Units of 6085h per increment/s² and per rpm/s; one of the two is 0."""
         unit = self.acceleration_unit or self.velocity_unit
         units = self.velocity_units if self.acceleration_unit is None else 1.0
-        return _per(unit, self.acceleration_units or units)
+        return _per_increment(unit, self.acceleration_units or units)
 
 
-def _per(unit: VelocityUnit, units: float) -> tuple[float, float]:
+def _per_increment(unit: VelocityUnit, units: float) -> tuple[float, float]:
     if unit == "increments_per_s":
         return units, 0.0
     return 0.0, units * _TENTHS.get(unit, 1.0)

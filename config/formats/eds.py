@@ -260,12 +260,12 @@ class _Reader:
     def _value(
         self, section: EdsSection, key: str, data_type: int | None, faults: list[EdsFault]
     ) -> EdsValue | None:
-        return _tried(section, key, lambda text: parse_value(text, data_type), faults)
+        return _parse_or_note(section, key, lambda text: parse_value(text, data_type), faults)
 
     def _limit(
         self, section: EdsSection, key: str, data_type: int | None, faults: list[EdsFault]
     ) -> int | float | None:
-        return _tried(section, key, lambda text: parse_limit(text, data_type), faults)
+        return _parse_or_note(section, key, lambda text: parse_limit(text, data_type), faults)
 
     def _refuse_key(self, section: EdsSection, key: str, advice: str) -> NoReturn:
         entry = section.entries[key]
@@ -273,7 +273,7 @@ class _Reader:
         refuse_line(self.name, entry.line, f"{where} is {shown(entry.text)}: {advice}")
 
 
-def _tried(
+def _parse_or_note(
     section: EdsSection, key: str, parse: Callable[[str], T], faults: list[EdsFault]
 ) -> T | None:
     """Return the value of a key; None if it is missing or cannot be read."""

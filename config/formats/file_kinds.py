@@ -77,16 +77,18 @@ def kind_of_text(data: bytes, *, by_keys: bool = True) -> str | None:
         for name, value in re.findall(rb'"(kind|schema|format)"\s*:\s*"([ -~]{1,80})"', head)
     }
     if not by_keys:
-        return _of_document(words)
+        return _kind_of_document(words)
     keys = re.findall(rb"^([A-Za-z_]\w*):", head, re.MULTILINE)
-    return _of_document(words) or _of_keys([key.decode() for key in keys])
+    return _kind_of_document(words) or _kind_of_keys([key.decode() for key in keys])
 
 
 def _kind_of(data: Any) -> str | None:
-    return (_of_document(data) or _of_keys(data.keys())) if isinstance(data, dict) else None
+    return (
+        (_kind_of_document(data) or _kind_of_keys(data.keys())) if isinstance(data, dict) else None
+    )
 
 
-def _of_document(document: dict[str, Any]) -> str | None:
+def _kind_of_document(document: dict[str, Any]) -> str | None:
     """Return the type that a file of this program states."""
     found = (document_kind(document.get(key)) for key in ("kind", "schema", "format"))
     return next((kind for kind in found if kind is not None), None)
@@ -97,5 +99,5 @@ def document_kind(stated: object) -> str | None:
     return _DOCUMENTS.get(re.sub(r" \d+$", "", stated)) if isinstance(stated, str) else None
 
 
-def _of_keys(keys: Collection[Any]) -> str | None:
+def _kind_of_keys(keys: Collection[Any]) -> str | None:
     return next((kind for kind, needed in _KEYS if needed <= set(keys)), None)

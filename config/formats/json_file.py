@@ -39,7 +39,7 @@ def parse_json(data: bytes | str) -> Any:
     try:
         text = data.decode("utf-8-sig") if isinstance(data, bytes) else data
         tree = json.loads(
-            text, parse_int=_integer, parse_constant=float, object_pairs_hook=_without_doubles
+            text, parse_int=_integer, parse_constant=float, object_pairs_hook=_refuse_duplicates
         )
     except UnicodeDecodeError as error:
         raise ConfigError(
@@ -55,7 +55,7 @@ def parse_json(data: bytes | str) -> Any:
             f"not valid JSON: nested more than {MAX_DEPTH} deep",
             code="RID-FILE-SIZE",
         ) from None
-    _look_through(tree)
+    _refuse_invalid_values(tree)
     return tree
 
 
@@ -144,7 +144,7 @@ def _integer(digits: str) -> int | float:
     return number if abs(number) < _LARGEST_INTEGER else math.inf
 
 
-def _without_doubles(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _refuse_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     members = dict(pairs)
     if len(members) < len(pairs):
         double = Counter(key for key, _ in pairs).most_common(1)[0][0]
@@ -155,7 +155,7 @@ def _without_doubles(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return members
 
 
-def _look_through(tree: Any) -> None:
+def _refuse_invalid_values(tree: Any) -> None:
     """Refuse invalid values anywhere in a tree, with their keys."""
     waiting: list[tuple[tuple[str, ...], Any]] = [((), tree)]
     while waiting:

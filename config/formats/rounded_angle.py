@@ -85,18 +85,18 @@ def angle_notes(readings: list[tuple[str, AngleReading]]) -> list[str]:
     if corrected:
         notes.append(
             f"{len(corrected)} rounded angles were read as exact multiples of 15 degrees:"
-            f" {_listed(corrected)}"
+            f" {_list_angles(corrected)}"
         )
     if doubtful:
         notes.append(
             "angles close to a multiple of 15 degrees, used as written (correct them if they are"
             " meant to be exact; nearly parallel axes degrade the estimate):"
-            f" {_listed(doubtful)}"
+            f" {_list_angles(doubtful)}"
         )
     return notes
 
 
-def _listed(readings: list[tuple[str, AngleReading]], most: int = 6) -> str:
+def _list_angles(readings: list[tuple[str, AngleReading]], most: int = 6) -> str:
     words = [
         f"{where} {each.written_rad!r} rad ({math.degrees(each.nearest_rad):g} degrees)"
         for where, each in readings[:most]

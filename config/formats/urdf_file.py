@@ -77,7 +77,7 @@ def read_urdf(data: bytes, file: str, *, literal_angles: bool = False) -> UrdfTr
     joints = [reader.joint(element, gears) for element in root.all("joint")]
     whole = tuple(joint for joint in joints if joint is not None)
     named = {link.name: link for link in links if link is not None}
-    structure = _structure(file, list(filter(None, links)), whole)
+    structure = _structure_errors(file, list(filter(None, links)), whole)
     errors = [*reader.errors, *gears.errors]
     if errors or structure:
         code = errors[0].refusal if errors else "RID-URDF-STRUCTURE"
@@ -248,7 +248,7 @@ _SIZES: Final[dict[str, Callable[[XmlElement], tuple[float, ...]]]] = {
 }
 
 
-def _structure(file: str, links: list[UrdfLink], joints: tuple[UrdfJoint, ...]) -> list[str]:
+def _structure_errors(file: str, links: list[UrdfLink], joints: tuple[UrdfJoint, ...]) -> list[str]:
     """Return why links and joints do not form trees, one line per problem."""
     if len(joints) > MOST_JOINTS:
         return [f"{file}: {len(joints)} joints; at most {MOST_JOINTS} are allowed"]
@@ -275,7 +275,7 @@ def _structure(file: str, links: list[UrdfLink], joints: tuple[UrdfJoint, ...]) 
                 f"{joint.where}: link {joint.child!r} is the child of two joints; a URDF cannot"
                 " describe closed chains"
             )
-    problems += _mimics(joints)
+    problems += _mimic_errors(joints)
     above = {joint.child: joint.parent for joint in joints}
     grounded = {name for name in names if name not in above}
     for name in names:
@@ -296,7 +296,7 @@ def _structure(file: str, links: list[UrdfLink], joints: tuple[UrdfJoint, ...]) 
     return problems
 
 
-def _mimics(joints: tuple[UrdfJoint, ...]) -> list[str]:
+def _mimic_errors(joints: tuple[UrdfJoint, ...]) -> list[str]:
     """Return errors of joints that mimic themselves or a joint that does not exist."""
     leaders = {joint.name: joint.mimic.joint if joint.mimic else None for joint in joints}
     problems = []

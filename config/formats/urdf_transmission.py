@@ -45,7 +45,7 @@ def transmissions_of(root: XmlElement) -> Transmissions:
     for element in (each for holder in holders for each in holder.all("transmission")):
         joints = [part for part in element.all("joint") if "name" in part.attributes]
         names = [part.attributes["name"] for part in joints]
-        stated = list(_stated(element))
+        stated = list(_stated_reductions(element))
         rotors = [part for held in _parts(element) for key in ROTOR_KEYS for part in held.all(key)]
         try:
             for name in names if stated or rotors else ():
@@ -75,7 +75,7 @@ def _parts(element: XmlElement) -> tuple[XmlElement, ...]:
     return (element, *element.all("joint"), *element.all("actuator"))
 
 
-def _stated(element: XmlElement) -> Iterator[tuple[XmlElement, str]]:
+def _stated_reductions(element: XmlElement) -> Iterator[tuple[XmlElement, str]]:
     """Yield the reductions of a transmission, and the elements that contain them."""
     for holder in _parts(element):
         for tag in _REDUCTIONS:

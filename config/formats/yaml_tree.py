@@ -137,10 +137,10 @@ class _Builder:
             self._refuse(node, f"nested more than {MAX_DEPTH} deep", "RID-FILE-SIZE")
         self._positions.setdefault(path, (node.start_mark.line + 1, node.start_mark.column + 1))
         if isinstance(node, yaml.MappingNode):
-            self._plain_tag(node, "tag:yaml.org,2002:map")
+            self._check_tag(node, "tag:yaml.org,2002:map")
             return self._mapping(node, path, depth)
         if isinstance(node, yaml.SequenceNode):
-            self._plain_tag(node, "tag:yaml.org,2002:seq")
+            self._check_tag(node, "tag:yaml.org,2002:seq")
             return [self.build(item, (*path, i), depth + 1) for i, item in enumerate(node.value)]
         if isinstance(node, yaml.ScalarNode):
             return self._scalar(node)
@@ -166,7 +166,7 @@ class _Builder:
     def _scalar(self, node: yaml.ScalarNode) -> Any:
         text: str = node.value
         if node.style is not None:
-            self._plain_tag(node, "tag:yaml.org,2002:str")
+            self._check_tag(node, "tag:yaml.org,2002:str")
             return text
         if node.tag.startswith("!") or "python" in node.tag or node.tag.endswith(":binary"):
             self._refuse(
@@ -189,10 +189,10 @@ class _Builder:
             if not math.isfinite(number):
                 self._refuse(node, f"{text} is too large for a number", "RID-FILE-NUMBER")
             return number
-        self._traps(node, text)
+        self._refuse_ambiguous(node, text)
         return text
 
-    def _traps(self, node: yaml.Node, text: str) -> None:
+    def _refuse_ambiguous(self, node: yaml.Node, text: str) -> None:
         if text.lower() in _OLD_BOOLEANS:
             self._refuse(
                 node,
@@ -218,7 +218,7 @@ class _Builder:
         if _NOT_FINITE.fullmatch(text):
             self._refuse(node, f"{text} is not a finite number", "RID-FILE-NUMBER")
 
-    def _plain_tag(self, node: yaml.Node, expected: str) -> None:
+    def _check_tag(self, node: yaml.Node, expected: str) -> None:
         if node.tag != expected:
             self._refuse(node, f"the tag {node.tag!r} is not allowed; remove it", "RID-FILE-TAG")
 
@@ -244,10 +244,10 @@ def dump_yaml(data: object, comment: str = "", comments: Mapping[Path, str] | No
         default_flow_style=None,
         width=WIDTH,
     )
-    return head + (_commented(text, comments) if comments else text)
+    return head + (_insert_comments(text, comments) if comments else text)
 
 
-def _commented(text: str, comments: Mapping[Path, str]) -> str:
+def _insert_comments(text: str, comments: Mapping[Path, str]) -> str:
     """Return YAML text with each comment above the line of its path, equally indented."""
     positions = parse_yaml(text.encode(), "").positions
     above: dict[int, list[str]] = {}

@@ -35,12 +35,12 @@ def held_file(path: Path) -> Iterator[None]:
         BlockingIOError: Another process, or another `with` of this one, holds it.
         OSError: The file cannot be opened: no permission, or a symbolic link.
     """
-    descriptor = _locked(path)
+    descriptor = _lock(path)
     try:
         yield
     finally:
         with contextlib.suppress(OSError):  # another user's file in a shared folder
-            if _leads_to(path, descriptor):
+            if _is_same_file(path, descriptor):
                 path.unlink()
         os.close(descriptor)
 
@@ -91,18 +91,18 @@ def lock_holder(descriptor: int) -> int | None:
     return None
 
 
-def _locked(path: Path) -> int:
+def _lock(path: Path) -> int:
     """Return a descriptor that holds the lock, on the file to which the path points."""
     for _ in range(_TRIES):
         try:
-            descriptor = _opened(path)
+            descriptor = _open(path)
         except (FileExistsError, FileNotFoundError):
             if not path.parent.is_dir():
                 raise
             continue  # another process has just created or removed it
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if _leads_to(path, descriptor):
+            if _is_same_file(path, descriptor):
                 return descriptor
         except BaseException:
             os.close(descriptor)
@@ -111,7 +111,7 @@ def _locked(path: Path) -> int:
     raise OSError(errno.ESTALE, "is replaced repeatedly", str(path))
 
 
-def _opened(path: Path) -> int:
+def _open(path: Path) -> int:
     # First without O_CREAT: in a shared folder a kernel may refuse O_CREAT on another user's file.
     with contextlib.suppress(FileNotFoundError):
         return os.open(path, _OPEN)
@@ -120,7 +120,7 @@ def _opened(path: Path) -> int:
     return descriptor
 
 
-def _leads_to(path: Path, descriptor: int) -> bool:
+def _is_same_file(path: Path, descriptor: int) -> bool:
     try:
         return os.path.samestat(path.lstat(), os.fstat(descriptor))
     except FileNotFoundError:

@@ -44,7 +44,7 @@ def own_secret(name: str) -> bytes:
     path = own_state_folder() / name
     with system_errors(RecordingError, f"{path}: cannot be read", code="RID-FILE-ACCESS"):
         if not path.exists():
-            _make(path)
+            _create_secret(path)
         descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
         with open(descriptor, "rb") as file:
             _require_own(path, os.fstat(descriptor), forbidden=0o077)
@@ -57,7 +57,7 @@ def own_secret(name: str) -> bytes:
     return secret
 
 
-def _make(path: Path) -> None:
+def _create_secret(path: Path) -> None:
     """Create a complete secret file, unless another process has just created it."""
     temporary = path.with_name(f"{path.name}.{os.getpid()}.{secrets.token_hex(4)}.tmp")
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC | os.O_NOFOLLOW

@@ -64,7 +64,7 @@ def as_shortage(error: BaseException) -> ShortageError | None:
     return None
 
 
-def as_named(error: Exception) -> RidDaqError:
+def named_error(error: Exception) -> RidDaqError:
     """Return the error itself if it is a `RidDaqError`, or the shortage that it reports.
 
     Raises:

@@ -48,7 +48,7 @@ def rows_of_axes(points_m: FloatArray, directions: FloatArray, last: FloatArray)
             to its x axis.
     """
     n = len(points_m)
-    origin, x = _on_root(points_m[0], directions[0])
+    origin, x = _root_frame(points_m[0], directions[0])
     frames = np.zeros((n + 1, 4, 4))
     frames[0] = _frame(np.eye(3), origin)
     rows: list[KinematicRow] = []
@@ -58,7 +58,7 @@ def rows_of_axes(points_m: FloatArray, directions: FloatArray, last: FloatArray)
         z = frames[i, :3, 2]
         crossing, a = _crossing(place, z, x_before, points_m[i], directions[i])
         if i + 1 < n:
-            foot, x_next = _towards(
+            foot, x_next = _next_origin(
                 points_m[i], directions[i], points_m[i + 1], directions[i + 1], x_before
             )
         else:
@@ -74,11 +74,11 @@ def rows_of_axes(points_m: FloatArray, directions: FloatArray, last: FloatArray)
         theta = np.arctan2(rest[1, 0], rest[0, 0])
         rows.append(
             KinematicRow(
-                alpha_rad=_clean(alpha),
-                beta_rad=_clean(beta),
-                theta_rad=_clean(theta),
-                a_m=_clean(a),
-                d_m=_clean(d),
+                alpha_rad=_round_off(alpha),
+                beta_rad=_round_off(beta),
+                theta_rad=_round_off(theta),
+                a_m=_round_off(a),
+                d_m=_round_off(d),
             )
         )
         frames[i + 1] = _frame(np.real(end), foot)
@@ -86,7 +86,7 @@ def rows_of_axes(points_m: FloatArray, directions: FloatArray, last: FloatArray)
     return AxisPoses(origin, tuple(rows), frames)
 
 
-def _on_root(point: FloatArray, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _root_frame(point: FloatArray, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the origin of frame 0 and its x; the root's if axis 1 crosses the root's x axis."""
     x = np.array([1.0, 0.0, 0.0])
     across = direction[1:]
@@ -98,7 +98,7 @@ def _on_root(point: FloatArray, direction: FloatArray) -> tuple[FloatArray, Floa
     return np.array(point), x
 
 
-def _towards(
+def _next_origin(
     p: FloatArray, u: FloatArray, p_next: FloatArray, u_next: FloatArray, x_before: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return a frame's origin on its axis (p, u), and its x, which points to the next axis."""
@@ -165,7 +165,7 @@ def _about_y(angle: float) -> FloatArray:
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
-def _clean(value: float) -> float:
+def _round_off(value: float) -> float:
     """Return a value without rounding errors: values close to 0, ±pi/2 and ±pi become exact."""
     rounded = round(float(value), 15)
     for exact in (0.0, np.pi, -np.pi, np.pi / 2.0, -np.pi / 2.0):

@@ -47,7 +47,7 @@ class Hull(ConfigModel):
     points_m: tuple[Point, ...] = Field(min_length=4, max_length=2000)
 
     @model_validator(mode="after")
-    def _spans_a_volume(self) -> Hull:
+    def _check_volume(self) -> Hull:
         points = np.array(self.points_m)
         sizes = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
         if sizes[2] <= 1e-6 * sizes[0]:
@@ -71,7 +71,7 @@ class Plane(ConfigModel):
     offset_m: Annotated[float, Plausible(0.0, 200.0, "m")]
 
     @model_validator(mode="after")
-    def _unit_normal(self) -> Plane:
+    def _check_normal(self) -> Plane:
         length = sum(c * c for c in self.normal) ** 0.5
         if abs(length - 1.0) > 1e-6:
             raise ValueError(
@@ -94,7 +94,7 @@ class Box(ConfigModel):
     max_m: Point
 
     @model_validator(mode="after")
-    def _ordered(self) -> Box:
+    def _check_corners(self) -> Box:
         if any(low >= high for low, high in zip(self.min_m, self.max_m, strict=True)):
             raise ValueError(f"min_m {self.min_m} must be below max_m {self.max_m} on every axis")
         return self

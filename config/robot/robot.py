@@ -65,7 +65,7 @@ class JointLimits(ConfigModel):
     torque: JointTorque
 
     @model_validator(mode="after")
-    def _ordered(self) -> JointLimits:
+    def _check_order(self) -> JointLimits:
         if self.position_min >= self.position_max:
             raise ValueError(
                 f"position_min {self.position_min} must be below position_max {self.position_max}"
@@ -87,7 +87,7 @@ class Rotor(ConfigModel):
     axis: Vector3
 
     @model_validator(mode="after")
-    def _unit_vector(self) -> Rotor:
+    def _check_axis(self) -> Rotor:
         norm = sum(c * c for c in self.axis) ** 0.5
         if abs(norm - 1.0) > 1e-6:
             raise ValueError(
@@ -184,7 +184,7 @@ class GravitySpring(ConfigModel):
     r_m: Annotated[Positive, Plausible(1e-3, 5.0, "m")] | None = None
 
     @model_validator(mode="after")
-    def _needs_distances(self) -> GravitySpring:
+    def _check_distances(self) -> GravitySpring:
         if self.form == "physical" and (self.l_m is None or self.r_m is None):
             raise ValueError("a physical spring needs l_m and r_m; give them, or use form: fourier")
         return self
@@ -215,7 +215,7 @@ class LinkCad(Derived):
     uncertainty: Annotated[float, Field(gt=0.0), Plausible(1e-3, 2.0, "")] | None = 0.1
 
     @model_validator(mode="after")
-    def _physical(self) -> Self:
+    def _check_inertia(self) -> Self:
         xx, xy, xz, yy, yz, zz = self.inertia_kg_m2
         moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         slack = 1e-6 * abs(moments[2])
@@ -284,7 +284,7 @@ class RobotDescription(PhysicalFile):
 
     @field_validator("coupling")
     @classmethod
-    def _both_ways(
+    def _check_coupling(
         cls, coupling: tuple[tuple[float, ...], ...] | None, others: ValidationInfo
     ) -> tuple[tuple[float, ...], ...] | None:
         n = len(others.data.get("joints", ()))
@@ -298,7 +298,7 @@ class RobotDescription(PhysicalFile):
 
     @field_validator("cad")
     @classmethod
-    def _a_drawing_a_link(
+    def _check_cad(
         cls, cad: tuple[LinkCad, ...] | None, others: ValidationInfo
     ) -> tuple[LinkCad, ...] | None:
         n = len(others.data.get("joints", ()))
@@ -307,7 +307,7 @@ class RobotDescription(PhysicalFile):
         return cad
 
     @model_validator(mode="after")
-    def _fits_joints(self) -> RobotDescription:
+    def _check_joints(self) -> RobotDescription:
         n = len(self.joints)
         for body in self.bodies:
             if body.link > n:
@@ -318,7 +318,7 @@ class RobotDescription(PhysicalFile):
         return self
 
     @model_validator(mode="after")
-    def _consistent(self) -> RobotDescription:
+    def _check_consistency(self) -> RobotDescription:
         if len(self.kinematics.rows) != len(self.joints):
             raise ValueError(
                 f"kinematics has {len(self.kinematics.rows)} rows for {len(self.joints)} joints;"

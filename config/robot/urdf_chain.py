@@ -87,7 +87,7 @@ def arm_between(tree: UrdfTree, base: str | None, tip: str | None) -> UrdfArm:
                 f"{tree.file}: no joint moves between {base!r} and {tip!r}; give other links",
                 code="RID-URDF-ARM",
             )
-        return _without_mimics(tree, UrdfArm(base, tip, joints))
+        return _refuse_mimics(tree, UrdfArm(base, tip, joints))
     arms = arms_of(tree, base)
     if not arms:
         roots = base or ", ".join(tree.roots)
@@ -99,7 +99,7 @@ def arm_between(tree: UrdfTree, base: str | None, tip: str | None) -> UrdfArm:
     if len(serious) > 1:
         raise SeveralArmsError(tree.file, serious)
     aside = tuple(arm.tip for arm in arms[1:])
-    return _without_mimics(
+    return _refuse_mimics(
         tree, UrdfArm(longest.base, longest.tip, longest.joints, longest.gripper, aside)
     )
 
@@ -116,7 +116,7 @@ def arms_of(tree: UrdfTree, base: str | None) -> list[UrdfArm]:
         waiting: list[tuple[str, tuple[UrdfJoint, ...]]] = [(root, ())]
         while waiting:
             link, chain = waiting.pop(0)
-            moving = _moving_on(tree, link)
+            moving = _joints_on(tree, link)
             is_gripper = (
                 len(chain) >= SHORTEST_ARM
                 and (len(moving) > 1 or any(_FINGER.search(joint.name) for joint in moving))
@@ -183,7 +183,7 @@ def _mass_behind(tree: UrdfTree, link: str) -> float:
     return own + sum(_mass_behind(tree, joint.child) for joint in below)
 
 
-def _moving_on(tree: UrdfTree, link: str) -> list[UrdfJoint]:
+def _joints_on(tree: UrdfTree, link: str) -> list[UrdfJoint]:
     """Return the joints that move on a body, which is a link and all links fixed to it.
 
     A link behind a joint that no motor can drive is held at zero and belongs to the body.
@@ -210,7 +210,7 @@ def _depth(tree: UrdfTree, link: str) -> int:
     depth, level = -1, [link]
     while level:
         depth += 1
-        level = [joint.child for above in level for joint in _moving_on(tree, above)]
+        level = [joint.child for above in level for joint in _joints_on(tree, above)]
     return depth
 
 
@@ -221,7 +221,7 @@ def _is_serious(arm: UrdfArm, longest: UrdfArm) -> bool:
     return own >= min(SHORTEST_ARM, others) and 2 * own >= others
 
 
-def _without_mimics(tree: UrdfTree, arm: UrdfArm) -> UrdfArm:
+def _refuse_mimics(tree: UrdfTree, arm: UrdfArm) -> UrdfArm:
     """Return the arm after checking that no joint before its last one mimics another.
 
     Raises:

@@ -161,27 +161,27 @@ class _LimitReader:
         stated = f"the URDF states {low_text} to {high_text}"
         if self._states_no_range(given):
             if self._joint.kind == "continuous":
-                return self._centred(given, ENDLESS_RAD, "the joint has no end; narrow it")
-            return self._centred(given, self._default_half_range(), f"{stated}; narrow it")
+                return self._centred_range(given, ENDLESS_RAD, "the joint has no end; narrow it")
+            return self._centred_range(given, self._default_half_range(), f"{stated}; narrow it")
         low, high = limits.get("lower", 0.0), limits.get("upper", 0.0)
         if {"lower", "upper"} - limits.keys():
             self.replace("position", f"{low:g} to {high:g}", f"{stated}; a missing end is 0")
         if low == high:
-            raise self._refused(
+            raise self._error(
                 f"lower = upper = {low:g}: the joint is locked. State its range (or give --range if"
                 ' both are 0), or use type="fixed" at that position'
             )
         if low > high:
-            raise self._refused(f"lower {low:g} is above upper {high:g}; correct them")
-        low, high = self._in_units(low, high, stated)
+            raise self._error(f"lower {low:g} is above upper {high:g}; correct them")
+        low, high = self._convert_units(low, high, stated)
         half = given if given is not None else self._default_half_range()
         low, high = (
-            end if abs(end) < NO_LIMIT else self._open_end(sign * half, stated, given)
+            end if abs(end) < NO_LIMIT else self._replace_open_end(sign * half, stated, given)
             for sign, end in ((-1.0, low), (1.0, high))
         )
-        low, high = self._soft(low, high)
+        low, high = self._narrow_to_soft(low, high)
         if low >= high:
-            raise self._refused(
+            raise self._error(
                 f"{stated}; the soft limits leave no range ({low:g} to {high:g}); correct them"
             )
         if self._joint.kind == "continuous":
@@ -201,7 +201,7 @@ class _LimitReader:
         endless = self._joint.kind == "continuous"
         return not (stated and moves) or given is not None or endless
 
-    def _in_units(self, low: float, high: float, stated: str) -> tuple[float, float]:
+    def _convert_units(self, low: float, high: float, stated: str) -> tuple[float, float]:
         """Return the range in rad or m, converted if it is in degrees or millimetres."""
         size = max((abs(end) for end in (low, high) if abs(end) < NO_LIMIT), default=0.0)
         found = _plausible(JointPosition, self._slides)
@@ -209,19 +209,19 @@ class _LimitReader:
             return low, high
         unit, scale = ("mm", _MM) if self._slides else ("degrees", _DEGREE)
         if size > (found.high / _MM if self._slides else _LARGEST_DEGREES):
-            raise self._refused(f"{stated}: no joint has such a range; correct it")
+            raise self._error(f"{stated}: no joint has such a range; correct it")
         self._scale = scale
         low, high = round(scale * low, 9), round(scale * high, 9)
         self.replace("position", f"{low:g} to {high:g}", f"repaired: {stated}, read as {unit}")
         return low, high
 
-    def _open_end(self, usual: float, stated: str, given: float | None) -> float:
+    def _replace_open_end(self, usual: float, stated: str, given: float | None) -> float:
         """Return the value to use for an end of the range that the URDF states as unlimited."""
         how = "--range" if given is not None else "default"
         self.replace("position", f"{usual:g} at the unlimited end", f"{how}: {stated}; narrow it")
         return usual
 
-    def _soft(self, low: float, high: float) -> tuple[float, float]:
+    def _narrow_to_soft(self, low: float, high: float) -> tuple[float, float]:
         """Return the range narrowed to the soft limits of <safety_controller>."""
         limits = self._joint.limits
         soft_low, soft_high = (limits.get(f"soft_{end}", 0.0) for end in ("lower", "upper"))
@@ -238,7 +238,7 @@ class _LimitReader:
         by_size = _two_digits(SLIDE_SHARE * self._size.reach_m) or SLIDE_SHARE
         return by_size if self._slides else TURN_RAD
 
-    def _centred(self, given: float | None, usual: float, why: str) -> tuple[float, float]:
+    def _centred_range(self, given: float | None, usual: float, why: str) -> tuple[float, float]:
         half = usual if given is None else given
         self.replace(
             "position", f"±{half:g}", f"{'--range' if given is not None else 'default'}: {why}"
@@ -255,7 +255,7 @@ class _LimitReader:
         if stated is not None:
             return stated
         if given is not None:
-            return self._given("velocity", "velocity", given)
+            return self._checked_option("velocity", "velocity", given)
         low, high = SPEEDS_RAD_S
         if self._slides:
             value, why = SLIDE_SPEED_M_S, "usual"
@@ -263,7 +263,7 @@ class _LimitReader:
             speed = TIP_SPEED_M_S / max(self._size.reach_m, 1e-3)
             value = _two_digits(float(np.clip(speed, low, high)))
             why = f"{TIP_SPEED_M_S:g} m/s at full reach, {low:g} to {high:g} rad/s"
-        self.replace("velocity", value, f"default: {self._why('velocity')}; {why}")
+        self.replace("velocity", value, f"default: {self._reason('velocity')}; {why}")
         return value
 
     def acceleration(self, given: float | None, velocity: float) -> float:
@@ -293,11 +293,11 @@ class _LimitReader:
         if stated is not None:
             return stated
         if given is not None:
-            return self._given("torque", "effort", given)
+            return self._checked_option("torque", "effort", given)
         lowest = _plausible(JointTorque, self._slides).low
         value = max(_two_digits(WEIGHT_MARGIN * self._weight), 10.0 * lowest)
         self.replace(
-            "torque", value, f"default: {self._why('effort')}; twice the weight at full reach"
+            "torque", value, f"default: {self._reason('effort')}; twice the weight at full reach"
         )
         return value
 
@@ -313,20 +313,22 @@ class _LimitReader:
         scaled = value if key == "effort" else round(value * self._scale, 9)
         if value < 0.0 or not found.holds(scaled):
             unlikely = f"expected is {found.low:g} to {found.high:g} {found.unit}"
-            raise self._refused(f"{key} {value:g}: {unlikely}{found.likely_unit(scaled)}")
+            raise self._error(f"{key} {value:g}: {unlikely}{found.likely_unit(scaled)}")
         if scaled != value:
-            self.replace(key, scaled, f"repaired: {self._why(key)}, in the unit of the positions")
+            self.replace(
+                key, scaled, f"repaired: {self._reason(key)}, in the unit of the positions"
+            )
         return scaled
 
-    def _refused(self, why: str) -> ConfigError:
+    def _error(self, why: str) -> ConfigError:
         words = f"{self._joint.where}: <limit> of joint {self._joint.name!r}: {why}"
         return ConfigError(words, code=LIMIT_CODE)
 
-    def _why(self, key: str) -> str:
+    def _reason(self, key: str) -> str:
         return f"the URDF states {_stated_text(self._joint.limits.get(key))}"
 
-    def _given(self, key: str, option: str, value: float) -> float:
-        self.replace(key, value, f"--{option}: {self._why(option)}")
+    def _checked_option(self, key: str, option: str, value: float) -> float:
+        self.replace(key, value, f"--{option}: {self._reason(option)}")
         return value
 
 

@@ -97,7 +97,7 @@ def links_of_urdf(
             )
             guessed.append(f"{', '.join(names)} ({stated}; {guesses[number].mass_kg:.3g} kg)")
         else:
-            cad.append(_to_drawing(whole, change))
+            cad.append(_drawing(whole, change))
             unknown = cad[-1].unknown_inertia_kg_m2
             if unknown:
                 remarks.append(
@@ -168,14 +168,14 @@ def _repair_inertia(link: UrdfLink, inertial: UrdfInertial) -> tuple[FloatArray,
     change = float(np.linalg.norm(possible - moments) / np.linalg.norm(moments))
     words = (
         f"the inertia of {link.name!r} ({link.where}) is physically impossible, principal moments"
-        f" {_list(moments)} kg m²; the nearest possible one, {_list(possible)}, was used"
-        f" ({100.0 * change:.2g} % changed)"
+        f" {_list_moments(moments)} kg m²; the nearest possible one, {_list_moments(possible)},"
+        f" was used ({100.0 * change:.2g} % changed)"
     )
     repaired = directions @ np.diag(possible) @ directions.T
     return repaired, change, [words]
 
 
-def _to_drawing(body: _Part, change: float) -> LinkCad:
+def _drawing(body: _Part, change: float) -> LinkCad:
     """Return a link's drawing data, with larger uncertainty if its inertia was changed a lot."""
     upper = body.inertia_kg_m2[np.triu_indices(3)]
     usual = LinkCad.model_fields["uncertainty"].default
@@ -192,5 +192,5 @@ def _with_link_name(link: UrdfLink, words: str) -> str:
     return f"{link.name}: {words}"
 
 
-def _list(moments: FloatArray) -> str:
+def _list_moments(moments: FloatArray) -> str:
     return ", ".join(f"{moment:.4g}" for moment in moments)

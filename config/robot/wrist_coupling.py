@@ -54,7 +54,7 @@ class WristCoupling:
         return np.asarray(np.asarray(of_joints) @ self.motors_by_joints.T)
 
 
-def motor_reach(robot: RobotDescription) -> list[tuple[float, float]]:
+def motor_ranges(robot: RobotDescription) -> list[tuple[float, float]]:
     """Return the lowest and highest position of each motor divided by its gear ratio [rad or m].
 
     They follow from the joints' position limits. With a coupled wrist they are the range of

@@ -47,7 +47,7 @@ class TimedFault(ConfigModel):
     at_cycle: Annotated[int, Field(ge=1, le=MOST)] | None = None
 
     @model_validator(mode="after")
-    def _one_beginning(self) -> TimedFault:
+    def _check_start(self) -> TimedFault:
         if self.at_s is not None and self.at_cycle is not None:
             raise ValueError("at_s and at_cycle are both given; remove one")
         return self
@@ -92,7 +92,7 @@ class FrameFault(TimedFault):
     torque_permille: Annotated[int, Field(ge=-(2**15), le=2**15 - 1)] = 0
 
     @model_validator(mode="after")
-    def _has_what_it_needs(self) -> FrameFault:
+    def _check_keys(self) -> FrameFault:
         if self.at_frame is not None and (self.at_s, self.at_cycle) != (None, None):
             raise ValueError("only one of at_frame, at_cycle and at_s is allowed")
         needed = {"delay": ("delay_s", self.delay_s), "wrong_length": ("length", self.length)}
@@ -215,7 +215,7 @@ class DriveFault(TimedFault):
     ppm: Annotated[float, Field(gt=-1e6, le=1e9)] | None = None
 
     @model_validator(mode="after")
-    def _has_what_it_needs(self) -> DriveFault:
+    def _check_keys(self) -> DriveFault:
         if self.kind in ("reset", "fault", "emergency") and self.duration_s is not None:
             raise ValueError(f"{self.kind} happens at once; remove duration_s")
         given = [name for name in ("factor", "ppm") if getattr(self, name) is not None]
@@ -291,7 +291,7 @@ class DiskFault(TimedFault):
     duration_s: Duration | None = None
 
     @model_validator(mode="after")
-    def _has_what_it_needs(self) -> DiskFault:
+    def _check_keys(self) -> DiskFault:
         stalls = self.kind == "disk_stall"
         if stalls and self.duration_s is None:
             raise ValueError("disk_stall needs duration_s")
@@ -381,7 +381,7 @@ class FaultScript(ConfigModel):
     program: tuple[ProgramFault, ...] = ()
 
     @model_validator(mode="after")
-    def _requests_differ(self) -> FaultScript:
+    def _check_requests(self) -> FaultScript:
         requests = [fault.at_request for fault in self.registers]
         if len(set(requests)) != len(requests):
             raise ValueError("registers has two faults for the same request or for all; remove one")

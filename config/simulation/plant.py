@@ -52,7 +52,7 @@ class MountedBody(LinkInertia):
     """
 
     @model_validator(mode="after")
-    def _can_exist(self) -> Self:
+    def _check_inertia(self) -> Self:
         xx, yy, zz, xy, xz, yz = self.inertia_kg_m2
         moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         if moments[0] < 0.0 or moments[0] + moments[1] < moments[2]:
@@ -197,7 +197,7 @@ class UnmodelledAxis(ConfigModel):
     play_rad: Annotated[NonNegative, Plausible(0.0, 0.1, "rad or m")] = 0.0
 
     @model_validator(mode="after")
-    def _gear(self) -> Self:
+    def _check_gear(self) -> Self:
         if self.joint_stiffness_nm_rad is None and (self.joint_damping_nm_s or self.play_rad):
             raise ValueError(
                 "joint_damping_nm_s and play_rad need an elastic gear; add joint_stiffness_nm_rad"
@@ -242,14 +242,14 @@ class PlantConfig(PhysicalFile):
 
     @field_validator("payloads")
     @classmethod
-    def _named(cls, payloads: dict[str, MountedBody]) -> dict[str, MountedBody]:
+    def _check_names(cls, payloads: dict[str, MountedBody]) -> dict[str, MountedBody]:
         for name in payloads:
             if not name.isidentifier():
                 raise ValueError(f"invalid payload name {name!r}; use letters, digits and _")
         return payloads
 
     @model_validator(mode="after")
-    def _attachable(self) -> Self:
+    def _check_attached(self) -> Self:
         if self.attached is not None:
             self._require_payload(self.attached)
         return self

@@ -76,7 +76,7 @@ class SerialAmplifier(ForcePlate):
         Raises:
             DriverError: The amplifier does not answer, or violates its profile.
         """
-        return tuple(self._check(wanted) for wanted in required_settings(self._config))
+        return tuple(self._compare(wanted) for wanted in required_settings(self._config))
 
     def configure(self) -> bool:
         """Change the settings that differ and read them back.
@@ -90,16 +90,16 @@ class SerialAmplifier(ForcePlate):
         """
         charge_lost = False
         for wanted in required_settings(self._config):
-            if self._check(wanted).verdict == "ok":
+            if self._compare(wanted).verdict == "ok":
                 continue
             if not wanted.is_settable:
                 raise ProtocolError(
-                    f"{self._where}: {wanted.label} is {self._check(wanted).found}, but"
+                    f"{self._where}: {wanted.label} is {self._compare(wanted).found}, but"
                     f" {wanted.text} in the cell file; correct the cell file",
                     code="RID-AMPLIFIER-SETTING",
                 )
             charge_lost |= self._ask(wanted.name, wanted.text, wanted.channel).charge_lost
-            found = self._check(wanted)
+            found = self._compare(wanted)
             if found.verdict != "ok":
                 raise ProtocolError(
                     f"{self._where}: {wanted.label} was set to {wanted.text} but reads back"
@@ -273,7 +273,7 @@ class SerialAmplifier(ForcePlate):
                 code="RID-AMPLIFIER-ANSWER",
             )
 
-    def _check(self, wanted: RequiredSetting) -> PlateSetting:
+    def _compare(self, wanted: RequiredSetting) -> PlateSetting:
         text = self._ask(wanted.name, channel=wanted.channel).text
         return PlateSetting(
             name=wanted.label,

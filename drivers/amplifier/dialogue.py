@@ -49,9 +49,9 @@ class AmplifierDialogue:
             TransportError: The port is lost.
         """
         try:
-            return self._greet(ANSWER_TIMEOUT_S)
+            return self._request_identity(ANSWER_TIMEOUT_S)
         except (DeviceTimeoutError, ProtocolError) as error:
-            found = self._search()
+            found = self._search_baud_rate()
             if found is None:
                 if isinstance(error, ProtocolError):
                     raise
@@ -118,7 +118,7 @@ class AmplifierDialogue:
             code="RID-AMPLIFIER-ANSWER",
         )
 
-    def _greet(self, timeout_s: float) -> str:
+    def _request_identity(self, timeout_s: float) -> str:
         """End a running stream and request the identity."""
         clock = self._link.clock
         self.lines = LineSplitter()
@@ -140,7 +140,7 @@ class AmplifierDialogue:
             # a confirmation of the stream's end, which came late
         return printable(answer.text)
 
-    def _search(self) -> int | None:
+    def _search_baud_rate(self) -> int | None:
         """Return the baud rate at which the amplifier answers; None if it never answers."""
         try:
             for baud_rate in BAUD_RATES:
@@ -151,7 +151,7 @@ class AmplifierDialogue:
                 except TransportError:
                     continue  # this adapter does not support it
                 try:
-                    self._greet(PROBE_TIMEOUT_S)
+                    self._request_identity(PROBE_TIMEOUT_S)
                 except (DeviceTimeoutError, ProtocolError):
                     continue
                 return baud_rate

@@ -79,7 +79,7 @@ class SdoClient:
             if specifier != (2 if self._upload else 3):
                 return self._refuse(SdoCode.UNKNOWN_COMMAND)
             self._initiating = False
-            return self._begun(frame.data)
+            return self._initiate_answered(frame.data)
         if specifier != (0 if self._upload else 1):
             return self._refuse(SdoCode.UNKNOWN_COMMAND)
         if frame.data[0] & TOGGLE != self._toggle:
@@ -135,7 +135,7 @@ class SdoClient:
         _, index, subindex, _ = MULTIPLEXER.unpack(data)
         return specifier in (2, 3, 4) and (index, subindex) == (self._index, self._subindex)
 
-    def _begun(self, data: bytes) -> Frame | None:
+    def _initiate_answered(self, data: bytes) -> Frame | None:
         command, _, _, payload = MULTIPLEXER.unpack(data)
         if not self._upload:
             return self._next_segment()

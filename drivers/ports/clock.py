@@ -60,11 +60,11 @@ class MonotonicClock:
             self._sleep(left_s - self._waking_s)
             left_s = time_s - self._now_s()
         if slept:
-            self._learn(early=left_s > 0.0)
+            self._update_delay(early=left_s > 0.0)
         while left_s > 0.0:
             left_s = time_s - self._now_s()
 
-    def _learn(self, *, early: bool) -> None:
+    def _update_delay(self, *, early: bool) -> None:
         """Track the quantile `EARLY` of the wake-up delay."""
         step_s = (EARLY - early) * STEP_S
         self._waking_s = min(max(self._waking_s + step_s, 0.0), MOST_WAKING_S)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from config.cell.cell import CellConfig
 from config.errors import DriverError, SafetyStop
 from config.robot.robot import RobotDescription
-from config.robot.wrist_coupling import WristCoupling, motor_reach
+from config.robot.wrist_coupling import WristCoupling, motor_ranges
 from drivers.canopen.heartbeat import HeartbeatProducer, guard_request, heartbeat_frame
 from drivers.canopen.nmt import NmtCommand, NmtState, nmt_frame
 from drivers.interfaces.servo_axes import DriveEvent, DriveSetting
@@ -139,7 +139,7 @@ class CanServoAxes:
         self.service.claim_bus()
         self.service.note_before_reset()
         wait_for_boot_up(self._link, self._axes, self.watch)
-        each = zip(self._axes, self._robot.joints, motor_reach(self._robot), strict=True)
+        each = zip(self._axes, self._robot.joints, motor_ranges(self._robot), strict=True)
         for number, (axis, joint, reach) in enumerate(each):
             self.watch.expect_no_boot_up(number)
             setup = DriveSetup(
@@ -218,13 +218,13 @@ class CanServoAxes:
             DeviceFaultError: A drive has restarted since its setup, or reports a fault meanwhile.
             SafetyStop: A stop was ordered.
         """
-        self._expect(_Phase.CONFIGURED, "start", "bring_up")
+        self._require_phase(_Phase.CONFIGURED, "start", "bring_up")
         refuse_restarted(self._axes, self.watch)
         self._phase = _Phase.STARTED
         now_s = self._clock.now_s()
         self.watch.arm(now_s)
         self.send_heartbeat(now_s)
-        self._order(NmtCommand.START)
+        self._send_words(NmtCommand.START)
         self._power.wait_until_operational()
         self.watch.expect_operational()
 
@@ -233,7 +233,7 @@ class CanServoAxes:
 
         Drives also have a timeout for commands, equal to that of the heartbeat (1400h:05).
         """
-        self._expect(_Phase.STARTED, "be kept waiting", "start")
+        self._require_phase(_Phase.STARTED, "be kept waiting", "start")
         self.send_heartbeat(now_s)
         if self.last_heartbeat_s == now_s:
             self.cyclic.send_words([ControlWord.DISABLE_VOLTAGE] * len(self._axes))
@@ -250,7 +250,7 @@ class CanServoAxes:
             DeviceFaultError: A drive is in fault or reports one; a fault is never reset here.
             SafetyStop: A stop was ordered; no drive is switched further.
         """
-        self._expect(_Phase.STARTED, "enable", "start")
+        self._require_phase(_Phase.STARTED, "enable", "start")
         self._power.enable()
         self.cyclic.left_enabled = False
         self._phase = _Phase.ENABLED
@@ -295,10 +295,10 @@ class CanServoAxes:
         try:
             unconfirmed = self._power.take_power_away() if running else []
         finally:
-            self._order(NmtCommand.ENTER_PRE_OPERATIONAL)
+            self._send_words(NmtCommand.ENTER_PRE_OPERATIONAL)
         self.without_power = not unconfirmed
         if self.without_power:
-            self._order(NmtCommand.RESET_COMMUNICATION)
+            self._send_words(NmtCommand.RESET_COMMUNICATION)
         return tuple(unconfirmed)
 
     def _run_cycle(self, words: Sequence[int]) -> None:
@@ -308,11 +308,11 @@ class CanServoAxes:
         self.send_heartbeat(self._clock.now_s())
         self.cyclic.send_words(words)
 
-    def _order(self, command: NmtCommand) -> None:
+    def _send_words(self, command: NmtCommand) -> None:
         for axis in self._axes:
             self._link.send(nmt_frame(command, axis.node_id))
 
-    def _expect(self, phase: _Phase, verb: str, before: str) -> None:
+    def _require_phase(self, phase: _Phase, verb: str, before: str) -> None:
         if self._phase is not phase:
             raise DriverError(
                 f"the drives cannot {verb} now: they are {self._phase.name.lower()};"

@@ -103,7 +103,7 @@ def wait_for_boot_up(link: CanLink, axes: Sequence[DriveAxis], watch: DriveWatch
     for axis in axes:
         link.send(nmt_frame(NmtCommand.RESET_COMMUNICATION, axis.node_id))
     _listen(link, watch, BOOT_TIMEOUT_S, until_booted=True)
-    silent = _names_of(axes, (not count for count in watch.boot_ups))
+    silent = _joint_names(axes, (not count for count in watch.boot_ups))
     if silent:
         raise DeviceTimeoutError(
             f"no boot-up message within {BOOT_TIMEOUT_S:g} s from {silent}; check power, node id,"
@@ -111,7 +111,7 @@ def wait_for_boot_up(link: CanLink, axes: Sequence[DriveAxis], watch: DriveWatch
             code="RID-DRIVE-SILENT",
         )
     _listen(link, watch, SETTLE_S, until_booted=False)
-    twice = _names_of(axes, (count > 1 for count in watch.boot_ups))
+    twice = _joint_names(axes, (count > 1 for count in watch.boot_ups))
     if twice:
         raise ProtocolError(
             f"more than one boot-up message came from {twice}; two devices may share the node id,"
@@ -122,7 +122,7 @@ def wait_for_boot_up(link: CanLink, axes: Sequence[DriveAxis], watch: DriveWatch
 
 def refuse_restarted(axes: Sequence[DriveAxis], watch: DriveWatch) -> None:
     """Raise `DeviceFaultError` if a drive has booted again since its setup began."""
-    restarted = _names_of(axes, map(bool, watch.boot_ups))
+    restarted = _joint_names(axes, map(bool, watch.boot_ups))
     if restarted:
         raise DeviceFaultError(
             "a drive has booted again since its setup began, and lost its configuration:"
@@ -174,7 +174,7 @@ def _listen(link: CanLink, watch: DriveWatch, duration_s: float, *, until_booted
             watch.handle(frame, link.last_time_s)
 
 
-def _names_of(axes: Sequence[DriveAxis], chosen: Iterable[bool]) -> str:
+def _joint_names(axes: Sequence[DriveAxis], chosen: Iterable[bool]) -> str:
     return ", ".join(
         f"{axis.joint} (node {axis.node_id})" for axis, yes in zip(axes, chosen, strict=True) if yes
     )

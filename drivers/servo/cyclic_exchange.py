@@ -267,14 +267,14 @@ class CyclicExchange:
                 received[axis] = True
                 self._take_answer(axis, data)
         if not missing:
-            self._learn(last_s - sync_s)
+            self._update_delay(last_s - sync_s)
         if (missing or cycle <= self._watched_until) and taken < MOST_FRAMES:
             read_s = max(read_s, deadline_s)  # no frame came until then
         if self._coupling is not None:
             self._coupling.to_joints(self._motor_position, self.answers.position)
         self._watch.check(read_s if self._stamped else sync_s, self._stop_latency_s)
 
-    def _learn(self, arrival_s: float) -> None:
+    def _update_delay(self, arrival_s: float) -> None:
         """Track the delay of the last answer after SYNC [s], to avoid waking up earlier."""
         if self._burst_s and self._link.time_stamped:
             rate = LATER if arrival_s > self._expected_s else EARLIER

@@ -224,7 +224,7 @@ def _torque_candidates(eds: ElectronicDataSheet) -> Iterator[TorqueObject]:
     """
     standard = {0x6077: "rated_torque", 0x6078: "rated_current"}
     candidates = sorted(
-        (item for item in tells_torque(eds) if _fits_answer(item) or _can_be_asked(item)),
+        (item for item in torque_objects(eds) if _fits_answer(item) or _can_be_asked(item)),
         key=lambda item: (not _fits_answer(item), item.index not in standard, item.index),
     )
     for item in candidates:
@@ -237,7 +237,7 @@ def _torque_candidates(eds: ElectronicDataSheet) -> Iterator[TorqueObject]:
         yield TorqueObject.model_validate(keys)
 
 
-def tells_torque(eds: ElectronicDataSheet) -> tuple[EdsObject, ...]:
+def torque_objects(eds: ElectronicDataSheet) -> tuple[EdsObject, ...]:
     """Return the objects that, by their names, are an actual torque or current, of any size."""
     return tuple(item for item in eds.objects if _is_actual_torque(item.name.lower()))
 

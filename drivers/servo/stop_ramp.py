@@ -117,8 +117,8 @@ def stop_settings(
     """
     ramp = _ramp(cell, axis, joint, units, held)
     if ramp is not None:
-        yield _ordered(cell, axis, joint, ramp)
-        yield _after_a_fault(cell, axis, joint, units, held, ramp)
+        yield _check_ordered_stop(cell, axis, joint, ramp)
+        yield _check_fault_stop(cell, axis, joint, units, held, ramp)
     limit = cell.servo_of(axis).torque_limit
     if limit is None or object_address(limit.object) not in held:
         return
@@ -130,7 +130,7 @@ def stop_settings(
             joint.name, axis.node_id, limit.object, "torque for a stop", "", found, "shown"
         )
         return
-    yield _torque(axis, joint, limit.object, nm_per_unit * held[object_address(limit.object)])
+    yield _check_torque(axis, joint, limit.object, nm_per_unit * held[object_address(limit.object)])
 
 
 def _ramp(
@@ -150,7 +150,9 @@ def _ramp(
     return StopRamp(velocity, least / abs(units.acceleration_units_per_rad_s2))
 
 
-def _ordered(cell: CellConfig, axis: DriveAxis, joint: Joint, ramp: StopRamp) -> DriveSetting:
+def _check_ordered_stop(
+    cell: CellConfig, axis: DriveAxis, joint: Joint, ramp: StopRamp
+) -> DriveSetting:
     """Check a stop that is ordered at top speed; its command acts at the SYNC after the next."""
     before_s = 2.0 * cell.cycle_time_s
     time_s = before_s + ramp.time_s
@@ -161,8 +163,8 @@ def _ordered(cell: CellConfig, axis: DriveAxis, joint: Joint, ramp: StopRamp) ->
         axis.node_id,
         "6085h:00",
         "stop from top speed",
-        _required(joint),
-        _found(time_s, distance, joint) + f" from {ramp.velocity:.3g} {_unit(joint)}/s",
+        _required_text(joint),
+        _found_text(time_s, distance, joint) + f" from {ramp.velocity:.3g} {_unit(joint)}/s",
         "ok" if good else "red",
         ""
         if good
@@ -171,7 +173,7 @@ def _ordered(cell: CellConfig, axis: DriveAxis, joint: Joint, ramp: StopRamp) ->
     )
 
 
-def _after_a_fault(
+def _check_fault_stop(
     cell: CellConfig, axis: DriveAxis, joint: Joint, units: AxisUnits, held: Held, ramp: StopRamp
 ) -> DriveSetting:
     """Check the longest way to rest after a fault that must first be detected."""
@@ -186,8 +188,8 @@ def _after_a_fault(
         axis.node_id,
         "6085h:00",
         "rest after a fault",
-        _required(joint),
-        f"{_found(late[worst], far[worst], joint)} ({delays[worst].after})",
+        _required_text(joint),
+        f"{_found_text(late[worst], far[worst], joint)} ({delays[worst].after})",
         "red" if beyond else "ok",
         f"lower {lower}, or raise drive_safety.quick_stop_deceleration_rad_s2" if beyond else "",
     )
@@ -229,7 +231,7 @@ def _delays(cell: CellConfig, units: AxisUnits, held: Held, velocity: float) -> 
         )  # fmt: skip
 
 
-def _torque(axis: DriveAxis, joint: Joint, limit: str, allowed: float) -> DriveSetting:
+def _check_torque(axis: DriveAxis, joint: Joint, limit: str, allowed: float) -> DriveSetting:
     """Check whether the drive may produce the torque that motions use [N m or N]."""
     wanted = LEAST_TORQUE_SHARE * joint.limits.torque
     good = allowed >= wanted
@@ -253,11 +255,11 @@ def _range(joint: Joint) -> float:
     return joint.limits.position_max - joint.limits.position_min
 
 
-def _required(joint: Joint) -> str:
+def _required_text(joint: Joint) -> str:
     return f"≤ {LONGEST_STOP_S:g} s, ≤ {_range(joint):.3g} {_unit(joint)}"
 
 
-def _found(time_s: float, distance: float, joint: Joint) -> str:
+def _found_text(time_s: float, distance: float, joint: Joint) -> str:
     if math.isinf(time_s):
         return "never: its deceleration is 0 in the drive's units"
     if math.isinf(distance):

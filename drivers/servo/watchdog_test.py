@@ -57,7 +57,7 @@ def try_watches(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> tuple[Wat
     """
     noticed = _silence_drives(axes, clock, cell)
     axes.bring_up()
-    powered = takes_power(axes, cell)
+    powered = switches_power(axes, cell)
     acted = _withhold_heartbeat(axes, clock, cell, powered=powered)
     axes.bring_up()
     return tuple(
@@ -66,7 +66,7 @@ def try_watches(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> tuple[Wat
     )
 
 
-def takes_power(axes: CanServoAxes, cell: CellConfig) -> bool:
+def switches_power(axes: CanServoAxes, cell: CellConfig) -> bool:
     """Return whether `try_watches` switches the drives on."""
     return cell.drive_safety.trip_watchdog_with_power or bool(axes.left_to_trial)
 

@@ -210,7 +210,7 @@ def _contract_link(
     force = add(scale(m, dv), add(cross(dw, h), cross(w, cross(w, h))))
     moment = add(cross(h, dv), add(turn(inertia, dw), cross(w, momentum)))
     by_w = add(cross(momentum, t), turn(inertia, cross(t, w)))
-    accumulate(add(by_w, _by_centripetal(s, w, h)), gains, 3 * i + 3)
+    accumulate(add(by_w, _centripetal_derivative(s, w, h)), gains, 3 * i + 3)
     accumulate(add(cross(h, s), turn(inertia, t)), gains, 3 * i + 4)
     accumulate(add(scale(m, s), cross(t, h)), gains, 3 * i + 5)
     return moment, force
@@ -274,10 +274,12 @@ def _carry_back(
     force = turn_back(rotation, sliding_gain)
     if prismatic[i]:
         before = load_vector(screws, 2 * i - 2)
-        gain = _along(fixed_rotations[i], cross(force, before))
+        gain = _axis_component(fixed_rotations[i], cross(force, before))
     else:
         turning, sliding = load_vector(screws, 2 * i), load_vector(screws, 2 * i + 1)
-        gain = _by_turn(turning_gain, turning) + _by_turn(sliding_gain, sliding)
+        gain = _rotation_derivative(turning_gain, turning) + _rotation_derivative(
+            sliding_gain, sliding
+        )
     store(load(by_position, i, 0) + gain, by_position, i, 0)
     return add(turn_back(rotation, turning_gain), cross(offset, force)), force
 
@@ -298,21 +300,26 @@ def _sweep_in(
         by_dv = load_vector(gains, 3 * i + 5)
         gain = load(by_position, i, 0)
         if prismatic[i]:
-            scatter(2.0 * _by_turn(by_dv, w), by_joint[1], samples, i)
+            scatter(2.0 * _rotation_derivative(by_dv, w), by_joint[1], samples, i)
             scatter(by_dv[2], by_joint[2], samples, i)
             by_w = (by_w[0] - 2.0 * qd * by_dv[1], by_w[1] + 2.0 * qd * by_dv[0], by_w[2])
         else:
-            scatter(by_w[2] + _by_turn(by_dw, w), by_joint[1], samples, i)
+            scatter(by_w[2] + _rotation_derivative(by_dw, w), by_joint[1], samples, i)
             scatter(by_dw[2], by_joint[2], samples, i)
             by_w = (by_w[0] - qd * by_dw[1], by_w[1] + qd * by_dw[0], by_w[2])
             turned = (dw[0] - w[1] * qd, dw[1] + w[0] * qd, dw[2])
-            gain = gain + _by_turn(by_dv, dv) + _by_turn(by_w, w) + _by_turn(by_dw, turned)
+            gain = (
+                gain
+                + _rotation_derivative(by_dv, dv)
+                + _rotation_derivative(by_w, w)
+                + _rotation_derivative(by_dw, turned)
+            )
         force = turn_back(rotation, by_dv)
         w, dw = load_vector(moves, 3 * i), load_vector(moves, 3 * i + 1)
         if prismatic[i]:
             by_offset = add(cross(force, dw), cross(w, cross(w, force)))
-            gain = gain + _along(fixed_rotations[i], by_offset)
-        by_w = add(turn_back(rotation, by_w), _by_centripetal(force, w, offset))
+            gain = gain + _axis_component(fixed_rotations[i], by_offset)
+        by_w = add(turn_back(rotation, by_w), _centripetal_derivative(force, w, offset))
         accumulate(by_w, gains, 3 * i)
         accumulate(add(turn_back(rotation, by_dw), cross(offset, force)), gains, 3 * i + 1)
         accumulate(force, gains, 3 * i + 2)
@@ -330,20 +337,20 @@ def _frame(frames: FloatArray, i: int) -> tuple[Rotation, Vector]:
 
 
 @kernel
-def _by_centripetal(s: Vector, w: Vector, p: Vector) -> Vector:
+def _centripetal_derivative(s: Vector, w: Vector, p: Vector) -> Vector:
     """Return the derivative of s . w x (w x p) by w."""
     along = add(scale(dot(w, p), s), scale(dot(s, w), p))
     return add(along, scale(-2.0 * dot(s, p), w))
 
 
 @kernel
-def _by_turn(gain: Vector, v: Vector) -> Lanes:
+def _rotation_derivative(gain: Vector, v: Vector) -> Lanes:
     """Return the gain if a vector's frame turns about z."""
     return gain[0] * v[1] - gain[1] * v[0]
 
 
 @kernel
-def _along(fixed: FloatArray, v: Vector) -> Lanes:
+def _axis_component(fixed: FloatArray, v: Vector) -> Lanes:
     """Return the component of v along a joint's axis, in the previous frame."""
     along: Lanes = v[0] * fixed[0, 2] + v[1] * fixed[1, 2] + v[2] * fixed[2, 2]
     return along

@@ -254,9 +254,12 @@ def sample_torque(
             carried[j] += coupling[0, i, j] * along
             free[j] += coupling[0, i, j] * beside
         force, moment, turning = (
-            _back(row, force),
-            _add(_back(row, moment), _cross((row[9], row[10], row[11]), _back(row, force))),
-            _back(row, turning),
+            _to_previous_frame(row, force),
+            _add(
+                _to_previous_frame(row, moment),
+                _cross((row[9], row[10], row[11]), _to_previous_frame(row, force)),
+            ),
+            _to_previous_frame(row, turning),
         )
     for c in range(3):
         base[c] = force[c]
@@ -341,7 +344,7 @@ def _inertia(body: FloatArray, u: Vector) -> Vector:
 
 
 @kernel
-def _back(row: FloatArray, u: Vector) -> Vector:
+def _to_previous_frame(row: FloatArray, u: Vector) -> Vector:
     """Transform a vector from link i + 1's frame to the previous frame."""
     return (
         row[0] * u[0] + row[3] * u[1] + row[6] * u[2],

@@ -47,7 +47,7 @@ def go_to(q: FloatArray, presliding: FloatArray, state: FloatArray, found: Float
 
 
 @kernel
-def remembered_torque(
+def hysteretic_torque(
     model: ModelArrays,
     q: FloatArray,
     v: FloatArray,

@@ -15,7 +15,7 @@ from typing import Any, NoReturn
 from acquisition.runs.folder import RunFolder
 from config import errors
 from config.errors import DriverError, RidDaqError
-from config.process.shortage import as_named
+from config.process.shortage import named_error
 from config.process.termination import TERMINATION, signals_blocked
 from rid_daq.demo.demo_story import Motions, Story, run_story
 from rid_daq.terminal.context import Context
@@ -109,7 +109,7 @@ def _serve(
         try:
             line.send(run_story(folder, motions, seed, unmodelled, show))
         except Exception as caught:
-            error = as_named(caught)
+            error = named_error(caught)
             kind = getattr(errors, type(error).__name__, DriverError)
             line.send(kind(str(error)))
 

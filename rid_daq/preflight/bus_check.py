@@ -12,7 +12,7 @@ from drivers.canopen.frames import tpdo_cob_id
 from drivers.cell import Cell
 from drivers.ports.can_interface import CanInterface, read_interface, transmit_queue_frames
 from drivers.servo.bring_up import bus_load
-from drivers.servo.watchdog_test import WatchTrial, acts_within_s, takes_power, try_watches
+from drivers.servo.watchdog_test import WatchTrial, acts_within_s, switches_power, try_watches
 
 LONGEST_QUEUE = 128
 SPARE_FRAMES = 2
@@ -171,7 +171,7 @@ def watch_lines(opened: Cell, *, cleared: bool) -> list[CheckLine]:
     Raises:
         DriverError, PreflightError: As of `drivers.servo.watchdog_test.try_watches`.
     """
-    if takes_power(opened.axes, opened.config) and not cleared:
+    if switches_power(opened.axes, opened.config) and not cleared:
         return [
             CheckLine(
                 where=", ".join(opened.axes.left_to_trial or opened.axes.joint_names),

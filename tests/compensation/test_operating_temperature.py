@@ -7,7 +7,7 @@ import pytest
 
 from compensation.loops.velocity_loop import VelocityLoop
 from compensation.online.online import OnlineFeedforward
-from compensation.operating_temperature import at_operation
+from compensation.operating_temperature import at_operating_temperature
 from config.errors import ConfigError, EstimationError
 from config.load import LoadedCell, load_cell
 from dynamics.terms.conditions import Conditions
@@ -43,7 +43,7 @@ def followed(cell: LoadedCell) -> Estimate:
 def test_measured_temperatures_are_given_in_degrees(
     measured: Estimate, asked: str, celsius: list[float]
 ) -> None:
-    found = at_operation(measured, asked, None)
+    found = at_operating_temperature(measured, asked, None)
     there = Conditions(temperature_k=np.array(celsius) + 273.15)
     np.testing.assert_allclose(
         predict(found.estimate, *WAY), predict(measured, *WAY, there), rtol=1e-9, atol=1e-7
@@ -56,7 +56,7 @@ def test_measured_temperatures_are_given_in_degrees(
 def test_cold_is_the_friction_without_what_warmth_takes_off(
     cell: LoadedCell, followed: Estimate
 ) -> None:
-    found = at_operation(followed, "cold", None)
+    found = at_operating_temperature(followed, "cold", None)
     np.testing.assert_allclose(
         predict(found.estimate, *WAY), predict(known(cell, {}), *WAY), rtol=1e-9, atol=1e-7
     )
@@ -64,7 +64,7 @@ def test_cold_is_the_friction_without_what_warmth_takes_off(
 
 
 def test_warm_is_where_the_motion_leads_that_is_repeated(followed: Estimate) -> None:
-    found = at_operation(followed, "warm", WAY[1])
+    found = at_operating_temperature(followed, "warm", WAY[1])
     warming = followed.warming
     assert warming is not None
     # An hour of the same motion, followed as recordings are: many time constants.
@@ -73,7 +73,7 @@ def test_warm_is_where_the_motion_leads_that_is_repeated(followed: Estimate) -> 
     settled = _after_an_hour(warming, followed)
     np.testing.assert_allclose(warming.settled(followed.robot, WAY[1])[:2], settled[:2], rtol=0.002)
     axis1 = found.estimate.base.names.index("fc_axis1")
-    cold = at_operation(followed, "cold", None).estimate.values[axis1]
+    cold = at_operating_temperature(followed, "cold", None).estimate.values[axis1]
     rise = warming.settled(followed.robot, WAY[1])[0] - 298.15
     assert rise > 5.0
     assert found.estimate.values[axis1] == pytest.approx(cold * (1.0 - FALL * rise))
@@ -111,16 +111,16 @@ def test_a_model_at_one_temperature_compensates_on_line(
     ]
     with raises_code(EstimationError, "RID-MODEL-TEMPERATURE"):
         OnlineFeedforward.identified(cell.config, cell.robot, followed, loops)
-    warm = at_operation(followed, "warm", WAY[1]).estimate
+    warm = at_operating_temperature(followed, "warm", WAY[1]).estimate
     OnlineFeedforward.identified(cell.config, cell.robot, warm, loops)
 
 
 def test_what_friction_does_not_depend_on_is_not_asked(cell: LoadedCell) -> None:
     plain = known(cell, {})
-    assert at_operation(plain, None, None).estimate is plain
-    assert at_operation(plain, None, None).notes == []
+    assert at_operating_temperature(plain, None, None).estimate is plain
+    assert at_operating_temperature(plain, None, None).notes == []
     with raises_code(ConfigError, "RID-OPTION-NO-EFFECT", "--temperature", "40"):
-        at_operation(plain, "40", None)
+        at_operating_temperature(plain, "40", None)
 
 
 @pytest.mark.parametrize("asked", [None, "warm", "cold"])
@@ -128,21 +128,21 @@ def test_nobody_knows_how_warm_measured_drives_become(
     measured: Estimate, asked: str | None
 ) -> None:
     with raises_code(ConfigError, "RID-MODEL-TEMPERATURE", "axis1", "axis2"):
-        at_operation(measured, asked, WAY[1])
+        at_operating_temperature(measured, asked, WAY[1])
 
 
 @pytest.mark.parametrize("asked", ["", "hot", "40,41", "500", "nan", "40;41;42", "1,2,"])
 def test_what_is_no_temperature_is_refused(measured: Estimate, asked: str) -> None:
     with raises_code(ConfigError, "RID-OPTION-SYNTAX", "-40", "200"):
-        at_operation(measured, asked, WAY[1])
+        at_operating_temperature(measured, asked, WAY[1])
 
 
 @pytest.mark.parametrize("asked", [None, "40"])
 def test_without_thermometers_there_are_no_degrees(followed: Estimate, asked: str | None) -> None:
     with raises_code(ConfigError, "RID-MODEL-TEMPERATURE", "--temperature"):
-        at_operation(followed, asked, WAY[1])
+        at_operating_temperature(followed, asked, WAY[1])
 
 
 def test_points_from_elsewhere_do_not_tell_how_warm_they_make_joints(followed: Estimate) -> None:
     with raises_code(ConfigError, "RID-MODEL-TEMPERATURE"):
-        at_operation(followed, "warm", None)
+        at_operating_temperature(followed, "warm", None)

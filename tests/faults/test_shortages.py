@@ -19,7 +19,7 @@ from acquisition.runs.folder import RunFolder
 from acquisition.session.helper_process import HelperProcess, start_all
 from config.errors import ShortageError
 from config.formats.bounded_file import read_file
-from config.process.shortage import as_named, as_shortage, require_memory
+from config.process.shortage import as_shortage, named_error, require_memory
 from rid_daq.app import run
 from tests.builders.invented import whole_result
 from tests.builders.raised_codes import raises_code
@@ -163,14 +163,14 @@ def test_a_computer_that_lacks_something_is_named(
 def test_what_is_lacking_is_read_from_what_led_to_an_error(error: Exception, said: str) -> None:
     outer = OSError("could not load the library")
     outer.__context__ = error
-    assert said in str(as_named(error))
-    assert said in str(as_named(outer))
+    assert said in str(named_error(error))
+    assert said in str(named_error(outer))
 
 
 def test_a_mistake_of_the_program_stays_one() -> None:
     assert as_shortage(KeyError("a")) is None
     with pytest.raises(KeyError):
-        as_named(KeyError("a"))
+        named_error(KeyError("a"))
 
 
 def test_more_memory_than_there_are_addresses_is_refused() -> None:

@@ -26,7 +26,7 @@ from compensation.feedforward.tuning import tune
 from compensation.loops import loop_file
 from compensation.loops.velocity_loop import VelocityLoop
 from compensation.online.online import in_order
-from compensation.operating_temperature import at_operation
+from compensation.operating_temperature import at_operating_temperature
 from config.errors import ConfigError, DataQualityError
 from config.formats.approved_files import sha256_of
 from config.formats.json_file import read_content
@@ -101,7 +101,7 @@ def compensate_motion(request: CompensateRequest) -> Compensated:
     loops, loops_bytes = loops_and_bytes(request.loop, loaded)
     samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
     modelled, model_bytes = estimate_and_bytes(request.model, loaded.robot)
-    warm = at_operation(modelled, request.temperature, samples.whole().velocity)
+    warm = at_operating_temperature(modelled, request.temperature, samples.whole().velocity)
     estimate, notes = warm.estimate, warm.notes
     tuning = None
     if request.reference is not None:
@@ -142,7 +142,7 @@ def refine_feedforward(request: RefineRequest) -> Refined:
     _refuse_mixed(driven)
     samples = first.samples()
     modelled, model_bytes = estimate_and_bytes(request.model, first.data.robot)
-    warm = at_operation(modelled, request.temperature, samples.whole().velocity)
+    warm = at_operating_temperature(modelled, request.temperature, samples.whole().velocity)
     estimate = warm.estimate
     names = samples.joint_names
     loops_bytes = read_content(request.loop, loop_file.LARGEST_FILE_BYTES)

@@ -10,7 +10,7 @@ import numpy as np
 
 from acquisition.motion.limits import verify_limits
 from acquisition.motion.samples import MotionSamples
-from compensation.operating_temperature import WARM, at_operation
+from compensation.operating_temperature import WARM, at_operating_temperature
 from compensation.timing.limits import TimingLimits
 from compensation.timing.timed_motion import TimedMotion, retimed, weighed
 from config.arrays import FloatArray
@@ -90,7 +90,7 @@ def retime_motion(request: RetimeRequest) -> Retimed:
     if request.base:
         estimate = weighed(estimate, request.mass_kg)
     samples = motion.plan(robot, loaded.config.cycle_time_s)
-    warm = at_operation(estimate, request.temperature, samples.whole().velocity)
+    warm = at_operating_temperature(estimate, request.temperature, samples.whole().velocity)
     for again in (request.temperature == WARM, False):
         timed = retimed(
             samples, robot, warm.estimate, limits, confidence=request.confidence, payload=payload
@@ -99,7 +99,7 @@ def retime_motion(request: RetimeRequest) -> Retimed:
             break
         # What is faster heats more: the motion is timed to the warmth that it makes itself.
         faster = timed.motion.plan(robot, loaded.config.cycle_time_s).whole()
-        warm = at_operation(estimate, request.temperature, faster.velocity)
+        warm = at_operating_temperature(estimate, request.temperature, faster.velocity)
     estimate = warm.estimate
     _hold_what_is_written(timed, robot, loaded.config.cycle_time_s, estimate, payload)
     section = RetimingSection.of(

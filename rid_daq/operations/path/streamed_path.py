@@ -10,7 +10,7 @@ from acquisition.runs.manifest import require_label
 from acquisition.session.outcome import RecordOutcome
 from compensation.online.online import OnlineFeedforward
 from compensation.online.stream import StreamSettings, stream_motion, stream_socket
-from compensation.operating_temperature import at_operation
+from compensation.operating_temperature import at_operating_temperature
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
 from config.load import LoadedCell, load_cell
@@ -35,7 +35,7 @@ def stream_path(request: StreamRequest, context: Context) -> RecordedRun:
     words, samples, files = _planned(request, loaded)
     loops, loops_bytes = loops_and_bytes(request.loop, loaded)
     estimate, model_bytes = estimate_and_bytes(request.model, loaded.robot)
-    warm = at_operation(
+    warm = at_operating_temperature(
         estimate, request.temperature, None if samples is None else samples.whole().velocity
     )
     for note in warm.notes:

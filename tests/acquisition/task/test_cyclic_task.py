@@ -59,13 +59,13 @@ class Bench:
         self.axes: Axes = axes
         self.clock = clock
         self.lockstep = True
-        self._make = lambda: CyclicTask(
+        self._create_secret = lambda: CyclicTask(
             axes, clock, cell, robot, self.ring, self.control, lockstep=self.lockstep,
             orders=StopOrders(self.control, lambda: self.parent_gone, self.service, self.now),
         )  # fmt: skip
 
     def run(self, motion: MotionSamples | PlannedMotion) -> StopReason | None:
-        return self._make().run(
+        return self._create_secret().run(
             PlannedMotion(motion) if isinstance(motion, MotionSamples) else motion
         )
 

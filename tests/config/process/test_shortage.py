@@ -7,7 +7,7 @@ import errno
 import pytest
 
 from config.errors import ConfigError, ShortageError
-from config.process.shortage import as_named, as_shortage, require_memory
+from config.process.shortage import as_shortage, named_error, require_memory
 from tests.builders.raised_codes import raises_code
 
 
@@ -51,11 +51,11 @@ def test_words_of_other_errors_are_no_shortage() -> None:
 
 def test_an_error_of_ours_stays_itself_and_a_mistake_is_raised() -> None:
     ours = ConfigError("a key is wrong")
-    assert as_named(ours) is ours
-    assert isinstance(as_named(OSError(errno.EIO, "x")), ShortageError)
+    assert named_error(ours) is ours
+    assert isinstance(named_error(OSError(errno.EIO, "x")), ShortageError)
     mistake = KeyError("x")
     with pytest.raises(KeyError) as caught:
-        as_named(mistake)
+        named_error(mistake)
     assert caught.value is mistake
 
 

@@ -10,7 +10,7 @@ from config.robot.robot import RobotDescription
 from dynamics.kernels.presliding import FOUND
 from dynamics.model.memory import with_memory
 from dynamics.model.one_sample import SampleTorque
-from dynamics.model.remembered_sample import go_to, remembered_torque, unknown
+from dynamics.model.remembered_sample import go_to, hysteretic_torque, unknown
 from dynamics.model.robot_model import RobotModel, load_torque, torque
 from dynamics.terms.conditions import Conditions
 
@@ -60,7 +60,7 @@ def test_a_path_gone_step_by_step_takes_the_whole_paths_torques(
     state, found, out = unknown(3), np.zeros((3, FOUND)), np.empty(3)
     for row in range(len(q)):
         go_to(q[row], one.presliding, state, found)
-        remembered_torque(one.arrays, q[row], v[row], a[row], found, out)
+        hysteretic_torque(one.arrays, q[row], v[row], a[row], found, out)
         np.testing.assert_allclose(out, expected[row], rtol=1e-9, atol=1e-9)
     by_speed = torque(model, q, v, a, theta, Conditions(load_nm=load))
     assert np.abs(by_speed - expected)[:, 0].max() > 1.0, "memory makes a difference here"

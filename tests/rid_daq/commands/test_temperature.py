@@ -12,7 +12,7 @@ from compensation.compensated_motion import compensated_motion, refuse_torque
 from compensation.feedforward.file import read_feedforward
 from compensation.loops.loop_file import read_loops, write_loops
 from compensation.loops.velocity_loop import VelocityLoop
-from compensation.operating_temperature import at_operation
+from compensation.operating_temperature import at_operating_temperature
 from config.errors import LimitError
 from config.load import LoadedCell, load_cell
 from identification.estimation.estimate import predict
@@ -74,7 +74,7 @@ def test_the_feedforward_is_that_of_the_model_as_warm_as_was_said(
     assert run(words(folder, "compensate", model, *more)) == 0
     samples = load_motion(folder / "path.yaml").plan(cell.robot, cell.config.cycle_time_s)
     estimate = read_estimate(folder / f"{model}.json")
-    warm = at_operation(estimate, asked, samples.whole().velocity)
+    warm = at_operating_temperature(estimate, asked, samples.whole().velocity)
     assert document(capsys)["notes"] == warm.notes
     file = read_feedforward(folder / "out")
     assert file.origin.temperature == asked
@@ -143,7 +143,9 @@ def test_a_motion_that_takes_too_much_of_a_cold_joint_is_refused(
     estimate = read_estimate(folder / "followed.json")
     way = (samples.position, samples.velocity, samples.acceleration)
     peaks = [
-        np.abs(predict(at_operation(estimate, asked, way[1]).estimate, *way)).max(axis=0)[0]
+        np.abs(predict(at_operating_temperature(estimate, asked, way[1]).estimate, *way)).max(
+            axis=0
+        )[0]
         for asked in ("cold", "warm")
     ]
     between = 0.5 * sum(peaks)
