@@ -57,6 +57,7 @@ def friction(choice: ModelChoice) -> list[tuple[str, ...]]:
     return [joint.friction for joint in choice.robot(robot()).joints]
 
 
+@pytest.mark.slow
 def test_load_and_stribeck_friction_are_found_together() -> None:
     choice = choose_model(robot(), signals(Case("three", "both", "none", 1)))
     assert [set(own) for own in friction(choice)] == [{*PLAIN, "load", "stribeck"}] * 3
@@ -74,6 +75,7 @@ def test_delays_are_found_before_friction_with_an_interval() -> None:
     np.testing.assert_array_less(error_s, 3.0 * choice.channel.delay_sigma_s + 1e-12)
 
 
+@pytest.mark.slow
 def test_a_filter_is_not_explained_by_friction() -> None:
     choice = choose_model(robot(), signals(Case("three", "plain", "lag5", 1)))
     assert friction(choice) == [PLAIN] * 3
@@ -118,6 +120,7 @@ def averaged(run: SmoothedSignals) -> SmoothedSignals:
     return replace(run, unfiltered=replace(run.unfiltered, torque_nm=mean))
 
 
+@pytest.mark.slow
 def test_a_moving_average_is_not_explained_by_friction() -> None:
     case = Case("three", "plain", "none", 1)
     choice = choose_model(robot(), [averaged(run) for run in signals(case)])

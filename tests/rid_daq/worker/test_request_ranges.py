@@ -240,7 +240,7 @@ def test_a_random_document_is_a_request_or_is_refused(kind: JobKind, tmp_path: P
     """Nothing else comes of it, and what is accepted names nothing outside the service's folder."""
 
     @settings(
-        max_examples=60,
+        max_examples=20,
         deadline=None,
         suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
     )
