@@ -17,9 +17,9 @@ from typing import Final, Self
 import numpy as np
 
 from acquisition.hold_to_run.dead_man import DeadMan
+from acquisition.hold_to_run.dead_man_thread import LOOK_S, DeadManThread
 from acquisition.hold_to_run.held_motion import HeldMotion
 from acquisition.hold_to_run.line import LineCheck
-from acquisition.hold_to_run.pilot import LOOK_S, Pilot
 from benchmarks.held_key_links import Page, Told, Way
 from config.load import load_cell
 from rid_daq.operations.cell.jogging import Jogging
@@ -56,7 +56,7 @@ class Connection:
     def order(self, told: Told) -> str | None:
         """Return what the service writes to the worker of a page's message."""
         message = self.challenges.message(JOB, "lease", told)
-        return None if message is None else json.dumps(message.order())
+        return None if message is None else json.dumps(message.to_order())
 
 
 @dataclass
@@ -103,7 +103,7 @@ class SimulatedJog:
         self._motion.begin(False, START)
         line = LineCheck(LOADED.config, robot, SPEED_SHARE)
         self._jogging = Jogging(robot, None, line, Console(as_json=True))
-        self._pilot = Pilot(dead_man, len(robot.joints), self._orders, self._jogging.line)
+        self._pilot = DeadManThread(dead_man, len(robot.joints), self._orders, self._jogging.line)
         self._row = 0
         self._next_cycle_s = self._next_look_s = self.clock.now_s
         self._stack = ExitStack()

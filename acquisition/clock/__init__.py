@@ -1,5 +1,6 @@
-"""The clock of a recording from elsewhere: repeated rows, jitter, and rebuilt times.
+"""Clock of an imported recording: repeated rows, jitter, and rebuilt times.
 
-No files and no maps. Begin with `judgement.py`: it drops the rows that `repeats.py` finds, has
-`intervals.py` estimate the times, and accepts them only if `left_out.py` and `torque_test.py` do.
+The files of this folder read no files. Begin with `judgement.py`. It drops the repeated rows that
+`repeats.py` finds and estimates the times with `intervals.py`. It accepts these times only if
+`left_out.py` and `torque_test.py` confirm them.
 """

@@ -1,4 +1,7 @@
-"""Velocities that were computed from positions and stamps: they say nothing of the clock."""
+"""Detection of velocities that were computed from positions and time stamps.
+
+Such velocities contain no information about the clock.
+"""
 
 from __future__ import annotations
 
@@ -16,32 +19,32 @@ SHARE_DIFFERENT: Final = 0.5
 FEWEST_ROWS: Final = 100
 
 
-def differs_in_repeats(samples: Samples, repeated: BoolArray) -> bool:
-    """Return whether velocities change in most rows that repeat position and torque.
+def velocity_changes_in_repeats(samples: Samples, repeated: BoolArray) -> bool:
+    """Return True if velocities change in most rows that repeat position and torque.
 
-    A source that repeats its values repeats its velocity with them; a difference of positions
-    becomes zero there.
+    A source that repeats its values also repeats its measured velocity. A velocity that is a
+    difference of positions becomes zero in a repeated row.
     """
     rows = np.flatnonzero(repeated)
-    told = np.isfinite(samples.velocity).all(axis=0)
-    if not len(rows) or not told.any():
+    measured = np.isfinite(samples.velocity).all(axis=0)
+    if not len(rows) or not measured.any():
         return False
-    velocity = samples.velocity[:, told]
+    velocity = samples.velocity[:, measured]
     changed = np.any(velocity[rows] != velocity[rows - 1], axis=1)
     return bool(np.mean(changed) > SHARE_DIFFERENT)
 
 
-def follows_stamps(samples: Samples) -> bool:
-    """Return whether the velocities' fast changes are explained by those of the stamps' steps.
+def velocity_depends_on_stamps(samples: Samples) -> bool:
+    """Return True if the steps of the time stamps explain the fast changes of the velocities.
 
-    A way divided by a step that is too short is too fast. A measured velocity knows nothing of the
-    steps. Regressed over a few steps on both sides, any difference formula is found, filtered or
-    not.
+    A displacement divided by a step that is too short gives a velocity that is too high. A measured
+    velocity does not depend on the steps. The regression includes several steps before and after
+    each row, so that it detects any difference formula, filtered or not.
     """
     steps = np.diff(samples.time_s)
     if len(steps) < FEWEST_ROWS or float(np.std(steps)) < UNEVEN * float(np.mean(steps)):
         return False
-    short = _fast(np.minimum(steps / np.median(steps), 3.0))
+    short = _high_pass(np.minimum(steps / np.median(steps), 3.0))
     inner = np.arange(LAGS, len(short) - LAGS)
     by = np.column_stack([short[inner + lag] for lag in range(-LAGS, LAGS)])
     for joint in samples.moving():
@@ -50,7 +53,7 @@ def follows_stamps(samples: Samples) -> bool:
         rows = level > max(STANDSTILL_SPEED, 0.2 * float(np.abs(velocity).max()))
         if np.count_nonzero(rows) < FEWEST_ROWS:
             continue
-        change = _fast(velocity)[inner][rows] / velocity[inner + 1][rows]
+        change = _high_pass(velocity)[inner][rows] / velocity[inner + 1][rows]
         change = np.clip(change, -1.0, 1.0)
         left = change - by[rows] @ np.linalg.lstsq(by[rows], change, rcond=None)[0]
         if float(left @ left) < (1.0 - SHARE_EXPLAINED) * float(change @ change):
@@ -58,6 +61,6 @@ def follows_stamps(samples: Samples) -> bool:
     return False
 
 
-def _fast(values: FloatArray) -> FloatArray:
-    """Return by how much values differ from the mean of their neighbours; two fewer."""
+def _high_pass(values: FloatArray) -> FloatArray:
+    """Return the differences of values from the mean of their neighbours; two values fewer."""
     return np.asarray(values[1:-1] - (values[2:] + values[:-2]) / 2.0)

@@ -1,10 +1,10 @@
-"""Sample times estimated from positions and velocities.
+"""Estimation of sample times from positions and velocities.
 
-Between two rows a joint goes q1 - q0 = h (v0 + v1)/2 + h^2 (a0 - a1)/12: each interval h follows
-by weighted least squares over all joints. A velocity's scale beside the other joints' and its
-lateness are found over a tenth of a second, where the stamps' errors hardly matter.
-An interval that the motion does not show, as at rest, gets the usual length of those with as many
-repeated rows before them.
+Between two rows a joint moves by q1 - q0 = h (v0 + v1)/2 + h^2 (a0 - a1)/12. Weighted least squares
+over all joints gives each interval h. The scale of each velocity relative to the other joints and
+its delay are estimated over 0.1 s, because the errors of the stamps are negligible over this time.
+If the motion does not determine an interval, for example at rest, the interval gets the usual
+length of intervals with the same number of repeated rows before them.
 """
 
 from __future__ import annotations
@@ -19,37 +19,38 @@ from acquisition.processing.smoothing import GAP_STEPS
 from config.arrays import BoolArray, FloatArray, IntArray
 
 ROUNDS: Final = 4
-WELL_SEEN: Final = 0.05
-"""Largest standard deviation of an interval that counts as seen, in parts of the usual one."""
-FEWEST_SEEN: Final = 50
+DETERMINED: Final = 0.05
+"""An interval is determined if its standard deviation is below this part of the usual length."""
+FEWEST_DETERMINED: Final = 50
 FEWEST_OF_CLASS: Final = 10
 SHORTEST: Final = 0.1
-"""Shortest interval, in parts of the usual one: time goes forward."""
+"""Shortest permitted interval, as part of the usual one."""
 ON_TICK: Final = 0.95
-"""Share of intervals that must be whole multiples of one tick for all to be."""
+"""If this share of intervals are whole multiples of one tick, all intervals are."""
 COUNTED: Final = 0.12
-"""Largest standard deviation of an interval whose ticks can be counted, in ticks."""
+"""Largest standard deviation of an interval that can be rounded to whole ticks [ticks]."""
 RATE_KEPT: Final = 0.005
-"""If the mean rate agrees with the stamps this well, theirs is kept."""
-RATE_BELIEVED: Final = 0.05
-"""Velocities that contradict the stamps' rate by more tell no times."""
-DISTINCT: Final = 3.0
-"""Standard deviations from which a common lateness of the velocities counts."""
+"""If the estimated mean rate differs by less from that of the stamps, the latter is kept."""
+LARGEST_RATE_ERROR: Final = 0.05
+"""Velocities that contradict the rate of the stamps by more are not used."""
+SIGNIFICANT: Final = 3.0
+"""Number of standard deviations from which a common delay of the velocities is significant."""
 WRONG_STEPS: Final = 0.5
-"""Part of the error of the stamps' steps, RMS, that a common lateness must exceed."""
+"""A common delay must exceed this part of the RMS error of the stamps' steps."""
 FAR_OFF: Final = 4.0
-"""Standard deviations beyond which a tenth of a second does not count, as where a motion begins."""
+"""Residuals over 0.1 s beyond so many standard deviations are outliers, as at a motion's start."""
 _MAD: Final = 1.4826
 
 
 @dataclass(frozen=True, eq=False)
 class Times:
-    """Estimated times.
+    """Estimated sample times.
 
     Attributes:
-        time_s: Shape (rows,). The times; the first is the first stamp [s].
-        tick_s: What all intervals are whole multiples of [s]; None for no such tick.
-        rate: Duration by the velocities over that of the stamps; the times keep that of the stamps.
+        time_s: Shape (rows,). Estimated times; the first one is the first stamp [s].
+        tick_s: Time of which all intervals are whole multiples [s]; None if there is no such time.
+        rate: Duration by the velocities divided by the duration by the stamps. The estimated times
+            keep the duration of the stamps.
     """
 
     time_s: FloatArray
@@ -59,7 +60,7 @@ class Times:
 
 @dataclass(frozen=True, eq=False)
 class _Motion:
-    """What does not change from round to round: differences of neighbouring rows."""
+    """Data that are the same in each iteration: differences of neighbouring rows, and the rows."""
 
     moved: FloatArray
     velocity: FloatArray
@@ -69,13 +70,15 @@ class _Motion:
 def estimate_times(
     samples: Samples, repeats: IntArray, joints: tuple[int, ...], rounds: int = ROUNDS
 ) -> Times | None:
-    """Return times by some joints' velocities; None if they do not show them.
+    """Return sample times estimated from the velocities of `joints`.
+
+    The result is None if the velocities do not determine the times.
 
     Args:
         samples: Rows without repeats.
-        repeats: Shape (rows - 1,). How many repeated rows were left out in each interval.
-        joints: The joints that tell; each has a velocity.
-        rounds: How often the times are improved.
+        repeats: Shape (rows - 1,). Number of repeated rows that were dropped from each interval.
+        joints: Joints that are used; each has a velocity.
+        rounds: Number of iterations.
     """
     stamps = samples.time_s
     given, usual = np.diff(stamps), samples.period_s
@@ -83,49 +86,53 @@ def estimate_times(
     chosen = list(joints)
     position = samples.position[:, chosen]
     motion = _Motion(np.diff(position, axis=0), samples.velocity[:, chosen], position)
-    least = noise = _least_noise(motion, usual)
-    late_s = _lateness(motion, stamps)
+    least = noise = _smallest_noise(motion, usual)
+    delay_s = _common_delay(motion, stamps)
     now, seen = stamps, ~gap
     for _ in range(rounds):
-        mean, moved = _calibrated(motion, now, late_s)
-        length, sigma = _lengths(mean, moved, noise)
-        seen = (sigma < WELL_SEEN * usual) & ~gap
-        if np.count_nonzero(seen) < FEWEST_SEEN:
+        mean, moved = _calibrate_velocities(motion, now, delay_s)
+        length, sigma = _interval_lengths(mean, moved, noise)
+        seen = (sigma < DETERMINED * usual) & ~gap
+        if np.count_nonzero(seen) < FEWEST_DETERMINED:
             return None
-        if abs(late_s) < WRONG_STEPS * float(np.std((length - given)[seen])):
-            late_s = 0.0  # stamps that are late with the steps' length say the same
+        if abs(delay_s) < WRONG_STEPS * float(np.std((length - given)[seen])):
+            delay_s = 0.0  # errors of the stamps that depend on the step length look the same
         left = np.abs(moved - length[:, np.newaxis] * mean)[seen]
         noise = np.maximum(_MAD * np.median(left, axis=0), least)
-        length = _with_usual(length, sigma, seen, repeats, usual)
+        length = _shrink_to_usual_length(length, sigma, seen, repeats, usual)
         length = np.where(gap, given, np.maximum(length, SHORTEST * usual))
-        now = _running(stamps[0], length)
-    length, sigma = _lengths(*_calibrated(motion, now, late_s), noise)
-    tick_s = _tick(length[~gap], sigma[~gap], usual)
-    rate, kept = _rate(given, np.diff(now), repeats, seen)
-    now = _running(stamps[0], np.diff(now) / np.where(gap, 1.0, rate))
+        now = _times_from_intervals(stamps[0], length)
+    length, sigma = _interval_lengths(*_calibrate_velocities(motion, now, delay_s), noise)
+    tick_s = _common_tick(length[~gap], sigma[~gap], usual)
+    rate, kept = _duration_ratio(given, np.diff(now), repeats, seen)
+    now = _times_from_intervals(stamps[0], np.diff(now) / np.where(gap, 1.0, rate))
     if kept:
-        now = _anchored(stamps, now, sigma, seen | gap)
+        now = _anchor_to_stamps(stamps, now, sigma, seen | gap)
     if tick_s is not None:
-        tick_s = usual if abs(tick_s / usual - 1.0) < RATE_BELIEVED else tick_s / rate
+        tick_s = usual if abs(tick_s / usual - 1.0) < LARGEST_RATE_ERROR else tick_s / rate
         counted = gap | (sigma < COUNTED * tick_s)
-        whole = _whole_ticks(np.diff(now) / tick_s, counted, kept) * tick_s
-        now = _running(stamps[0], np.where(gap, given, whole))
+        whole = _round_to_ticks(np.diff(now) / tick_s, counted, kept) * tick_s
+        now = _times_from_intervals(stamps[0], np.where(gap, given, whole))
     return Times(now, tick_s, rate)
 
 
-def misfit(samples: Samples, time_s: FloatArray, joint: int) -> FloatArray:
-    """Return by how much a joint misses the way that its velocity says, an interval each."""
+def displacement_error(samples: Samples, time_s: FloatArray, joint: int) -> FloatArray:
+    """Return the error of one joint in each interval, (rows - 1,).
+
+    The error is the joint's displacement minus the integral of its velocity over `time_s`.
+    """
     chosen = slice(joint, joint + 1)
     position = samples.position[:, chosen]
     motion = _Motion(np.diff(position, axis=0), samples.velocity[:, chosen], position)
-    mean, moved = _calibrated(motion, time_s, None)
+    mean, moved = _calibrate_velocities(motion, time_s, None)
     return np.asarray((moved - np.diff(time_s)[:, np.newaxis] * mean)[:, 0])
 
 
-def _least_noise(motion: _Motion, usual: float) -> FloatArray:
-    """Return the noise of each joint's way in an interval by its own steps and noise, (joints,).
+def _smallest_noise(motion: _Motion, usual: float) -> FloatArray:
+    """Return the smallest noise that is assumed for a joint's displacement, (joints,).
 
-    What a common interval leaves is no measure alone: it vanishes for a joint that decides it.
+    It is computed from the resolution of the position and the noise of the velocity. The residuals
+    alone are not a sufficient measure: they vanish for a joint that determines the intervals.
     """
     steps = np.array([max(smallest_step(q), 1e-9) for q in motion.position.T])
     fast = motion.velocity[1:-1] - (motion.velocity[2:] + motion.velocity[:-2]) / 2.0
@@ -133,34 +140,35 @@ def _least_noise(motion: _Motion, usual: float) -> FloatArray:
     return np.asarray(np.hypot(steps / np.sqrt(6.0), usual * velocity_noise / np.sqrt(2.0)))
 
 
-def _calibrated(
-    motion: _Motion, time_s: FloatArray, late_s: float | None
+def _calibrate_velocities(
+    motion: _Motion, time_s: FloatArray, delay_s: float | None
 ) -> tuple[FloatArray, FloatArray]:
-    """Return each interval's mean velocity, and the way that is to be explained by it.
+    """Return the mean velocity of each interval and the displacement that it must explain.
 
-    `late_s` is the velocities' common lateness, and their scales are relative to each other; None
-    if a joint stands for itself.
+    Velocities are corrected for their scale, displacements for the delay of the velocity. `delay_s`
+    is the common delay of all velocities; the scales are then relative to each other. If `delay_s`
+    is None, each joint is calibrated alone.
     """
     mean = _mean_velocity(motion, time_s)
-    scale, late, _ = _scale_and_lateness(motion, time_s)
-    if late_s is not None:
+    scale, late, _ = _scale_and_delay(motion, time_s)
+    if delay_s is not None:
         common = float(np.median(scale))
         scale = scale / common if common > 0.0 else np.ones_like(scale)
         late = late / max(common, 1e-3)
-        late += late_s - float(np.median(late))
+        late += delay_s - float(np.median(late))
         sound = (scale > 0.5) & (scale < 2.0) & (np.abs(late) < WIDE_S)
         scale, late = np.where(sound, scale, 1.0), np.where(sound, late, 0.0)
     return scale * mean, motion.moved - late * np.diff(motion.velocity, axis=0)
 
 
-def _lateness(motion: _Motion, stamps: FloatArray) -> float:
-    """Return by how much the velocities are late in common by the stamps; 0 if it is not distinct.
+def _common_delay(motion: _Motion, stamps: FloatArray) -> float:
+    """Return the common delay of the velocities relative to the stamps; 0 if insignificant.
 
-    Times that follow from velocities cannot tell it: a common lateness shifts them with the speed.
+    Times estimated from velocities cannot show this delay: it shifts them with the speed.
     """
-    _, late, error = _scale_and_lateness(motion, stamps)
+    _, late, error = _scale_and_delay(motion, stamps)
     common = float(np.median(late))
-    return common if abs(common) > DISTINCT * float(np.median(error)) else 0.0
+    return common if abs(common) > SIGNIFICANT * float(np.median(error)) else 0.0
 
 
 def _mean_velocity(motion: _Motion, time_s: FloatArray) -> FloatArray:
@@ -172,13 +180,13 @@ def _mean_velocity(motion: _Motion, time_s: FloatArray) -> FloatArray:
     return np.asarray(mean)
 
 
-def _scale_and_lateness(
+def _scale_and_delay(
     motion: _Motion, time_s: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return each velocity's scale and lateness, and the standard deviation of the latter.
+    """Return scale and delay of each velocity, and the standard deviation of the delay.
 
-    Over a tenth of a second, the position changes by the scale times the integral of the velocity,
-    and by the lateness times its change.
+    Over 0.1 s the position changes by the scale times the integral of the velocity, plus the delay
+    times the change of the velocity.
     """
     h = np.diff(time_s)
     stride = min(max(1, round(WIDE_S / float(np.median(h)))), len(h))
@@ -189,18 +197,20 @@ def _scale_and_lateness(
     found = []
     for ways in zip(path.T, motion.velocity.T, motion.position.T, strict=True):
         x, change, y = ((values[stride:] - values[:-stride])[near] for values in ways)
-        found.append(_robust(np.column_stack([x, change]), y, stride))
+        found.append(_fit_without_outliers(np.column_stack([x, change]), y, stride))
     scale, late, error = np.array(found).T
     return scale, late, error
 
 
-def _robust(x: FloatArray, y: FloatArray, overlapping: int) -> tuple[float, float, float]:
-    """Return two coefficients by least squares without far outliers, and the second one's error.
+def _fit_without_outliers(
+    x: FloatArray, y: FloatArray, overlapping: int
+) -> tuple[float, float, float]:
+    """Return two least-squares coefficients without outliers, and the error of the second one.
 
     Args:
-        x: Shape (rows, 2). The columns.
-        y: Shape (rows,). What they explain.
-        overlapping: How many neighbouring rows share their noise.
+        x: Shape (rows, 2). Columns of the regression.
+        y: Shape (rows,). Right-hand side.
+        overlapping: Number of neighbouring rows that share their noise.
     """
     solution = np.linalg.lstsq(x, y, rcond=None)[0]
     left = np.abs(y - x @ solution)
@@ -213,36 +223,40 @@ def _robust(x: FloatArray, y: FloatArray, overlapping: int) -> tuple[float, floa
     return float(solution[0]), float(solution[1]), error
 
 
-def _lengths(
+def _interval_lengths(
     mean: FloatArray, moved: FloatArray, noise: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return each interval's length and its standard deviation."""
+    """Return the length of each interval and its standard deviation."""
     weight = noise**-2.0
     information = np.maximum((weight * mean**2).sum(axis=1), 1e-12)
     return (weight * mean * moved).sum(axis=1) / information, information**-0.5
 
 
-def _with_usual(
+def _shrink_to_usual_length(
     length: FloatArray, sigma: FloatArray, seen: BoolArray, repeats: IntArray, usual: float
 ) -> FloatArray:
-    """Return lengths, drawn to the usual one of their class if the motion does not show them."""
+    """Return the interval lengths, shrunk towards the usual length of their class.
+
+    A class contains the intervals with the same number of repeated rows. An interval that the
+    motion determines poorly moves closer to the usual length.
+    """
     drawn = np.empty_like(length)
     for number in np.unique(repeats):
         own = repeats == number
-        told = own & seen
-        if np.count_nonzero(told) < FEWEST_OF_CLASS:
-            told = seen
-        centre = float(np.mean(length[told]))  # rows that were skipped count: the sum must be right
-        spread = float(np.mean((length[told] - centre) ** 2)) - float(np.median(sigma[told] ** 2))
+        used = own & seen
+        if np.count_nonzero(used) < FEWEST_OF_CLASS:
+            used = seen
+        centre = float(np.mean(length[used]))  # not the median: the sum must be right
+        spread = float(np.mean((length[used] - centre) ** 2)) - float(np.median(sigma[used] ** 2))
         spread = max(spread, (1e-4 * usual) ** 2)
         drawn[own] = centre + spread / (spread + sigma[own] ** 2) * (length[own] - centre)
     return drawn
 
 
-def _tick(length: FloatArray, sigma: FloatArray, usual: float) -> float | None:
-    """Return what the well-seen intervals are multiples of; None for nothing."""
-    seen = sigma < 0.4 * WELL_SEEN * usual
-    if np.count_nonzero(seen) < FEWEST_SEEN:
+def _common_tick(length: FloatArray, sigma: FloatArray, usual: float) -> float | None:
+    """Return the time of which the well-determined intervals are multiples, or None."""
+    seen = sigma < 0.4 * DETERMINED * usual
+    if np.count_nonzero(seen) < FEWEST_DETERMINED:
         return None
     length, sigma = length[seen], sigma[seen]
     tick = float(np.median(length))
@@ -251,7 +265,7 @@ def _tick(length: FloatArray, sigma: FloatArray, usual: float) -> float | None:
     for _ in range(3):
         whole = np.round(length / tick)
         near = (whole >= 1.0) & (np.abs(length / tick - whole) < 0.25)
-        if np.count_nonzero(near) < FEWEST_SEEN:
+        if np.count_nonzero(near) < FEWEST_DETERMINED:
             return None
         tick = float(length[near] @ whole[near] / (whole[near] @ whole[near]))
     whole = np.round(length / tick)
@@ -261,18 +275,23 @@ def _tick(length: FloatArray, sigma: FloatArray, usual: float) -> float | None:
     return tick
 
 
-def _rate(
+def _duration_ratio(
     given: FloatArray, found: FloatArray, repeats: IntArray, seen: BoolArray
 ) -> tuple[float, bool]:
-    """Return the found intervals over the true ones, and whether the stamps are right on average.
+    """Return the ratio of estimated to true duration, and True if the stamps' mean rate is right.
 
-    Velocities may be off by a common factor, so that the stamps' mean rate is kept. Inserted
-    repeats make their duration too long: then intervals without repeats tell.
+    Velocities can have a common scale error. Therefore the mean rate of the stamps is kept.
+    Inserted repeated rows make the duration of the stamps too long; then only intervals without
+    repeated rows are compared.
     """
     total = float(found[seen].sum() / given[seen].sum())
     plain = seen & (repeats == 0)
-    if not repeats.any() or abs(total - 1.0) < RATE_KEPT or np.count_nonzero(plain) < FEWEST_SEEN:
-        # Stamps err at both ends of each stretch: a rate that these errors explain is none.
+    if (
+        not repeats.any()
+        or abs(total - 1.0) < RATE_KEPT
+        or np.count_nonzero(plain) < FEWEST_DETERMINED
+    ):
+        # Stamps have errors at both ends of each stretch: these can explain a rate error.
         stretches = np.count_nonzero(np.diff(seen, prepend=False) & seen)
         error = float(np.std((found - given)[seen])) * np.sqrt(stretches) / given[seen].sum()
         return (1.0 if abs(total - 1.0) < 2.0 * error else total), True
@@ -280,12 +299,12 @@ def _rate(
     return rate, abs(total / rate - 1.0) < RATE_KEPT
 
 
-def _anchored(
+def _anchor_to_stamps(
     stamps: FloatArray, now: FloatArray, sigma: FloatArray, seen: BoolArray
 ) -> FloatArray:
-    """Return times that stay near the stamps where the motion does not show them.
+    """Return times that stay close to the stamps if the motion does not determine them.
 
-    Stamps that are right on the average stop the errors of intervals at rest from adding up.
+    Stamps with a correct mean rate prevent that the errors of intervals at rest add up.
     """
     from scipy.linalg import solveh_banded  # large, and few recordings need it
 
@@ -303,11 +322,11 @@ def _anchored(
     pull[1:] += known * length
     pull[:-1] -= known * length
     fused = solveh_banded(bands, pull)
-    return _running(float(stamps[0]), np.maximum(np.diff(fused), SHORTEST * usual))
+    return _times_from_intervals(float(stamps[0]), np.maximum(np.diff(fused), SHORTEST * usual))
 
 
-def _whole_ticks(ticks: FloatArray, seen: BoolArray, anchored: bool) -> FloatArray:
-    """Return whole ticks an interval; a stretch that is not seen keeps their sum."""
+def _round_to_ticks(ticks: FloatArray, seen: BoolArray, anchored: bool) -> FloatArray:
+    """Return whole numbers of ticks; a stretch that the motion does not determine keeps its sum."""
     whole = np.maximum(np.round(ticks), 1.0)
     if not anchored:
         return whole
@@ -319,6 +338,6 @@ def _whole_ticks(ticks: FloatArray, seen: BoolArray, anchored: bool) -> FloatArr
     return whole
 
 
-def _running(start: float, length: FloatArray) -> FloatArray:
-    """Return times that begin at `start`, by the intervals between them."""
+def _times_from_intervals(start: float, length: FloatArray) -> FloatArray:
+    """Return the times that begin at `start` and have these intervals."""
     return start + np.concatenate([[0.0], np.cumsum(length)])

@@ -1,4 +1,4 @@
-"""Whether a joint that was left out follows better from rebuilt times than from the stamps."""
+"""Test of rebuilt times on joints that were left out of the estimate."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Final
 
 import numpy as np
 
-from acquisition.clock.intervals import estimate_times, misfit
+from acquisition.clock.intervals import displacement_error, estimate_times
 from acquisition.clock.samples import STANDSTILL_SPEED, Samples, smallest_step
 from config.arrays import FloatArray, IntArray
 
 JUDGED_ROWS: Final = 60_000
-"""Of longer recordings the middle is judged."""
+"""Longer recordings are judged by so many rows in their middle."""
 BLOCK_ROWS: Final = 200
 FEWEST_BLOCKS: Final = 8
 LEAST_GAIN: Final = 0.05
@@ -21,17 +21,20 @@ ROUNDS: Final = 2
 
 
 def left_out_gain(samples: Samples, repeats: IntArray) -> float | None:
-    """Return by how much joints follow better from the times that the others give.
+    """Return the improvement of a joint's prediction with the times that the other joints give.
 
     Args:
         samples: Rows without repeats.
-        repeats: Shape (rows - 1,). How many repeated rows were left out in each interval.
+        repeats: Shape (rows - 1,). Number of repeated rows that were dropped from each interval.
 
     Returns:
-        Mean logarithm of the error by the stamps over the error by the others' times. None if fewer
-        than two joints tell the time. 0 if the gain is not distinct: less than two standard errors
-        or 5 %, or less in half of the seconds in motion, or more than a quarter of the joints get
-        worse.
+        Mean logarithm of the error with the stamps divided by the error with the other joints'
+        times.
+        None if fewer than two joints determine the times. 0 if the gain is not significant: it is
+            less
+        than two standard errors or 5 %, or less than 5 % in half of the blocks in motion, or more
+        than a
+        quarter of the joints get worse.
     """
     begin = max(0, (len(samples) - JUDGED_ROWS) // 2)
     samples = samples.part(slice(begin, begin + JUDGED_ROWS))
@@ -48,8 +51,8 @@ def left_out_gain(samples: Samples, repeats: IntArray) -> float | None:
         if times is None:
             continue
         floor = smallest_step(samples.position[:, joint]) ** 2 / 6.0 + 1e-18
-        by_stamps = _squares(misfit(samples, samples.time_s, joint), parts) + floor
-        by_others = _squares(misfit(samples, times.time_s, joint), parts) + floor
+        by_stamps = _mean_squares(displacement_error(samples, samples.time_s, joint), parts) + floor
+        by_others = _mean_squares(displacement_error(samples, times.time_s, joint), parts) + floor
         gains.append(0.5 * np.log(by_stamps / by_others))
     if not gains:
         return None
@@ -58,14 +61,14 @@ def left_out_gain(samples: Samples, repeats: IntArray) -> float | None:
     in_motion = np.array(moved) > STANDSTILL_SPEED * np.array(spans_s)
     if np.count_nonzero(in_motion) < 2:
         return None
-    of_blocks = np.mean(gains, axis=0)[in_motion]
-    gain = float(of_blocks.mean())
+    gain_of_block = np.mean(gains, axis=0)[in_motion]
+    gain = float(gain_of_block.mean())
     worse = sum(float(own.mean()) < WORSE for own in gains)
-    error = float(of_blocks.std(ddof=1)) / math.sqrt(len(of_blocks))
+    error = float(gain_of_block.std(ddof=1)) / math.sqrt(len(gain_of_block))
     distinct = gain > max(2.0 * error, LEAST_GAIN) and worse <= len(joints) / 4.0
-    distinct &= float(np.median(of_blocks)) > LEAST_GAIN  # a clock is not wrong in one place
+    distinct &= float(np.median(gain_of_block)) > LEAST_GAIN  # a wrong clock is wrong everywhere
     return gain if distinct else 0.0
 
 
-def _squares(values: FloatArray, parts: list[IntArray]) -> FloatArray:
+def _mean_squares(values: FloatArray, parts: list[IntArray]) -> FloatArray:
     return np.array([float(np.mean(values[part] ** 2)) for part in parts])

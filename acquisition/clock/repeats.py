@@ -1,9 +1,10 @@
-"""Rows and positions that repeat the ones before although the robot moves.
+"""Detection of rows and positions that repeat the previous row although the robot moves.
 
-A logger that polls reads a value again if the source has not renewed it. At rest equal rows are
-right. A run of equal rows is a repeat if a joint goes on in one direction before, across and after
-it, hardly slower across it than beside it, and by more than three of its smallest steps a row: then
-its position cannot have stayed the same.
+A logger that polls faster than its source reads the same value twice. At rest equal rows are
+correct. A run of equal rows counts as a repeat of a joint if three conditions hold. The joint moves
+in the same direction before, across and after the run. It is not much slower across the run than
+before and after it. It moves by more than three of its smallest steps per row. Then its position
+cannot have been constant during the run.
 """
 
 from __future__ import annotations
@@ -19,17 +20,20 @@ FEWEST_ROWS: Final = 100
 MOST_STEPS: Final = 3.0
 SHARE_OF_SPEED: Final = 0.3
 MOST_AT_REST: Final = 2.0
-"""How much more often than in motion rows at rest may be equal and still count as repeats."""
+"""Equal rows at rest are repeats if they are at most so many times as frequent as in motion."""
 FEW: Final = 0.1
-"""So few more, in parts of those in motion, are repeats where a joint is slow or turns round."""
+"""Equal rows at rest also count as repeats up to this part of the repeats in motion.
+
+They are repeats at which a joint is slow or reverses.
+"""
 
 
 def repeated_rows(samples: Samples) -> BoolArray:
-    """Return which rows hold the position and the torque of the row before, shape (rows,).
+    """Return True for each row with the position and torque of the previous row, shape (rows,).
 
-    Velocities do not count: one that is computed from positions differs in such rows. At rest equal
-    rows count if they come about as often as in motion, and in runs that are no longer: the torque
-    is noisy there, and says the same.
+    Velocities are ignored: a velocity computed from positions differs in such rows. At rest, equal
+    rows count if they are about as frequent as in motion and their runs are no longer: a noisy
+    torque that stays equal shows that the row is a repeat.
     """
     if len(samples) < FEWEST_ROWS:
         return np.zeros(len(samples), dtype=np.bool_)
@@ -37,13 +41,13 @@ def repeated_rows(samples: Samples) -> BoolArray:
     same = np.all(values[1:] == values[:-1], axis=1)
     repeated = np.zeros(len(samples), dtype=np.bool_)
     for joint in samples.position.T:
-        repeated |= _held(joint, same, samples.period_s)
+        repeated |= _contradicts_motion(joint, same, samples.period_s)
     if not repeated.any():
         return repeated
     stands = np.concatenate([[False], np.all(np.diff(samples.position, axis=0) == 0.0, axis=1)])
     stands &= ~repeated
     equal = np.concatenate([[False], same]) & ~repeated
-    firsts, lasts = _runs(~equal[1:])
+    firsts, lasts = _runs_of_equal_rows(~equal[1:])
     short = lasts - firsts < longest_run(repeated)
     short &= lasts > firsts
     at_rest = np.zeros_like(repeated)
@@ -57,17 +61,17 @@ def repeated_rows(samples: Samples) -> BoolArray:
 
 
 def repeated_positions(samples: Samples) -> BoolArray:
-    """Return which positions are those of the row before, shape (rows, joints).
+    """Return True for each position that repeats the previous row, shape (rows, joints).
 
     Args:
         samples: Rows without repeats.
     """
-    held = [_held(q, q[1:] == q[:-1], samples.period_s) for q in samples.position.T]
+    held = [_contradicts_motion(q, q[1:] == q[:-1], samples.period_s) for q in samples.position.T]
     return np.stack(held, axis=1)
 
 
-def between(time_s: FloatArray, position: FloatArray, held: BoolArray) -> FloatArray:
-    """Return positions with those that were held replaced by a spline through the others."""
+def interpolate_repeats(time_s: FloatArray, position: FloatArray, held: BoolArray) -> FloatArray:
+    """Return the positions; repeated ones are replaced by a spline through the other ones."""
     from scipy.interpolate import CubicSpline  # large, and few recordings need it
 
     filled = position.copy()
@@ -80,16 +84,16 @@ def between(time_s: FloatArray, position: FloatArray, held: BoolArray) -> FloatA
 
 
 def longest_run(repeated: BoolArray) -> int:
-    """Return how many rows stand in the longest run of equal ones, its first row included."""
+    """Return the number of rows in the longest run of equal rows, including its first row."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], repeated, [False]])))
     return int((edges[1::2] - edges[::2]).max(initial=0)) + 1
 
 
-def _held(position: FloatArray, same: BoolArray, period_s: float) -> BoolArray:
-    """Return which of the rows that equal the one before contradict a joint's motion, (rows,)."""
+def _contradicts_motion(position: FloatArray, same: BoolArray, period_s: float) -> BoolArray:
+    """Return True for each row whose equal position contradicts the joint's motion, (rows,)."""
     n = len(position)
     held = np.zeros(n, dtype=np.bool_)
-    firsts, lasts = _runs(~same)
+    firsts, lasts = _runs_of_equal_rows(~same)
     runs = np.flatnonzero((lasts > firsts) & (lasts < n - 1))
     first, tail = firsts[runs], lasts[runs] + 1
     step = smallest_step(position)
@@ -98,7 +102,7 @@ def _held(position: FloatArray, same: BoolArray, period_s: float) -> BoolArray:
     across = (position[tail] - position[first]) / (tail - first)
     before = (position[first] - position[start]) / np.maximum(first - start, 1)
     after = (position[stop] - position[tail]) / np.maximum(stop - tail, 1)
-    # At an end of the recording one side says nothing.
+    # At an end of the recording there are rows on one side only.
     before, after = np.where(first == start, after, before), np.where(tail == stop, before, after)
     slower = np.minimum(np.abs(before), np.abs(after))
     found = (across * before > 0.0) & (across * after > 0.0)
@@ -109,7 +113,7 @@ def _held(position: FloatArray, same: BoolArray, period_s: float) -> BoolArray:
     return held
 
 
-def _runs(changed: BoolArray) -> tuple[IntArray, IntArray]:
-    """Return the first and the last row of each run; `changed` is of the rows after the first."""
+def _runs_of_equal_rows(changed: BoolArray) -> tuple[IntArray, IntArray]:
+    """Return the first and last row of each run; `changed` refers to the rows after the first."""
     firsts = np.flatnonzero(np.concatenate([[True], changed]))
     return firsts, np.concatenate([firsts[1:], [len(changed) + 1]]) - 1

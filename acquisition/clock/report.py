@@ -1,4 +1,4 @@
-"""`ClockReport`: what was found of a recording's clock, in numbers and in words."""
+"""`ClockReport`: findings about a recording's clock."""
 
 from __future__ import annotations
 
@@ -7,44 +7,49 @@ from enum import StrEnum
 from typing import Final
 
 NAMED_SHARE: Final = 0.005
-"""More repeated rows, or positions held in more rows, leave the clock in doubt."""
+"""If the share of repeated rows or repeated positions is larger, the clock is in doubt."""
 MISSING_SHARE: Final = 0.01
 
 
 class ClockState(StrEnum):
-    """Where the times of a recording come from, and what is known of them."""
+    """Origin of a recording's times, and the confidence in them."""
 
     CONFIRMED = "confirmed"
-    """The stamps: positions and velocities agree with them."""
+    """The times are the stamps; positions and velocities agree with them."""
     REBUILT = "rebuilt"
-    """Positions and velocities: they contradict the stamps."""
+    """The times are estimated from positions and velocities, which contradict the stamps."""
     UNVERIFIED = "unverified"
-    """The stamps: nothing contradicts them, and nothing confirms them."""
+    """The times are the stamps; nothing contradicts or confirms them."""
     UNKNOWN = "unknown"
-    """The stamps, which are in doubt: no delay and no filter can be fitted."""
+    """The times are the stamps, which are in doubt: no delay and no filter can be fitted."""
 
 
 @dataclass(frozen=True)
 class ClockReport:
-    """What was found of a clock.
+    """Findings about a clock.
 
     Attributes:
-        clock: What the times are.
-        rows: Rows looked at.
-        repeated_rows: Rows that repeat the one before although the robot moves; they are left out.
-        longest_repeat: Rows in the longest run of equal ones; 1 if none repeat.
-        missing_rows: Rows that the steps of the stamps leave room for.
-        jitter_rms_s: How far the stamps' steps are from whole multiples of the median step, RMS
+        clock: Origin of the times.
+        rows: Number of rows.
+        repeated_rows: Number of rows that repeat the previous row although the robot moves; they
+            are
+            dropped.
+        longest_repeat: Number of rows in the longest run of equal rows; 1 if no row repeats.
+        missing_rows: Number of missing rows according to the steps of the stamps.
+        jitter_rms_s: Deviation of the stamps' steps from whole multiples of the median step, RMS
             [s].
-        held_share: Share of each joint's positions that are those of the row before although the
+        held_share: For each joint, the share of positions that repeat the previous row although the
             joint moves.
-        corrected_rms_s: How far rebuilt times are from the stamps, after the best shift and rate,
+        corrected_rms_s: Difference of rebuilt times and stamps, without the best shift and
+            rate,
             RMS [s].
-        rate: Duration of the rebuilt times over that of the stamps; 1 if they are kept.
-        tick_s: What all rebuilt steps are whole multiples of [s].
-        left_out_gain, torque_gain: Logarithm of the error by the stamps over that by rebuilt times,
-            for joints left out and for held-out torques; None if not known.
-        doubt: Why the clock is unknown; empty if it is not.
+        rate: Duration of the rebuilt times divided by the duration of the stamps; 1 if the
+            stamps
+            are kept.
+        tick_s: Time of which all rebuilt steps are whole multiples [s].
+        left_out_gain, torque_gain: Logarithm of the error with the stamps divided by the error with
+            rebuilt times, for joints left out and for held-out torques; None if unknown.
+        doubt: Reason for an unknown clock; empty otherwise.
     """
 
     clock: ClockState
@@ -63,23 +68,23 @@ class ClockReport:
 
     @property
     def is_known(self) -> bool:
-        """Whether delays and filters of the torque can be fitted."""
+        """True if delays and filters of the torque can be fitted."""
         return self.clock is not ClockState.UNKNOWN
 
     @property
     def is_sound(self) -> bool:
-        """Whether no row repeats another, and nothing speaks against the stamps."""
+        """True if no row repeats another one and nothing contradicts the stamps."""
         held = max(self.held_share, default=0.0) > NAMED_SHARE
         stamps = self.clock in (ClockState.CONFIRMED, ClockState.UNVERIFIED)
         return stamps and not self.repeated_rows and not held
 
     @property
     def repeated_share(self) -> float:
-        """Repeated rows over all rows."""
+        """Number of repeated rows divided by the number of rows."""
         return self.repeated_rows / max(self.rows, 1)
 
     def line(self) -> str:
-        """Return the numbers of the clock in one line."""
+        """Return a summary of the clock in one line."""
         return (
             f"clock {self.clock}: {self.repeated_rows} repeated rows"
             f" ({100.0 * self.repeated_share:.1f} %), {self.missing_rows} missing, jitter"
@@ -87,20 +92,20 @@ class ClockReport:
         )
 
     def findings(self, joint_names: tuple[str, ...]) -> tuple[str, ...]:
-        """Return what a person should know of the clock, a sentence each."""
-        said = []
+        """Return the findings that a user should know, one sentence each."""
+        sentences = []
         if self.repeated_rows:
-            said.append(
+            sentences.append(
                 f"{self.repeated_rows} of {self.rows} rows ({100.0 * self.repeated_share:.1f} %)"
-                " repeat the row before although the robot moves, up to"
-                f" {self.longest_repeat} equal rows in a run: the logger reads faster than its"
-                " source renews. They are left out"
+                " repeat the previous row although the robot moves, in runs of up to"
+                f" {self.longest_repeat} equal rows: the logger reads faster than its source"
+                " updates. The repeated rows are dropped"
             )
         if self.missing_rows > MISSING_SHARE * self.rows:
-            said.append(
-                f"{self.missing_rows} rows are missing by the time stamps"
+            sentences.append(
+                f"{self.missing_rows} rows are missing according to the time stamps"
                 f" ({100.0 * self.missing_rows / (self.rows + self.missing_rows):.1f} %): the"
-                " signals between are interpolated"
+                " signals are interpolated across the gaps"
             )
         held = [
             f"{name} {100.0 * share:.0f} %"
@@ -108,20 +113,21 @@ class ClockReport:
             if share > NAMED_SHARE
         ]
         if held:
-            said.append(
-                "Positions are renewed less often than rows are written; so many are those of the"
-                f" row before although the joint moves: {', '.join(held)}. They are interpolated"
+            sentences.append(
+                "The source updates positions more slowly than the logger writes rows. Share of"
+                " positions that repeat the previous row although the joint moves:"
+                f" {', '.join(held)}. Repeated positions are interpolated"
             )
         if self.clock is ClockState.REBUILT:
             tick = "" if self.tick_s is None else f", in steps of {1e3 * self.tick_s:.4g} ms"
-            said.append(
-                f"The time stamps are off by {1e3 * self.corrected_rms_s:.3g} ms RMS (their steps"
-                f" jitter by {1e3 * self.jitter_rms_s:.3g} ms RMS): the times were rebuilt from"
-                f" positions and velocities{tick}. The file is unchanged"
+            sentences.append(
+                f"The time stamps have an error of {1e3 * self.corrected_rms_s:.3g} ms RMS"
+                f" (jitter of their steps: {1e3 * self.jitter_rms_s:.3g} ms RMS): the times were"
+                f" rebuilt from positions and velocities{tick}. The file is unchanged"
             )
         if self.doubt:
-            said.append(
+            sentences.append(
                 f"The clock is unknown: {self.doubt}. No delay and no filter of the torque is"
                 " fitted. Record the source's own time stamps, or its velocities"
             )
-        return tuple(said)
+        return tuple(sentences)

@@ -1,4 +1,4 @@
-"""`Samples`: what a clock is judged by."""
+"""`Samples`: signals from which a clock is judged."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 from config.arrays import BoolArray, FloatArray
 
 STANDSTILL_SPEED: Final = 0.02
-"""Slower joints say nothing of the clock [rad/s or m/s]."""
+"""Slower joints are not used to judge a clock [rad/s or m/s]."""
 WIDE_S: Final = 0.1
-"""Over this time jitter and rounding hardly change how far a joint goes [s]."""
+"""Over this time the effect of jitter and rounding on a displacement is negligible [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,9 +20,10 @@ class Samples:
     """Rows of a recording.
 
     Attributes:
-        time_s: Shape (rows,). Stamps, increasing [s].
-        position, velocity, torque: Shape (rows, joints). rad or m, per second, N m or N. The
-            velocity is NaN for a joint without.
+        time_s: Shape (rows,). Time stamps, increasing [s].
+        position, velocity, torque: Shape (rows, joints). Position [rad or m], velocity [rad/s or
+            m/s],
+            torque [N m or N]. The velocity is NaN for a joint without a recorded velocity.
     """
 
     time_s: FloatArray
@@ -39,19 +40,19 @@ class Samples:
 
     @property
     def period_s(self) -> float:
-        """The median step of the stamps [s]."""
+        """Median step of the stamps [s]."""
         return float(np.median(np.diff(self.time_s)))
 
     def moving(self) -> tuple[int, ...]:
-        """Return the joints that move and have a velocity, by number."""
+        """Return the indices of the joints that move and have a velocity."""
         span_s = float(self.time_s[-1] - self.time_s[0])
         way = np.abs(np.diff(self.position, axis=0)).sum(axis=0)
-        told = np.isfinite(self.velocity).all(axis=0)
-        return tuple(np.flatnonzero(told & (way > STANDSTILL_SPEED * span_s)).tolist())
+        has_velocity = np.isfinite(self.velocity).all(axis=0)
+        return tuple(np.flatnonzero(has_velocity & (way > STANDSTILL_SPEED * span_s)).tolist())
 
 
 def smallest_step(values: FloatArray) -> float:
-    """Return the smallest difference between two values of a column; 0 if all are alike."""
+    """Return the smallest difference between two values of a column; 0 if all are equal."""
     levels = np.unique(values)
     steps = np.diff(levels)
     floor = 1e-12 * max(abs(float(levels[0])), abs(float(levels[-1])), 1e-3)

@@ -1,8 +1,9 @@
-"""Whether torques that were left out are predicted better with rebuilt times than with the stamps.
+"""Test of rebuilt times on the prediction of held-out torques.
 
-One half of the recording identifies the rigid robot with its friction, the other half judges, both
-ways. A wrong clock makes accelerations wrong, and the torques with them. Friction bends with speed
-on real robots: without the terms for that, what they leave hides the error of the clock.
+One half of the recording identifies the rigid robot with friction and predicts the torques of the
+other half, and vice versa. A wrong clock makes the accelerations wrong and thus the predicted
+torques. The friction model contains nonlinear terms of the speed, because real robots have such
+friction. Without these terms the residuals would hide the error of the clock.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ FRICTION: Final[tuple[FrictionTerm, ...]] = (
 )  # fmt: skip
 BAND_HZ: Final = 8.0
 GUARD_S: Final = 0.06
-"""Around a reversal the low-passed torque is not that of the low-passed speed's sign [s]."""
+"""Rows this close to a reversal are not used: the low-pass blurs the sign of the friction [s]."""
 MOST_ROWS: Final = 4000
 PARTS: Final = 8
 CONDITION: Final = 1e-6
@@ -35,7 +36,7 @@ CONDITION: Final = 1e-6
 def torque_gain(
     robot: RobotDescription, samples: Samples, time_s: FloatArray, coupling: FloatArray | None
 ) -> tuple[float, float] | None:
-    """Return by how much the error of held-out torques falls, and its standard error.
+    """Return the reduction of the error of held-out torques, and its standard error.
 
     Args:
         samples: Rows without repeats, with the stamps.
@@ -43,28 +44,31 @@ def torque_gain(
         coupling: Shape (n, n). C of q = C alpha, if the positions are the actuators' alpha.
 
     Returns:
-        Mean logarithm of the error by the stamps over the error by the other times; None if the
-        recording is too short or too seldom to say.
+        Mean logarithm of the error with the stamps divided by the error with the other times. None
+        if
+        the recording is too short or its sampling rate is too low.
     """
     try:
-        by_stamps = _errors(robot, samples, samples.time_s, coupling)
-        by_times = _errors(robot, samples, time_s, coupling)
+        by_stamps = _held_out_errors(robot, samples, samples.time_s, coupling)
+        by_times = _held_out_errors(robot, samples, time_s, coupling)
     except (RidDaqError, np.linalg.LinAlgError):
         return None
     gains = 0.5 * np.log(by_stamps / by_times)
-    gain = np.array([float(part[np.isfinite(part)].mean()) for part in gains if _has_number(part)])
+    gain = np.array(
+        [float(part[np.isfinite(part)].mean()) for part in gains if _has_finite_value(part)]
+    )
     if len(gain) < PARTS:
         return None
     return float(gain.mean()), float(gain.std(ddof=1)) / math.sqrt(len(gain))
 
 
-def _errors(
+def _held_out_errors(
     robot: RobotDescription, samples: Samples, time_s: FloatArray, coupling: FloatArray | None
 ) -> FloatArray:
-    """Return the mean square of each joint's held-out error in each part, (2 parts, joints)."""
+    """Return the mean squared held-out error of each part and joint, (2 parts, joints)."""
     from scipy.ndimage import minimum_filter1d
 
-    from dynamics.model.robot_model import RobotModel, regressor  # they load the compiler
+    from dynamics.model.robot_model import RobotModel, regressor  # loads the compiler
 
     joints = tuple(joint.model_copy(update={"friction": FRICTION}) for joint in robot.joints)
     model = RobotModel.from_description(robot.model_copy(update={"joints": joints}))
@@ -79,7 +83,9 @@ def _errors(
     size = np.maximum(np.sqrt(np.mean(torque**2, axis=0)), 1e-9)
     columns, torque = columns / size[:, np.newaxis], torque / size
     guard = 1 + 2 * math.ceil(GUARD_S / signals.sample_period_s)
-    slowest = minimum_filter1d(np.abs(signals.velocity), guard, axis=0)  # away from reversals
+    slowest = minimum_filter1d(
+        np.abs(signals.velocity), guard, axis=0
+    )  # excludes rows near reversals
     use = slowest[rows] > STANDSTILL_SPEED
     halves = np.array_split(np.arange(len(rows)), 2)
     errors = []
@@ -89,16 +95,16 @@ def _errors(
         scale = np.maximum(np.sqrt(np.mean(matrix**2, axis=0)), 1e-12)
         found = np.linalg.lstsq(matrix / scale, torque[fitted][own], rcond=CONDITION)[0] / scale
         left = np.where(use[judged], torque[judged] - columns[judged] @ found, np.nan)
-        errors += [_mean_square(part) for part in np.array_split(left, PARTS)]
+        errors += [_column_mean_squares(part) for part in np.array_split(left, PARTS)]
     return np.array(errors)
 
 
-def _has_number(values: FloatArray) -> bool:
+def _has_finite_value(values: FloatArray) -> bool:
     return bool(np.isfinite(values).any())
 
 
-def _mean_square(values: FloatArray) -> FloatArray:
-    """Return each column's mean square; NaN for a column without a number."""
+def _column_mean_squares(values: FloatArray) -> FloatArray:
+    """Return the mean square of each column; NaN for a column without a finite value."""
     count = np.isfinite(values).sum(axis=0)
     return np.asarray(
         np.where(count > 0, np.nansum(values**2, axis=0), np.nan) / np.maximum(count, 1)

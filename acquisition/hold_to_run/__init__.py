@@ -1,5 +1,5 @@
-"""Motion while a key is held: the dead-man, the set-points that obey it, and who holds the key.
+"""Motion while a key is held: the dead-man, its set-points, and the judgement of key messages.
 
-The cyclic task asks the dead-man in every cycle; a keyboard or a button only feeds it. Begin with
-`dead_man.py`, then `held_motion.py`.
+The cyclic task reads the dead-man in every cycle; a keyboard or a button only updates it. Begin
+with `dead_man.py`, then `held_motion.py`.
 """

@@ -1,8 +1,9 @@
-"""`DeadMan`: what whoever holds a key tells the cyclic task, which asks in every cycle.
+"""`DeadMan`: shared memory by which a held key permits the cyclic task to move the robot.
 
-A key is held until a moment, by `safety_now_s`: each repeat of a keyboard, each fresh message of a
-button, moves that moment on. Nobody has to say that it was released: it is, once the moment has
-passed, also if the program was killed or suspended, or its computer hangs.
+A key counts as held until a time on the clock of `safety_now_s`. Each repeat of a keyboard key and
+each fresh message of a button moves this time on. A release needs no message: the key counts as
+released once the time has passed, also if the program was killed or suspended, or if its computer
+hangs.
 """
 
 from __future__ import annotations
@@ -18,11 +19,11 @@ from acquisition.task.shared_block import SharedBlock
 from config.arrays import FloatArray
 
 DEAD_MAN_S: Final = 0.2
-"""For how long one sign of a held key counts [s]: the motion goes on no longer without another."""
+"""Time for which one sign of a held key is valid [s]; without another one the motion stops."""
 
 
 class _Words(ctypes.Structure):
-    """The upper half is written by the program, the lower by the cyclic task."""
+    """Memory layout: the program writes the first five fields, the cyclic task the last three."""
 
     _fields_ = (
         ("press", ctypes.c_int64),
@@ -39,8 +40,9 @@ class _Words(ctypes.Structure):
 class DeadMan(SharedBlock):
     """Shared memory between a held key and the cyclic task.
 
-    One press is one line that the robot may go along while the key is held. Once it was released,
-    the press is over: going on takes another. What a word announces is written before it.
+    One press permits one line: the robot may move along it while the key is held. A release ends
+    the press; a new press is needed to continue. The counters `press` and `begun` are written after
+    the fields that they announce.
     """
 
     LABEL = "rid-daq-dead-man-1"
@@ -48,11 +50,11 @@ class DeadMan(SharedBlock):
     _words: Any
 
     def press(self, line: HoldLine, until_s: float) -> None:
-        """Begin a press: hold to go along a line, which begins where the robot rests.
+        """Begin a press along a line that begins at the robot's pose at rest.
 
         Args:
-            line: Checked.
-            until_s: Until when the key is held as far as is known, by `safety_now_s` [s].
+            line: The checked line.
+            until_s: Time until which the key is known to be held, by `safety_now_s` [s].
         """
         words = self._words
         words.goal[: len(line.goal)] = line.goal.tolist()
@@ -61,45 +63,45 @@ class DeadMan(SharedBlock):
         words.press += 1
 
     def hold(self, until_s: float) -> None:
-        """Say that the key is held until a moment, by `safety_now_s` [s]."""
+        """Set the time until which the key is held, by `safety_now_s` [s]."""
         self._words.held_until_s = until_s
 
     def release(self) -> None:
-        """Say that the key is held no more."""
+        """Mark the key as released."""
         self._words.held_until_s = 0.0
 
     def finish(self) -> None:
-        """Ask the task to end the motion, once the robot rests."""
+        """Request the end of the motion, once the robot is at rest."""
         self._words.finishing = 1
 
     @property
-    def finishing(self) -> bool:
-        """Whether the motion is to end."""
+    def is_finishing(self) -> bool:
+        """True if the end of the motion was requested."""
         return bool(self._words.finishing)
 
     @property
-    def number(self) -> int:
-        """How many presses there were."""
+    def press_count(self) -> int:
+        """Number of presses so far."""
         return int(self._words.press)
 
     @property
     def held_until_s(self) -> float:
-        """Until when the key is held [s]."""
+        """Time until which the key is held [s]."""
         return float(self._words.held_until_s)
 
-    def ordered(self, joints: int) -> tuple[FloatArray, float]:
-        """Return where the latest press leads to, (joints,), and its pace [1/s]."""
+    def latest_line(self, joints: int) -> tuple[FloatArray, float]:
+        """Return the goal of the latest press, (joints,), and its pace [1/s]."""
         return np.array(self._words.goal[:joints]), float(self._words.pace_per_s)
 
-    def rest(self, pose: FloatArray, over: int) -> None:
-        """Say, as the task, that the robot is held at rest in a pose after so many presses."""
+    def report_rest(self, pose: FloatArray, over: int) -> None:
+        """Report, from the cyclic task, the pose at rest and the number of ended presses."""
         words = self._words
         words.pose[: len(pose)] = pose.tolist()
         words.over = over
         words.begun = 1
 
-    def resting(self, joints: int) -> FloatArray | None:
-        """Return where the robot is held at rest, None before the motion and during a press."""
+    def rest_pose(self, joints: int) -> FloatArray | None:
+        """Return the pose at rest, (joints,); None before the motion and during a press."""
         words = self._words
         if not words.begun or words.over != words.press:
             return None

@@ -1,4 +1,4 @@
-"""`HeldMotion`: set-points along a line while a key is held; at rest as soon as it is not."""
+"""`HeldMotion`: set-points along a line while a key is held; a release stops the robot."""
 
 from __future__ import annotations
 
@@ -25,21 +25,22 @@ LONGEST_S: Final = 600.0
 
 
 class HeldMotion:
-    """A `SetPointSource` that obeys a dead-man, asked in every cycle.
+    """Source of set-points that reads a dead-man in every cycle.
 
-    The cycle in which the key is held no more is the first that slows down, with the acceleration
-    of an approach. A press that was over, or let go, begins nothing again. On a simulated cell in
-    lock-step the motion keeps the pace of the clock, since a person holds the key.
+    The robot slows down from the first cycle in which the key is no longer held, with the
+    acceleration of an approach. A press that has ended or whose key was released does not move the
+    robot again. On a simulated cell in lock-step, the motion runs in real time, because a person
+    holds the key.
 
     Args:
-        robot: Limits.
-        cycle_time_s: The cell's cycle [s].
-        dead_man: Says what is held.
-        once: Whether the motion is over with the first press; else with `DeadMan.finish`, or once
-            nothing was held for `IDLE_S`.
-        unattended: Whether each press counts as held to its end: for simulated cells, where no
-            person is.
-        now_s: The clock that keys are held by [s].
+        robot: Its limits apply.
+        cycle_time_s: Cycle time of the cell [s].
+        dead_man: Shared memory with the held key.
+        once: True to end the motion with the first press. Otherwise the motion ends with
+            `DeadMan.finish`, or after `IDLE_S` without a held key.
+        unattended: True if each press counts as held to its end: for simulated cells without a
+            person.
+        now_s: Clock of the held keys [s].
     """
 
     def __init__(
@@ -64,9 +65,9 @@ class HeldMotion:
         self._slope = APPROACH_SPEED_FRACTION * np.array([each.acceleration for each in limits])
         self._row = -1
         self._idle_rows = 0
-        self._press = 0  # the latest that was begun or is over
-        self._share = self._rate = 0.0  # of the line: driven, and driven in a second
-        self._pace = self._change = 0.0  # what that may be, and by how much it may change a cycle
+        self._press = 0  # number of the latest press that was begun
+        self._share = self._rate = 0.0  # share of the line that was driven, and its rate [1/s]
+        self._pace = self._change = 0.0  # largest rate, and its largest change per cycle
         self._paced_s: float | None = None
 
     samples_per_period: int | None = None
@@ -75,41 +76,41 @@ class HeldMotion:
 
     @property
     def rows_expected(self) -> int:
-        """As many as an unusually long motion has."""
+        """Number of rows of an unusually long motion."""
         return round(LONGEST_S / self._step_s)
 
     @property
     def notes(self) -> Sequence[str]:
-        """That nobody held a key, where that was the end."""
+        """Note that no key was held for too long, if that ended the motion."""
         if not self._idle_too_long:
             return ()
-        return (f"no key was held for {IDLE_S:g} s: the power was taken away",)
+        return (f"no key was held for {IDLE_S:g} s: the drives were disabled",)
 
     def prepare(self) -> None:
         """Do nothing."""
 
     def begin(self, lockstep: bool, position: FloatArray) -> FloatArray:
-        """Begin where the robot stands."""
+        """Begin the motion at the robot's present position."""
         self._paced_s = self._now_s() if lockstep and not self._unattended else None
         self._start = self._pose = np.array(position)
         self._way = np.zeros(len(self._pose))
         return self._pose
 
     def watch(self, position: FloatArray, counts: NDArray[np.int32]) -> None:
-        """Do nothing: the pose that was begun at counts."""
+        """Do nothing: the set-points start from the pose passed to `begin`."""
 
     def at(self, row: int) -> SetPoint | None:
-        """Return the set-point of a cycle; None once the robot rests for good."""
+        """Return the set-point of a cycle; None if the robot is at rest and the motion is over."""
         if self._paced_s is not None:
-            self._keep_pace()
+            self._wait_for_real_time()
         for _ in range(row - self._row):
-            self._go_on()
+            self._advance()
         self._row = row
         if self._rate == 0.0:
-            if self._over and self._idle_rows > 0:  # the pose at rest was shown
+            if self._over and self._idle_rows > 0:  # the pose at rest was sent
                 return None
             self._idle_rows += 1
-            self._dead_man.rest(self._pose, self._press)
+            self._dead_man.report_rest(self._pose, self._press)
         else:
             self._idle_rows = 0
         velocity = (self._rate * self._way).tolist()
@@ -118,39 +119,39 @@ class HeldMotion:
     @property
     def _over(self) -> bool:
         done = self._once and self._press > 0
-        return done or self._dead_man.finishing or self._idle_too_long
+        return done or self._dead_man.is_finishing or self._idle_too_long
 
     @property
     def _idle_too_long(self) -> bool:
         return self._idle_rows * self._step_s > IDLE_S
 
     def _held(self) -> bool:
-        """Return whether a key is held now; one that says so for longer than it may is not."""
+        """Return True if a key is held now; a time too far in the future does not count."""
         if self._unattended:
             return True
         left_s = self._dead_man.held_until_s - self._now_s()
         return 0.0 < left_s < DEAD_MAN_S + self._step_s
 
-    def _go_on(self) -> None:
-        """Move on by a cycle."""
-        held = self._held() and not self._dead_man.finishing
+    def _advance(self) -> None:
+        """Advance the motion by one cycle."""
+        held = self._held() and not self._dead_man.is_finishing
         if self._rate == 0.0:
-            number = self._dead_man.number
+            number = self._dead_man.press_count
             if number == self._press:
                 return
             self._press = number
-            if not held or not self._take_line():
+            if not held or not self._begin_line():
                 return
         elif not held:
             self._pace = 0.0
         self._pose = self._next_pose()
 
-    def _take_line(self) -> bool:
-        """Take the line of a new press; return whether it leads anywhere."""
-        goal, pace = self._dead_man.ordered(len(self._pose))
+    def _begin_line(self) -> bool:
+        """Begin the line of a new press; return False if the line is invalid or empty."""
+        goal, pace = self._dead_man.latest_line(len(self._pose))
         inside = (goal >= self._low) & (goal <= self._high) | (goal == self._pose)
         if not (inside.all() and math.isfinite(pace) and pace > 0.0):
-            return False  # nobody orders that; what is no number leads nowhere
+            return False  # invalid order, or NaN
         self._start, self._way = self._pose, goal - self._pose
         self._share = 0.0
         moving = self._way != 0.0
@@ -162,13 +163,15 @@ class HeldMotion:
         return True
 
     def _next_pose(self) -> FloatArray:
-        """Return the pose a cycle later: faster, as fast as is allowed, or slower to the end."""
+        """Return the pose of the next cycle: accelerated, at the permitted pace, or braking."""
         step_s, change, before = self._step_s, self._change, self._rate
         left = 1.0 - self._share
-        if left <= change * step_s and before <= change:  # the rest of the way is one cycle's
+        if (
+            left <= change * step_s and before <= change
+        ):  # one cycle is enough for the rest of the line
             self._share, self._rate = 1.0, 0.0
             return self._start + self._way
-        # so fast that after this cycle the rest of the way is enough to slow down on
+        # the largest rate from which the robot can stop on the rest of the line
         room = max(0.0, left - 0.5 * before * step_s)
         braking = -0.5 * change + math.sqrt(0.25 * change**2 + 2.0 * change / step_s * room)
         most = min(self._pace, braking)
@@ -179,12 +182,12 @@ class HeldMotion:
         self._rate = rate
         return self._start + self._share * self._way
 
-    def _keep_pace(self) -> None:
-        """Let simulated time stand still until the clock has come as far."""
+    def _wait_for_real_time(self) -> None:
+        """Delay simulated time until real time has caught up."""
         assert self._paced_s is not None
         self._paced_s += self._step_s
         wait_s = self._paced_s - self._now_s()
         if wait_s > 0.0:
             time.sleep(wait_s)
         else:
-            self._paced_s -= wait_s  # what the computer was late by is not made up for
+            self._paced_s -= wait_s  # a delay of the computer is not made up for

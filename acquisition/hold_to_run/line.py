@@ -1,4 +1,4 @@
-"""`HoldLine`: a straight way in joint space, how far it is clear, and how fast it may be driven."""
+"""`HoldLine`: a straight line in joint space, with its clear length and permitted pace."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from dynamics.geometry.clearances import Clearances
 from dynamics.geometry.kinematics import Chain, forward
 
 REDUCED_SPEED_M_S: Final = 0.25
-"""The tool point's speed beside which people may teach a robot (ISO 10218-1, reduced speed)."""
+"""Largest speed of the tool point with people near the robot (ISO 10218-1, reduced speed)."""
 
 FASTEST_SHARE: Final = most(JogPercent) / 100.0
 LIMIT_MARGIN: Final = 0.01
@@ -27,12 +27,12 @@ STEP: Final = 0.01
 
 @dataclass(frozen=True, eq=False)
 class HoldLine:
-    """A line that was looked at.
+    """A checked line.
 
     Attributes:
-        start, goal: Shape (joints,). Where it begins and where it ends [rad or m].
-        pace_per_s: Which share of it may be driven in a second [1/s].
-        obstacle: What it ends in front of; empty where it goes all the way.
+        start, goal: Shape (joints,). Start and end of the line [rad or m].
+        pace_per_s: Share of the line that may be driven per second [1/s].
+        obstacle: Obstacle or limit before which the line was cut; empty if the line is complete.
     """
 
     start: FloatArray
@@ -42,26 +42,26 @@ class HoldLine:
 
     @property
     def is_empty(self) -> bool:
-        """Whether it leads nowhere."""
+        """True if start and goal are equal."""
         return bool((self.start == self.goal).all())
 
 
 class LineCheck:
-    """Looks at lines of one robot in one cell.
+    """Check of lines of one robot in one cell for limits and collisions.
 
     Args:
-        cell, robot: Limits, bodies, surroundings.
-        speed_share: Of each joint's velocity limit, that a line is driven at; `FASTEST_SHARE` at
-            most.
+        cell, robot: Limits, bodies and surroundings.
+        speed_share: Share of each joint's velocity limit at which a line is driven; at most
+            `FASTEST_SHARE`.
 
     Raises:
-        ConfigError: The share is not above 0, larger, or no number.
+        ConfigError: The share is not above 0, is larger than permitted, or is not a number.
     """
 
     def __init__(self, cell: CellConfig, robot: RobotDescription, speed_share: float) -> None:
         if not 0.0 < speed_share <= FASTEST_SHARE:
             raise ConfigError(
-                f"a line driven by hand at {speed_share:g} of the speed limit: give more than 0 and"
+                f"invalid speed share {speed_share:g} of a motion by hand: give more than 0 and"
                 f" at most {FASTEST_SHARE:g}",
                 code=CODE,
             )
@@ -75,10 +75,10 @@ class LineCheck:
         self._low, self._high = low + margin, high - margin
 
     def __call__(self, start: FloatArray, wanted: FloatArray) -> HoldLine:
-        """Return the line from a pose towards another, (joints,) each, as far as it is clear.
+        """Return the line from a pose towards another one, (joints,) each, as far as it is clear.
 
-        It ends before a joint's limit, or before two bodies come too close; where they are close
-        already, it may lead away.
+        The line ends before a joint's limit, or before two bodies come too close. If they are too
+        close at the start, the line may lead away.
         """
         share, obstacle = self._within_limits(start, wanted)
         goal = start + share * (wanted - start)
@@ -92,7 +92,7 @@ class LineCheck:
         return HoldLine(start, poses[-1], self._pace(poses), obstacle)
 
     def _within_limits(self, start: FloatArray, wanted: FloatArray) -> tuple[float, str]:
-        """Return which share of a way stays within the limits, and what ends it."""
+        """Return the share of a line that is within the limits, and the limit that cuts it."""
         share, obstacle = 1.0, ""
         for i, joint in enumerate(self._robot.joints):
             way = wanted[i] - start[i]
@@ -104,12 +104,12 @@ class LineCheck:
         return share, obstacle
 
     def _pace(self, poses: FloatArray) -> float:
-        """Return which share of a way may be driven in a second, by joints and tool point."""
+        """Return the share of a line that joints and tool point may drive per second [1/s]."""
         way = np.abs(poses[-1] - poses[0])
         if not way.any():
             return 1.0
         moving = way > 0.0
         pace = float((self._speed[moving] / way[moving]).min())
         steps = np.linalg.norm(np.diff(forward(self._chain, poses), axis=0), axis=1)
-        fastest = float(steps.max()) * len(steps)  # metres, were the whole way driven in a second
+        fastest = float(steps.max()) * len(steps)  # [m/s] at a pace of 1/s
         return pace if fastest == 0.0 else min(pace, REDUCED_SPEED_M_S / fastest)

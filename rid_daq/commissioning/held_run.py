@@ -7,8 +7,13 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from acquisition.hold_to_run.dead_man import DeadMan
+from acquisition.hold_to_run.dead_man_thread import (
+    AlwaysHeldKey,
+    DeadManThread,
+    KeySource,
+    LinePlanner,
+)
 from acquisition.hold_to_run.held_motion import HeldMotion
-from acquisition.hold_to_run.pilot import HeldForGood, Keys, Pilot, Plan
 from acquisition.session.outcome import RecordOutcome
 from config.arrays import FloatArray
 from rid_daq.recording.recorded_run import RecordedRun
@@ -33,7 +38,7 @@ class HeldRun:
     label: str
     sentence: str
     role: str
-    plan: Plan
+    plan: LinePlanner
     tapped: Callable[[str], bool] = lambda _key: False
     ready: Callable[[FloatArray], None] = lambda _pose: None
     once: bool = False
@@ -61,7 +66,7 @@ def record_held(session: RunSession, context: Context, asked: HeldRun) -> Record
     def drive(record: Record) -> RecordOutcome:
         with (
             _keys(context, asked, dead_man) as keys,
-            Pilot(dead_man, len(robot.joints), keys, asked.plan, asked.until, asked.ready),
+            DeadManThread(dead_man, len(robot.joints), keys, asked.plan, asked.until, asked.ready),
         ):
             return record(motion)
 
@@ -72,9 +77,9 @@ def record_held(session: RunSession, context: Context, asked: HeldRun) -> Record
 
 
 @contextlib.contextmanager
-def _keys(context: Context, asked: HeldRun, dead_man: DeadMan) -> Iterator[Keys]:
+def _keys(context: Context, asked: HeldRun, dead_man: DeadMan) -> Iterator[KeySource]:
     if asked.unattended:
-        yield HeldForGood(asked.unattended)
+        yield AlwaysHeldKey(asked.unattended)
         return
 
     def tapped(key: str) -> None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from acquisition.clock.recorded import RepeatCounter
+from acquisition.clock.repeat_counter import RepeatCounter
 from acquisition.clock.report import ClockReport
 from acquisition.imports.report import ImportReport
 from acquisition.journal.cycle_reader import CycleReader

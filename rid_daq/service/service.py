@@ -258,7 +258,7 @@ class CellService:
         running = self.workshop.get(job_id)
         if running is None or not (running.wants_key or message.is_release):
             return
-        running.order_soon(**message.order())
+        running.order_soon(**message.to_order())
 
     async def run(self, until: asyncio.Event) -> None:
         """Watch jobs and leases until the event; then stop what moves, and end."""

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pydantic import BaseModel
     from rich.console import Console as RichConsole
 
-    from acquisition.hold_to_run.pilot import Keys
+    from acquisition.hold_to_run.dead_man_thread import KeySource
     from acquisition.task.service_beat import ServiceBeat
     from rid_daq.blocks.block import AnyBlock
     from rid_daq.terminal.job_events import SessionState
@@ -277,7 +277,7 @@ class Console:
         if not simulated:
             refuse_remote_terminal()
 
-    def keys(self, tapped: Callable[[str], None]) -> AbstractContextManager[Keys]:
+    def keys(self, tapped: Callable[[str], None]) -> AbstractContextManager[KeySource]:
         """Return a reader of the held key, for use in a `with` block.
 
         Args:

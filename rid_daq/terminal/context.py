@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 if TYPE_CHECKING:
-    from acquisition.hold_to_run.pilot import Keys
+    from acquisition.hold_to_run.dead_man_thread import KeySource
     from acquisition.task.service_beat import ServiceBeat
     from rid_daq.blocks.block import AnyBlock
     from rid_daq.terminal.job_events import SessionState
@@ -88,7 +88,7 @@ class Context(Display, Protocol):
         """Raise `PreflightError` if keys cannot be held on this terminal, or not safely."""
         ...
 
-    def keys(self, tapped: Callable[[str], None]) -> AbstractContextManager[Keys]:
+    def keys(self, tapped: Callable[[str], None]) -> AbstractContextManager[KeySource]:
         """Return a reader of the held key; it calls `tapped` with every key."""
         ...
 

@@ -18,7 +18,7 @@ from collections.abc import Callable
 from typing import Any
 
 from acquisition.hold_to_run.dead_man import DEAD_MAN_S
-from acquisition.hold_to_run.held_key import Held
+from acquisition.hold_to_run.held_key import KeyPress
 from config.errors import PreflightError
 from config.process.safety_clock import safety_now_s
 
@@ -67,7 +67,7 @@ class Keyboard:
         self._held = False
         self._release_missed = self._now_s() - self._came_s < DEAD_MAN_S
 
-    def look(self) -> Held | None:
+    def look(self) -> KeyPress | None:
         """Return the key that is held now; None if no key is held."""
         typed = b""
         while select.select([self._input], [], [], 0.0)[0] and (more := os.read(self._input, 1024)):
@@ -92,12 +92,12 @@ class Keyboard:
             self._release_missed = False
 
     @property
-    def held(self) -> Held | None:
+    def held(self) -> KeyPress | None:
         """The key that is held now, according to the received keys."""
         until_s = self._came_s + DEAD_MAN_S
         if not self._held or self._now_s() >= until_s:
             return None
-        return Held(self._key, self._presses, until_s)
+        return KeyPress(self._key, self._presses, until_s)
 
     def take(self, key: str) -> None:
         """Process a received key; several keys received at once after a pause count as one."""

@@ -36,7 +36,7 @@ from rid_daq.terminal.job_events import (
 from rid_daq.worker.orders import Orders
 
 if TYPE_CHECKING:
-    from acquisition.hold_to_run.pilot import Keys
+    from acquisition.hold_to_run.dead_man_thread import KeySource
     from acquisition.task.service_beat import ServiceBeat
 
 T = TypeVar("T")
@@ -173,12 +173,12 @@ class JobConsole(Console):
     def require_keys(self, *, simulated: bool) -> None:
         """Accept: a page's button is a key, and answers challenges."""
 
-    def keys(self, tapped: Callable[[str], None]) -> AbstractContextManager[Keys]:
+    def keys(self, tapped: Callable[[str], None]) -> AbstractContextManager[KeySource]:
         """Return what says which key the client holds, for as long as its `with` lasts."""
         return self._held_keys(tapped)
 
     @contextmanager
-    def _held_keys(self, tapped: Callable[[str], None]) -> Iterator[Keys]:
+    def _held_keys(self, tapped: Callable[[str], None]) -> Iterator[KeySource]:
         number = self.orders.next_question()
 
         def ask() -> None:

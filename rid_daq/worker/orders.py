@@ -18,9 +18,9 @@ from typing import IO, Final
 from acquisition.hold_to_run.dead_man import DEAD_MAN_S
 from acquisition.hold_to_run.held_key import (
     CHALLENGE_LIMIT_S,
-    Held,
     HeldKey,
     KeyMessage,
+    KeyPress,
     KeyVerdict,
 )
 from acquisition.supervision.stop_reason import StopCode
@@ -107,10 +107,10 @@ class Orders:
     def begin(self) -> None:
         """Ask for keys, and let them count."""
         with self._judging:
-            self._key.ask(True)
+            self._key.set_accepting(True)
         self._asks()
 
-    def look(self) -> Held | None:
+    def look(self) -> KeyPress | None:
         """Return which key is held now, None if there is none."""
         with self._judging:
             now_s = self._now_s()
@@ -133,7 +133,7 @@ class Orders:
             yield
         finally:
             with self._judging:
-                self._key.ask(False)
+                self._key.set_accepting(False)
             self._tapped, self._refused = lambda _key: None, lambda _text, _round_trip_s: None
             self._asks = lambda: None
 
@@ -144,7 +144,7 @@ class Orders:
                 with self._changed:
                     self._answers[question] = str(order.get("text", ""))
                     self._changed.notify_all()
-            case _ if (message := KeyMessage.of(order)) is not None:
+            case _ if (message := KeyMessage.from_order(order)) is not None:
                 if self._judge(message) and message.tapped:
                     self._tapped(message.key)
 
@@ -153,7 +153,7 @@ class Orders:
         with self._judging:
             now_s = self._now_s()
             self._end_gap(now_s)
-            verdict = self._key.take(message, now_s)
+            verdict = self._key.process(message, now_s)
             if verdict is KeyVerdict.COUNTS:
                 self._said = False
             elif verdict is KeyVerdict.LATE:
@@ -163,7 +163,7 @@ class Orders:
             return verdict is KeyVerdict.COUNTS
 
     def _end_gap(self, now_s: float) -> None:
-        age_s = self._key.end_gap(now_s)
+        age_s = self._key.end_expired_press(now_s)
         if age_s is not None:
             self._say(
                 f"link too slow: {1e3 * age_s:.0f} ms without a fresh sign of the held key"

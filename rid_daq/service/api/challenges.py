@@ -84,4 +84,4 @@ class Challenges:
         if issued_s:
             self._answered_s = self._now_s()
             self._round_trip_s = self._answered_s - issued_s
-        return KeyMessage.of({**told, "sender": sender, "issued_s": issued_s})
+        return KeyMessage.from_order({**told, "sender": sender, "issued_s": issued_s})

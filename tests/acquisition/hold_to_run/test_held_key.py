@@ -27,7 +27,7 @@ class Worker:
 
     def __init__(self) -> None:
         self.key = HeldKey()
-        self.key.ask(True)
+        self.key.set_accepting(True)
         self.now_s = NOW_S
         self.numbers: dict[str, int] = {}
 
@@ -36,7 +36,7 @@ class Worker:
     ) -> KeyVerdict:
         number = self.numbers[sender] = self.numbers.get(sender, 0) + 1
         issued_s = self.now_s - late_s
-        return self.key.take(KeyMessage(key, tapped, sender, number, issued_s), self.now_s)
+        return self.key.process(KeyMessage(key, tapped, sender, number, issued_s), self.now_s)
 
     @property
     def holds(self) -> str:
@@ -108,10 +108,10 @@ def test_another_key_without_a_release_counts_for_nothing_and_ends_the_press() -
 def test_a_message_that_is_repeated_or_overtaken_counts_for_nothing() -> None:
     worker = Worker()
     first = KeyMessage("+", False, "a", 5, NOW_S)
-    assert worker.key.take(first, NOW_S) is KeyVerdict.COUNTS
-    assert worker.key.take(first, NOW_S + 0.1) is KeyVerdict.IGNORED
+    assert worker.key.process(first, NOW_S) is KeyVerdict.COUNTS
+    assert worker.key.process(first, NOW_S + 0.1) is KeyVerdict.IGNORED
     late = KeyMessage("+", False, "a", 4, NOW_S + 0.1)
-    assert worker.key.take(late, NOW_S + 0.1) is KeyVerdict.IGNORED
+    assert worker.key.process(late, NOW_S + 0.1) is KeyVerdict.IGNORED
     assert worker.key.held(NOW_S + DEAD_MAN_S) is None
 
 
@@ -156,16 +156,16 @@ def test_a_late_tap_is_lost_and_its_sender_holds_nothing_before_another() -> Non
 def test_keys_count_only_while_a_job_wants_them() -> None:
     worker = Worker()
     worker.hears("+")
-    worker.key.ask(False)
+    worker.key.set_accepting(False)
     assert worker.hears("+") is KeyVerdict.IGNORED
-    worker.key.ask(True)
+    worker.key.set_accepting(True)
     assert worker.hears("+") is KeyVerdict.UNRELEASED
 
 
 @pytest.mark.parametrize("tapped", [False, True])
 def test_a_message_is_the_same_as_an_order(tapped: bool) -> None:
     message = KeyMessage("2+", tapped, "7/lease", 12, 345.678)
-    assert KeyMessage.of(json.loads(json.dumps(message.order()))) == message
+    assert KeyMessage.from_order(json.loads(json.dumps(message.to_order()))) == message
 
 
 @pytest.mark.parametrize(
@@ -184,10 +184,10 @@ def test_a_message_is_the_same_as_an_order(tapped: bool) -> None:
     ],
 )
 def test_what_is_no_complete_message_is_none(wrong: dict[str, object]) -> None:
-    whole = KeyMessage("+", False, "7/lease", 12, 345.678).order()
-    assert KeyMessage.of({**whole, **wrong}) is None
+    whole = KeyMessage("+", False, "7/lease", 12, 345.678).to_order()
+    assert KeyMessage.from_order({**whole, **wrong}) is None
     for name in whole:
-        assert KeyMessage.of({each: whole[each] for each in whole if each != name}) is None
+        assert KeyMessage.from_order({each: whole[each] for each in whole if each != name}) is None
 
 
 STEP_MS = 10
@@ -246,7 +246,7 @@ def test_whatever_is_late_lost_reordered_or_repeated_a_key_counts_only_near_its_
         sent += 1
 
     key = HeldKey()
-    key.ask(True)
+    key.set_accepting(True)
     counted: dict[int, int] = {}  # the number of a press that counted: the person's press
     for now in range(step + 400):
         if now * STEP_MS % CHALLENGE_MS == 0:
@@ -262,7 +262,7 @@ def test_whatever_is_late_lost_reordered_or_repeated_a_key_counts_only_near_its_
         if press and (newest > known or press != before):
             send("+", press, now)
         for told in on_the_way.pop(now, []):
-            key.take(told.message, 0.01 * now)
+            key.process(told.message, 0.01 * now)
             counts = key.held(0.01 * now)
             if counts is not None and counts.press not in counted:
                 counted[counts.press] = told.press

@@ -66,7 +66,7 @@ class Bench:
         return True
 
     def press(self, goal: NDArray[np.float64], pace: float = 1.0) -> None:
-        pose = self.dead_man.resting(2)
+        pose = self.dead_man.rest_pose(2)
         assert pose is not None
         self.dead_man.press(HoldLine(pose, goal, pace), self.now_s + DEAD_MAN_S)
 
@@ -92,7 +92,7 @@ def test_while_the_key_is_held_the_robot_goes_to_the_lines_end_and_rests_there()
     np.testing.assert_array_equal(bench.positions[-1], GOAL)
     assert bench.speed == 0.0
     assert np.abs(bench.velocities).max() == pytest.approx(0.4 * 0.5)
-    assert bench.dead_man.resting(2) is not None
+    assert bench.dead_man.rest_pose(2) is not None
 
 
 def test_the_cycle_that_finds_the_key_released_is_the_first_that_slows_down() -> None:
@@ -118,7 +118,7 @@ def test_without_another_sign_of_the_key_the_robot_slows_down_after_the_stated_t
         assert bench.speed == pytest.approx(0.2)
     bench.cycles(1, held=False)
     assert bench.speed < 0.2
-    assert bench.dead_man.resting(2) is None
+    assert bench.dead_man.rest_pose(2) is None
     bench.cycles(20, held=False)
     assert bench.speed == 0.0
 
@@ -155,7 +155,7 @@ def test_a_press_whose_key_was_released_before_it_was_seen_moves_nothing() -> No
     bench.now_s += 2.0 * DEAD_MAN_S
     bench.cycles(5, held=False)
     np.testing.assert_array_equal(bench.positions[-1], START)
-    assert bench.dead_man.resting(2) is not None
+    assert bench.dead_man.rest_pose(2) is not None
 
 
 @pytest.mark.parametrize("released", [True, False])
@@ -206,7 +206,7 @@ def test_whatever_is_pressed_and_let_go_speed_and_acceleration_stay_reduced(
     bench.cycles(1, held=False)
     waiting = list(goals)
     for held, count in holds:
-        if held and waiting and bench.dead_man.resting(2) is not None:
+        if held and waiting and bench.dead_man.rest_pose(2) is not None:
             *goal, pace = waiting.pop()
             bench.press(np.array(goal), pace)
         bench.cycles(count, held=held)

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from acquisition.hold_to_run.dead_man import DEAD_MAN_S
-from acquisition.hold_to_run.pilot import Keys
+from acquisition.hold_to_run.dead_man_thread import KeySource
 from acquisition.task.service_beat import SERVICE_LIMIT_S, ServiceBeat
 from config.errors import ConfigError, PreflightError
 from rid_daq.blocks.block import Column, Heading, Interval, Next, Table, Text, Verdict
@@ -197,7 +197,9 @@ def test_where_the_service_is_gone_nobody_answers_and_the_job_is_told_to_end(
 
 
 @contextmanager
-def asked(console: JobConsole, tapped: Callable[[str], None] = lambda _key: None) -> Iterator[Keys]:
+def asked(
+    console: JobConsole, tapped: Callable[[str], None] = lambda _key: None
+) -> Iterator[KeySource]:
     """Have the console's keys, of a robot that is ready to move."""
     with console.keys(tapped) as keys:
         keys.begin()

@@ -1,4 +1,4 @@
-"""`Pilot`: turns a held key into presses of the dead-man, each along a line that was looked at."""
+"""`DeadManThread`: turns held keys into presses of the dead-man, each along a checked line."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Final, Protocol
 
 from acquisition.hold_to_run.dead_man import DeadMan
-from acquisition.hold_to_run.held_key import Held
+from acquisition.hold_to_run.held_key import KeyPress
 from acquisition.hold_to_run.line import HoldLine
 from config.arrays import FloatArray
 from config.process.safety_clock import safety_now_s
@@ -16,43 +16,43 @@ from config.process.safety_clock import safety_now_s
 LOOK_S: Final = 0.01
 
 
-class Keys(Protocol):
-    """Whatever has keys to hold: a keyboard, or the button of a page."""
+class KeySource(Protocol):
+    """Source of held keys: a keyboard, or a button on a page."""
 
     @abstractmethod
     def begin(self) -> None:
-        """Let keys count that are pressed from now on: the robot is at rest and ready to move."""
+        """Accept keys that are pressed from now on: the robot is at rest and ready to move."""
 
     @abstractmethod
-    def look(self) -> Held | None:
-        """Return which key is held now, None where none is."""
+    def look(self) -> KeyPress | None:
+        """Return the key that is held now; None if no key is held."""
 
 
-Plan = Callable[[str, FloatArray], HoldLine | None]
-"""Says which line a key that is held leads along from a pose; None where it leads nowhere."""
+LinePlanner = Callable[[str, FloatArray], HoldLine | None]
+"""Returns the line that a held key requests from a pose; None if the key requests no motion."""
 
 
-class Pilot:
-    """Looks at keys in a thread of its own for as long as the `with` lasts.
+class DeadManThread:
+    """Thread that polls the keys and updates the dead-man while the `with` block is active.
 
-    When the thread ends, by an error too, no more signs of a held key come: the robot rests.
+    If the thread ends, also by an error, the dead-man gets no more signs of a held key and the
+    robot stops.
 
     Args:
-        dead_man: What the cyclic task obeys.
-        joints: Of the robot.
-        keys: What is held.
-        plan: What that means.
-        until: Shape (joints,). The pose that ends the motion, once the robot rests there [rad or
-            m].
-        ready: Told where the robot is held at rest, once a key would move it.
+        dead_man: Shared memory that the cyclic task reads.
+        joints: Number of joints.
+        keys: Source of held keys.
+        plan: Returns the line that a key requests.
+        until: Shape (joints,). Pose that ends the motion once the robot rests there [rad or m].
+        ready: Called once with the pose at rest, when keys can move the robot.
     """
 
     def __init__(
         self,
         dead_man: DeadMan,
         joints: int,
-        keys: Keys,
-        plan: Plan,
+        keys: KeySource,
+        plan: LinePlanner,
         until: FloatArray | None = None,
         ready: Callable[[FloatArray], None] = lambda _pose: None,
     ) -> None:
@@ -62,12 +62,12 @@ class Pilot:
         self._plan = plan
         self._until = until
         self._ready: Callable[[FloatArray], None] | None = ready
-        self._pressed = 0  # the press that was looked at
+        self._pressed = 0  # number of the press that was processed
         self._error: BaseException | None = None
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run, name="rid-daq pilot", daemon=True)
 
-    def __enter__(self) -> Pilot:
+    def __enter__(self) -> DeadManThread:
         self._thread.start()
         return self
 
@@ -87,8 +87,8 @@ class Pilot:
             self._dead_man.finish()
 
     def look(self) -> None:
-        """Look once at the keys, and tell the dead-man."""
-        pose = self._dead_man.resting(self._joints)
+        """Poll the keys once and update the dead-man."""
+        pose = self._dead_man.rest_pose(self._joints)
         if pose is not None and self._ready is not None:
             self._ready(pose)
             self._ready = None
@@ -102,10 +102,10 @@ class Pilot:
         elif self._pressed:
             self._dead_man.hold(held.until_s)
             return
-        if held is None or pose is None:  # no key; or it slows down still, or has not begun
+        if held is None or pose is None:  # no key is held, or the robot is not at rest
             return
         line = self._plan(held.key, pose)
-        still = self._keys.look()  # looking at the line takes its time
+        still = self._keys.look()  # planning the line takes time
         if still is None or still.press != held.press:
             return
         self._pressed = held.press
@@ -113,8 +113,8 @@ class Pilot:
             self._dead_man.press(line, still.until_s)
 
 
-class HeldForGood:
-    """A key that is held for as long as it is asked: for a simulated cell that nobody stands at."""
+class AlwaysHeldKey:
+    """Key that is held permanently, for a simulated cell without a person."""
 
     def __init__(self, key: str) -> None:
         self._key = key
@@ -122,6 +122,6 @@ class HeldForGood:
     def begin(self) -> None:
         """Do nothing."""
 
-    def look(self) -> Held:
-        """Return that the key is held."""
-        return Held(self._key, 1, safety_now_s())
+    def look(self) -> KeyPress:
+        """Return the key as held."""
+        return KeyPress(self._key, 1, safety_now_s())

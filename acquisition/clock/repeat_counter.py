@@ -1,4 +1,4 @@
-"""`RepeatCounter`: repeated rows of our own recordings, whose clock is the cyclic task's."""
+"""`RepeatCounter`: counts repeated rows in recordings of this program."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from acquisition.recording.recording import Recording
 
 
 class RepeatCounter:
-    """Count repeated rows of a recording part by part; its memory does not grow."""
+    """Counter of repeated rows in a recording that is read in parts; uses constant memory."""
 
     def __init__(self) -> None:
         self._rows = self._repeated = 0
         self._longest = 1
 
     def add(self, part: Recording) -> Recording:
-        """Count the next part, and return it."""
+        """Count the repeated rows of the next part, and return the part."""
         position = part.position[part.valid]
         nothing = np.full_like(position, np.nan)
         samples = Samples(part.time_s[part.valid], position, nothing, part.torque_nm[part.valid])
@@ -29,7 +29,7 @@ class RepeatCounter:
         return part
 
     def report(self) -> ClockReport:
-        """Return what was counted."""
+        """Return the report with the counts."""
         return ClockReport(
             clock=ClockState.UNVERIFIED,
             rows=self._rows,
@@ -38,12 +38,13 @@ class RepeatCounter:
         )
 
     def notes(self) -> tuple[str, ...]:
-        """Return a sentence if rows repeat."""
+        """Return a note for the report if rows repeat, else nothing."""
         if not self._repeated:
             return ()
         share = 100.0 * self._repeated / self._rows
         return (
-            f"{self._repeated} of {self._rows} rows ({share:.1f} %) repeat positions and torques"
-            " of the row before although the robot moves: the drives renew their values less often"
-            " than the cell's cycle. Check their PDOs and cycle time",
+            f"{self._repeated} of {self._rows} rows ({share:.1f} %) repeat the positions and"
+            " torques of the previous row although the robot moves: the drives update these"
+            " values more slowly than the cell's cycle. Check the drives' PDO settings and the"
+            " cycle time",
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from acquisition.clock.recorded import RepeatCounter
+from acquisition.clock.repeat_counter import RepeatCounter
 from acquisition.motion.samples import Phase
 from acquisition.recording.recording import Recording
 from config.arrays import FloatArray
