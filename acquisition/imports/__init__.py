@@ -1,6 +1,7 @@
-"""Somebody else's recording: tables and bags, read by a map, with a report of what is wrong in it.
+"""Import of tables and ROS bags from other programs, with an import map and checks.
 
-Nothing of our own run folders. Begin with `import_map.py`, then `read.py`. Lines of text become
-numbers in `tables.py`, messages of ROS become such a table in `bags.py`, `columns.py` makes SI of
-it, `soundness.py` leaves out what cannot be true, `findings.py` says what is odd about the rest.
+The program's own run folders are not read here. Begin with `import_map.py`, then `read.py`.
+`tables.py` converts text to numbers, `bags.py` converts ROS messages to such a table. `columns.py`
+converts the numbers to SI units. `soundness.py` drops impossible rows, `findings.py` reports
+oddities of the other rows.
 """

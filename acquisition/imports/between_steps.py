@@ -1,10 +1,10 @@
-"""Where a joint was between the steps that its position was recorded in.
+"""Positions between the quantisation steps of a recorded position.
 
-Positions are often recorded in steps: increments of an encoder, or the digits of a file. A joint at
-rest or turning round moves by less, and its friction changes with that. Where a velocity was
-recorded beside, its integral says how the joint moved. What is left between both drifts slowly: of
-all drifts that leave the position within a step of what was recorded it is the one that goes back
-and forth least.
+Positions are often recorded in steps: increments of an encoder, or the last digit of a file. At
+rest and at reversals a joint moves by less than a step, and its friction changes with such small
+displacements. If a velocity was recorded too, its integral shows how the joint moved. The integral
+drifts slowly from the position. The drift is chosen such that the result stays within one step of
+the recorded position and the drift's total variation is minimal.
 """
 
 from __future__ import annotations
@@ -19,29 +19,29 @@ from config.arrays import FloatArray
 from dynamics.kernels.taut_string import pull_taut
 
 MOST_STEPS: Final = 100
-"""Larger changes of a position say nothing of its step: their rounding adds up."""
+"""Changes by more steps are not used: their rounding errors add up."""
 OFF_THE_GRID: Final = 0.1
-"""By what part of a step changes may miss whole steps: digits that were rounded away."""
+"""Permitted deviation of a change from whole steps, in steps: rounding of the last digit."""
 FEWEST_STEPS: Final = 10
-"""Fewer changes by some steps may be whole multiples of each other by luck."""
+"""Fewer changes can be multiples of one step by chance."""
 
 
 def position_steps(rows: ImportRows) -> tuple[float | None, ...]:
-    """Return the step of each joint's position [rad or m]; None where it has none.
+    """Return the quantisation step of each joint's position [rad or m]; None without steps.
 
     Args:
         rows: The recording.
     """
-    return tuple(_step(position) for position in rows.position.T)
+    return tuple(_quantisation_step(position) for position in rows.position.T)
 
 
-def _step(position: FloatArray) -> float | None:
+def _quantisation_step(position: FloatArray) -> float | None:
     changes = np.diff(position)
     sizes = np.abs(changes[changes != 0.0])
     if not len(sizes):
         return None
     step = float(sizes.min())
-    for most in (2.5, 10.5, 30.5, MOST_STEPS):  # the more steps, the better their size is told
+    for most in (2.5, 10.5, 30.5, MOST_STEPS):  # more steps give a more accurate step size
         few = sizes[sizes < most * step]
         count = np.round(few / step)
         step = float(count @ few / (count @ count))
@@ -50,19 +50,19 @@ def _step(position: FloatArray) -> float | None:
         return None
     goes_on = np.count_nonzero(changes[1:] * changes[:-1] > 0.0)
     steady = sizes.max() < 1.5 * step and 2 * goes_on > len(sizes)
-    return None if steady else step  # a steady speed moves by one size, too
+    return None if steady else step  # a constant speed also gives changes of one size
 
 
-def between_steps(rows: ImportRows, steps: tuple[float | None, ...]) -> FloatArray:
-    """Return positions that follow the recorded velocity between their steps, (rows, joints).
+def refine_positions(rows: ImportRows, steps: tuple[float | None, ...]) -> FloatArray:
+    """Return positions that follow the recorded velocity between the steps, (rows, joints).
 
-    None is further than a step from what was recorded. Positions without steps, and those of
-    joints without velocity, are as they were recorded. What a joint did in a gap is not known: each
-    stretch between gaps is followed by itself.
+    No result differs by more than a step from the recorded position. Positions without steps, and
+    those of joints without velocity, are returned unchanged. The motion in a gap is unknown: each
+    stretch between gaps is processed separately.
 
     Args:
         rows: The recording.
-        steps: `position_steps` of it.
+        steps: Result of `position_steps` for these rows.
     """
     position = rows.position.copy()
     spans = np.diff(rows.time_s)
@@ -72,14 +72,16 @@ def between_steps(rows: ImportRows, steps: tuple[float | None, ...]) -> FloatArr
             velocity = rows.velocity[stretch, j]
             if step is not None and len(stretch) > 1 and not np.isnan(rows.velocity[:, j]).any():
                 recorded = rows.position[stretch, j]
-                position[stretch, j] = _pulled(rows.time_s[stretch], recorded, velocity, step)
+                position[stretch, j] = _refine_stretch(
+                    rows.time_s[stretch], recorded, velocity, step
+                )
     return position
 
 
-def _pulled(
+def _refine_stretch(
     time_s: FloatArray, recorded: FloatArray, velocity: FloatArray, step: float
 ) -> FloatArray:
-    """Return one joint's positions in a stretch without gaps."""
+    """Return the positions of one joint in a stretch without gaps."""
     means = (velocity[1:] + velocity[:-1]) / 2.0
     moved = np.concatenate([[0.0], np.cumsum(means * np.diff(time_s))])
     drift = recorded - moved

@@ -1,4 +1,4 @@
-"""`ImportColumns`: which columns are read, and how their numbers become `ImportRows` in SI."""
+"""`ImportColumns`: selects columns and converts their numbers to `ImportRows` in SI units."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ _ZERO_K = {"C": ZERO_CELSIUS_K, "K": 0.0}
 
 @dataclass(frozen=True, eq=False)
 class ImportRows:
-    """Rows of a recording in SI, link side.
+    """Rows of a recording in SI units, link side.
 
-    Positions and velocities are still the actuators' where the robot has a coupling.
+    If the robot has a coupling, positions and velocities are still those of the actuators.
 
     Attributes:
-        row: Shape (rows,). Their lines in the file, from 1.
-        time_s: Shape (rows,). Their stamps [s].
-        position, velocity, torque: Shape (rows, joints). rad or m, per second, N m or N; NaN for a
-            velocity that is not there.
-        temperature: Shape (rows, joints or 0). [K]; no columns where there are none.
+        row: Shape (rows,). Line numbers in the file, from 1.
+        time_s: Shape (rows,). Time stamps [s].
+        position, velocity, torque: Shape (rows, joints). Position [rad or m], velocity [rad/s or
+            m/s], torque [N m or N]; a velocity that was not recorded is NaN.
+        temperature: Shape (rows, joints or 0). Temperatures [K]; no columns if none were recorded.
     """
 
     row: IntArray
@@ -49,20 +49,20 @@ class ImportRows:
     temperature: FloatArray
 
     def keep(self, mask: BoolArray) -> ImportRows:
-        """Return some of the rows."""
+        """Return the selected rows."""
         return ImportRows(*(getattr(self, field.name)[mask] for field in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)
 class ImportColumns:
-    """The columns used: positions, torques, velocities, temperatures of all joints.
+    """Columns in use: positions, torques, velocities and temperatures of all joints.
 
     Attributes:
-        columns: Columns of the files; a joint without velocity has its position's there.
-            Temperatures are there for all joints or for none.
-        factors, offsets: Shape (columns,). SI at the link side = factor * number + offset; NaN for
-            a velocity that is not there.
-        coupling: Shape (n, n). C of q = C alpha, where the positions read are the actuators' alpha.
+        columns: Column numbers in the files; a joint without velocity has its position column
+            instead. Temperatures are present for all joints or for none.
+        factors, offsets: Shape (columns,). SI value at the link side = factor * number + offset;
+            NaN for a velocity that was not recorded.
+        coupling: Shape (n, n). C of q = C alpha, if the positions are the actuators' alpha.
     """
 
     columns: tuple[int, ...]
@@ -72,15 +72,14 @@ class ImportColumns:
 
     @classmethod
     def of(cls, import_map: ImportMap, robot: RobotDescription | None) -> ImportColumns:
-        """Take them from a map, and from its robot what the map leaves to it.
+        """Return the columns of a map, with missing values taken from its robot.
 
         Raises:
-            ConfigError: The map leaves something to the robot, and the robot does not say it or is
-                not given.
+            ConfigError: A value is neither in the map nor in the robot file, or no robot is given.
         """
         units, joints = import_map.units, import_map.joints
-        known = [_known(import_map, joint, robot) for joint in joints]
-        gears = [_gear(import_map, *pair) for pair in zip(joints, known, strict=True)]
+        known = [_described_joint(import_map, joint, robot) for joint in joints]
+        gears = [_gear_ratio(import_map, *pair) for pair in zip(joints, known, strict=True)]
         columns = [joint.position for joint in joints]
         turns = [gear * joint.position_sign for gear, joint in zip(gears, joints, strict=True)]
         factors = [_POSITION[units.position] / turn for turn in turns]
@@ -110,42 +109,43 @@ class ImportColumns:
         )
 
     def rows(self, table: ImportTable, joints: int) -> ImportRows:
-        """Return a table of these columns in SI."""
+        """Return the rows of a table of these columns in SI units."""
         with np.errstate(over="ignore", invalid="ignore"):
             values = table.values * self.factors + self.offsets
         position, torque, velocity, warmth = np.split(values, joints * np.arange(1, 4), axis=1)
         return ImportRows(table.row, table.time_s, position, velocity, torque, warmth)
 
     def joint_positions(self, read: FloatArray) -> FloatArray:
-        """Return the joints' positions from those read, (samples, n): q = C alpha (5.18)."""
+        """Return the joint positions from those read, (samples, n): q = C alpha (5.18)."""
         return read if self.coupling is None else np.asarray(read @ self.coupling.T)
 
 
-def _known(
+def _described_joint(
     import_map: ImportMap, joint: ImportJoint, robot: RobotDescription | None
 ) -> Joint | None:
-    """Return what the robot file says of a joint."""
+    """Return a joint's entry in the robot file."""
     if robot is None:
         return None
     if robot.joint_names != import_map.joint_names:
         raise ConfigError(
-            f"map {import_map.name!r} reads joints {', '.join(import_map.joint_names)}, robot"
-            f" {robot.name!r} has {', '.join(robot.joint_names)}: name them alike, base to flange",
+            f"map {import_map.name!r} has joints {', '.join(import_map.joint_names)}, robot"
+            f" {robot.name!r} has {', '.join(robot.joint_names)}: use the same names, base to"
+            " flange",
             code="RID-IMPORT-JOINTS",
         )
     return robot.joints[robot.joint_names.index(joint.joint)]
 
 
-def _gear(import_map: ImportMap, joint: ImportJoint, description: Joint | None) -> float:
-    """Return motor turns per turn of the column's side."""
+def _gear_ratio(import_map: ImportMap, joint: ImportJoint, description: Joint | None) -> float:
+    """Return the motor turns per turn of the column's side."""
     if joint.gear_ratio is not None:
         return joint.gear_ratio
     if import_map.side == "link":
         return 1.0
     if description is None:
         raise ConfigError(
-            f"map {import_map.name!r}: side is motor, and joint {joint.joint!r} has no gear_ratio:"
-            " state it in the map, or read the file together with its robot",
+            f"map {import_map.name!r}: side is motor, but joint {joint.joint!r} has no"
+            " gear_ratio: add it to the map, or read the file together with its robot",
             code="RID-IMPORT-MOTOR-SIDE",
         )
     return description.gear_ratio
@@ -154,13 +154,13 @@ def _gear(import_map: ImportMap, joint: ImportJoint, description: Joint | None) 
 def _torque_constant(
     import_map: ImportMap, joint: ImportJoint, gear: float, description: Joint | None
 ) -> float:
-    """Return torque at the link side per ampere; a robot's constant is link side already."""
+    """Return the torque at the link side per ampere; the robot file's constant is link side."""
     if joint.torque_constant_nm_per_a is not None:
         return joint.torque_constant_nm_per_a * gear
     if description is None or description.torque_constant_nm_per_a is None:
         raise ConfigError(
             f"map {import_map.name!r}: the current of joint {joint.joint!r} has no"
-            " torque_constant_nm_per_a, neither in the map nor in its robot: state it in one",
+            " torque_constant_nm_per_a in the map or in the robot file: add it to one of them",
             code="RID-IMPORT-MOTOR-SIDE",
         )
     return math.copysign(description.torque_constant_nm_per_a, gear)

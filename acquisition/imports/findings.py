@@ -1,7 +1,7 @@
-"""`findings`: what is odd about sound rows, and what is so odd that the recording is refused.
+"""Checks of sound rows: reports oddities, and refuses recordings with grave contradictions.
 
-Units, clock, gear ratios and zero positions are held against the velocities recorded and the limits
-of the robot file; a channel that stands still while its joint moves is named.
+Units, clock, gear ratios and zero positions are compared with the recorded velocities and with the
+limits of the robot file. A channel that is constant while its joint moves is reported.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acquisition.imports.causes import BEYOND_LIMIT, cause_of_positions
+from acquisition.imports.causes import BEYOND_LIMIT, likely_cause_of_positions
 from acquisition.imports.columns import ImportColumns, ImportRows
 from acquisition.imports.import_map import ImportMap
 from acquisition.processing.smoothing import GAP_STEPS
@@ -27,7 +27,7 @@ RATIO_TOLERANCE = 0.03
 ALIKE = 0.015
 STUCK = 1e-4
 SELDOM_S = 0.2
-"""Rows further apart show nothing of the 10 Hz that identification looks at, and hardly 2 Hz."""
+"""A longer step shows hardly 2 Hz of the 10 Hz bandwidth that identification uses."""
 STUCK_ROWS = 100
 STUCK_SHARE = 0.2
 _FACTORS = (
@@ -42,13 +42,13 @@ _FACTORS = (
 
 @dataclass(frozen=True)
 class Findings:
-    """What was found.
+    """Results of the checks.
 
     Attributes:
-        sentences: What is odd, a sentence each, with what to do.
-        velocity_ratio: Per joint, velocity from the positions over the velocity column; None where
-            there is no such column or the joint stands still.
-        static: Whether no joint moves.
+        sentences: One sentence for each oddity, with the remedy.
+        velocity_ratio: For each joint, velocity from the positions divided by the velocity column;
+            None if there is no such column or the joint is at rest.
+        static: True if no joint moves.
     """
 
     sentences: tuple[str, ...]
@@ -56,44 +56,45 @@ class Findings:
     static: bool
 
 
-def find(
+def check_rows(
     rows: ImportRows, columns: ImportColumns, import_map: ImportMap, robot: RobotDescription | None
 ) -> Findings:
-    """Look at sound rows.
+    """Return the oddities of sound rows.
 
     Args:
         rows: Sound rows, at least 2.
-        columns: How they were read.
-        robot: Its robot, for the limits.
+        columns: Columns with which the rows were read.
+        import_map: Map with which the rows were read.
+        robot: Robot with the limits.
 
     Raises:
-        DataQualityError: Positions and velocities contradict one another, or positions or speeds
-            are far beyond the robot's limits.
+        DataQualityError: Positions and velocities contradict each other, or positions or speeds are
+            far beyond the robot's limits.
     """
     ratios, sigmas = _velocity_ratios(rows, import_map)
     position = columns.joint_positions(rows.position)
     static = bool(np.ptp(position, axis=0).max() < STANDSTILL)
-    sentences = [*_seldom(rows, import_map), *_clock(ratios, sigmas, import_map)]
-    sentences += _stuck(rows, import_map)
+    sentences = [*_rate_findings(rows, import_map), *_velocity_findings(ratios, sigmas, import_map)]
+    sentences += _stuck_torque_findings(rows, import_map)
     if robot is not None:
-        sentences += _limits(replace(rows, position=position), robot, import_map)
-        sentences += _torques(rows.torque, robot)
+        sentences += _limit_findings(replace(rows, position=position), robot, import_map)
+        sentences += _torque_findings(rows.torque, robot)
     if static:
         sentences.append(
-            "Static: no joint moves, so that gravity alone shows and nothing can be identified:"
-            " compare it with a model by `rid-daq validate MODEL RUN --standstill 0`. If the robot"
-            " moved, the position columns are wrong"
+            "Static: no joint moves, so that the torques contain only gravity and nothing can be"
+            " identified. Compare the recording with a model by `rid-daq validate MODEL RUN"
+            " --standstill 0`. If the robot moved, the position columns are wrong"
         )
     return Findings(tuple(sentences), tuple(ratios), static)
 
 
-def differences(rows: ImportRows) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return what changes over a tenth of a second, where the stamps leave no gap.
+def changes_over_window(rows: ImportRows) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the changes over 0.1 s, without intervals that contain a gap.
 
     Returns:
-        `time_s`, shape (pairs,). How long [s].
-        `position, path, velocity`, shape (pairs, joints). Change of the positions, of the integral
-            of the velocity columns, and of these.
+        `time_s`, shape (pairs,): durations [s]. `position, path, velocity`, shape (pairs, joints):
+        changes of the positions, of the integral of the velocity columns, and of the velocity
+        columns.
     """
     steps = np.diff(rows.time_s)
     step_s = float(np.median(steps))
@@ -112,14 +113,15 @@ def differences(rows: ImportRows) -> tuple[FloatArray, FloatArray, FloatArray, F
 def _velocity_ratios(
     rows: ImportRows, import_map: ImportMap
 ) -> tuple[list[float | None], list[float]]:
-    """Return velocity from positions over the velocity columns, and standard deviations.
+    """Return the ratios of position-based to recorded velocity, with standard deviations.
 
-    Where they contradict each other they are refused.
+    Over 0.1 s the position changes by the ratio times the integral of the velocity, plus the
+    effects of a delay and an offset of the velocity.
 
-    Over a tenth of a second the position changes by r times the integral of the velocity, and by
-    what a delay of the velocity or an offset of it makes: r is what is wanted.
+    Raises:
+        DataQualityError: Position and velocity of a joint contradict each other.
     """
-    time_s, position, path, velocity = differences(rows)
+    time_s, position, path, velocity = changes_over_window(rows)
     overlapping = len(time_s) * float(np.median(time_s)) / max(float(np.ptp(rows.time_s)), 1e-9)
     ratios: list[float | None] = [None] * len(import_map.joints)
     sigmas = [0.0] * len(ratios)
@@ -127,15 +129,16 @@ def _velocity_ratios(
         if joint.velocity is None or len(time_s) < 10:
             continue
         a, b = position[:, number], path[:, number]
-        moved, said = (float(np.sqrt(np.square(x / time_s).mean())) for x in (a, b))
-        if max(moved, said) < STANDSTILL_SPEED:
+        moved, recorded = (float(np.sqrt(np.square(x / time_s).mean())) for x in (a, b))
+        if max(moved, recorded) < STANDSTILL_SPEED:
             continue
-        if float(np.sqrt(np.square((a - b) / time_s).mean())) > 0.5 * max(moved, said):
+        if float(np.sqrt(np.square((a - b) / time_s).mean())) > 0.5 * max(moved, recorded):
             raise DataQualityError(
-                f"the position of {joint.joint} (column {joint.position}) moves at"
-                f" {moved:.3g} per second RMS, its velocity column {joint.velocity} says"
-                f" {said:.3g}, and they do not go together{_likely(moved, said)}: correct the"
-                " columns or units in the map",
+                f"the position of {joint.joint} (column {joint.position}) changes at {moved:.3g}"
+                f" per second RMS, but its velocity column {joint.velocity} is {recorded:.3g} per"
+                " second RMS: the two contradict each"
+                f" other{_obvious_contradiction(moved, recorded)}. Correct the columns or units"
+                " in the map",
                 code="RID-IMPORT-UNITS",
             )
         equations = np.column_stack([b, velocity[:, number], time_s])
@@ -147,35 +150,37 @@ def _velocity_ratios(
     return ratios, sigmas
 
 
-def _likely(moved: float, said: float) -> str:
-    """Say what makes positions and velocities contradict each other, where that is plain."""
-    if moved < STUCK * said:
+def _obvious_contradiction(moved: float, recorded: float) -> str:
+    """Return the obvious reason for contradicting positions and velocities, if any."""
+    if moved < STUCK * recorded:
         return " (the position is stuck)"
-    if said < STUCK * moved:
+    if recorded < STUCK * moved:
         return " (the velocity is stuck)"
-    close = [words for factor, words in _FACTORS if abs(said / moved / factor - 1.0) < 0.05]
+    close = [words for factor, words in _FACTORS if abs(recorded / moved / factor - 1.0) < 0.05]
     return f" ({close[0]})" if close else ""
 
 
-def _seldom(rows: ImportRows, import_map: ImportMap) -> Iterator[str]:
-    """Say where rows are so far apart that a robot's accelerations fall between them."""
+def _rate_findings(rows: ImportRows, import_map: ImportMap) -> Iterator[str]:
+    """Yield a finding if the sampling rate is too low for the robot's accelerations."""
     step_s = float(np.median(np.diff(rows.time_s)))
     if step_s <= SELDOM_S:
         return
-    told = f"The rows are {step_s:.3g} s apart: accelerations and friction fall between them"
+    finding = f"The rows are {step_s:.3g} s apart, too far to show accelerations and friction"
     if import_map.time is None:
-        yield f"{told}. Check rate_hz in the map"
+        yield f"{finding}. Check rate_hz in the map"
         return
     finer = {"s": "ms", "ms": "us"}.get(import_map.time.unit)
-    yield f"{told}." + (
+    yield f"{finding}." + (
         f" If the stamps are {finer}, put `unit: {finer}` under `time` into the map"
         if finer
         else " Check the column of time in the map"
     )
 
 
-def _clock(ratios: list[float | None], sigmas: list[float], import_map: ImportMap) -> Iterator[str]:
-    """Say where velocities differ from positions by a factor: all alike, or one joint."""
+def _velocity_findings(
+    ratios: list[float | None], sigmas: list[float], import_map: ImportMap
+) -> Iterator[str]:
+    """Yield findings if velocities and positions differ by a factor, in all joints or in one."""
     known = {
         joint.joint: (ratio, RATIO_TOLERANCE + 2.0 * sigma)
         for joint, ratio, sigma in zip(import_map.joints, ratios, sigmas, strict=True)
@@ -192,21 +197,22 @@ def _clock(ratios: list[float | None], sigmas: list[float], import_map: ImportMa
     if len(known) > 1 and alike and beyond and abs(common - 1.0) > RATIO_TOLERANCE:
         key = "rate_hz" if import_map.rate_hz is not None else "time stamps"
         yield (
-            f"The clock is wrong: positions over {key} are {common:.3f} times the velocities"
-            f" recorded, in all joints alike. Multiply the times by {common:.4g}, or find out"
-            " which of the two is right: torques of acceleration are wrong by its square"
+            f"The clock is wrong: velocities computed from positions and {key} are {common:.3f}"
+            f" times the recorded velocities, in all joints. Multiply the times by {common:.4g},"
+            " or find out which of the two is right: inertial torques are wrong by the square of"
+            " this factor"
         )
         return
     for name, (ratio, tolerance) in known.items():
         if abs(ratio - 1.0) > tolerance:
             yield (
-                f"{name}: its position moves {ratio:.3f} times as fast as its velocity column says:"
+                f"{name}: its position moves {ratio:.3f} times as fast as its velocity column:"
                 " check the unit, resolution or gear_ratio of these two columns"
             )
 
 
-def _stuck(rows: ImportRows, import_map: ImportMap) -> Iterator[str]:
-    """Name torques that stay the same to the last digit while their joint moves."""
+def _stuck_torque_findings(rows: ImportRows, import_map: ImportMap) -> Iterator[str]:
+    """Yield a finding for each torque that is constant while its joint moves."""
     for number, joint in enumerate(import_map.joints):
         torque, position = rows.torque[:, number], rows.position[:, number]
         travel = float(np.ptp(position))
@@ -222,16 +228,18 @@ def _stuck(rows: ImportRows, import_map: ImportMap) -> Iterator[str]:
         if moved > STUCK_SHARE * travel:
             column = joint.torque if joint.current is None else joint.current
             yield (
-                f"{joint.joint}: its torque (column {column}) is stuck: it stays"
-                f" {torque[first]:.4g} from row {rows.row[first]} to row {rows.row[last]} while the"
-                f" joint moves by {moved:.3g}. Its parameters cannot be identified from there:"
-                " correct the column, or cut these rows out"
+                f"{joint.joint}: its torque (column {column}) is constant at {torque[first]:.4g}"
+                f" from row {rows.row[first]} to row {rows.row[last]} while the joint moves by"
+                f" {moved:.3g}. The joint's parameters cannot be identified from these rows:"
+                " correct the column, or leave these rows out"
             )
 
 
-def _limits(rows: ImportRows, robot: RobotDescription, import_map: ImportMap) -> Iterator[str]:
-    """Hold the joints' positions and speeds against the robot's limits."""
-    time_s, moved, _, _ = differences(rows)
+def _limit_findings(
+    rows: ImportRows, robot: RobotDescription, import_map: ImportMap
+) -> Iterator[str]:
+    """Yield findings for positions and speeds beyond the robot's limits."""
+    time_s, moved, _, _ = changes_over_window(rows)
     speeds = np.percentile(np.abs(moved) / time_s[:, None], 99.0, axis=0)
     position = rows.position
     for number, joint in enumerate(robot.joints):
@@ -240,36 +248,39 @@ def _limits(rows: ImportRows, robot: RobotDescription, import_map: ImportMap) ->
         span = limits.position_max - limits.position_min
         beyond = max(limits.position_min - low, high - limits.position_max)
         speed = float(speeds[number])
-        goes = f"{joint.name} goes from {low:.4g} to {high:.4g}"
-        may = f"the robot file's limits are {limits.position_min:g} to {limits.position_max:g}"
+        range_text = f"{joint.name} moves from {low:.4g} to {high:.4g}"
+        limit_text = (
+            f"the robot file's limits are {limits.position_min:g} to {limits.position_max:g}"
+        )
         if beyond > BEYOND_LIMIT * span:
             raise DataQualityError(
-                f"{goes}; {may}: {cause_of_positions(position, robot, import_map, number)}",
+                f"{range_text}, but {limit_text}:"
+                f" {likely_cause_of_positions(position, robot, import_map, number)}",
                 code="RID-IMPORT-UNITS",
             )
         if beyond > 0.0:
-            yield f"{goes}; {may}: check its zero_offset and unit, or the limits"
+            yield f"{range_text}, but {limit_text}: check its zero_offset and unit, or the limits"
         if speed > 2.0 * limits.velocity:
             raise DataQualityError(
-                f"{joint.name} moves at {speed:.4g} per second, the robot file's limit is"
-                f" {limits.velocity:g}: the unit of its position (degrees?), of the time stamps, or"
-                " the limit is wrong; correct the map or the robot file",
+                f"{joint.name} moves at {speed:.4g} per second, but the robot file's limit is"
+                f" {limits.velocity:g}: the unit of its position (degrees?) or of the time"
+                " stamps, or the limit, is wrong; correct the map or the robot file",
                 code="RID-IMPORT-UNITS",
             )
         if speed > 1.1 * limits.velocity:
             yield (
-                f"{joint.name} moves at {speed:.4g} per second, the robot file's limit is"
+                f"{joint.name} moves at {speed:.4g} per second, but the robot file's limit is"
                 f" {limits.velocity:g}: check units, clock and limit"
             )
 
 
-def _torques(torque: FloatArray, robot: RobotDescription) -> Iterator[str]:
-    """Name torques that the robot cannot make."""
+def _torque_findings(torque: FloatArray, robot: RobotDescription) -> Iterator[str]:
+    """Yield a finding for each torque beyond the robot's limits."""
     for joint, values in zip(robot.joints, np.abs(torque).T, strict=True):
         most = float(np.percentile(values, 99.0))
         if most > 1.1 * joint.limits.torque:
             yield (
-                f"{joint.name}: its torque reaches {most:.4g}, the robot file's limit is"
+                f"{joint.name}: its torque reaches {most:.4g}, but the robot file's limit is"
                 f" {joint.limits.torque:g}: its torque constant or unit is probably too large by"
-                f" {most / joint.limits.torque:.2g} or more"
+                f" a factor of {most / joint.limits.torque:.2g} or more"
             )

@@ -1,4 +1,4 @@
-"""`ImportMap`: how to read someone else's recording - which column is what, in which unit."""
+"""`ImportMap`: description of another program's recording: columns, units and signs."""
 
 from __future__ import annotations
 
@@ -16,18 +16,20 @@ from config.plausible import Derived, PhysicalFile, Plausible
 from config.robot.robot import MOST_JOINTS, Positive, RobotDescription
 
 
-def _no_name(value: object) -> object:
-    """Refuse a column's name, which a newcomer gives, with what is wanted.
+def _refuse_column_name(value: object) -> object:
+    """Raise an error if a column is given by its name instead of its number.
 
     Raises:
-        ValueError: It is a name.
+        ValueError: The value is a name.
     """
     if isinstance(value, str):
-        raise ValueError(f"columns are counted from 0: give the number of {value!r}")
+        raise ValueError(
+            f"columns are given by number, counted from 0: give the number of column {value!r}"
+        )
     return value
 
 
-Column = Annotated[int, BeforeValidator(_no_name), Field(ge=0, lt=10_000)]
+Column = Annotated[int, BeforeValidator(_refuse_column_name), Field(ge=0, lt=10_000)]
 Columns = Annotated[int, Field(ge=2, le=10_000)]
 
 PositionUnit = Literal["rad", "deg", "rev", "m", "mm"]
@@ -38,17 +40,17 @@ _LARGEST_GEAR = 5e3
 
 
 class TimeColumn(ConfigModel):
-    """The column of time stamps, and its unit. Steps may vary: the stamps are the truth."""
+    """Column and unit of the time stamps. The steps may vary: the stamps are used as they are."""
 
     column: Column
     unit: Literal["s", "ms", "us"] = "s"
 
 
 class FurtherFile(ConfigModel):
-    """A file beside the first one, read in the same way.
+    """An additional file, read in the same way as the first one.
 
-    Its columns are counted on from the last one of the file before; those of `time` are its own.
-    Without `time` its stamps are where the first file has them.
+    Its columns continue the numbering of the previous file; the column of `time` is counted in the
+    file itself. Without `time`, its stamps are in the same column as in the first file.
     """
 
     columns: Columns
@@ -56,15 +58,15 @@ class FurtherFile(ConfigModel):
 
 
 class JointReading(ConfigModel):
-    """How one joint's numbers are read, whatever they stand in.
+    """How the numbers of one joint are read, in any kind of file.
 
-    Where they are its motor's, `gear_ratio` (motor turns per joint turn, negative where the motor
-    turns against the joint) brings them to the link side. A current times
-    `torque_constant_nm_per_a` is its torque; without that, times the link-side constant that the
-    robot file states. With `gear_ratio` the map's torque constant is the motor's too.
-    `zero_offset` is what the position says where the robot file's joint is at 0, in the position's
-    own unit. `position_sign` and `torque_sign` are -1 where they count the other way than the robot
-    file's joint; the first is the velocity's too.
+    For values of the motor, `gear_ratio` converts to the link side: motor turns per joint turn,
+    negative if motor and joint turn in opposite directions. The torque is a current times
+    `torque_constant_nm_per_a`; without this key it is the current times the link-side constant in
+    the robot file. With `gear_ratio`, the map's torque constant is that of the motor, too.
+    `zero_offset` is the recorded position at position 0 of the robot file's joint, in the unit of
+    the recorded position. `position_sign` and `torque_sign` are -1 if the value's direction is
+    opposite to that of the robot file's joint; `position_sign` also applies to the velocity.
     """
 
     joint: str
@@ -75,23 +77,24 @@ class JointReading(ConfigModel):
     torque_sign: Literal[1, -1] = 1
 
     @model_validator(mode="after")
-    def _turning(self) -> JointReading:
+    def _check_gear_sign(self) -> JointReading:
         if self.gear_ratio == 0.0:
             raise ValueError("gear_ratio must not be 0")
         if self.gear_ratio is not None and self.gear_ratio < 0.0 and self.position_sign < 0:
             raise ValueError(
-                "gear_ratio is negative and position_sign is -1: they cancel. State one sign"
+                "gear_ratio is negative and position_sign is -1: the signs cancel. Give one sign"
+                " only"
             )
         return self
 
 
 class JointStates(ConfigModel):
-    """The messages of a ROS 2 bag or MCAP file: `sensor_msgs/msg/JointState`.
+    """Description of a ROS 2 bag or MCAP file with `sensor_msgs/msg/JointState` messages.
 
-    `effort` says what its efforts are: torques, or currents of the motors. `topic` is needed where
-    several have such messages, `names` (base to flange) where the messages do not name the joints
-    as the robot file does. `joints` names those of the robot file's that are read otherwise than
-    they stand there: a sign, a zero position, a gear, a torque constant.
+    `effort` says if efforts are torques or motor currents. `topic` is needed if several topics have
+    such messages. `names` (base to flange) is needed if the messages and the robot file use
+    different joint names. `joints` lists joints with other settings than in the robot file: a sign,
+    a zero position, a gear ratio, a torque constant.
     """
 
     effort: Literal["torque", "current"]
@@ -100,21 +103,21 @@ class JointStates(ConfigModel):
     joints: tuple[JointReading, ...] = ()
 
     @model_validator(mode="after")
-    def _once(self) -> JointStates:
+    def _check_names(self) -> JointStates:
         for names in ([joint.joint for joint in self.joints], self.names):
             if len(set(names)) != len(names):
                 raise ValueError("two joints have the same name")
         constants = [j.joint for j in self.joints if j.torque_constant_nm_per_a is not None]
         if constants and self.effort == "torque":
             raise ValueError(
-                f"torque_constant_nm_per_a of {', '.join(constants)} belongs to currents: say"
-                " effort: current, or leave it out"
+                f"torque_constant_nm_per_a of {', '.join(constants)} applies to currents only:"
+                " set effort: current, or remove it"
             )
         return self
 
 
 class ImportUnits(ConfigModel):
-    """Units of the columns; everything becomes SI on the way in."""
+    """Units of the columns; all values are converted to SI units during the import."""
 
     position: PositionUnit = "rad"
     velocity: VelocityUnit = "rad/s"
@@ -124,12 +127,12 @@ class ImportUnits(ConfigModel):
 
 
 class ImportJoint(JointReading):
-    """One joint's columns, counted from 0.
+    """Columns of one joint, counted from 0.
 
-    Torque comes from a `torque` column, or from a `current` column. `velocity` is optional: it is
-    not used in place of the position's derivative, but compared with it, so that a wrong column,
-    unit or clock is found. `temperature` is the drive's, for friction that depends on it: every
-    joint has it, or none.
+    The torque comes from a `torque` column or a `current` column. `velocity` is optional. It does
+    not replace the derivative of the position: both are compared to detect a wrong column, unit or
+    clock. `temperature` is that of the drive, for temperature-dependent friction: all joints have
+    it, or none.
     """
 
     position: Column
@@ -139,19 +142,22 @@ class ImportJoint(JointReading):
     temperature: Column | None = None
 
     @model_validator(mode="after")
-    def _one_torque(self) -> ImportJoint:
+    def _check_torque_columns(self) -> ImportJoint:
         if (self.current is None) == (self.torque is None):
-            raise ValueError("give either a torque column or a current column, not both or none")
+            raise ValueError("give either a torque column or a current column, not both")
         if self.current is None and self.torque_constant_nm_per_a is not None:
-            raise ValueError("torque_constant_nm_per_a belongs to a current column: give both")
+            raise ValueError(
+                "torque_constant_nm_per_a applies to a current column only: give a"
+                " current column, or remove it"
+            )
         return self
 
 
 class DamageLimits(ConfigModel):
-    """Beyond these a row is taken for damaged; link side, SI, any joint.
+    """Limits beyond which a row counts as damaged; link side, SI units, for every joint.
 
-    Two neighbouring rows further apart than `speed` allows are a jump, and damage too, unless a
-    long stretch of rows goes on from there.
+    A step between neighbouring rows that exceeds `speed` is a jump, and also counts as damage,
+    unless a long stretch of rows continues from there.
     """
 
     position: Annotated[Positive, Plausible(0.05, 150.0, "rad or m")] = 100.0
@@ -160,34 +166,35 @@ class DamageLimits(ConfigModel):
 
 
 class RowRange(ConfigModel):
-    """Rows to use, counted from 1 as an editor does; `last` is included."""
+    """Rows to use, counted from 1 as in an editor; `last` is included."""
 
     first: Annotated[int, Field(ge=1)] = 1
     last: Annotated[int, Field(ge=1)] | None = None
 
     @model_validator(mode="after")
-    def _ordered(self) -> RowRange:
+    def _check_order(self) -> RowRange:
         if self.last is not None and self.last <= self.first:
-            raise ValueError(f"last {self.last} must be after first {self.first}")
+            raise ValueError(f"last {self.last} must be greater than first {self.first}")
         return self
 
 
 class ImportMap(PhysicalFile, Derived):
-    """How one kind of recording is laid out: CSV files by `columns`, bags by `joint_states`.
+    """Layout of one kind of recording: `columns` for CSV files, `joint_states` for bags.
 
-    `columns` is the number of columns of a sound row; a row with another number is damaged. Time is
-    the column `time`, or the row's number over `rate_hz`. Where `further_files` are named, they
-    follow the file on the command line, in this order; their columns are counted on from its own,
-    and their values are interpolated to its time stamps.
+    `columns` is the number of columns of a sound row; a row with another number is damaged. The
+    time is the column `time`, or the row's number divided by `rate_hz`. The `further_files` follow
+    the first file on the command line, in this order; their columns continue its numbering, and
+    their values are interpolated to its time stamps.
 
     `left_out_limit` is the share of rows that may be left out as damaged; beyond it the import is
-    refused. `period_s` says that the rows used hold whole periods of that length, which are then
-    averaged; without it the recording is taken as not periodic and smoothed.
+    refused. `period_s` says that the used rows contain whole periods of this length, which are
+    averaged; without it the recording is treated as not periodic and is smoothed.
 
-    `side: motor` says that all columns are the motors': positions are divided, torques multiplied
-    by the robot's gear ratios (or a joint's own `gear_ratio`). Where the robot states a `coupling`
-    C, these positions alpha become the joints' q = C alpha (5.18). With `side: link`, positions are
-    the joints'. Torques are the actuators', seen from the link side, either way.
+    `side: motor` says that all columns are those of the motors: positions are divided, and torques
+    multiplied, by the robot's gear ratios (or a joint's own `gear_ratio`). If the robot has a
+    `coupling` C, these positions alpha become the joints' q = C alpha (5.18). With `side: link`,
+    positions are those of the joints. In both cases torques are those of the actuators, seen from
+    the link side.
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")
@@ -209,34 +216,36 @@ class ImportMap(PhysicalFile, Derived):
     period_s: Annotated[Positive, Plausible(0.05, 3600.0, "s")] | None = None
 
     @model_validator(mode="after")
-    def _one_layout(self) -> ImportMap:
+    def _check_layout(self) -> ImportMap:
         if self.joint_states is not None:
             given = self.model_fields_set & {"columns", "time", "rate_hz", "joints"}
             given |= self.model_fields_set & {"further_files", "delimiter", "decimal"}
             if given:
                 raise ValueError(
-                    f"joint_states has no {', '.join(sorted(given))}: its messages say what is what"
+                    f"joint_states excludes {', '.join(sorted(given))}: the messages define these"
                 )
             return self
         if self.columns is None or not self.joints:
             raise ValueError(
-                "say what is where: columns and joints of a CSV file, or joint_states of a bag"
+                "no layout: give columns and joints for a CSV file, or joint_states for a bag"
             )
         if (self.time is None) == (self.rate_hz is None):
             raise ValueError(
                 "give either time (the column of time stamps) or rate_hz (rows per second)"
             )
         if self.rate_hz is not None and any(file.time for file in self.further_files):
-            raise ValueError("with rate_hz rows are counted in every file: leave out their time")
+            raise ValueError(
+                "with rate_hz, rows are counted in every file: remove `time` of the further files"
+            )
         if self.decimal == self.delimiter:
             raise ValueError(
-                f"decimal and delimiter are both {self.decimal!r}: where numbers have a decimal"
-                " comma, say what stands between the columns, `delimiter: ';'`, tab or space"
+                f"decimal and delimiter are both {self.decimal!r}: if numbers have a decimal"
+                " comma, give another delimiter: ';', tab or space"
             )
         return self
 
     @model_validator(mode="after")
-    def _consistent(self) -> ImportMap:
+    def _check_columns(self) -> ImportMap:
         names = self.joint_names
         if len(set(names)) != len(names):
             raise ValueError("two joints have the same name")
@@ -253,13 +262,13 @@ class ImportMap(PhysicalFile, Derived):
         without = [joint.joint for joint in self.joints if joint.temperature is None]
         if 0 < len(without) < len(self.joints):
             raise ValueError(
-                f"{', '.join(without)} has no temperature column, other joints have: give every"
-                " joint one, or none"
+                f"{', '.join(without)} has no temperature column, but other joints have: give"
+                " every joint one, or none"
             )
         return self
 
     def derived(self) -> dict[str, tuple[float, Plausible]]:
-        """Return the zero offsets, which are in the unit and at the side of the positions."""
+        """Return the zero offsets, in the unit and at the side of the positions."""
         states = self.joint_states
         prefix = "joints" if states is None else "joint_states.joints"
         joints: Sequence[JointReading] = self.joints if states is None else states.joints
@@ -274,23 +283,23 @@ class ImportMap(PhysicalFile, Derived):
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """The joints' names, base to flange; none where `joint_states` leaves them to the robot."""
+        """Joint names, base to flange; empty if `joint_states` takes them from the robot."""
         return tuple(joint.joint for joint in self.joints)
 
     @property
     def first_columns(self) -> tuple[int, ...]:
-        """Where the columns of each file begin, and where the last one's end."""
+        """First column of each file, and the end of the last file's columns."""
         widths = (self.columns or 0, *(file.columns for file in self.further_files))
         return (0, *accumulate(widths))
 
-    def time_of(self, number: int) -> TimeColumn | None:
-        """Return the time column of a file in its own count, 0 being the first; None by rate."""
+    def time_column_of_file(self, number: int) -> TimeColumn | None:
+        """Return the time column of file `number`, counted in that file; None with `rate_hz`."""
         return self.time if number == 0 else self.further_files[number - 1].time or self.time
 
     def _time_columns(self) -> Iterator[tuple[str, int]]:
         widths = (self.columns or 0, *(file.columns for file in self.further_files))
         for number, width in enumerate(widths):
-            time = self.time_of(number)
+            time = self.time_column_of_file(number)
             if time is not None:
                 role = f"time of file {number + 1}" if number else "time"
                 if time.column >= width:
@@ -312,7 +321,7 @@ def load_import_map(reference: str) -> tuple[ImportMap, RobotDescription]:
     """Load an import map and the robot that it names.
 
     Args:
-        reference: The name of a bundled map, or a path to one.
+        reference: Name of a bundled map, or path of a map.
 
     Raises:
         ConfigError: A file is missing or invalid, or the joints do not match.
@@ -327,8 +336,8 @@ def load_import_map(reference: str) -> tuple[ImportMap, RobotDescription]:
         named = robot.joint_names
         if states.names and len(states.names) != len(named):
             raise ConfigError(
-                f"{tree.where(('joint_states', 'names'))}: {len(states.names)} names, robot"
-                f" {robot.name} has {len(named)} joints: name one a joint, base to flange",
+                f"{tree.where(('joint_states', 'names'))}: {len(states.names)} names, but robot"
+                f" {robot.name} has {len(named)} joints: give one name per joint, base to flange",
                 code="RID-IMPORT-JOINTS",
             )
         for number, joint in enumerate(states.joints):
@@ -341,8 +350,8 @@ def load_import_map(reference: str) -> tuple[ImportMap, RobotDescription]:
                 )
     if named != robot.joint_names:
         raise ConfigError(
-            f"{tree.where(('joints',))}: joints are {', '.join(named)}, robot"
-            f" {robot.name} has {', '.join(robot.joint_names)}: name them alike, base to flange",
+            f"{tree.where(('joints',))}: joints are {', '.join(named)}, but robot {robot.name}"
+            f" has {', '.join(robot.joint_names)}: use the same names, base to flange",
             code="RID-IMPORT-JOINTS",
         )
     return import_map, robot

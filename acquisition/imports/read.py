@@ -1,8 +1,8 @@
-"""Someone else's recording, read by a map into a `Recording`.
+"""`import_csv`: reads another program's recording into a `Recording`, with an import map.
 
-A row that cannot be true is named and left out, a file with too few true rows is refused. Rows
-that repeat the one before are left out as well, and the times are rebuilt if the stamps are wrong
-and positions and velocities show the true ones (`acquisition.clock`). All else stays as recorded.
+Impossible rows are reported and left out; a file with too few sound rows is refused. Repeated rows
+are left out, too. The times are rebuilt if positions and velocities show that the stamps are wrong
+(`acquisition.clock`). Everything else stays as recorded.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ import numpy as np
 
 from acquisition.clock.judgement import judge_clock
 from acquisition.clock.samples import Samples
-from acquisition.imports.between_steps import between_steps, position_steps
-from acquisition.imports.causes import cause_of_loss
+from acquisition.imports.between_steps import position_steps, refine_positions
+from acquisition.imports.causes import likely_cause_of_damage
 from acquisition.imports.columns import ImportColumns
-from acquisition.imports.findings import find
+from acquisition.imports.findings import check_rows
 from acquisition.imports.import_map import ImportMap
 from acquisition.imports.report import DamagedRow, ImportReport, group_damaged
-from acquisition.imports.soundness import leave_out, without_copies
+from acquisition.imports.soundness import drop_copies, drop_unsound_rows
 from acquisition.imports.tables import read_tables
 from acquisition.motion.samples import Phase
 from acquisition.processing.smoothing import GAP_STEPS, resample_periods
@@ -40,49 +40,51 @@ def import_csv(
     *,
     further: Sequence[Path] = (),
 ) -> tuple[Recording, ImportReport]:
-    """Read CSV files by a map; damaged rows are left out and named in the report.
+    """Read CSV files with a map; damaged rows are left out and listed in the report.
 
-    A row is damaged where it has another number of columns than the map says, holds no number in a
-    column used, holds a value beyond `plausible`, has a time stamp that is doubled or out of order,
-    or is further from its neighbours than the joints can move.
+    A row is damaged if it has another number of columns than the map, has no number in a used
+    column, exceeds a limit of `plausible`, has a repeated or disordered time stamp, or is further
+    from its neighbours than the joints can move.
 
     Args:
-        import_map: Its columns and units.
-        robot: The map's robot; needed where the map leaves gear ratios or torque constants to it,
-            and to hold positions, speeds and torques against its limits.
+        file: The first file.
+        import_map: Columns and units.
+        robot: Robot of the map. It is needed if the map has no gear ratios or torque constants, and
+            to check positions, speeds and torques against its limits.
         further: The map's `further_files`.
 
     Returns:
-        The sound rows, every one of the main phase, with their own time stamps or rebuilt times; on
-            a uniform grid of whole periods where the map has `period_s`.
-        What was read and left out, and what is odd about the rest.
+        The sound rows, all in the main phase, with their own or rebuilt times. If the map has
+        `period_s`, they are on a uniform grid of whole periods.
+        The report: rows that were read and left out, and findings about the other rows.
 
     Raises:
-        ConfigError: A file cannot be read, or map and robot leave out what turns its columns into
-            SI.
-        DataQualityError: More of it is damaged than the map's `left_out_limit`, it is too short,
-            its velocities contradict the positions, or these are far beyond the robot's limits.
+        ConfigError: A file cannot be read, or neither map nor robot gives a value that is needed
+            for the conversion to SI units.
+        DataQualityError: More rows are damaged than the map's `left_out_limit` permits, the file is
+            too short, the velocities contradict the positions, or positions are far beyond the
+            robot's limits.
     """
     columns = ImportColumns.of(import_map, robot)
     damaged: list[DamagedRow] = []
     table = read_tables((file, *further), import_map, columns.columns, damaged)
     read = columns.rows(table, len(import_map.joints))
-    original = without_copies(read)
-    rows, notes = leave_out(original, import_map, damaged)
+    original = drop_copies(read)
+    rows, notes = drop_unsound_rows(original, import_map, damaged)
     used = len(rows.row)
     share = len(damaged) / max(table.rows_read, 1)
     if share > import_map.left_out_limit or used < FEWEST_ROWS:
         needed = f"{FEWEST_ROWS} are needed"
         if used >= FEWEST_ROWS:
             needed = (
-                f"{100.0 * share:.1f} % are left out, left_out_limit in the map allows"
+                f"{100.0 * share:.1f} % are left out, but left_out_limit in the map permits"
                 f" {100.0 * import_map.left_out_limit:g} %"
             )
-        cause = cause_of_loss(read, damaged, columns, import_map, robot)
+        cause = likely_cause_of_damage(read, damaged, columns, import_map, robot)
         raise DataQualityError(
-            f"{file.name}: only {used} of {table.rows_read} rows are sound by map"
-            f" {import_map.name!r} ({needed}): {_counted(damaged)}; wrong map or broken file:"
-            f" {cause}.{_first_of_each(damaged)}",
+            f"{file.name}: only {used} of {table.rows_read} rows are sound with map"
+            f" {import_map.name!r} ({needed}): {_count_by_reason(damaged)}; wrong map or damaged"
+            f" file: {cause}.{_first_row_of_each_reason(damaged)}",
             code="RID-IMPORT-ROWS",
         )
     stamps = rows.time_s
@@ -96,18 +98,19 @@ def import_csv(
     clock, used = judged.report, int(np.count_nonzero(judged.kept))
     if used < FEWEST_ROWS:
         raise DataQualityError(
-            f"{file.name}: only {used} of {table.rows_read} rows are fresh by map"
-            f" {import_map.name!r} ({FEWEST_ROWS} are needed): {clock.repeated_rows} repeat the row"
-            " before although the robot moves. Record for longer, or as fast as the source renews",
+            f"{file.name}: only {used} of {table.rows_read} rows are not repeated with map"
+            f" {import_map.name!r} ({FEWEST_ROWS} are needed): {clock.repeated_rows} rows repeat"
+            " the previous row although the robot moves. Record longer, or at the rate at which"
+            " the source updates",
             code="RID-IMPORT-REPEATED-ROWS",
         )
     rows = replace(rows.keep(judged.kept), time_s=judged.time_s, position=judged.position)
     try:
-        findings = find(rows, columns, import_map, robot)
+        findings = check_rows(rows, columns, import_map, robot)
     except DataQualityError as error:
         raise DataQualityError(f"{file.name}: {error}", code=error.refusal) from None
     position_step = position_steps(rows)
-    position = columns.joint_positions(between_steps(rows, position_step))
+    position = columns.joint_positions(refine_positions(rows, position_step))
     steps = np.diff(stamps)
     of_robot = () if robot is None else robot.kinematics.notes
     report = ImportReport(
@@ -154,14 +157,14 @@ def import_csv(
     return recording, report
 
 
-def _counted(damaged: Sequence[DamagedRow]) -> str:
-    """Return how many rows are damaged for which reason."""
+def _count_by_reason(damaged: Sequence[DamagedRow]) -> str:
+    """Return the number of damaged rows for each reason, as text."""
     counts = Counter(row.reason for row in damaged).most_common()
     return ", ".join(f"{count} {reason}" for reason, count in counts) or "the file is short"
 
 
-def _first_of_each(damaged: Sequence[DamagedRow]) -> str:
-    """Return the first row that is damaged for each reason, as a sentence."""
+def _first_row_of_each_reason(damaged: Sequence[DamagedRow]) -> str:
+    """Return the first damaged row for each reason, as a sentence."""
     first: dict[str, DamagedRow] = {}
     for row in sorted(damaged, key=lambda each: each.row):
         first.setdefault(row.reason, row)

@@ -1,4 +1,4 @@
-"""`ImportReport`: what was found in someone else's file, what was left out of it, and why."""
+"""`ImportReport`: findings of an import, rows that were left out, and the reasons."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ RANGES_IN_WORDS = 20
 
 @dataclass(frozen=True)
 class DamagedRow:
-    """One row that is not used; `row` counts from 1 as an editor does."""
+    """One row that is not used; `row` counts from 1 as in an editor."""
 
     row: int
     reason: str
@@ -27,7 +27,7 @@ class DamagedRow:
 class DamagedRows:
     """Neighbouring rows that are not used.
 
-    `counts` says how many for which reason; `examples` is the first row of each reason.
+    `counts` is the number of rows for each reason; `examples` is the first row of each reason.
     """
 
     first: int
@@ -51,23 +51,23 @@ class DamagedRows:
 
 @dataclass(frozen=True)
 class ImportReport:
-    """What an import read.
+    """Report of an import.
 
     Attributes:
         file, map_name: Name of the file, without folders, and of the map.
-        rows_read, rows_used: Rows of data looked at, and those that went into the recording.
+        rows_read, rows_used: Number of rows with data, and of rows in the recording.
         damaged: Rows left out, in order.
-        duration_s: From the first used row to the last [s].
+        duration_s: Time from the first to the last used row [s].
         step_min_s, step_median_s, step_max_s: Time steps between used rows [s].
-        gaps: Steps longer than 5 median steps.
+        gaps: Number of steps longer than 5 median steps.
         travel: Range of each joint's position [rad or m].
-        velocity_ratio: Per joint, velocity from the positions over the velocity column; 1 where
-            both agree, None where there is no such column or the joint stands still.
-        refined_step: Per joint, the step that its position was recorded in [rad or m] and between
-            which it follows the recorded velocity; None where there is no such step or no velocity.
-        findings: What is odd about the rows used, a sentence each.
-        static: Whether no joint moves.
-        clock: Repeated rows, jitter, and where the times come from; None if it was not judged.
+        velocity_ratio: For each joint, velocity from the positions divided by the velocity column:
+            1 if both agree, None if there is no such column or the joint is at rest.
+        refined_step: For each joint, the quantisation step of its position [rad or m], between
+            which the position follows the recorded velocity; None without such a step or velocity.
+        findings: Oddities of the used rows, one sentence each.
+        static: True if no joint moves.
+        clock: Repeated rows, jitter and origin of the times; None if the clock was not judged.
     """
 
     file: str
@@ -89,7 +89,7 @@ class ImportReport:
 
     @property
     def left_out(self) -> dict[str, int]:
-        """How many rows were left out for which reason, the most frequent first."""
+        """Number of rows left out for each reason, the most frequent first."""
         counts: Counter[str] = Counter()
         for rows in self.damaged:
             counts.update(dict(rows.counts))
@@ -101,15 +101,15 @@ class ImportReport:
         return sum(rows.count for rows in self.damaged)
 
     def to_json(self) -> bytes:
-        """Return the report as `from_json` reads it."""
+        """Return the report as JSON for `from_json`."""
         return json.dumps(asdict(self), indent=1).encode()
 
     @classmethod
     def from_json(cls, written: bytes, name: str) -> ImportReport:
-        """Return the report in the bytes of a file called `name`.
+        """Return the report from the contents of a file called `name`.
 
         Raises:
-            RecordingError: They are no report of this version.
+            RecordingError: The contents are not a report of this version.
         """
         try:
             return TypeAdapter(cls).validate_json(written)
@@ -117,20 +117,21 @@ class ImportReport:
             raise RecordingError(f"{name}: {error}", code="RID-RECORDING-FOREIGN") from error
 
     def lines(self) -> tuple[str, ...]:
-        """Return the report in words, a finding a line."""
+        """Return the report as text, one finding per line."""
         repeated = 0 if self.clock is None else self.clock.repeated_rows
         mean_hz = (self.rows_used + repeated - 1) / self.duration_s
         found = [
             f"{self.file}: {self.rows_used} of {self.rows_read} rows used, {self.duration_s:.3f} s",
-            f"time steps {_ms(self.step_min_s)} to {_ms(self.step_max_s)} ms, median"
-            f" {_ms(self.step_median_s)} ms, on average {mean_hz:.4g} Hz; {self.gaps} gaps",
+            f"time steps {_milliseconds(self.step_min_s)} to {_milliseconds(self.step_max_s)} ms,"
+            f" median {_milliseconds(self.step_median_s)} ms, on average {mean_hz:.4g} Hz;"
+            f" {self.gaps} gaps",
         ]
         if self.clock is not None:
             found.append(self.clock.line())
         steps = [step for step in self.refined_step if step is not None]
         if steps:
             found.append(
-                f"positions are recorded in steps of {max(steps):.2g} rad or m at most; between two"
+                f"positions are recorded in steps of at most {max(steps):.2g} rad or m; between"
                 " steps they follow the recorded velocity"
             )
         if self.damaged:
@@ -146,8 +147,8 @@ class ImportReport:
         return tuple(found)
 
 
-def _ms(seconds: float) -> str:
-    """Return a time step in milliseconds, never with an exponent above them."""
+def _milliseconds(seconds: float) -> str:
+    """Return a time step in milliseconds, without exponents for long steps."""
     return f"{1e3 * seconds:.0f}" if seconds >= 1.0 else f"{1e3 * seconds:.3g}"
 
 

@@ -1,4 +1,4 @@
-"""`leave_out`: rows that cannot be true are named and left out; nothing is repaired."""
+"""`drop_unsound_rows`: reports and drops impossible rows; nothing is repaired."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ COLDEST_K = 223.15
 HOTTEST_K = 473.15
 
 
-def without_copies(rows: ImportRows) -> ImportRows:
-    """Return rows without those that are the row before once more, its time stamp included."""
+def drop_copies(rows: ImportRows) -> ImportRows:
+    """Return the rows without exact copies of the previous row, time stamp included."""
     values = np.hstack([rows.position, rows.velocity, rows.torque, rows.temperature])
     values = np.column_stack([rows.time_s, np.nan_to_num(values)])
     fresh = np.ones(len(rows.row), dtype=np.bool_)
@@ -30,21 +30,20 @@ def without_copies(rows: ImportRows) -> ImportRows:
     return rows.keep(fresh)
 
 
-def leave_out(
+def drop_unsound_rows(
     rows: ImportRows, import_map: ImportMap, damaged: list[DamagedRow]
 ) -> tuple[ImportRows, tuple[str, ...]]:
-    """Leave out rows that are absurd, not in the order of time, or cannot be reached.
+    """Drop rows that have absurd values, are out of time order, or cannot be reached.
 
     Args:
-        rows: As read.
-        import_map: What is plausible.
-        damaged: Gets the rows that are left out.
+        rows: Rows as read.
+        import_map: Limits of plausible values.
+        damaged: List to which the dropped rows are appended.
 
     Returns:
-        The sound rows; their stamps increase.
-        What is odd about the rows that are used, a sentence each.
+        The sound rows; their stamps increase. Oddities of the sound rows, one sentence each.
     """
-    rows = _leave_out_absurd(rows, import_map, damaged)
+    rows = _drop_absurd_rows(rows, import_map, damaged)
     doubled, disordered = find_unordered(rows.time_s)
     for mask, reason in (
         (doubled, "with a doubled time stamp"),
@@ -55,17 +54,17 @@ def leave_out(
             for row, stamp in zip(rows.row[mask], rows.time_s[mask], strict=True)
         )
     rows = rows.keep(~(doubled | disordered))
-    # A position that was held jumps where it is renewed: no row is blamed for that.
+    # A repeated position jumps when the source updates it: this is not damage.
     fresh = ~repeated_rows(Samples(rows.time_s, rows.position, rows.velocity, rows.torque))
-    reached, notes = _leave_out_jumps(rows.keep(fresh), import_map, damaged)
+    reached, notes = _drop_jumps(rows.keep(fresh), import_map, damaged)
     sound = np.isin(rows.row[fresh], reached.row)
     return rows.keep(sound[np.cumsum(fresh) - 1]), notes
 
 
-def _leave_out_absurd(
+def _drop_absurd_rows(
     rows: ImportRows, import_map: ImportMap, damaged: list[DamagedRow]
 ) -> ImportRows:
-    """Leave out rows with a value that is not finite or beyond what is plausible."""
+    """Drop rows with a value that is not finite or exceeds a plausible limit."""
     plausible = import_map.plausible
     sound = np.isfinite(rows.time_s)
     damaged.extend(
@@ -94,14 +93,15 @@ def _leave_out_absurd(
     return rows.keep(sound)
 
 
-def _leave_out_jumps(
+def _drop_jumps(
     rows: ImportRows, import_map: ImportMap, damaged: list[DamagedRow]
 ) -> tuple[ImportRows, tuple[str, ...]]:
-    """Leave out rows that the joints cannot have reached, or whose stamps leap far away.
+    """Drop rows that the joints cannot have reached, or whose stamps are far away.
 
-    Rows that their neighbours can be reached from form runs. The longest run is believed; from it
-    outwards, in both directions, a run is believed that can be reached from the last believed one.
-    A long run is believed, too, where 5 median steps would do: then one stamp was bad, no position.
+    A run is a series of rows that can be reached from their neighbours. The longest run is sound.
+    From it outwards, in both directions, a run is sound if it can be reached from the last sound
+    run. A long run is also sound if it can be reached within 5 median steps: then a stamp was
+    wrong, not a position.
     """
     if len(rows.row) < 2:
         return rows, ()
@@ -121,19 +121,19 @@ def _leave_out_jumps(
         (range(longest + 1, len(starts)), 1),
         (range(longest - 1, -1, -1), -1),
     ):
-        believed = stops[longest] - 1 if toward > 0 else starts[longest]
+        last_sound = stops[longest] - 1 if toward > 0 else starts[longest]
         for run in runs:
             near, far = starts[run], stops[run] - 1
             if toward < 0:
                 near, far = far, near
-            gap_s = abs(float(rows.time_s[near] - rows.time_s[believed]))
+            gap_s = abs(float(rows.time_s[near] - rows.time_s[last_sound]))
             jitter_s = max(gap_s, GAP_STEPS * float(np.median(steps)))
             length = abs(far - near) + 1
-            distance = np.abs(rows.position[near] - rows.position[believed])
+            distance = np.abs(rows.position[near] - rows.position[last_sound])
             joint = import_map.joint_names[int(distance.argmax())]
             away = (
-                f"position of {joint} is {distance.max():.6g} away from the nearest sound row,"
-                f" {gap_s:.4g} s apart, faster than plausible.speed {speed:g}"
+                f"position of {joint} is {distance.max():.6g} away from the nearest sound row"
+                f" within {gap_s:.4g} s, faster than plausible.speed {speed:g}"
             )
             if length < SHORT_RUN and gap_s > leap_s:
                 reason = "with a time stamp out of order"
@@ -142,7 +142,7 @@ def _leave_out_jumps(
                 if distance.max() > reach * gap_s + JUMP_SLACK:
                     jumps.append(f"row {rows.row[near]}: {away}")
                 sound[starts[run] : stops[run]] = True
-                believed = far
+                last_sound = far
                 continue
             else:
                 reason = "whose position jumps"
@@ -151,8 +151,8 @@ def _leave_out_jumps(
             )
     if jumps:
         jumps = [
-            f"The clock jitters: at {len(jumps)} places the stamps are nearer than the positions"
-            f" (first {jumps[0]}); the rows on both sides are used. Raise plausible.speed if a"
-            " joint is that fast"
+            f"The clock jitters: at {len(jumps)} places the stamps are too close for the change"
+            f" of position (first {jumps[0]}); the rows on both sides are used. Raise"
+            " plausible.speed if a joint is that fast"
         ]
     return rows.keep(sound), tuple(jumps)

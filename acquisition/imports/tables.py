@@ -1,4 +1,4 @@
-"""`ImportTable`: CSV files as numbers in their own units, row by row, at the first file's times."""
+"""`ImportTable`: rows of CSV files as numbers in their own units, at the first file's times."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ class ImportTable:
     """Rows whose columns are numbers.
 
     Attributes:
-        row: Shape (rows,). Their lines in the first file, from 1.
-        time_s: Shape (rows,). Their stamps, or their number over the rate [s].
-        values: Shape (rows, columns). The columns asked for, as they stand in the files.
-        rows_read: Rows of data looked at, with those that are damaged.
-        notes: What is wrong in further files, a sentence each.
+        row: Shape (rows,). Line numbers in the first file, from 1.
+        time_s: Shape (rows,). Time stamps, or row number divided by the rate [s].
+        values: Shape (rows, columns). Requested columns, in the units of the files.
+        rows_read: Number of rows with data, damaged ones included.
+        notes: Problems of further files, one sentence each.
     """
 
     row: IntArray
@@ -50,47 +50,49 @@ def read_tables(
     columns: Sequence[int],
     damaged: list[DamagedRow],
 ) -> ImportTable:
-    """Read files by a map; what is no row of numbers is named and left out.
+    """Read files with a map; rows that are not numbers are reported and left out.
 
     Args:
-        files: The first file, then those that the map calls `further_files`.
-        import_map: How they are laid out.
-        columns: The columns wanted, counted through all files.
-        damaged: Gets the rows that are left out, as rows of the first file.
+        files: The first file, then the `further_files` of the map.
+        import_map: Layout of the files.
+        columns: Requested columns, counted through all files.
+        damaged: List to which the dropped rows are appended, as rows of the first file.
 
     Raises:
-        ConfigError: There are more or fewer files than the map says, one cannot be read, or it ends
-            before the rows that the map asks for.
+        ConfigError: The number of files differs from the map's, a file cannot be read, or it ends
+            before the rows that the map requests.
     """
     expected = 1 + len(import_map.further_files)
     if len(files) != expected:
         raise ConfigError(
-            f"map {import_map.name!r} reads {expected} files, {len(files)} are given: name them in"
-            " the map's order",
+            f"map {import_map.name!r} reads {expected} files, but {len(files)} are given: name"
+            " them in the order of the map",
             code="RID-IMPORT-FILES",
         )
     first = _read_file(files[0], import_map, 0, columns, damaged)
     for number, path in enumerate(files[1:], start=1):
-        first = _beside(first, _read_file(path, import_map, number, columns, []), path, damaged)
+        first = _append_columns(
+            first, _read_file(path, import_map, number, columns, []), path, damaged
+        )
     return first
 
 
 def find_unordered(stamps: FloatArray) -> tuple[BoolArray, BoolArray]:
-    """Return which rows must go for time stamps to increase: the fewest.
+    """Return the smallest set of rows to drop so that the time stamps increase.
 
     Args:
         stamps: Shape (rows,). Finite time stamps.
 
     Returns:
-        `doubled, disordered`, shape (rows,). Rows with the stamp of the row before them, and
-        others.
+        `doubled, disordered`, shape (rows,): rows with the stamp of the previous row, and other
+        rows.
     """
     doubled = np.zeros(len(stamps), dtype=np.bool_)
     doubled[1:] = stamps[1:] == stamps[:-1]
     if (np.diff(stamps[~doubled]) > 0.0).all():
         return doubled, np.zeros_like(doubled)
     disordered = ~doubled
-    # The longest increasing subsequence: ends[k] is the row that ends the best one of length k + 1.
+    # Longest increasing subsequence: ends[k] is the last row of the best one of length k + 1.
     ends: list[int] = []
     end_stamps: list[float] = []
     before = np.full(len(stamps), -1)
@@ -116,7 +118,7 @@ def _read_file(
 ) -> ImportTable:
     """Read one file; columns of other files are NaN."""
     begin, end = import_map.first_columns[number : number + 2]
-    time = import_map.time_of(number)
+    time = import_map.time_column_of_file(number)
     here = [i for i, column in enumerate(columns) if begin <= column < end]
     wanted = [columns[i] - begin for i in here] + ([] if time is None else [time.column])
     separator = SEPARATORS[import_map.delimiter]
@@ -139,22 +141,23 @@ def _read_file(
         fields = line.replace('"', "").split(separator)
         if len(fields) != end - begin:
             detail = f"{len(fields)} columns instead of {end - begin}"
-            detail += _by_another(line, import_map.delimiter, end - begin)
+            detail += _delimiter_hint(line, import_map.delimiter, end - begin)
             damaged.append(DamagedRow(row, "with a wrong number of columns", detail))
             continue
-        read_one = _strict(import_map.decimal) if odd else float
+        read_one = _strict_parser(import_map.decimal) if odd else float
         try:
             numbers.extend([read_one(fields[column]) for column in wanted])
         except (ConfigError, ValueError):
             damaged.append(
-                DamagedRow(row, "without a number", _not_a_number(fields, wanted, read_one))
+                DamagedRow(row, "without a number", _describe_bad_field(fields, wanted, read_one))
             )
             continue
         rows.append(row)
         counts.append(count)
     if row < (asked.last or asked.first) and asked != RowRange():
         raise ConfigError(
-            f"{path}: has {row} rows, and rows to {asked.last or asked.first} are asked for",
+            f"{path}: has {row} rows, but rows up to {asked.last or asked.first} are requested:"
+            " correct --rows or `rows` in the map",
             code="RID-IMPORT-RANGE",
         )
     read = np.frombuffer(numbers, dtype=np.float64).reshape(-1, len(wanted))
@@ -168,7 +171,7 @@ def _read_file(
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
-    """Yield the lines that are not empty, with their numbers."""
+    """Yield the non-empty lines with their numbers."""
     with (
         system_errors(ConfigError, f"cannot read {path}", code="RID-FILE-READ"),
         open_file(path, LARGEST_FILE_BYTES) as file,
@@ -180,14 +183,14 @@ def _lines(path: Path) -> Iterator[tuple[int, str]]:
         yield from ((row, line) for row, line in enumerate(text, start=1) if line.strip())
 
 
-def _strict(decimal: str) -> Callable[[str], float]:
-    """Return a reader of fields that may hold more than digits: `1_5`, `1.234,5`."""
+def _strict_parser(decimal: str) -> Callable[[str], float]:
+    """Return a parser for fields with more than plain digits: `1_5`, `1.234,5`."""
 
     def read(text: str) -> float:
         if decimal == ",":
             if "." in text:
                 raise ConfigError(
-                    "a point in a number with a decimal comma", code="RID-FILE-NUMBER"
+                    "a decimal point in a number with a decimal comma", code="RID-FILE-NUMBER"
                 )
             text = text.replace(",", ".")
         return parse_number(text)
@@ -195,7 +198,7 @@ def _strict(decimal: str) -> Callable[[str], float]:
     return read
 
 
-def _not_a_number(fields: list[str], columns: list[int], read: Callable[[str], float]) -> str:
+def _describe_bad_field(fields: list[str], columns: list[int], read: Callable[[str], float]) -> str:
     for column in columns:
         try:
             read(fields[column])
@@ -204,10 +207,10 @@ def _not_a_number(fields: list[str], columns: list[int], read: Callable[[str], f
     return "not a number"
 
 
-def _beside(
+def _append_columns(
     first: ImportTable, other: ImportTable, path: Path, damaged: list[DamagedRow]
 ) -> ImportTable:
-    """Put another file's columns beside a table's, interpolated to its stamps."""
+    """Add the columns of another file to a table, interpolated to its stamps."""
     sound = np.isfinite(other.time_s)
     sound[sound] = ~np.logical_or(*find_unordered(other.time_s[sound]))
     stamps, read = other.time_s[sound], other.values[sound]
@@ -215,12 +218,12 @@ def _beside(
     if len(stamps) < other.rows_read:
         lost = other.rows_read - len(stamps)
         notes += (
-            f"{path.name}: {lost} of {other.rows_read} rows cannot be read or are not in the order"
-            " of their time stamps; the rows around them are used",
+            f"{path.name}: {lost} of {other.rows_read} rows cannot be read or are out of time"
+            " order; the rows around them are used",
         )
     if len(stamps) < 2:
         raise ConfigError(
-            f"{path}: holds fewer than 2 rows that can be read: wrong file or map",
+            f"{path}: contains fewer than 2 readable rows: wrong file or map",
             code="RID-IMPORT-ROWS",
         )
     after = np.clip(np.searchsorted(stamps, first.time_s), 1, len(stamps) - 1)
@@ -237,8 +240,8 @@ def _beside(
     return ImportTable(first.row[near], first.time_s[near], values, first.rows_read, notes)
 
 
-def _by_another(line: str, delimiter: str, columns: int) -> str:
-    """Say by which other delimiter a row has the columns that the map says."""
+def _delimiter_hint(line: str, delimiter: str, columns: int) -> str:
+    """Return a hint if another delimiter would give the right number of columns."""
     for name, separator in SEPARATORS.items():
         if name != delimiter and len(line.split(separator)) == columns:
             return f"; {columns} with `delimiter: {name!r}` in the map"

@@ -14,7 +14,7 @@ from acquisition.journal.cycle_row import MESSAGES, joints_of_row
 from acquisition.journal.header import JournalHeader, first_header
 from acquisition.journal.mcap_reader import JournalDamage, JournalReader
 from acquisition.journal.row_layout import CDR_LITTLE_ENDIAN, packed_dtype
-from acquisition.recording.recording import Recording, joined
+from acquisition.recording.recording import Recording, concatenate_recordings
 from config.errors import RecordingError
 
 
@@ -132,7 +132,7 @@ def read_tail(path: Path, seconds: float) -> Recording:
             raise RecordingError(
                 f"{path}: no readable row of a rid-daq recording in it", code="RID-RECORDING-EMPTY"
             )
-    return joined(kept)
+    return concatenate_recordings(kept)
 
 
 def recording_of(header: JournalHeader, rows: NDArray[Any]) -> Recording:

@@ -104,7 +104,7 @@ class PeriodCutter:
         self._main = min(self._main[0], lowest), max(self._main[1], highest)
         samples, n = self._samples, len(part.joint_names)
         period, place = np.divmod(index[main] - self._origin, samples)
-        valid, there = part.valid[main], part.valid_of_joints[main]
+        valid, there = part.valid[main], part.joint_valid[main]
         position, torque_nm = part.position[main], part.torque_nm[main]
         if self._blocks is None:
             self._blocks = BlockFile((samples, 4 * n))

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from acquisition.journal.plate import PlateRows
-from acquisition.recording.reaction import Reaction, reaction_of
+from acquisition.recording.reaction import Reaction, resample_reaction
 from acquisition.recording.recording import Recording
 from acquisition.signals.clocks import (
     FEWEST_MARKS,
@@ -104,7 +104,7 @@ def _aligned(recording: Recording, rows: PlateRows, use: BoolArray, stream: int)
     amplifier = rows.header.plate.amplifier
     over = _settling(rows.overload[use], device_s, SETTLING_CYCLES / amplifier.low_pass_hz)
     valid = ~over & rows.operating[use][:, np.newaxis]
-    return reaction_of(
+    return resample_reaction(
         rows.header.plate,
         stream_clock(recording, rows, stream),
         device_s[ahead],

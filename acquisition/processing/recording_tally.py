@@ -96,7 +96,7 @@ class RecordingTally:
         index = part.sample_index[driven]
         first, last = int(index.min()), int(index.max())
         answered = np.zeros((last - first + 1, len(self._answered)), dtype=np.bool_)
-        row, joint = np.nonzero(part.valid_of_joints[driven])
+        row, joint = np.nonzero(part.joint_valid[driven])
         answered[index[row] - first, joint] = True
         if first == self.last_row:
             answered[0] |= self._answered_last

@@ -1,4 +1,4 @@
-"""`Recording`: what was measured, as arrays, wherever it came from.
+"""`Recording`: measured data as arrays, from a run or an imported file.
 
-No file format of the run's own journals (`acquisition/journal`). Begin with `recording.py`.
+The file format of a run's own journals is in `acquisition/journal`. Begin with `recording.py`.
 """

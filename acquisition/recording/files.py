@@ -1,6 +1,6 @@
-"""A recording as a file of another program: CSV, Parquet, MAT (version 5), MDF 4.
+"""Export of a recording to CSV, Parquet, MAT (version 5) and MDF 4.
 
-Nothing is resampled or rounded: every number reads back as it was recorded.
+Nothing is resampled or rounded: each number reads back as it was recorded.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from config.errors import ConfigError
 
 
 class RecordingFormat(StrEnum):
-    """What a recording can be written as."""
+    """File format of an exported recording."""
 
     CSV = "csv"
     PARQUET = "parquet"
@@ -29,12 +29,12 @@ class RecordingFormat(StrEnum):
     MDF4 = "mdf4"
 
 
-def recording_bytes(table: RecordingTable, form: RecordingFormat) -> bytes:
-    """Return a file's bytes.
+def encode_recording(table: RecordingTable, form: RecordingFormat) -> bytes:
+    """Return the contents of a file with the recording.
 
     Args:
-        table: What to write.
-        form: As what.
+        table: Recording to write.
+        form: File format.
 
     Raises:
         ConfigError: The library that writes this format is not installed.
@@ -49,7 +49,7 @@ def recording_bytes(table: RecordingTable, form: RecordingFormat) -> bytes:
 
 
 def _csv(table: RecordingTable) -> bytes:
-    """RFC 4180; the shortest digits that read back the same. Names cannot begin a formula."""
+    """Return CSV (RFC 4180), with the shortest decimals that read back exactly."""
     text = io.StringIO()
     writer = csv.writer(text)
     writer.writerow([column.name for column in table.columns])
@@ -62,7 +62,7 @@ def _parquet(table: RecordingTable) -> bytes:
         import pyarrow as arrow
         from pyarrow import parquet
     except ImportError:
-        raise _missing("Parquet", "parquet") from None
+        raise _missing_library("Parquet", "parquet") from None
     fields = [
         arrow.field(column.name, arrow.from_numpy_dtype(column.values.dtype)).with_metadata(
             {"unit": column.unit}
@@ -79,7 +79,7 @@ def _parquet(table: RecordingTable) -> bytes:
 def _mat(table: RecordingTable) -> bytes:
     from scipy.io import savemat
 
-    # a name of a MAT variable has 63 characters at most; the units stand beside
+    # names of MAT variables have at most 63 characters; the units are in a variable of their own
     variables: dict[str, Any] = {
         column.name[:63]: column.values.reshape(-1, 1) for column in table.columns
     }
@@ -88,7 +88,7 @@ def _mat(table: RecordingTable) -> bytes:
     with TemporaryDirectory() as folder:
         path = Path(folder) / "recording.mat"
         savemat(str(path), variables, long_field_names=True, oned_as="column")
-        # its head says when it was made; the same recording gives the same bytes
+        # replace the header, which contains the time: equal recordings give equal files
         return b"MATLAB 5.0 MAT-file, rid-daq".ljust(116) + path.read_bytes()[116:]
 
 
@@ -96,7 +96,7 @@ def _mdf4(table: RecordingTable) -> bytes:
     try:
         from asammdf import MDF, Signal
     except ImportError:
-        raise _missing("MDF 4", "mdf4") from None
+        raise _missing_library("MDF 4", "mdf4") from None
     time_s, *others = table.columns
     with TemporaryDirectory() as folder, MDF(version="4.10") as file:
         signals = [
@@ -113,9 +113,9 @@ def _mdf4(table: RecordingTable) -> bytes:
         return Path(written).read_bytes()
 
 
-def _missing(what: str, extra: str) -> ConfigError:
+def _missing_library(what: str, extra: str) -> ConfigError:
     return ConfigError(
-        f"{what} needs a library that is not installed: install rid-daq with the extra {extra}, as"
-        " `rid-daq docs install` says",
+        f"{what} needs a library that is not installed: install rid-daq with the extra {extra}"
+        " (see `rid-daq docs install`)",
         code="RID-INSTALL-LIBRARY",
     )

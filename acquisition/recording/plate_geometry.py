@@ -1,10 +1,10 @@
-"""`PlateGeometry`: from the channels of a force plate to the wrench on the robot's base, and back.
+"""`PlateGeometry`: converts channels of a force plate to the wrench on the robot's base, and back.
 
-A plate of four three-component sensors has eight channels fx12, fx34, fy14, fy23, fz1 to fz4:
-forces on the plate in its own axes, z down. They give the wrench by the maker's formulas (Kistler,
-Force Plate Formulae, 1999; the same as C3D's FORCE_PLATFORM type 3). `dynamics` calls base wrench
-what the base does to the robot, about the base frame's origin: the opposite of what the plate
-feels.
+A plate with four three-component sensors has eight channels fx12, fx34, fy14, fy23, fz1 to fz4:
+forces on the plate in its own axes, z down. The manufacturer's formulas give the wrench (Kistler,
+Force Plate Formulae, 1999; the same as C3D's FORCE_PLATFORM type 3). In `dynamics`, the base wrench
+is the wrench of the base on the robot about the origin of the base frame: the opposite of the
+wrench on the plate.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ WRENCH_UNITS = ("N", "N", "N", "N m", "N m", "N m")
 
 @dataclass(frozen=True, eq=False)
 class PlateGeometry:
-    """What the channels of one plate under one robot mean.
+    """Conversion between the channels of a plate and the base wrench of the robot on it.
 
     Attributes:
         base_wrench_matrix: Shape (6, 8). Base wrench (Fx, Fy, Fz [N], Mx, My, Mz [N m], exerted on
             the robot, about the base frame's origin and in its axes) per unit of each channel's
             reading.
-        channel_matrix: Shape (8, 6). Readings per unit of base wrench where the four sensors are
-            equally stiff: of all readings with this wrench those with the smallest sum of squared
-            sensor forces.
+        channel_matrix: Shape (8, 6). Readings per unit of base wrench for four equally stiff
+            sensors: of all readings with this wrench, those with the smallest sum of squared sensor
+            forces.
     """
 
     base_wrench_matrix: FloatArray
@@ -43,28 +43,28 @@ class PlateGeometry:
 
     @classmethod
     def from_config(cls, plate: PlateConfig) -> PlateGeometry:
-        """Take the geometry out of a cell file's `plate`."""
+        """Return the geometry of a cell file's `plate`."""
         of_plate = plate_wrench_matrix(plate.a_m, plate.b_m, plate.az0_m)
         crosstalk = np.eye(CHANNELS) if plate.sensitivity is None else np.array(plate.sensitivity)
-        of_base = -_shift_matrix(plate) @ of_plate
+        of_base = -_plate_to_base_matrix(plate) @ of_plate
         back = np.asarray(crosstalk @ np.linalg.pinv(of_base), dtype=np.float64)
         return cls(of_base @ np.linalg.inv(crosstalk), back)
 
     def base_wrench(self, channels_n: FloatArray) -> FloatArray:
-        """Return the wrench on the robot's base, (samples, 6), of readings (samples, 8) [N]."""
+        """Return the base wrench, (samples, 6), of readings (samples, 8) [N]."""
         return np.asarray(channels_n @ self.base_wrench_matrix.T)
 
     def channels(self, base_wrench: FloatArray) -> FloatArray:
-        """Return readings (samples, 8) [N] that have a wrench on the robot's base (samples, 6)."""
+        """Return readings, (samples, 8) [N], that correspond to a base wrench (samples, 6)."""
         return np.asarray(base_wrench @ self.channel_matrix.T)
 
 
 def plate_wrench_matrix(a_m: float, b_m: float, az0_m: float) -> FloatArray:
-    """Return the wrench on the plate, about the middle of its surface, per channel, (6, 8).
+    """Return the wrench on the plate about the centre of its surface per channel, (6, 8).
 
     Args:
-        a_m, b_m: Distances of the sensors from the middle along x and y [m].
-        az0_m: The sensors' plane seen from the surface, negative [m].
+        a_m, b_m: Distances of the sensors from the centre along x and y [m].
+        az0_m: z of the sensors' plane relative to the surface, negative [m].
     """
     a, b, h = a_m, b_m, az0_m
     return np.array(
@@ -79,9 +79,9 @@ def plate_wrench_matrix(a_m: float, b_m: float, az0_m: float) -> FloatArray:
     )
 
 
-def _shift_matrix(plate: PlateConfig) -> FloatArray:
-    """Return the matrix that takes a wrench from the plate's frame to the base frame, (6, 6)."""
-    rotation = _rotation(*plate.rotation_rad)
+def _plate_to_base_matrix(plate: PlateConfig) -> FloatArray:
+    """Return the matrix that transforms a wrench from the plate frame to the base frame, (6, 6)."""
+    rotation = _rotation_matrix(*plate.rotation_rad)
     x, y, z = plate.position_m
     lever = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     shift = np.zeros((6, 6))
@@ -90,7 +90,7 @@ def _shift_matrix(plate: PlateConfig) -> FloatArray:
     return shift
 
 
-def _rotation(roll: float, pitch: float, yaw: float) -> FloatArray:
+def _rotation_matrix(roll: float, pitch: float, yaw: float) -> FloatArray:
     """Return Rz(yaw) Ry(pitch) Rx(roll), (3, 3)."""
     cr, sr = np.cos(roll), np.sin(roll)
     cp, sp = np.cos(pitch), np.sin(pitch)

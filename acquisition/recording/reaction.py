@@ -1,4 +1,4 @@
-"""`Reaction`: what a force plate under the robot measured, on the recording's own times."""
+"""`Reaction`: readings of a force plate under the robot, at the recording's times."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from config.errors import RecordingError
 
 @dataclass(frozen=True, eq=False)
 class Reaction:
-    """The channels of a force plate beside a `Recording`, row by row.
+    """Channels of a force plate, row by row as in the `Recording`.
 
     Attributes:
-        channel_names: The c channels.
+        channel_names: Names of the c channels.
         channels_n: Shape (samples, c). Readings at the recording's times [N].
-        valid: Shape (samples, c). False where a channel was in overload or delivered nothing.
-        base_wrench_matrix: Shape (6, c). The wrench on the robot's base per unit reading; see
+        valid: Shape (samples, c). False if the channel was in overload or delivered no value.
+        base_wrench_matrix: Shape (6, c). Wrench on the robot's base per unit reading; see
             `PlateGeometry`.
-        low_pass: The filter that the channels passed.
-        clock: The plate's clock on the recording's time base, where it has its own.
-        drift_limit_n_s: A period in which a channel drifts faster is not averaged [N/s].
+        low_pass: Low-pass filter of the channels.
+        clock: Clock of the plate relative to the recording's time base, if it has its own clock.
+        drift_limit_n_s: A period is not averaged if a channel drifts faster [N/s].
     """
 
     channel_names: tuple[str, ...]
@@ -50,11 +50,11 @@ class Reaction:
 
     @property
     def base_wrench(self) -> FloatArray:
-        """The wrench on the robot's base, offsets included, shape (samples, 6) [N, N m]."""
+        """Wrench on the robot's base, with offsets, shape (samples, 6) [N, N m]."""
         return np.asarray(self.channels_n @ self.base_wrench_matrix.T)
 
 
-def reaction_of(
+def resample_reaction(
     plate: PlateConfig,
     clock: DeviceClock,
     device_s: FloatArray,
@@ -62,23 +62,24 @@ def reaction_of(
     valid: BoolArray,
     sync_s: FloatArray,
 ) -> Reaction:
-    """Put the rows of a plate's amplifier on the recording's times.
+    """Resample the rows of a plate's amplifier to the recording's times.
 
     Args:
-        plate: The plate and its amplifier; a `zero` in it is subtracted.
-        clock: The amplifier's clock.
+        plate: Plate and amplifier; its `zero`, if any, is subtracted.
+        clock: Clock of the amplifier.
         device_s: Shape (rows,). Device time of each row, increasing [s].
         channels_n: Shape (rows, 8). Readings [N].
-        valid: Shape (rows, 8). False where a channel was in overload.
-        sync_s: Shape (samples,). The recording's times [s].
+        valid: Shape (rows, 8). False if the channel was in overload.
+        sync_s: Shape (samples,). Times of the recording [s].
 
     Raises:
         DataQualityError: The rows are not on a regular grid.
-        RecordingError: The shapes do not fit.
+        RecordingError: The shapes do not match.
     """
     if np.shape(channels_n) != (len(device_s), len(CHANNEL_NAMES)):
         raise RecordingError(
-            f"{len(device_s)} rows of the plate with readings of the shape {np.shape(channels_n)}",
+            f"readings of the plate have the shape {np.shape(channels_n)}, expected"
+            f" ({len(device_s)}, {len(CHANNEL_NAMES)})",
             code="RID-API-ARGUMENT",
         )
     readings = channels_n if plate.zero is None else channels_n - np.array(plate.zero.offset_n)

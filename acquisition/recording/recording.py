@@ -1,4 +1,4 @@
-"""`Recording`: everything measured in one run, or read from someone else's file."""
+"""`Recording`: all measured data of one run or of an imported file."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from config.errors import RecordingError
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Measured positions and torques over time, with where they come from.
+    """Measured positions and torques over time, with their origin.
 
     Attributes:
-        joint_names: Base to flange.
-        time_s: Shape (samples,). When each row was sampled [s], strictly increasing.
+        joint_names: Joints from base to flange.
+        time_s: Shape (samples,). Sampling time of each row [s], strictly increasing.
         position: Shape (samples, joints). Measured joint positions, link side [rad or m].
         torque_nm: Shape (samples, joints). Measured actuator torques, link side [N m or N].
-        valid: Shape (samples,). False where a device did not deliver and the row holds its last
+        valid: Shape (samples,). False if a device did not deliver; the row then repeats its last
             values.
         phase: Shape (samples,). `acquisition.motion.samples.Phase` of each row.
-        sample_index: Shape (samples,). Row of the motion that was streamed; -1 outside it.
+        sample_index: Shape (samples,). Row of the motion that was streamed; -1 outside the motion.
         target_position, velocity_command: Shape (samples, joints). Commanded joint positions, and
             the speeds sent in each row's cycle.
-        sample_period_s: Time between rows; None where the stamps are not uniform.
-        samples_per_period: Rows of one period where the motion was periodic.
-        torque_filter: The analog filter that the measured torques passed.
+        sample_period_s: Time between rows; None if the times are not uniform.
+        samples_per_period: Number of rows of one period of a periodic motion.
+        torque_filter: Analog filter of the measured torques.
         temperature_k: Shape (samples, joints). Temperature of each joint's drive [K].
-        reaction: What a force plate under the robot measured at the same times.
-        answered: Shape (samples, joints). Which joints' drives delivered; None where `valid` says
-            it of all of them.
-        source: Measured by this program, or read from a file.
+        reaction: Readings of a force plate under the robot at the same times.
+        answered: Shape (samples, joints). True if the joint's drive delivered; None if `valid`
+            applies to all joints.
+        source: Origin of the data: measured by this program, or read from a file.
         cell_name, robot_name, run_id: Provenance; `cell_name` is empty for an import.
     """
 
@@ -75,7 +75,9 @@ class Recording:
         freeze(self, RecordingError, table, "answered", dtype=np.bool_)
         if self.answered is not None and (self.answered.all(axis=1) != self.valid).any():
             raise RecordingError(
-                "recording: valid is not where every joint has answered", code="RID-API-ARGUMENT"
+                "recording: `valid` must be True exactly in the rows in which every joint has"
+                " answered",
+                code="RID-API-ARGUMENT",
             )
         back = np.asarray(time_s[1:] <= time_s[:-1])
         if back.any():
@@ -104,7 +106,7 @@ class Recording:
         return len(self.time_s)
 
     def part(self, rows: slice | BoolArray) -> Recording:
-        """Return the recording of some rows, without a force plate."""
+        """Return the recording of the selected rows, without the force plate."""
         columns = {name: getattr(self, name) for name in _COLUMNS}
         cut: dict[str, Any] = {
             name: values[rows] for name, values in columns.items() if values is not None
@@ -112,8 +114,8 @@ class Recording:
         return replace(self, reaction=None, **cut)
 
     @property
-    def valid_of_joints(self) -> BoolArray:
-        """Where each joint's values are of their own row, shape (samples, joints)."""
+    def joint_valid(self) -> BoolArray:
+        """True for each value that was measured in its own row, shape (samples, joints)."""
         if self.answered is not None:
             return self.answered
         return np.repeat(self.valid[:, np.newaxis], len(self.joint_names), axis=1)
@@ -125,14 +127,14 @@ _COLUMNS = (
 )
 
 
-def joined(parts: Iterable[Recording]) -> Recording:
-    """Return one recording of parts that follow one another, none with a force plate.
+def concatenate_recordings(parts: Iterable[Recording]) -> Recording:
+    """Return one recording from consecutive parts, none with a force plate.
 
     Args:
-        parts: At least one; what is not an array is taken from the first.
+        parts: At least one; values that are not arrays are taken from the first part.
 
     Raises:
-        RecordingError: They do not follow one another.
+        RecordingError: There is no part, or the times of the parts do not increase.
     """
     first: Recording | None = None
     columns: dict[str, list[Any]] = {}
@@ -142,10 +144,10 @@ def joined(parts: Iterable[Recording]) -> Recording:
             if getattr(part, name) is not None:
                 columns.setdefault(name, []).append(getattr(part, name))
     if first is None:
-        raise RecordingError("recording: no row", code="RID-RECORDING-EMPTY")
+        raise RecordingError("recording: contains no rows", code="RID-RECORDING-EMPTY")
     whole: dict[str, Any] = {}
     for name in _COLUMNS:
         if name in columns:
-            whole[name] = np.concatenate(columns.pop(name))  # the parts go with their column
+            whole[name] = np.concatenate(columns.pop(name))  # frees the parts of this column
             whole[name].setflags(write=False)
     return replace(first, **whole)

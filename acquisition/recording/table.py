@@ -1,4 +1,4 @@
-"""`RecordingTable`: a recording as named columns with their units, for other programs."""
+"""`RecordingTable`: a recording as named columns with units, for other programs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class RecordingColumn:
 
     Attributes:
         name: Quantity, joint and unit, of letters, digits and `_` (`torque_axis1_nm`).
-        unit: As people write it; empty for counts and flags.
+        unit: Unit as printed for users; empty for counts and flags.
         values: Shape (samples,). Float or integer.
     """
 
@@ -33,11 +33,11 @@ class RecordingColumn:
 
 @dataclass(frozen=True, eq=False)
 class RecordingTable:
-    """Columns of equal length, time first, and where they come from.
+    """Columns of equal length and their origin.
 
     Attributes:
-        columns: `time_s` is the first.
-        origin: Run, robot, cell.
+        columns: The first one is `time_s`.
+        origin: Names of run, robot, cell and source.
     """
 
     columns: tuple[RecordingColumn, ...]
@@ -45,19 +45,19 @@ class RecordingTable:
 
 
 def recording_table(recording: Recording, robot: RobotDescription) -> RecordingTable:
-    """Return everything that a recording holds, one column a quantity and joint.
+    """Return all data of a recording, one column per quantity and joint.
 
     Args:
-        recording: Of one run.
-        robot: Says which joints turn and which slide.
+        recording: Recording of one run.
+        robot: Determines which joints are revolute and which are prismatic.
 
     Raises:
-        RecordingError: The robot has other joints than the recording.
+        RecordingError: Robot and recording have different joints.
     """
     if robot.joint_names != recording.joint_names:
         raise RecordingError(
-            f"the recording is of {', '.join(recording.joint_names)}, the robot has"
-            f" {', '.join(robot.joint_names)}",
+            f"the joints differ: recording {', '.join(recording.joint_names)}, robot"
+            f" {', '.join(robot.joint_names)}: use the robot file of this run",
             code="RID-ROBOT-OTHER",
         )
     slides = [joint.type == "prismatic" for joint in robot.joints]
@@ -74,12 +74,16 @@ def recording_table(recording: Recording, robot: RobotDescription) -> RecordingT
             continue
         for joint, name in enumerate(recording.joint_names):
             unit = sliding if slides[joint] else turning
-            columns.append(RecordingColumn(_name(quantity, name, unit), unit, values[:, joint]))
+            columns.append(
+                RecordingColumn(_column_name(quantity, name, unit), unit, values[:, joint])
+            )
     if recording.reaction is not None:
         reaction = recording.reaction
         for channel, name in enumerate(reaction.channel_names):
             columns.append(
-                RecordingColumn(_name("plate", name, "N"), "N", reaction.channels_n[:, channel])
+                RecordingColumn(
+                    _column_name("plate", name, "N"), "N", reaction.channels_n[:, channel]
+                )
             )
         wrench = reaction.channels_n @ reaction.base_wrench_matrix.T
         for axis, name in enumerate(WRENCH):
@@ -101,6 +105,6 @@ def recording_table(recording: Recording, robot: RobotDescription) -> RecordingT
     return RecordingTable(tuple(columns), origin)
 
 
-def _name(quantity: str, joint: str, unit: str) -> str:
+def _column_name(quantity: str, joint: str, unit: str) -> str:
     suffix = unit.lower().replace(" ", "").replace("/", "_")
     return re.sub(r"[^A-Za-z0-9_]", "_", f"{quantity}_{joint}_{suffix}")

@@ -1,4 +1,5 @@
-"""Run folders: the only truth about a run, with a manifest that every reader compares.
+"""Run folders, each with a manifest that lists its files.
 
-Files by name and hash; what is in them is read elsewhere. Begin with `folder.py`.
+This folder of code handles files by name and hash; the contents are read elsewhere. Begin with
+`folder.py`.
 """

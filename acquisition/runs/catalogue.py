@@ -1,4 +1,4 @@
-"""Finding runs: the folders under a root are the truth, an index is not needed."""
+"""Search for runs: lists the folders below a root at each call, without an index."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ _LOG = logging.getLogger("rid_daq.runs")
 
 
 def list_runs(root: Path) -> tuple[tuple[RunFolder, Manifest], ...]:
-    """Return the runs under `root`, oldest first; what is not a readable run is left out."""
+    """Return the runs below `root`, oldest first; unreadable runs are left out."""
     return tuple(
         (folder, manifest)
-        for folder, manifest in _runs(root)
+        for folder, manifest in _run_folders(root)
         if isinstance(manifest, Manifest) and manifest.run_id == folder.run_id
     )
 
 
-def damaged_runs(root: Path) -> tuple[tuple[RunFolder, RecordingError], ...]:
-    """Return the runs under `root` whose manifest cannot be read, and why, oldest first."""
+def list_damaged_runs(root: Path) -> tuple[tuple[RunFolder, RecordingError], ...]:
+    """Return the runs below `root` with an unreadable manifest, and its error, oldest first."""
     return tuple(
         (folder, manifest)
-        for folder, manifest in _runs(root)
+        for folder, manifest in _run_folders(root)
         if isinstance(manifest, RecordingError)
     )
 
 
-def _runs(root: Path) -> Iterator[tuple[RunFolder, Manifest | RecordingError]]:
-    """Yield every folder that is named as runs are."""
+def _run_folders(root: Path) -> Iterator[tuple[RunFolder, Manifest | RecordingError]]:
+    """Yield each folder whose name is a run id."""
     if not root.is_dir():
         return
     for path in sorted(root.resolve().iterdir()):
@@ -49,11 +49,11 @@ def _runs(root: Path) -> Iterator[tuple[RunFolder, Manifest | RecordingError]]:
 
 
 def find_runs(root: Path, references: Iterable[str]) -> tuple[RunFolder, ...]:
-    """Return the runs that `references` mean, each of them another one.
+    """Return the runs that `references` name; all are different.
 
     Raises:
-        ConfigError: One of them means no run, or more than one; or a run, or its copy, is named
-            twice.
+        ConfigError: A reference matches no run or several, or two references name the same run or
+            its copy.
         RecordingError: As `find_run` does.
     """
     found = tuple(find_run(root, reference) for reference in references)
@@ -61,66 +61,68 @@ def find_runs(root: Path, references: Iterable[str]) -> tuple[RunFolder, ...]:
     for folder in found:
         if folder.run_id in seen:
             raise ConfigError(
-                f"run {folder.run_id} is named twice, or with its copy", code="RID-OPTION-EXCLUSIVE"
+                f"run {folder.run_id} is named twice, or together with its copy: name each run"
+                " once",
+                code="RID-OPTION-EXCLUSIVE",
             )
         seen.add(folder.run_id)
     return found
 
 
 def find_run(root: Path, reference: str, having: str | None = None) -> RunFolder:
-    """Return the run that `reference` means; of runs of one label the newest, which is said.
+    """Return the run that `reference` names; logs a warning if several runs have that label.
 
     Args:
         root: Folder of all runs.
-        reference: A path of a run folder, `latest`, an id or the unique beginning of one, or a
-            label.
-        having: Only runs that hold this file are meant, where a label or `latest` is given.
+        reference: Path of a run folder, `latest`, an id or the unique beginning of an id, or a
+            label. The newest run with a label is used.
+        having: If given, a label or `latest` matches only runs that contain this file.
 
     Raises:
-        ConfigError: No run is meant, or an id's beginning means more than one.
-        RecordingError: The folder at that path is not a run, or the latest one is damaged.
+        ConfigError: No run matches, or the beginning of an id matches several.
+        RecordingError: The folder at that path is not a run, or the latest run is damaged.
     """
     if (Path(reference) / MANIFEST).exists():
         return RunFolder.open(Path(reference))
     try:
-        return find_run_inside(root, reference, having)
+        return find_run_below(root, reference, having)
     except ConfigError:
         if Path(reference).is_file():
             raise ConfigError(
-                f"{reference} is a file, no run: name a run by its label or id, or make one of a"
-                " recording by `rid-daq import`",
+                f"{reference} is a file, not a run: name a run by its label or id, or make a run"
+                " from a recording with `rid-daq import`",
                 code="RID-RUN-IS-FILE",
             ) from None
         raise
 
 
-def find_run_inside(root: Path, reference: str, having: str | None = None) -> RunFolder:
-    """Return the run under `root` that `reference` means; it is never taken for a path.
+def find_run_below(root: Path, reference: str, having: str | None = None) -> RunFolder:
+    """Return the run below `root` that `reference` names; the reference cannot be a path.
 
     Arguments and errors are those of `find_run`.
     """
     runs = list_runs(root)
     fit = [each for each in runs if having is None or each[0].file(having).exists()]
     if reference == LATEST and fit:
-        for folder, problem in damaged_runs(root):
+        for folder, problem in list_damaged_runs(root):
             if folder.run_id > fit[-1][0].run_id:
                 raise RecordingError(
-                    f"the latest run is damaged: {problem}; name the one you mean",
+                    f"the latest run is damaged: {problem}; name another run by its id",
                     code="RID-RUN-DAMAGED",
                 )
         return fit[-1][0]
     labelled = [each for each in fit if each[1].label == reference]
     if len(labelled) > 1:
-        _LOG.warning("%s", _newest_words(reference, labelled))
+        _LOG.warning("%s", _ambiguous_label_warning(reference, labelled))
     if labelled:
         return labelled[-1][0]
     meant = [each for each in runs if reference and each[0].run_id.startswith(reference.upper())]
     if len(meant) == 1:
         return meant[0][0]
     if meant:
-        which = ", ".join(map(_words, meant[-SHOWN:]))
+        which = ", ".join(map(_describe_run, meant[-SHOWN:]))
         raise ConfigError(
-            f"run {reference!r} may be any of {which}: give more of the id",
+            f"run {reference!r} is ambiguous: {which}: give more characters of the id",
             code="RID-RUN-AMBIGUOUS",
         )
     what = "run" if having is None else f"run with {having}"
@@ -129,14 +131,14 @@ def find_run_inside(root: Path, reference: str, having: str | None = None) -> Ru
     )
 
 
-def file_or_run(root: Path, reference: str, having: str | None = None) -> Path | RunFolder:
-    """Return the file of that name where there is one, and otherwise the run that it means.
+def find_file_or_run(root: Path, reference: str, having: str | None = None) -> Path | RunFolder:
+    """Return the file `reference` if it exists, else the run that `reference` names.
 
     Args:
-        root, reference, having: As `find_run` has them; a label may look like the name of a file.
+        root, reference, having: See `find_run`; a label may look like a file name.
 
     Raises:
-        ConfigError, RecordingError: There is no such file, and `find_run` raises this.
+        ConfigError, RecordingError: The file does not exist, and `find_run` raises this error.
     """
     path = Path(reference)
     if path.is_file():
@@ -145,21 +147,21 @@ def file_or_run(root: Path, reference: str, having: str | None = None) -> Path |
         return find_run(root, reference, having)
     except ConfigError as error:
         raise ConfigError(
-            f"{reference}: there is no such file, and {error}", code=error.refusal
+            f"{reference}: the file does not exist, and {error}", code=error.refusal
         ) from None
 
 
-def _newest_words(label: str, labelled: Sequence[tuple[RunFolder, Manifest]]) -> str:
+def _ambiguous_label_warning(label: str, labelled: Sequence[tuple[RunFolder, Manifest]]) -> str:
     *others, newest = labelled
-    older = ", ".join(map(_words, reversed(others[-SHOWN:])))
+    older = ", ".join(map(_describe_run, reversed(others[-SHOWN:])))
     more = len(others) - SHOWN
     older += f" and {more} more" if more > 0 else ""
     return (
-        f"{len(labelled)} runs are called {label!r}: the newest is taken, {_words(newest)}; older:"
-        f" {older}"
+        f"{len(labelled)} runs have the label {label!r}: using the newest, {_describe_run(newest)};"
+        f" older: {older}"
     )
 
 
-def _words(run: tuple[RunFolder, Manifest]) -> str:
+def _describe_run(run: tuple[RunFolder, Manifest]) -> str:
     folder, manifest = run
     return f"{folder.run_id} ({manifest.created_utc[:16].replace('T', ' ')} UTC)"

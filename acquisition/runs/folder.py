@@ -1,8 +1,9 @@
-"""`RunFolder`: everything about one run in one folder, complete and portable.
+"""`RunFolder`: one folder with all files of a run, complete and portable.
 
-`manifest.json` names every file of the run with its SHA-256, as it was when the run was made. Files
-are written whole or not at all. The id is generated, the label is text: neither can lead outside
-the folder. What somebody else puts into the folder is a stray: it is left alone.
+`manifest.json` lists each file of the run with the SHA-256 that it had when the run was made. Files
+are written completely or not at all. The id is generated and the label is only text; neither can
+lead outside the folder. Files that other programs put into the folder are strays: the program does
+not use or change them.
 """
 
 from __future__ import annotations
@@ -23,12 +24,17 @@ from acquisition.runs.manifest import (
     FileEntry,
     Manifest,
     RunStatus,
-    digest_of,
-    entry_of,
+    file_entry,
+    hash_file,
     require_label,
 )
-from acquisition.runs.run_files import is_link, is_made_here, is_plain, refuse_link
-from acquisition.runs.run_id import after_others, new_run_id
+from acquisition.runs.run_files import (
+    is_link,
+    is_plain_name,
+    is_written_by_program,
+    require_no_link,
+)
+from acquisition.runs.run_id import new_run_id, time_after_existing_runs
 from config.errors import ConfigError, RecordingError, system_errors
 from config.formats.bounded_file import read_file
 from config.formats.json_file import OTHER_FORMAT, other_format
@@ -40,11 +46,11 @@ _READ_BYTES = 200_000_000
 
 @dataclass(frozen=True)
 class RunFolder:
-    """A run's folder; made by `create`, found again by `open`.
+    """Folder of a run; create it with `create`, open it again with `open`.
 
     Attributes:
         path: The folder, resolved.
-        run_id: Its generated id.
+        run_id: Generated id of the run.
     """
 
     path: Path
@@ -60,26 +66,26 @@ class RunFolder:
         software: dict[str, str] | None = None,
         now_ns: int | None = None,
     ) -> RunFolder:
-        """Make a new, empty run folder under `root`.
+        """Create a new, empty run folder below `root`.
 
         Args:
-            root: Folder of all runs; made where it does not exist.
-            label: What people call the run: 1 to 64 letters, digits, spaces, `_`, `.` and `-`.
-            kind: Which job makes it: record, import, ...
-            software: Names and versions of what makes it.
-            now_ns: Time since 1970 [ns]; the computer's if not given.
+            root: Folder of all runs; it is created if it does not exist.
+            label: Label of the run for users: 1 to 64 letters, digits, spaces, `_`, `.` and `-`.
+            kind: Job that makes the run: record, import, ...
+            software: Names and versions of the software that makes the run.
+            now_ns: Time since 1970 [ns]; default: the computer's time.
 
         Raises:
-            ConfigError: The label has other characters, or means another run.
-            RecordingError: The folder cannot be made.
+            ConfigError: The label has other characters, or is reserved.
+            RecordingError: The folder cannot be created.
         """
         require_label(label)
         created_ns = time.time_ns() if now_ns is None else now_ns
         with system_errors(
-            RecordingError, f"{root}: no run folder can be made", code="RID-FILE-WRITE"
+            RecordingError, f"{root}: cannot create a run folder", code="RID-FILE-WRITE"
         ):
             root.mkdir(parents=True, exist_ok=True)
-            run_id = new_run_id(after_others(root, created_ns))
+            run_id = new_run_id(time_after_existing_runs(root, created_ns))
             path = root.resolve() / run_id
             path.mkdir()
         folder = cls(path, run_id)
@@ -90,7 +96,7 @@ class RunFolder:
                 label=label,
                 kind=kind,
                 status=RunStatus.UNFINISHED,
-                created_utc=_utc(created_ns),
+                created_utc=_format_utc(created_ns),
                 software=software or {},
             )
         )
@@ -98,19 +104,19 @@ class RunFolder:
 
     @classmethod
     def open(cls, path: Path) -> RunFolder:
-        """Return the run folder at `path`, wherever it was moved to.
+        """Return the run folder at `path`; it may have been moved.
 
         Raises:
-            RecordingError: There is none, or its manifest cannot be read.
+            RecordingError: The folder does not exist, or its manifest cannot be read.
         """
         folder = cls(path.resolve(), "")
         return cls(folder.path, folder.manifest().run_id)
 
     def manifest(self) -> Manifest:
-        """Read what the folder says about itself.
+        """Read the manifest.
 
         Raises:
-            RecordingError: There is no manifest, or it is damaged.
+            RecordingError: The manifest is missing or damaged.
         """
         path = self.path / MANIFEST
         try:
@@ -132,17 +138,17 @@ class RunFolder:
         return manifest
 
     def file(self, name: str) -> Path:
-        """Return the path of the file called `name`, which need not exist yet.
+        """Return the path of the file `name`, which need not exist yet.
 
         Args:
-            name: A plain name, or names joined by `/` for a file in a folder.
+            name: A plain name, or names joined by `/` for a file in a subfolder.
 
         Raises:
-            ConfigError: The name is not a plain one.
-            RecordingError: A link stands in its way.
+            ConfigError: The name is not plain.
+            RecordingError: A part of the path is a link.
         """
         parts = name.split("/")
-        if not all(is_plain(part) for part in parts):
+        if not all(is_plain_name(part) for part in parts):
             raise ConfigError(
                 f"file name {name[:120]!r}: use letters, digits, '_', '.' and '-'",
                 code="RID-FILE-NAME",
@@ -150,14 +156,15 @@ class RunFolder:
         path = self.path
         for part in parts:
             path = path / part
-            refuse_link(path)
+            require_no_link(path)
         return path
 
     def read(self, name: str) -> bytes:
-        """Return a file's bytes.
+        """Return the contents of a file.
 
         Raises:
-            RecordingError: It cannot be read, is a link, or is not what was written.
+            RecordingError: The file cannot be read, is a link, or has changed since the run was
+                made.
         """
         path = self.file(name)
         with system_errors(RecordingError, f"{path}: cannot be read", code="RID-FILE-READ"):
@@ -165,33 +172,34 @@ class RunFolder:
         entry = self.manifest().files.get(name)
         if entry is not None and entry.sha256 != hashlib.sha256(data).hexdigest():
             raise RecordingError(
-                f"{path}: is not what was written (its SHA-256 differs): put the original back, or"
-                " delete the file and repeat the step that made it",
+                f"{path}: the file has changed since it was written (its SHA-256 differs):"
+                " restore the original, or delete the file and repeat the step that made it",
                 code="RID-RUN-CHANGED",
             )
         return data
 
-    def holds(self, name: str, entry: FileEntry) -> bool:
-        """Return whether a file has the contents that an entry of a manifest says.
+    def is_unchanged(self, name: str, entry: FileEntry) -> bool:
+        """Return True if a file has the size and hash of an entry of the manifest.
 
         Raises:
-            RecordingError: It cannot be read.
+            RecordingError: The file cannot be read.
         """
         path = self.file(name)
         with system_errors(RecordingError, f"{path}: cannot be read", code="RID-FILE-READ"):
             size = path.lstat().st_size
-        return size == entry.size_bytes and digest_of(path) == (entry.sha256, size)
+        return size == entry.size_bytes and hash_file(path) == (entry.sha256, size)
 
-    def differences(self, names: Iterable[str]) -> dict[str, str]:
-        """Return which files are not those that the run was made with, and what is wrong.
+    def find_changes(self, names: Iterable[str]) -> dict[str, str]:
+        """Return the files that differ from those of the run, each with the difference.
 
-        Journals of a run that was never finished have no hash yet: they are not compared.
+        Journals of an unfinished run have no hash yet and are not compared.
 
         Args:
-            names: Files to compare; those that the run never had and has not now are none.
+            names: Files to compare; a file that is neither in the manifest nor in the folder is
+                ignored.
 
         Raises:
-            RecordingError: The folder cannot be read, or a link stands in it.
+            RecordingError: The folder cannot be read, or contains a link.
         """
         manifest = self.manifest()
         ended = manifest.status in (RunStatus.COMPLETE, RunStatus.STOPPED)
@@ -203,23 +211,23 @@ class RunFolder:
                     found[name] = "was put into the folder after the run had ended"
             elif not path.exists():
                 found[name] = "is missing"
-            elif not self.holds(name, entry):
+            elif not self.is_unchanged(name, entry):
                 found[name] = f"is not the file of run {manifest.run_id} (its SHA-256 differs)"
         return found
 
     def write(self, name: str, data: bytes) -> Path:
-        """Write a file whole or not at all, replacing an older one; note it in the manifest.
+        """Write or replace a file, completely or not at all, and enter it in the manifest.
 
         Raises:
-            ConfigError: The name is not a plain one.
-            RecordingError: It cannot be written.
+            ConfigError: The name is not plain.
+            RecordingError: The file cannot be written.
         """
         path = self.file(name)
         if name == MANIFEST:
             raise ConfigError(
-                f"{MANIFEST} is written by the run folder itself", code="RID-INTERNAL-ERROR"
+                f"{MANIFEST} is written by the run folder only", code="RID-INTERNAL-ERROR"
             )
-        manifest = self._own_manifest()
+        manifest = self._read_own_manifest()
         self._write(path, data)
         entry = FileEntry(sha256=hashlib.sha256(data).hexdigest(), size_bytes=len(data))
         self._save(manifest.model_copy(update={"files": {**manifest.files, name: entry}}))
@@ -231,26 +239,27 @@ class RunFolder:
         facts: dict[str, JsonValue] | None = None,
         missing: Mapping[str, FileEntry] | None = None,
     ) -> Manifest:
-        """Say what became of the run and note the recordings that are in the folder.
+        """Record the outcome of the run, and enter the recordings of the folder in the manifest.
 
-        Files that were written before keep the hash that they had then. Strays are left alone.
+        Files that were entered before keep their hash. Strays are ignored.
 
         Args:
             status: The outcome.
-            facts: What a list of runs should show; added to what is there.
-            missing: Files that belong to the run and are not there; only they will be taken, later.
+            facts: Facts for lists of runs; they are added to the existing ones.
+            missing: Files that belong to the run but are missing; only files with these hashes can
+                be added later.
 
         Raises:
-            RecordingError: The folder cannot be read or written, or is that of another run by now.
+            RecordingError: The folder cannot be read or written, or now belongs to another run.
         """
-        manifest = self._own_manifest()
-        new = [name for name in self._present()[0] if name not in manifest.files]
-        files = {name: entry_of(self.file(name)) for name in new if is_made_here(name)}
+        manifest = self._read_own_manifest()
+        new = [name for name in self._list_contents()[0] if name not in manifest.files]
+        files = {name: file_entry(self.file(name)) for name in new if is_written_by_program(name)}
         finished = manifest.model_copy(
             update={
                 "format": FORMAT,
                 "status": str(status),
-                "finished_utc": _utc(time.time_ns()),
+                "finished_utc": _format_utc(time.time_ns()),
                 "facts": {**manifest.facts, **(facts or {})},
                 "files": {**(missing or {}), **manifest.files, **files},
             }
@@ -262,38 +271,42 @@ class RunFolder:
         """Compare every file with the manifest.
 
         Returns:
-            What is wrong, one sentence each; empty for a complete and unchanged run.
+            The problems, one sentence each; empty if the run is complete and unchanged.
 
         Raises:
-            RecordingError: The manifest itself, or the folder, cannot be read.
+            RecordingError: The manifest or the folder cannot be read.
         """
         manifest = self.manifest()
         problems = []
         if manifest.status == RunStatus.UNFINISHED:
-            problems.append("the run was not finished: it is still running, or was killed")
+            problems.append(
+                "the run is not finished: it is still running, or its program was killed"
+            )
         for name, entry in manifest.files.items():
             try:
-                unchanged = self.holds(name, entry)
+                unchanged = self.is_unchanged(name, entry)
             except (ConfigError, RecordingError) as error:
                 problems.append(f"{name}: {error}")
                 continue
             if not unchanged:
-                problems.append(f"{name}: is not what was written (its SHA-256 differs)")
+                problems.append(
+                    f"{name}: the file has changed since it was written (its SHA-256 differs)"
+                )
         return tuple(problems)
 
     def strays(self) -> tuple[str, ...]:
-        """Return what is in the folder and not in the manifest: left alone, and never read.
+        """Return what is in the folder but not in the manifest; the program never reads it.
 
         Raises:
-            RecordingError: The manifest, or the folder, cannot be read.
+            RecordingError: The manifest or the folder cannot be read.
         """
-        files, others = self._present()
+        files, others = self._list_contents()
         known = self.manifest().files
         found = {*others, *(name for name in files if name not in known)}
         return tuple(sorted(name.encode(errors="backslashreplace").decode() for name in found))
 
-    def _present(self) -> tuple[list[str], list[str]]:
-        """Return the files that may be the run's by their names, and everything else."""
+    def _list_contents(self) -> tuple[list[str], list[str]]:
+        """Return the files whose names are valid in a run, and everything else in the folder."""
         files: list[str] = []
         others: list[str] = []
         for folder, folders, names in os.walk(self.path, followlinks=False):
@@ -302,25 +315,25 @@ class RunFolder:
                 relative = str(path.relative_to(self.path))
                 if relative == MANIFEST or name.endswith(".tmp"):
                     continue
-                plain = all(is_plain(part) for part in relative.split("/"))
+                plain = all(is_plain_name(part) for part in relative.split("/"))
                 if is_link(path) or not plain or not (path.is_file() or name in folders):
                     others.append(relative)
                 elif name in names:
                     files.append(relative)
         return sorted(files), others
 
-    def _own_manifest(self) -> Manifest:
-        """Read the manifest, which must still be this run's.
+    def _read_own_manifest(self) -> Manifest:
+        """Read the manifest; it must belong to this run.
 
         Raises:
-            RecordingError: It cannot be read, or another run's folder has taken this one's place.
+            RecordingError: The manifest cannot be read, or another run's folder is at this path.
         """
         manifest = self.manifest()
         if manifest.run_id != self.run_id:
             raise RecordingError(
-                f"{self.path}: is the folder of run {manifest.run_id} by now, and nothing was"
-                f" written into it. The folder of run {self.run_id} was moved or deleted meanwhile:"
-                " put it back, then `rid-daq recover` it",
+                f"{self.path}: now contains run {manifest.run_id}; nothing was written. The"
+                f" folder of run {self.run_id} was moved or deleted: put it back and run `rid-daq"
+                " recover`",
                 code="RID-RUN-REPLACED",
             )
         return manifest
@@ -329,10 +342,12 @@ class RunFolder:
         self._write(self.path / MANIFEST, manifest.model_dump_json(indent=2).encode() + b"\n")
 
     def _write(self, path: Path, data: bytes) -> None:
-        with system_errors(RecordingError, f"{path.parent}: cannot be made", code="RID-FILE-WRITE"):
+        with system_errors(
+            RecordingError, f"{path.parent}: cannot be created", code="RID-FILE-WRITE"
+        ):
             path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, data)
 
 
-def _utc(time_ns: int) -> str:
+def _format_utc(time_ns: int) -> str:
     return datetime.fromtimestamp(time_ns / 1e9, UTC).isoformat(timespec="milliseconds")

@@ -1,4 +1,4 @@
-"""`Manifest`: what a run folder says of itself, and of each of its files."""
+"""`Manifest`: description of a run and of each of its files."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _LABEL = re.compile(r"[\w .-]{1,64}")
 
 
 class RunStatus(StrEnum):
-    """What became of a run."""
+    """Outcome of a run."""
 
     UNFINISHED = "unfinished"
     COMPLETE = "complete"
@@ -33,7 +33,7 @@ class RunStatus(StrEnum):
 
 
 class FileEntry(ConfigModel):
-    """One file of a run; `rows` are those that a recording held when the run ended, if closed."""
+    """One file of a run; `rows` is the number of rows of a closed recording at the run's end."""
 
     sha256: str
     size_bytes: int
@@ -41,7 +41,7 @@ class FileEntry(ConfigModel):
 
 
 class Manifest(ConfigModel):
-    """What a run folder says about itself."""
+    """Contents of a run folder's `manifest.json`."""
 
     format: int
     run_id: str
@@ -56,35 +56,35 @@ class Manifest(ConfigModel):
 
 
 def require_label(label: str) -> None:
-    """Refuse what no run can be called.
+    """Raise an error if `label` cannot be a label of a run.
 
     Raises:
-        ConfigError: It has other characters, or means another run.
+        ConfigError: The label has invalid characters or a wrong length, or is reserved.
     """
     if not _LABEL.fullmatch(label) or label == LATEST:
         raise ConfigError(
-            f"label {label[:80]!r}: use 1 to 64 letters, digits, spaces, '_', '.' and '-', and"
-            f" not {LATEST!r}, which means the newest run",
+            f"invalid label {label[:80]!r}: use 1 to 64 letters, digits, spaces, '_', '.' and"
+            f" '-', but not {LATEST!r}, which means the newest run",
             code="RID-FILE-NAME",
         )
 
 
-def entry_of(path: Path) -> FileEntry:
-    """Return what a manifest says of a file.
+def file_entry(path: Path) -> FileEntry:
+    """Return the manifest entry of a file.
 
     Raises:
-        RecordingError: It cannot be read.
+        RecordingError: The file cannot be read.
     """
-    sha256, size_bytes = digest_of(path)
+    sha256, size_bytes = hash_file(path)
     rows = messages_written(path) if path.suffix == JOURNAL else None
     return FileEntry(sha256=sha256, size_bytes=size_bytes, rows=rows)
 
 
-def digest_of(path: Path) -> tuple[str, int]:
+def hash_file(path: Path) -> tuple[str, int]:
     """Return SHA-256 and size of a file.
 
     Raises:
-        RecordingError: It cannot be read.
+        RecordingError: The file cannot be read.
     """
     digest = hashlib.sha256()
     size = 0

@@ -1,4 +1,4 @@
-"""Names and links of the files in a run folder."""
+"""Names of the files in a run folder, and checks for links."""
 
 from __future__ import annotations
 
@@ -16,28 +16,30 @@ _NOT_BY_WRITE = (
     ".blf",
     ".json",
     ".jsonl",
-)  # what recorders and estimators put in by themselves
+)  # written by recorders and estimators, not by `RunFolder.write`
 
 
-def is_plain(name: str) -> bool:
-    """Return True if a name can be that of a file on every system."""
+def is_plain_name(name: str) -> bool:
+    """Return True if `name` is a valid file name on every operating system."""
     return bool(_NAME.fullmatch(name)) and not _DEVICE.fullmatch(name) and not name.endswith(".")
 
 
-def is_made_here(name: str) -> bool:
-    """Return True if the program itself puts such files into a run, or into a run inside it."""
+def is_written_by_program(name: str) -> bool:
+    """Return True if this program itself writes files of this name to a run or a run inside it."""
     return name.endswith(_NOT_BY_WRITE) or any(map(RUN_ID.fullmatch, name.split("/")[:-1]))
 
 
-def refuse_link(path: Path) -> None:
-    """Raise `RecordingError` if a path is a symbolic link."""
+def require_no_link(path: Path) -> None:
+    """Raise `RecordingError` if `path` is a symbolic link."""
     if is_link(path):
         raise RecordingError(
-            f"{path}: is a symbolic link; a run folder has none", code="RID-RUN-LINK"
+            f"{path}: is a symbolic link; replace it by the file, since a run folder cannot"
+            " contain links",
+            code="RID-RUN-LINK",
         )
 
 
 def is_link(path: Path) -> bool:
-    """Return True if a path is a symbolic link; raise `RecordingError` if it cannot be read."""
+    """Return True if `path` is a symbolic link; raise `RecordingError` if it cannot be read."""
     with system_errors(RecordingError, f"{path}: cannot be read", code="RID-FILE-READ"):
         return path.is_symlink()

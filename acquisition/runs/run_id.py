@@ -1,4 +1,4 @@
-"""Run ids: sortable by time, unique, of letters and digits that no file system minds (ULID)."""
+"""Run ids (ULID): unique, sorted by time, with letters and digits that all file systems accept."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 _ALPHABET = "0123456789ABCDEFGHJKMNPQRSTVWXYZ"
 _LENGTH = 26
 _RANDOM_BITS = 80
-_CLOCK_STEP_NS = 24 * 3600 * 10**9  # a clock set back by more was wrong before
+_CLOCK_STEP_NS = 24 * 3600 * 10**9  # if the clock is set back by more, it was wrong before
 RUN_ID = re.compile(rf"[0-7][{_ALPHABET}]{{{_LENGTH - 1}}}")
 
 
@@ -29,15 +29,15 @@ def new_run_id(now_ns: int) -> str:
 
 
 def time_of_run_id(run_id: str) -> int:
-    """Return the time since 1970 that an id was made for [ns]."""
+    """Return the time since 1970 for which an id was made [ns]."""
     number = 0
     for letter in run_id:
         number = 32 * number + _ALPHABET.index(letter)
     return (number >> _RANDOM_BITS) * 1_000_000
 
 
-def after_others(root: Path, now_ns: int) -> int:
-    """Return a time for an id that sorts after those under `root`, the clock set back or not."""
+def time_after_existing_runs(root: Path, now_ns: int) -> int:
+    """Return a time whose id sorts after those below `root`, even if the clock was set back."""
     ids = [name for name in os.listdir(root) if RUN_ID.fullmatch(name)]
     newest_ns = time_of_run_id(max(ids)) if ids else 0
     behind_ns = newest_ns - now_ns

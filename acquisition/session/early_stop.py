@@ -12,7 +12,7 @@ import numpy as np
 
 from acquisition.journal.cycle_reader import CycleReader
 from acquisition.motion.samples import MotionSamples
-from acquisition.recording.recording import Recording, joined
+from acquisition.recording.recording import Recording, concatenate_recordings
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.states import TaskProgress
 from config.errors import RecordingError, RidDaqError
@@ -113,7 +113,7 @@ class EarlyStop:
 
     def _new_periods(self, periods: int) -> NewPeriods:
         """Return what came since the last question, and keep what belongs to the next."""
-        rows = joined(self._unseen)
+        rows = concatenate_recordings(self._unseen)
         later = rows.sample_index >= self._ends[periods]
         count = int(np.argmax(later)) if later.any() else len(rows)
         self._unseen = [rows.part(slice(count, None))] if count < len(rows) else []

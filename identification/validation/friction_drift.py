@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import stdtr
 
 from acquisition.motion.samples import Phase
-from acquisition.recording.recording import Recording, joined
+from acquisition.recording.recording import Recording, concatenate_recordings
 from config.arrays import FloatArray
 
 FEWEST_PERIODS: Final = 4
@@ -96,7 +96,7 @@ def _works(parts: Iterable[Recording]) -> Iterator[tuple[Recording, FloatArray]]
     begin = 0  # the first of the kept rows that was not yielded
     for part in parts:
         main = part.part(part.phase == Phase.MAIN)
-        main = main if kept is None else joined([kept, main])
+        main = main if kept is None else concatenate_recordings([kept, main])
         if len(main) < 3:
             kept = main
             continue

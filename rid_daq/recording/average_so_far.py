@@ -7,7 +7,7 @@ import math
 from acquisition.journal.monitor import MONITOR, monitored, with_temperature_compensation
 from acquisition.processing.period_table import PeriodCutter
 from acquisition.processing.periods import PeriodAverage, average_table
-from acquisition.recording.recording import Recording, joined
+from acquisition.recording.recording import Recording, concatenate_recordings
 from acquisition.session.early_stop import NewPeriods
 from config.robot.robot import RobotDescription
 
@@ -26,7 +26,7 @@ class AverageSoFar:
         Raises:
             DataQualityError: The periods are not good enough yet.
         """
-        rows = joined([*self._unsettled, new.recording])
+        rows = concatenate_recordings([*self._unsettled, new.recording])
         stream, _ = monitored(rows, new.folder)
         self._cutter.add(with_temperature_compensation(rows, stream, self._robot))
         if (new.folder / MONITOR).exists():

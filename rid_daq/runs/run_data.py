@@ -29,7 +29,7 @@ from acquisition.processing.held_torque import held_sentence
 from acquisition.processing.periods import PeriodAverage, average_table
 from acquisition.processing.plate_alignment import with_plate
 from acquisition.processing.recording_tally import RecordingTally
-from acquisition.recording.recording import Recording, joined
+from acquisition.recording.recording import Recording, concatenate_recordings
 from acquisition.runs.catalogue import list_runs
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING, RunStatus
@@ -140,7 +140,7 @@ class RunData:
             assert first is not None  # there is no header without a row
             if first.source == "import":
                 report = ImportReport.from_json(folder.read(IMPORT), str(folder.file(IMPORT)))
-                data = cls.of(folder, joined([first, *parts]), robot, report)
+                data = cls.of(folder, concatenate_recordings([first, *parts]), robot, report)
                 return replace(data, damage=reader.damage.notes)
             monitor, cold = monitored(first, folder.path)
             repeats = RepeatCounter()
@@ -171,7 +171,7 @@ class RunData:
     @cached_property
     def recording(self) -> Recording:
         """All of the recording, for whoever cannot do with its parts; it is read once more."""
-        return joined(self.parts()) if self.held is None else self.held
+        return concatenate_recordings(self.parts()) if self.held is None else self.held
 
     @cached_property
     def cell(self) -> CellConfig | None:
@@ -217,7 +217,7 @@ def require_own(folder: RunFolder) -> None:
         RecordingError: There is one; the message names it, whose it is where that is known, and
             what to do.
     """
-    for name, what in folder.differences(READ).items():
+    for name, what in folder.find_changes(READ).items():
         path = folder.file(name)
         whose = _whose(folder, name)
         words = f"{path}: {what}{whose}."
@@ -237,7 +237,7 @@ def _whose(folder: RunFolder, name: str) -> str:
         return ""
     for other, manifest in list_runs(folder.path.parent):
         if other.run_id != folder.run_id and name in manifest.files:
-            if not (folder.holds(name, manifest.files[name])):
+            if not (folder.is_unchanged(name, manifest.files[name])):
                 continue
             return f"; it is that of run {other.run_id} ({manifest.label})"
     return ""

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from acquisition.runs.catalogue import find_run_inside
+from acquisition.runs.catalogue import find_run_below
 from acquisition.runs.folder import RunFolder
 from config.arrays import FloatArray
 from identification.payload.warm_up import FEWEST_PERIODS, period_powers, power_change_percent
@@ -51,7 +51,7 @@ def _warm_up(folder: RunFolder) -> Iterator[AnyBlock]:
     run = state.done.get(WARM_UP)
     settled = fact.get("settled_percent") if isinstance(fact, dict) else None
     if run is not None and isinstance(settled, (int, float)):
-        recording = RunData.load(find_run_inside(folder.path.parent, run)).recording
+        recording = RunData.load(find_run_below(folder.path.parent, run)).recording
         powers = period_powers(recording).tolist()
         yield warm_up_plot(recording.joint_names, powers, float(settled))
 

@@ -17,7 +17,7 @@ from scipy.interpolate import CubicSpline
 from acquisition.motion.kinds.fourier import FourierMotion
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.recording.plate_geometry import PlateGeometry
-from acquisition.recording.reaction import reaction_of
+from acquisition.recording.reaction import resample_reaction
 from acquisition.recording.recording import Recording
 from acquisition.signals.clocks import clock_from_arrivals
 from benchmarks.closed_loop import closed_loop
@@ -278,7 +278,7 @@ class SimulatedPlate:
         readings[:, list(self.overloaded)] = 1250.0
         arrival = np.maximum.accumulate(true + self.jitter_s * random.uniform(size=rows))
         clock = clock_from_arrivals(device, recording.time_s[0] + arrival)
-        reaction = reaction_of(self.config, clock, device, readings, valid, recording.time_s)
+        reaction = resample_reaction(self.config, clock, device, readings, valid, recording.time_s)
         return replace(recording, reaction=reaction)
 
 

@@ -6,7 +6,7 @@ import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from acquisition.imports.bags import bag_as_table, is_bag
+from acquisition.imports.bags import convert_bag_to_table, is_bag
 from acquisition.imports.import_map import ImportMap, RowRange, load_import_map
 from acquisition.imports.read import import_csv
 from acquisition.imports.report import ImportReport
@@ -65,7 +65,7 @@ def import_files(request: ImportRequest) -> tuple[ImportedRun, ...]:
                     code="RID-IMPORT-FILES",
                 )
             file = Path(place) / f"{file.stem}.csv"
-            import_map = bag_as_table(named, import_map, robot.joint_names, file)
+            import_map = convert_bag_to_table(named, import_map, robot.joint_names, file)
         elif is_bag(file):
             raise ConfigError(
                 f"{file}: is a bag, and map {import_map.name!r} reads CSV files: give a map with"

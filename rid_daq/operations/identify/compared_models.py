@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from acquisition.runs.catalogue import file_or_run, find_run
+from acquisition.runs.catalogue import find_file_or_run, find_run
 from config.arrays import FloatArray
 from config.errors import ConfigError
 from identification.estimation.estimate import Estimate
@@ -73,7 +73,7 @@ def compare_models(request: CompareRequest) -> Compared:
 
 def _side(request: CompareRequest, what: str) -> tuple[str, Estimate, RunData | None]:
     """Return name and estimate of a model file, or of a run with the model identified from it."""
-    folder = file_or_run(request.runs, what)
+    folder = find_file_or_run(request.runs, what)
     if isinstance(folder, Path):
         return folder.name, read_estimate(folder), None
     if not folder.file(MODEL).exists():

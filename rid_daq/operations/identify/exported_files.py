@@ -6,9 +6,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from acquisition.recording.files import RecordingFormat, recording_bytes
+from acquisition.recording.files import RecordingFormat, encode_recording
 from acquisition.recording.table import recording_table
-from acquisition.runs.catalogue import file_or_run
+from acquisition.runs.catalogue import find_file_or_run
 from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError, EstimationError
 from config.formats.whole_file import write_whole
@@ -52,7 +52,7 @@ def export_file(request: ExportRequest) -> ExportedModel | ExportedRecording:
         RidDaqError: As `export_model` and `export_recording`.
     """
     refuse_output(request.output, request.overwrite, made_file.EXPORT)
-    found = file_or_run(request.runs, request.what)
+    found = find_file_or_run(request.runs, request.what)
     if isinstance(found, Path):
         _refuse_useless(request, ("unfinished",), "with a model file")
         if request.as_identified:
@@ -154,5 +154,5 @@ def export_recording(request: ExportRequest, folder: RunFolder) -> ExportedRecor
     data = RunData.load(folder, unfinished=request.unfinished)
     notes = every_lack([data])
     table = recording_table(data.recording, data.robot)
-    write_whole(request.output, recording_bytes(table, RecordingFormat(to.value)))
+    write_whole(request.output, encode_recording(table, RecordingFormat(to.value)))
     return ExportedRecording(request, data, table, notes)

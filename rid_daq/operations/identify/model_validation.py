@@ -103,7 +103,7 @@ def validate_run(request: ValidateRequest) -> Validated:
     if not request.model.exists() and Path(request.run).is_file():
         turned = as_command("validate", request.run, request.model)
         raise ConfigError(
-            f"{request.run} is a file, no run: the model comes first: {turned}",
+            f"{request.run} is a file, not a run: the model comes first: {turned}",
             code="RID-RUN-IS-FILE",
         )
     estimate = read_estimate(request.model)

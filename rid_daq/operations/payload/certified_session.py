@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from acquisition.runs.catalogue import find_run, find_run_inside
+from acquisition.runs.catalogue import find_run, find_run_below
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
 from config.cell.cell import CellConfig
@@ -89,7 +89,7 @@ def certificate_of(folder: RunFolder, by: str | None) -> Certificate:
             code="RID-CERTIFICATE-NOT-READY",
         )
     steps = [("", name) for name in ids] if state is None else list(state.done.items())
-    folders = [find_run_inside(folder.path.parent, run_id) for _, run_id in steps]
+    folders = [find_run_below(folder.path.parent, run_id) for _, run_id in steps]
     all_folders = folders if folder in folders else [folder, *folders]
     for each in all_folders:
         _require_ended(each)
@@ -191,7 +191,7 @@ def _files(folder: RunFolder) -> list[tuple[str, str, str]]:
         entry = folder.manifest().files.get(name)
         if entry is None:
             continue
-        if not folder.holds(name, entry):
+        if not folder.is_unchanged(name, entry):
             raise RecordingError(
                 f"{folder.file(name)}: is not what was written (its SHA-256 differs): put the"
                 " original back",

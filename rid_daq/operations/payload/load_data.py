@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-from acquisition.runs.catalogue import file_or_run
+from acquisition.runs.catalogue import find_file_or_run
 from config.errors import ConfigError, system_errors
 from config.formats.bounded_file import read_file
 from config.formats.whole_file import write_whole
@@ -102,9 +102,9 @@ def payload_file(runs: Path, reference: Path) -> Path:
     """Return a payload file by its path, or of the session or run that has one.
 
     Raises:
-        ConfigError, RecordingError: As `file_or_run`.
+        ConfigError, RecordingError: As `find_file_or_run`.
     """
-    found = file_or_run(runs, str(reference), having=PAYLOAD)
+    found = find_file_or_run(runs, str(reference), having=PAYLOAD)
     return found if isinstance(found, Path) else found.file(PAYLOAD)
 
 

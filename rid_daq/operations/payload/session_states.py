@@ -12,7 +12,7 @@ from typing import Final, Literal, NamedTuple, Self
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, PrivateAttr, ValidationError
 
-from acquisition.runs.catalogue import find_run_inside
+from acquisition.runs.catalogue import find_run_below
 from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError
 from rid_daq.operations.payload.payload_session import LOADED, UNLOADED, PayloadSessionRequest
@@ -147,7 +147,7 @@ class SessionFile(BaseModel):
             RidDaqError: One of them cannot be used.
         """
         root = self.folder.path.parent
-        return [RunData.load(find_run_inside(root, self.done[name])) for name in self.measurements]
+        return [RunData.load(find_run_below(root, self.done[name])) for name in self.measurements]
 
     def enter(self, state: State, *, again: bool = False) -> None:
         """Keep that the session is in a state now.

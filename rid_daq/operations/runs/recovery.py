@@ -199,7 +199,7 @@ def _changed(source: Path, readable: dict[str, Repair], manifest: Manifest | Non
     return [
         f"{name}: is not what was written (its SHA-256 differs), though every block is right"
         for name, repair in readable.items()
-        if repair.whole and name in entries and not folder.holds(name, entries[name])
+        if repair.whole and name in entries and not folder.is_unchanged(name, entries[name])
     ]
 
 

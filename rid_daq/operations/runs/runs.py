@@ -128,7 +128,7 @@ class RunsResult:
 
 def run(request: RunsRequest, _context: Context) -> RunsResult:
     """List the runs, and compare their files if asked."""
-    from acquisition.runs.catalogue import damaged_runs, list_runs
+    from acquisition.runs.catalogue import list_damaged_runs, list_runs
 
     listed = tuple(
         ListedRun(
@@ -144,7 +144,9 @@ def run(request: RunsRequest, _context: Context) -> RunsResult:
         )
         for found, manifest in list_runs(request.runs)
     )
-    damaged = tuple((each.run_id, str(problem)) for each, problem in damaged_runs(request.runs))
+    damaged = tuple(
+        (each.run_id, str(problem)) for each, problem in list_damaged_runs(request.runs)
+    )
     if request.verify and not listed and not damaged:
         raise ConfigError(
             f"{request.runs}: there are no runs, so nothing can be verified",

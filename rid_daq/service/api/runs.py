@@ -11,7 +11,7 @@ from typing import Annotated, Final
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import FileResponse, Response
 
-from acquisition.runs.catalogue import damaged_runs, find_run_inside, list_runs
+from acquisition.runs.catalogue import find_run_below, list_damaged_runs, list_runs
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import MANIFEST, Manifest
 from config.errors import ConfigError, RecordingError, system_errors
@@ -85,7 +85,7 @@ def list_all_runs(
             created_utc="",
             problem=str(problem),
         )
-        for folder, problem in damaged_runs(service.runs)
+        for folder, problem in list_damaged_runs(service.runs)
     ]
     words = search.lower()
     wanted = [
@@ -196,7 +196,7 @@ def run_folder(service: CellService, run: str) -> RunFolder:
         UnknownError: There is none.
     """
     try:
-        return find_run_inside(service.runs, run)
+        return find_run_below(service.runs, run)
     except ConfigError as error:
         raise UnknownError(str(error), code="RID-RUN-UNKNOWN") from None
 

@@ -12,7 +12,7 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from acquisition.imports.bags import bag_as_table
+from acquisition.imports.bags import convert_bag_to_table
 from acquisition.imports.import_map import ImportMap
 from acquisition.imports.read import import_csv
 from config.errors import ConfigError, DataQualityError
@@ -71,7 +71,7 @@ def test_it_becomes_a_table_and_the_map_that_reads_it(
     bag = write_bag(tmp_path / "bag", storage)
     path = bag if whole_folder else next(p for p in bag.iterdir() if p.suffix != ".yaml")
     table = tmp_path / "table.csv"
-    import_map = bag_as_table(path, bag_map(), NAMES, table)
+    import_map = convert_bag_to_table(path, bag_map(), NAMES, table)
     recording, report = import_csv(table, import_map)
     np.testing.assert_array_equal(recording.position, POSITION)
     np.testing.assert_array_equal(recording.torque_nm, EFFORT)
@@ -84,7 +84,7 @@ def test_joints_come_in_the_robots_order_whatever_the_messages(tmp_path: Path) -
     bag = write_bag(tmp_path / "bag")
     table = tmp_path / "table.csv"
     states = bag_map(names=("elbow", "shoulder"), effort="current")
-    import_map = bag_as_table(bag, states, ("a", "b"), table)
+    import_map = convert_bag_to_table(bag, states, ("a", "b"), table)
     assert import_map.joint_names == ("a", "b")
     assert import_map.joints[0].current == 5
     read = np.loadtxt(table, delimiter=",")
@@ -98,7 +98,7 @@ def test_a_joint_is_read_with_its_own_sign_zero_gear_and_constant(tmp_path: Path
     shoulder = {"joint": "shoulder", "torque_constant_nm_per_a": 1.0}
     table = tmp_path / "table.csv"
     states = bag_map(effort="current", joints=[elbow, shoulder])
-    import_map = bag_as_table(write_bag(tmp_path / "bag"), states, NAMES, table)
+    import_map = convert_bag_to_table(write_bag(tmp_path / "bag"), states, NAMES, table)
     recording, report = import_csv(table, import_map)
     np.testing.assert_array_equal(recording.position[:, 0], POSITION[:, 0])
     np.testing.assert_allclose(recording.position[:, 1], -(POSITION[:, 1] - 0.25) / 2.0)
@@ -110,13 +110,15 @@ def test_what_is_implausible_on_purpose_stays_so_in_the_table_s_map(tmp_path: Pa
     joints = [{"joint": "elbow", "zero_offset": 40.0}]
     meant = ("plausible.speed", "joint_states.joints.0.zero_offset")
     states = bag_map(joints=joints).model_copy(update={"implausible_on_purpose": meant})
-    import_map = bag_as_table(write_bag(tmp_path / "bag"), states, NAMES, tmp_path / "table.csv")
+    import_map = convert_bag_to_table(
+        write_bag(tmp_path / "bag"), states, NAMES, tmp_path / "table.csv"
+    )
     assert import_map.implausible_on_purpose == ("plausible.speed", "joints.1.zero_offset")
 
 
 def test_without_stamps_time_is_when_it_was_recorded(tmp_path: Path) -> None:
     table = tmp_path / "table.csv"
-    bag_as_table(write_bag(tmp_path / "bag", stamped=False), bag_map(), NAMES, table)
+    convert_bag_to_table(write_bag(tmp_path / "bag", stamped=False), bag_map(), NAMES, table)
     np.testing.assert_allclose(np.loadtxt(table, delimiter=",")[:, 0], T, atol=1e-9)
 
 
@@ -132,13 +134,13 @@ def test_what_does_not_fit_is_refused_by_its_key(
 ) -> None:
     bag = write_bag(tmp_path / "bag")
     with raises_code(ConfigError, "RID-BAG-TOPIC", f"{bag}: ", *names):
-        bag_as_table(bag, bag_map(**states), joints, tmp_path / "table.csv")
+        convert_bag_to_table(bag, bag_map(**states), joints, tmp_path / "table.csv")
 
 
 def test_without_efforts_it_is_refused(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "bag", effort=False)
     with raises_code(DataQualityError, "RID-BAG-TOPIC"):
-        bag_as_table(bag, bag_map(), NAMES, tmp_path / "table.csv")
+        convert_bag_to_table(bag, bag_map(), NAMES, tmp_path / "table.csv")
 
 
 @pytest.mark.parametrize("name", ["bag.mcap", "bag.db3", "bag.bag", "folder", "bag.csv"])
@@ -150,7 +152,7 @@ def test_what_is_no_bag_is_refused(tmp_path: Path, name: str, content: bytes) ->
     else:
         path.write_bytes(content)
     with raises_code(ConfigError, "RID-FILE-TYPE", f"{path}: "):
-        bag_as_table(path, bag_map(), NAMES, tmp_path / "table.csv")
+        convert_bag_to_table(path, bag_map(), NAMES, tmp_path / "table.csv")
 
 
 def test_a_bag_cut_anywhere_is_refused_or_read_as_far_as_it_goes(tmp_path: Path) -> None:
@@ -160,7 +162,7 @@ def test_a_bag_cut_anywhere_is_refused_or_read_as_far_as_it_goes(tmp_path: Path)
         path = tmp_path / "cut.mcap"
         path.write_bytes(data[:length])
         with pytest.raises(ConfigError):
-            bag_as_table(path, bag_map(), NAMES, tmp_path / "table.csv")
+            convert_bag_to_table(path, bag_map(), NAMES, tmp_path / "table.csv")
 
 
 @pytest.mark.parametrize("names", [("elbow", "elbow"), ("elbow", "shoulder", "elbow")])
@@ -170,7 +172,7 @@ def test_a_joint_that_a_message_names_twice_is_refused(
     columns = [NAMES.index(name) for name in names]
     bag = write_bag(tmp_path / "bag", names=names, columns=columns)
     with raises_code(ConfigError, "RID-BAG-JOINT-TWICE") as refused:
-        bag_as_table(bag, bag_map(), NAMES, tmp_path / "table.csv")
+        convert_bag_to_table(bag, bag_map(), NAMES, tmp_path / "table.csv")
     assert refused.value.refusal == "RID-BAG-JOINT-TWICE"
     assert str(refused.value).startswith(str(bag))
 
@@ -179,7 +181,7 @@ def test_a_joint_of_another_device_that_stands_twice_costs_nothing(tmp_path: Pat
     names, columns = (*NAMES, "finger", "finger"), [0, 1, 0, 0]
     bag = write_bag(tmp_path / "bag", names=names, columns=columns)
     table = tmp_path / "table.csv"
-    recording, _ = import_csv(table, bag_as_table(bag, bag_map(), NAMES, table))
+    recording, _ = import_csv(table, convert_bag_to_table(bag, bag_map(), NAMES, table))
     np.testing.assert_array_equal(recording.torque_nm, EFFORT)
 
 

@@ -79,7 +79,7 @@ def invalid(recording: Recording, rows: np.ndarray) -> Recording:
 
 def unanswered(recording: Recording, rows: np.ndarray, joint: int) -> Recording:
     """The recording with one joint's values held from before in these rows."""
-    answered = np.array(recording.valid_of_joints)
+    answered = np.array(recording.joint_valid)
     answered[rows, joint] = False
     position, torque = recording.position.copy(), recording.torque_nm.copy()
     position[rows, joint], torque[rows, joint] = 1e6, -1e6

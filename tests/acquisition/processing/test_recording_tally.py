@@ -61,7 +61,7 @@ def test_it_tells_how_far_and_fast_the_valid_rows_went(recording: Recording) -> 
     np.testing.assert_array_equal(tally.torque, np.abs(recording.torque_nm[good]).max(axis=0))
     moved = recording.sample_index >= 0
     for joint, lost in enumerate(tally.lost):
-        answered = moved & recording.valid_of_joints[:, joint]
+        answered = moved & recording.joint_valid[:, joint]
         assert lost == 371 - len(np.unique(recording.sample_index[answered]))
 
 

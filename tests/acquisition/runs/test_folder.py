@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.runs.catalogue import damaged_runs, file_or_run, find_run, list_runs
+from acquisition.runs.catalogue import find_file_or_run, find_run, list_damaged_runs, list_runs
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import MANIFEST, RunStatus
 from acquisition.runs.run_id import RUN_ID, new_run_id
@@ -112,7 +112,9 @@ def test_a_waiting_temporary_link_is_replaced_not_followed(
 def test_a_finished_run_names_every_file_and_verifies(folder: RunFolder) -> None:
     folder.write("cell.yaml", b"a")
     (folder.path / "recording.mcap").write_bytes(b"rows")
-    assert folder.verify() == ("the run was not finished: it is still running, or was killed",)
+    assert folder.verify() == (
+        "the run is not finished: it is still running, or its program was killed",
+    )
     manifest = folder.finish(RunStatus.COMPLETE, {"rows": 12})
     assert set(manifest.files) == {"cell.yaml", "recording.mcap"}
     assert manifest.facts == {"rows": 12}
@@ -131,7 +133,7 @@ def test_verify_finds_changed_and_missing_files_and_added_ones_are_strays(
     (folder.path / "c.txt").write_bytes(b"z")
     problems = folder.verify()
     assert len(problems) == 2
-    assert problems[0] == "a.txt: is not what was written (its SHA-256 differs)"
+    assert problems[0] == "a.txt: the file has changed since it was written (its SHA-256 differs)"
     assert problems[1].startswith("b.txt:")
     assert folder.strays() == ("c.txt",)
 
@@ -142,8 +144,10 @@ def test_a_file_that_was_changed_meanwhile_keeps_the_hash_that_it_was_written_wi
     folder.write("robot.yaml", b"gear 121")
     (folder.path / "robot.yaml").write_bytes(b"gear 60")
     folder.finish(RunStatus.COMPLETE)
-    assert folder.verify() == ("robot.yaml: is not what was written (its SHA-256 differs)",)
-    assert set(folder.differences(["robot.yaml", "cell.yaml"])) == {"robot.yaml"}
+    assert folder.verify() == (
+        "robot.yaml: the file has changed since it was written (its SHA-256 differs)",
+    )
+    assert set(folder.find_changes(["robot.yaml", "cell.yaml"])) == {"robot.yaml"}
     with raises_code(RecordingError, "RID-RUN-CHANGED"):
         folder.read("robot.yaml")
 
@@ -237,7 +241,7 @@ def test_of_runs_of_one_label_the_newest_is_meant_and_that_is_said_with_dates(
     RunFolder.create(root, "other", now_ns=NOW_NS + 10**15)
     assert find_run(root, "same") == new
     (said,) = caplog.messages
-    assert said.startswith("2 runs are called 'same': the newest is taken, " + new.run_id)
+    assert said.startswith("2 runs have the label 'same': using the newest, " + new.run_id)
     assert f"older: {old.run_id} ({old.manifest().created_utc[:10]} " in said
 
 
@@ -261,12 +265,12 @@ def test_the_latest_run_that_has_a_file_is_meant_where_one_is_needed(root: Path)
 
 def test_a_file_that_is_there_is_a_file_and_all_else_a_run(root: Path, tmp_path: Path) -> None:
     made = RunFolder.create(root, "arm v1.json")
-    assert file_or_run(root, "arm v1.json") == made
+    assert find_file_or_run(root, "arm v1.json") == made
     file = tmp_path / "model"
     file.touch()
-    assert file_or_run(root, str(file)) == file
+    assert find_file_or_run(root, str(file)) == file
     with raises_code(ConfigError, "RID-RUN-UNKNOWN", "x.json: ", "'x.json'"):
-        file_or_run(root, "x.json")
+        find_file_or_run(root, "x.json")
 
 
 def test_a_run_whose_manifest_is_torn_is_named_and_not_passed_over(
@@ -274,7 +278,7 @@ def test_a_run_whose_manifest_is_torn_is_named_and_not_passed_over(
 ) -> None:
     later = RunFolder.create(root, "second", now_ns=NOW_NS + 10**9)
     (later.path / MANIFEST).write_text('{"la')
-    ((damaged, problem),) = damaged_runs(root)
+    ((damaged, problem),) = list_damaged_runs(root)
     assert damaged.path == later.path
     assert MANIFEST in str(problem)
     assert [found.run_id for found, _ in list_runs(root)] == [folder.run_id]

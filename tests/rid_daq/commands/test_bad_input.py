@@ -88,7 +88,7 @@ TABLE: list[tuple[str, int, str]] = [
     ("record ir361 empty.yaml", 2, "empty"),
     ("record ir361 real", 2, "is a folder; give real/motion.yaml"),
     ("record ir361 good.yaml --label ../../etc", 2, "label"),
-    ("record ir361 good.yaml --runs good.yaml", 7, "no run folder can be made"),
+    ("record ir361 good.yaml --runs good.yaml", 7, "RID-FILE-NOT-FOLDER"),
     ("record ir361 good.yaml --seed -1", 2, "--seed"),
     ("record real/cell.yaml real/motion.yaml", 3, "rid-daq axes real"),
     ("record real/cell.yaml real/motion.yaml --without-axis-test", 3, "clear the cell"),
@@ -116,8 +116,8 @@ TABLE: list[tuple[str, int, str]] = [
     ("mock ir361 --log nowhere/bus.log", 7, "nowhere/bus.log: cannot be written"),
     ("init good.yaml/below", 7, "cannot make the folder"),
     ("import missing.csv --map ur10e_31", 2, "cannot read"),
-    ("import binary.csv --map ur10e_31", 6, "wrong map or broken file"),
-    ("import text.csv --map ur10e_31", 6, "wrong map or broken file"),
+    ("import binary.csv --map ur10e_31", 6, "wrong map or damaged file"),
+    ("import text.csv --map ur10e_31", 6, "wrong map or damaged file"),
     ("import empty.csv --map ur10e_31", 6, "sound"),
     ("import text.csv --map ur10e", 2, "ur10e_31"),
     (
@@ -132,7 +132,7 @@ TABLE: list[tuple[str, int, str]] = [
     ("average nothing", 7, "nothing was recorded"),
     ("identify nothing", 7, "nothing was recorded"),
     ("identify nothing --band 0", 2, "--band"),
-    ("identify text.csv", 2, "text.csv is a file, no run: "),
+    ("identify text.csv", 2, "text.csv is a file, not a run: "),
     ("validate nothing model.json", 2, "comes first: rid-daq validate model.json nothing"),
     ("validate missing.json nothing", 2, "missing.json"),
     ("validate model.json nothing", 2, "not an estimate"),
@@ -140,7 +140,7 @@ TABLE: list[tuple[str, int, str]] = [
     ("report nothing", 7, "no result.json"),
     ("report spoilt", 7, "not valid JSON"),
     ("report real", 2, "no run"),
-    ("demo --runs good.yaml", 7, "no run folder can be made"),
+    ("demo --runs good.yaml", 7, "cannot create a run folder"),
     ("demo --periods 1", 2, "--periods"),
 ]
 

@@ -16,7 +16,7 @@ import pytest
 from acquisition.journal.cycle_row import row_dtype
 from acquisition.journal.cycles import JournalWriter
 from acquisition.journal.header import JournalHeader
-from acquisition.recording.files import RecordingFormat, recording_bytes
+from acquisition.recording.files import RecordingFormat, encode_recording
 from acquisition.recording.table import recording_table
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
@@ -186,7 +186,7 @@ def test_a_library_that_is_missing_is_named_with_its_extra(
     monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
     table = recording_table(data.recording, data.robot)
     with raises_code(ConfigError, "RID-INSTALL-LIBRARY"):
-        recording_bytes(table, RecordingFormat.PARQUET)
+        encode_recording(table, RecordingFormat.PARQUET)
 
 
 @pytest.mark.parametrize("label", ["ur10 v1.2", "model.json"])

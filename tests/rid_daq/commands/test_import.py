@@ -79,11 +79,11 @@ def turned_by_half(table: np.ndarray) -> None:
 @pytest.mark.parametrize(
     ("mistake", "change", "said"),
     [
-        ("stamps doubled", doubled(10), r"80 with a doubled time stamp.*coarser than the rows"),
-        ("degrees", times(slice(1, 5), 57.3), r"are probably degrees: put `units: \{position: deg"),
-        ("motor side", times(slice(1, 5), 100.0), r"the motors': put `side: motor`"),
-        ("zero elsewhere", turned_by_half, r"give b its zero_offset in the map"),
-        ("torque constant", times(6, 60.0), r"torques of b reach 240, the robot file's limit is"),
+        ("stamps doubled", doubled(10), r"80 with a doubled time stamp.*too coarse for the rows"),
+        ("degrees", times(slice(1, 5), 57.3), r"probably in degrees: put `units: \{position: deg"),
+        ("motor side", times(slice(1, 5), 100.0), r"those of the motors: put `side: motor`"),
+        ("zero elsewhere", turned_by_half, r"set zero_offset of b in the map"),
+        ("torque constant", times(6, 60.0), r"torques of b reach 240, but the robot file's limit"),
     ],
 )  # fmt: skip
 def test_a_mistake_that_ruins_it_is_exit_6_with_the_likely_cause(
@@ -99,9 +99,9 @@ def test_a_mistake_that_ruins_it_is_exit_6_with_the_likely_cause(
 @pytest.mark.parametrize(
     ("mistake", "change", "said"),
     [
-        ("clock", times(0, 1.1), "The clock is wrong: positions over time stamps are 0.909 times"),
+        ("clock", times(0, 1.1), "The clock is wrong: velocities computed from positions and time stamps are 0.909 times"),
         ("one gear", times(1, 1.25), "a: its position moves 1.250 times as fast as its velocity"),
-        ("stuck", stuck, "b: its torque (column 6) is stuck: it stays 1.5 from row 301 to row 800"),
+        ("stuck", stuck, "b: its torque (column 6) is constant at 1.5 from row 301 to row 800"),
     ],
 )  # fmt: skip
 def test_a_mistake_that_only_the_engineer_can_judge_is_a_finding_and_stands_in_the_report(

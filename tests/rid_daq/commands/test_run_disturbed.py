@@ -171,7 +171,7 @@ def test_a_folder_that_takes_the_runs_place_in_motion_is_not_written_into(
     said = capsys.readouterr().err
     (folder,) = own
     assert f"{RECORDING}: was moved away while it was being written" in said
-    assert f"{folder.path}: is the folder of run {foreign.run_id} by now" in said
+    assert f"{folder.path}: now contains run {foreign.run_id}" in said
     assert {path.name for path in folder.path.iterdir()} == {"manifest.json", "robot.yaml"}
     assert (folder.path / "manifest.json").read_bytes() == before
     moved = read_journal(tmp_path / "moved" / RECORDING)
