@@ -36,7 +36,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.task.realtime import SCHEDULER_PRIORITY, become_realtime, freeze_garbage
+from acquisition.task.realtime import (
+    SCHEDULER_PRIORITY,
+    disable_garbage_collection,
+    request_realtime,
+)
 from benchmarks.bare_exchange import compiled
 from benchmarks.cyclic_bus import BITRATE, HEARTBEAT_S, Scenario, served
 from benchmarks.lateness import calm_p99
@@ -198,12 +202,12 @@ def canopen_cycle(scenario: Scenario, path: Path) -> tuple[Cycle, Callable[[], i
 
 def run_loop(scenario: Scenario, path: Path, ours: bool, seconds: float, pipe: Connection) -> None:
     """Run cycles at absolute deadlines, the main function of the loop's process."""
-    become_realtime()
+    request_realtime()
     cycle, late_frames, sleep_until = (our_cycle if ours else canopen_cycle)(scenario, path)
     cycle()
     time.sleep(SETTLE_S)
     late_before = late_frames()
-    freeze_garbage()
+    disable_garbage_collection()
     cycles = round(seconds / scenario.cycle_time_s)
     late_s, exchange_s = np.full(cycles, np.nan), np.full(cycles, np.nan)
     start_s: float = pipe.recv()

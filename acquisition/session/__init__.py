@@ -1,5 +1,5 @@
-"""The processes of one recording: task, recorders, monitor, plate, and how they end.
+"""Processes of one recording: cyclic task, recorders, drive monitor and force plate.
 
-Starting, watching and ending them; what a cycle does stands in `acquisition/task`. Begin with
-`record.py`.
+The files start, watch and end the processes; the work of a cycle is in `acquisition/task`. Begin
+with `record.py`.
 """

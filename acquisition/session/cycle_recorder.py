@@ -1,6 +1,6 @@
-"""The recorder: a process of its own that carries rows from the ring into the journal.
+"""The recorder: a process that copies rows from the ring to the journal.
 
-It outlives the cyclic task and the program: a killed program costs nothing that the ring holds.
+It outlives the cyclic task and the program: if the program is killed, no row in the ring is lost.
 """
 
 from __future__ import annotations
@@ -27,16 +27,17 @@ ORPHAN_PATIENCE_S = 5.0
 def run_recorder(
     ring: Ring, control: ControlBlock, path: Path, header: JournalHeader, parent: int
 ) -> None:
-    """Run the recorder; the main function of its process.
+    """Run the recorder; main function of its process.
 
-    It ends when the task has ended and the ring is empty; after the program's death
-    also when the task shows no sign of life for `ORPHAN_PATIENCE_S`.
+    It ends once the task has ended and the ring is empty. After the program's death it also ends if
+    the task has had no heartbeat for `ORPHAN_PATIENCE_S`.
 
     Args:
-        ring: Where the rows come from.
-        control: Where it says how it fares, and learns that the task has ended.
-        path: The journal to write.
-        header: What the journal says about itself.
+        ring: Source of the rows.
+        control: Shared state of the motion's processes; the recorder reports its state there and
+            reads that the task has ended.
+        path: Journal to write.
+        header: Header of the journal.
         parent: Process id of the program.
     """
     leave_terminal()
@@ -44,17 +45,17 @@ def run_recorder(
     try:
         with JournalWriter(path, header) as writer:
             control.recorder.state = RecorderState.RECORDING
-            _carry(ring, control, writer, parent)
+            _copy_rows(ring, control, writer, parent)
         control.recorder.state = RecorderState.FINISHED
     except Exception as error:
         control.recorder.fail(named_error(error))
 
 
-def _carry(ring: Ring, control: ControlBlock, writer: JournalWriter, parent: int) -> None:
+def _copy_rows(ring: Ring, control: ControlBlock, writer: JournalWriter, parent: int) -> None:
     flushed = synced = alive = time.monotonic()
     beat = -1
     while True:
-        # asked before reading: rows written before the task's last word are then all seen
+        # read this flag before the rows: then no row that the task wrote before its end is missed
         last = control.task_gone
         rows = ring.read()
         if rows:

@@ -1,7 +1,7 @@
-"""The drive monitor: a process of its own that asks the drives for their temperatures.
+"""The drive monitor: a process that reads the drives' temperatures.
 
-Nothing in it can hold up the cyclic task: it may hang, fail or die, and the motion goes on. In
-lock-step it is the other way round: simulated time stands still while it asks.
+It cannot delay the cyclic task: if it hangs, fails or dies, the motion continues. In lock-step,
+however, simulated time waits for it.
 """
 
 from __future__ import annotations
@@ -41,31 +41,32 @@ def run_monitor(
     header: MonitorHeader,
     parent: int,
 ) -> None:
-    """Run the monitor; the main function of its process. It ends with the cyclic task.
+    """Run the monitor; main function of its process. It ends with the cyclic task.
 
     Args:
-        config, profile: Whom to ask, and for what.
-        control: Where it says how it fares, and learns when to ask.
-        path: The file to write.
-        header: What the file says about itself.
+        config, profile: Addresses and registers of the drives.
+        control: Shared state of the motion's processes; the monitor reports its state there and
+            reads when to poll.
+        path: File to write.
+        header: Header of the file.
         parent: Process id of the program.
     """
     leave_terminal()
     try:
         with open_drive_monitor(config, profile) as monitor, MonitorWriter(path, header) as writer:
             control.monitor.state = MonitorState.POLLING
-            while control.task.pace is Pace.UNKNOWN and not _over(control, parent):
+            while control.task.pace is Pace.UNKNOWN and not _is_over(control, parent):
                 time.sleep(LOOK_S)
             if control.task.pace is Pace.LOCKSTEP:
-                _answer_questions(monitor, writer, control, parent)
+                _poll_on_request(monitor, writer, control, parent)
             else:
-                _ask_regularly(monitor, writer, control, config.period_s, parent)
+                _poll_periodically(monitor, writer, control, config.period_s, parent)
         control.monitor.state = MonitorState.FINISHED
     except Exception as error:
         control.monitor.fail(named_error(error))
 
 
-def _ask_regularly(
+def _poll_periodically(
     monitor: DriveMonitor,
     writer: MonitorWriter,
     control: ControlBlock,
@@ -73,30 +74,30 @@ def _ask_regularly(
     parent: int,
 ) -> None:
     due_s = time.monotonic()
-    while not _over(control, parent):
+    while not _is_over(control, parent):
         now_s = time.monotonic()
         if now_s < due_s:
             time.sleep(min(LOOK_S, due_s - now_s))
             continue
-        reading = _round(monitor, control)
+        reading = _poll_drives(monitor, control)
         writer.append(0.5 * (now_s + time.monotonic()), reading)
         due_s += period_s * max(1, int((time.monotonic() - due_s) / period_s) + 1)
 
 
-def _answer_questions(
+def _poll_on_request(
     monitor: DriveMonitor, writer: MonitorWriter, control: ControlBlock, parent: int
 ) -> None:
-    while not _over(control, parent):
-        if control.monitor.rounds >= control.task.rounds_asked:
+    while not _is_over(control, parent):
+        if control.monitor.rounds >= control.task.rounds_requested:
             time.sleep(LOCKSTEP_LOOK_S)
             continue
-        reading = _round(monitor, control)
-        writer.append(control.task.round_asked_s, reading)
+        reading = _poll_drives(monitor, control)
+        writer.append(control.task.round_requested_s, reading)
         control.monitor.count_round()
 
 
-def _round(monitor: DriveMonitor, control: ControlBlock) -> MonitorReading:
-    """Ask every drive once; a line that is gone is tried again in the next round."""
+def _poll_drives(monitor: DriveMonitor, control: ControlBlock) -> MonitorReading:
+    """Poll every drive once; a lost connection is tried again in the next round."""
     try:
         reading = monitor.read()
     except DriverError as error:
@@ -106,18 +107,18 @@ def _round(monitor: DriveMonitor, control: ControlBlock) -> MonitorReading:
     return reading
 
 
-def _over(control: ControlBlock, parent: int) -> bool:
+def _is_over(control: ControlBlock, parent: int) -> bool:
     return control.task_gone or os.getppid() != parent
 
 
-def monitor_process(
+def create_monitor_process(
     cell: CellConfig,
     robot: RobotDescription,
     profile: DriveProfile | None,
     control: ControlBlock,
     folder: RunFolder,
 ) -> HelperProcess | None:
-    """Return the process that will ask the drives for temperatures, where the cell has a way."""
+    """Return the process that will read the drives' temperatures; None without a monitor."""
     if cell.monitor is None:
         return None
     if profile is None:
@@ -135,18 +136,21 @@ def monitor_process(
 
 
 def end_monitor(monitor: HelperProcess, control: ControlBlock) -> list[str]:
-    """End the drive monitor after the motion; return what there is to say about it."""
+    """End the drive monitor after the motion, and return notes about it."""
     notes = monitor.end()
     if monitor.exit_code:
-        declare_dead(control)
+        mark_monitor_dead(control)
     if control.monitor.state is MonitorState.FAILED:
         return [control.monitor.note]
     return [*notes, *filter(None, [control.monitor.note])]
 
 
-def declare_dead(control: ControlBlock) -> None:
-    """Let nobody wait for a monitor whose process has ended without a word."""
+def mark_monitor_dead(control: ControlBlock) -> None:
+    """Mark the monitor as failed if its process has died, so that no process waits for it."""
     if control.monitor.working:
         control.monitor.fail(
-            DriverError("the process that asks the drives has died", code="RID-SYSTEM-PROCESS-DIED")
+            DriverError(
+                "the process that reads the drives' temperatures has died",
+                code="RID-SYSTEM-PROCESS-DIED",
+            )
         )

@@ -1,4 +1,4 @@
-"""`EarlyStop`: asks, while a periodic motion runs, whether its periods are enough."""
+"""`EarlyStop`: asks a rule during a periodic motion if the recorded periods are enough."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ PAUSE_S = 0.02
 
 @dataclass(frozen=True, eq=False)
 class NewPeriods:
-    """What was recorded since the last question, up to the end of a period.
+    """Periods recorded since the rule was last asked.
 
     Attributes:
-        recording: The rows, without temperatures.
-        folder: The run's folder.
+        recording: Rows of whole periods, without temperatures.
+        folder: Folder of the run.
         first_row: Row of the motion at which the first new period begins.
-        periods: Whole periods since the motion began, those of earlier questions too.
+        periods: Number of whole periods since the start of the motion.
     """
 
     recording: Recording
@@ -40,23 +40,23 @@ class NewPeriods:
 
 
 EarlyStopRule = Callable[[NewPeriods], bool]
-"""Whether the motion may end after the period under way; asked in the order of the periods."""
+"""Returns True if the motion may end after the present period; called in order of the periods."""
 
 
 class EarlyStop:
-    """Asks in a thread of its own, so that it never delays the watch of the processes.
+    """Asks the rule in its own thread, so that the supervision of the processes is not delayed.
 
-    Of the journal it reads what is new, so that a question costs the same however long the motion
-    is.
+    It reads only new rows of the journal: the cost of a question does not depend on the duration of
+    the motion.
 
     Args:
         path: The journal.
         samples: The motion.
-        control: Takes the answers to the cyclic task.
-        rule: The question.
+        control: Passes the answers to the cyclic task.
+        rule: The rule.
 
     Attributes:
-        pending: The latest question that was put.
+        pending: The latest question.
     """
 
     def __init__(
@@ -72,13 +72,13 @@ class EarlyStop:
         self._asked = 0
         self._reader: CycleReader | None = None
         self._unseen: list[Recording] = []
-        self._begun = 0  # periods that earlier questions had
-        control.program.judge_periods()
+        self._begun = 0  # periods of the previous question
+        control.program.announce_judgement()
 
-    def look(self, progress: TaskProgress) -> None:
-        """Ask about the periods that are over by now, unless an answer is awaited.
+    def update(self, progress: TaskProgress) -> None:
+        """Ask the rule about the periods that have ended, unless an answer is pending.
 
-        A period is over when the row before its end was commanded.
+        A period has ended when its last row was commanded.
         """
         if self._control.program.enough or (self.pending is not None and not self.pending.done()):
             return
@@ -87,13 +87,13 @@ class EarlyStop:
             over += 1
         if over > self._asked:
             self._asked = over
-            self.pending = self._pool.submit(self._judge, over)
+            self.pending = self._pool.submit(self._ask_rule, over)
 
     def close(self) -> None:
-        """Wait for the last answer, and end the thread.
+        """Wait for the last answer and end the thread.
 
         Raises:
-            Exception: What the question raised; the recording is complete by then.
+            Exception: Error of the rule; the recording is complete.
         """
         self._pool.shutdown(wait=True)
         if self._reader is not None:
@@ -101,18 +101,18 @@ class EarlyStop:
         if self.pending is not None:
             self.pending.result()
 
-    def _judge(self, periods: int) -> None:
+    def _ask_rule(self, periods: int) -> None:
         enough = False
         try:
-            if periods >= FEWEST_PERIODS and self._written(periods):
+            if periods >= FEWEST_PERIODS and self._read_until(periods):
                 enough = self._rule(self._new_periods(periods))
         except RecordingError:
-            pass  # the recorder sees what becomes of its file, and ends the motion by name
+            pass  # the recorder reports the state of its file, and ends the motion
         finally:
             self._control.program.judge(periods, enough)
 
     def _new_periods(self, periods: int) -> NewPeriods:
-        """Return what came since the last question, and keep what belongs to the next."""
+        """Return the rows up to the end of `periods`, and keep the later ones."""
         rows = concatenate_recordings(self._unseen)
         later = rows.sample_index >= self._ends[periods]
         count = int(np.argmax(later)) if later.any() else len(rows)
@@ -121,15 +121,15 @@ class EarlyStop:
         self._begun = periods
         return NewPeriods(rows.part(slice(0, count)), self._path.parent, first_row, periods)
 
-    def _written(self, periods: int) -> bool:
-        """Wait until the recorder has written the last row of these periods; read up to there."""
+    def _read_until(self, periods: int) -> bool:
+        """Read the journal until it contains these periods; return False on a timeout."""
         until_s = time.monotonic() + FLUSH_PATIENCE_S
         while time.monotonic() < until_s and not self._control.task_gone:
             try:
                 if self._reader is None:
                     self._reader = CycleReader(self._path)
                 self._unseen += self._reader.recordings(growing=True)
-            except RidDaqError:  # nothing readable yet
+            except RidDaqError:  # no readable row yet
                 pass
             last = max((int(part.sample_index.max()) for part in self._unseen), default=-1)
             if last >= self._ends[periods] - 1:

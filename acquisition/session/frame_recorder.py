@@ -1,7 +1,7 @@
-"""`FrameRecorder`: every frame on the bus into a BLF file, by a process of its own.
+"""`FrameRecorder`: records every frame on the bus in a BLF file, in its own process.
 
-It listens beside the session, through a connection of its own that sends nothing: the cyclic task
-does not know of it. A bus whose adapter only one program can open cannot be listened to like that.
+It listens on its own connection and sends nothing; the cyclic task does not know it. If only one
+program can open the adapter of a bus, its frames cannot be recorded.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from config.errors import ConfigError, RecordingError, RidDaqError, TransportErr
 from config.process.termination import leave_terminal
 from drivers.ports.python_can import can, open_bus
 
-LISTENED: Final = ("rid_sim", "socketcan", "udp_multicast")
-"""The interfaces that several programs can open at once."""
+SHARED_INTERFACES: Final = ("rid_sim", "socketcan", "udp_multicast")
+"""Interfaces that several programs can open at the same time."""
 
 _START_PATIENCE_S = 30.0
 _END_PATIENCE_S = 10.0
@@ -27,24 +27,25 @@ _LOOK_S = 0.05
 
 
 def require_listenable(bus: CanBusConfig) -> None:
-    """Raise `ConfigError` where one program alone can open a bus."""
-    if bus.interface not in LISTENED:
+    """Raise `ConfigError` if only one program can open a bus."""
+    if bus.interface not in SHARED_INTERFACES:
         raise ConfigError(
-            f"can.interface {bus.interface}: its frames cannot be recorded, since one program"
-            f" alone can open it; {', '.join(LISTENED)} can be listened to. Leave --frames out",
+            f"can.interface {bus.interface}: frames cannot be recorded, since only one program"
+            f" can open this interface; they can be recorded on {', '.join(SHARED_INTERFACES)}."
+            " Omit --frames",
             code="RID-CAN-INTERFACE",
         )
 
 
 class FrameRecorder:
-    """Listens for as long as the `with` lasts.
+    """Recorder of bus frames while the `with` block is active.
 
     Args:
-        bus: The bus, as it is reachable.
-        path: The file; it must not exist.
+        bus: Bus settings.
+        path: File to write; it must not exist.
 
     Raises:
-        ConfigError: The interface cannot be listened to.
+        ConfigError: The interface does not permit a second listener.
         TransportError: The bus cannot be opened.
         RecordingError: The file cannot be written.
     """
@@ -65,37 +66,39 @@ class FrameRecorder:
             theirs.close()
 
     def __enter__(self) -> FrameRecorder:
-        """Wait until it listens."""
+        """Wait until the process listens."""
         try:
-            self._answer(_START_PATIENCE_S)
+            self._receive_answer(_START_PATIENCE_S)
         except BaseException:
             self._end()
             raise
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Let it write what has come, and close the file."""
+        """Let the process write the received frames and close the file."""
         self._end()
 
     def finish(self) -> int:
-        """Close the file; return how many frames it holds.
+        """Close the file and return the number of frames in it.
 
         Raises:
-            RecordingError: They could not all be written.
+            RecordingError: Not all frames could be written.
         """
-        with contextlib.suppress(OSError):  # it has ended, and has said why, or not
+        with contextlib.suppress(
+            OSError
+        ):  # the process has ended; its answer, if any, is read next
             self._pipe.send(None)
-        return self._answer(_END_PATIENCE_S)
+        return self._receive_answer(_END_PATIENCE_S)
 
-    def _answer(self, patience_s: float) -> int:
+    def _receive_answer(self, patience_s: float) -> int:
         try:
-            said = self._pipe.recv() if self._pipe.poll(patience_s) else None
+            answer = self._pipe.recv() if self._pipe.poll(patience_s) else None
         except (EOFError, OSError):
-            said = None
-        if isinstance(said, int):
-            return said
-        if isinstance(said, RidDaqError):
-            raise said
+            answer = None
+        if isinstance(answer, int):
+            return answer
+        if isinstance(answer, RidDaqError):
+            raise answer
         raise RecordingError(
             f"{self._path}: the process that writes it does not answer", code="RID-RECORDING-LOST"
         )
@@ -106,25 +109,25 @@ class FrameRecorder:
 
 
 def run_frame_recorder(bus: CanBusConfig, path: Path, pipe: Connection) -> None:
-    """Run the recorder, the main function of its process, until told to end or left alone.
+    """Run the frame recorder, the main function of its process, until `finish` or a closed pipe.
 
-    Says 0 once it listens, and at the end how many frames it has written; or what went wrong.
+    It sends 0 once it listens, and the number of written frames at the end, or the error.
     """
     leave_terminal()
-    said: int | RidDaqError
+    answer: int | RidDaqError
     try:
-        said = _record(bus, path, pipe)
+        answer = _record_frames(bus, path, pipe)
     except RidDaqError as error:
-        said = error
+        answer = error
     except OSError as error:
-        said = RecordingError(
+        answer = RecordingError(
             f"{path}: cannot be written ({error.strerror or error})", code="RID-RECORDING-LOST"
         )
-    with contextlib.suppress(OSError):  # a session that failed does not wait for it
-        pipe.send(said)
+    with contextlib.suppress(OSError):  # a failed session does not read the answer
+        pipe.send(answer)
 
 
-def _record(config: CanBusConfig, path: Path, pipe: Connection) -> int:
+def _record_frames(config: CanBusConfig, path: Path, pipe: Connection) -> int:
     count = 0
     with (
         open_bus(config, listening=True) as bus,

@@ -1,4 +1,4 @@
-"""`HelperProcess`: one life for every process beside the program: started, watched, ended."""
+"""`HelperProcess`: process next to the program, with a common way to start, watch and end it."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from config.process.termination import signals_blocked
 
 
 class HelperProcess:
-    """A process of its own that stands apart from the terminal; made here, started by `start_all`.
+    """A process that is independent of the terminal; `start_all` starts it.
 
     Args:
-        title: What it is called in notes, as `recorder`.
-        main: Its main function, which begins with `leave_terminal`.
-        arguments: The main function's.
-        patience_s: How long it may take to end by itself once the motion is over [s].
-        loss: What its death means, as a clause.
+        title: Name of the process in notes, as `recorder`.
+        main: Main function of the process, which begins with `leave_terminal`.
+        arguments: Arguments of the main function.
+        patience_s: Longest time to end by itself after the motion [s].
+        loss: Consequence of its death, as a clause.
 
     Attributes:
-        exit_code: How it ended, known from `end` on.
+        exit_code: Exit code, set by `end`.
     """
 
     exit_code: int | None = None
@@ -46,30 +46,30 @@ class HelperProcess:
 
     @property
     def sentinel(self) -> int:
-        """What `multiprocessing.connection.wait` takes: ready once the process has ended."""
+        """Handle for `multiprocessing.connection.wait`; ready once the process has ended."""
         return self._process.sentinel
 
     @property
     def is_alive(self) -> bool:
-        """Whether it runs."""
+        """True while the process runs."""
         return self._process.is_alive()
 
     def wait(self, patience_s: float) -> bool:
-        """Wait so long [s] for its end; return whether it has ended."""
+        """Wait at most `patience_s` [s] for the end of the process; return True if it has ended."""
         self._process.join(patience_s)
         return not self.is_alive
 
     def kill(self) -> None:
-        """End it by force, where it was started."""
+        """Kill the process if it was started."""
         if self._process.pid is not None:
             self._process.kill()
             self._process.join()
 
     def end(self) -> list[str]:
-        """Wait for its end, or end it by force; one that was never started has ended.
+        """Wait for the end of the process, or kill it; does nothing if it was never started.
 
         Returns:
-            One sentence where it did not end by itself, or not well; else none.
+            One sentence if it was killed or failed, else none.
         """
         if self._process.pid is None:
             return []
@@ -85,19 +85,19 @@ class HelperProcess:
         return []
 
     def start(self) -> None:
-        """Start it inside `start_all`, which holds termination signals back meanwhile."""
+        """Start the process; called by `start_all`, which blocks termination signals meanwhile."""
         self._process.start()
 
 
 Observer = Callable[[Ring, ControlBlock], HelperProcess]
-"""Makes, not starts, a process that may look at ring and control block, and ask for a stop."""
+"""Creates a process that reads ring and control block and can request a stop; does not start it."""
 
 
 def start_all(helpers: Sequence[HelperProcess]) -> None:
-    """Start all of them or none, in this order.
+    """Start all processes in this order, or none.
 
     Raises:
-        ShortageError: The computer cannot start one more.
+        ShortageError: The computer cannot start another process.
     """
     try:
         with signals_blocked(suspension=True):

@@ -1,4 +1,4 @@
-"""`RecordOutcome`: what became of a recorded motion, by what its processes said and the journal."""
+"""`RecordOutcome`: outcome of a recorded motion, from its processes' reports and the journal."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ from config.process.termination import Interruption
 _LATE = frozenset(
     {StopCode.INTERRUPTED, StopCode.STOP_COMMAND, StopCode.STOP_BUTTON, StopCode.CLIENT_LOST}
 )
-"""Stops that are asked for from outside: they count also once the motion is over."""
+"""Stops that a user or client requests: they are valid also after the end of the motion."""
 
 
 @dataclass(frozen=True)
 class RecordOutcome:
-    """What became of a recorded motion; the drives are disabled and the file is closed.
+    """Outcome of a recorded motion; the drives are disabled and the file is closed.
 
     Attributes:
         path: The journal.
-        stop: Why the motion did not come to its end; None where it did.
-        interrupted_by: The termination signal that stopped it.
-        rows: Rows in the journal.
-        statistics: Timing and frames.
-        notes: What else a person should know, one sentence each.
-        late_stop: Why no other motion may follow this one, which came to its end: a stop was asked
-            for too late for it.
-        pose: Length joints. Where the joints were seen last [rad or m]; None if no cycle came.
-        displaced: Whether the robot stood elsewhere than it was seen last, before the motion.
+        stop: Reason for which the motion was stopped before its end; None if it was complete.
+        interrupted_by: Termination signal that stopped the motion.
+        rows: Number of rows in the journal.
+        statistics: Statistics of timing and frames.
+        notes: Other notes for the user, one sentence each.
+        late_stop: Stop that was requested after the end of this complete motion: no other motion
+            may follow.
+        pose: Length joints. Last known joint positions [rad or m]; None if there was no cycle.
+        displaced: True if the robot was not at its last known pose before the motion.
     """
 
     path: Path
@@ -52,11 +52,11 @@ class RecordOutcome:
 
     @property
     def complete(self) -> bool:
-        """Whether the motion came to its end."""
+        """True if the motion reached its end."""
         return self.stop is None
 
 
-def outcome_of(
+def collect_outcome(
     path: Path,
     header: JournalHeader,
     task: HelperProcess,
@@ -65,15 +65,15 @@ def outcome_of(
     notes: list[str],
     pose: tuple[float, ...] | None,
 ) -> RecordOutcome:
-    """Return what became of a motion whose processes have ended, and read back what they recorded.
+    """Return the outcome of a motion whose processes have ended, and read its journal.
 
     Args:
-        path, header: The journal, and what it must say about itself.
+        path, header: The journal, and its expected header.
         task: The cyclic task.
-        control: What the processes have said.
-        interruption: Says which signal came first.
-        notes: What there is to say about the processes.
-        pose: Where the joints were seen last [rad or m].
+        control: Reports of the processes.
+        interruption: First termination signal, if any.
+        notes: Notes about the processes.
+        pose: Last known joint positions [rad or m].
 
     Raises:
         RidDaqError: The motion failed before it began, or nothing was recorded.
@@ -90,12 +90,15 @@ def outcome_of(
             " heartbeat ends",
         )
     elif stop is None and task_exit != 0:
-        left = "left the cell without power"
+        left = "disabled the drives"
         if not control.task.power_off:
-            left = "ended without confirmation that power is off: make sure of it"
+            left = (
+                "ended without confirmation that the drives are disabled: check them before"
+                " going near the robot"
+            )
         stop = StopReason(
             StopCode.TASK_DIED,
-            f"the cyclic task failed (exit code {task_exit}) and {left}; its traceback is on the"
+            f"the cyclic task failed (exit code {task_exit}) and {left}; its traceback is in the"
             " error output: please report it",
         )
     elif stop is None and interruption.signal is not None and error is not None:
@@ -106,7 +109,7 @@ def outcome_of(
         notes.append(str(error))
     statistics = CycleTally(len(header.joint_names)).statistics()
     try:
-        statistics, lost = _read_back(path, header)
+        statistics, lost = _read_journal(path, header)
         notes += lost
     except RecordingError as damage:
         if stop is None:
@@ -119,14 +122,14 @@ def outcome_of(
         rows=statistics.cycles,
         statistics=statistics,
         notes=tuple(notes),
-        late_stop=_late_stop(control, interruption) if stop is None else None,
+        late_stop=_find_late_stop(control, interruption) if stop is None else None,
         pose=pose,
         displaced=control.task.displaced,
     )
 
 
-def _late_stop(control: ControlBlock, interruption: Interruption) -> StopReason | None:
-    """Return the stop that was asked for after the task's last look, None where none was."""
+def _find_late_stop(control: ControlBlock, interruption: Interruption) -> StopReason | None:
+    """Return the stop that was requested too late for the motion; None if there was no request."""
     code = control.program.stop_code
     if code not in _LATE and interruption.signal is not None:
         code = StopCode.INTERRUPTED
@@ -134,15 +137,15 @@ def _late_stop(control: ControlBlock, interruption: Interruption) -> StopReason 
         return None
     late = StopCode(code)
     return StopReason(
-        late, f"{TEXT_OF_ORDER[late]} once the motion was over; no other one is begun"
+        late, f"{TEXT_OF_ORDER[late]} after the end of the motion; no other motion is started"
     )
 
 
-def _read_back(path: Path, header: JournalHeader) -> tuple[CycleStatistics, tuple[str, ...]]:
-    """Return the statistics of what was recorded, and what it has lost, one sentence each.
+def _read_journal(path: Path, header: JournalHeader) -> tuple[CycleStatistics, tuple[str, ...]]:
+    """Return the statistics of the journal and its losses, one sentence each.
 
     Raises:
-        RecordingError: It cannot be read, or is not what this motion has written.
+        RecordingError: The journal cannot be read, or is not that of this motion.
     """
     tally = CycleTally(len(header.joint_names))
     with CycleReader(path) as reader:
@@ -152,8 +155,8 @@ def _read_back(path: Path, header: JournalHeader) -> tuple[CycleStatistics, tupl
             tally.add(rows)
         if reader.header != header:
             raise RecordingError(
-                f"{path}: is the recording of run {reader.header.run_id or '?'} by now: another"
-                " file or folder has taken the place of this motion's",
+                f"{path}: is now the recording of run {reader.header.run_id or '?'}: another file"
+                " or folder has replaced this motion's",
                 code="RID-RUN-REPLACED",
             )
         return tally.statistics(), reader.damage.notes

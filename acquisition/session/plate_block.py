@@ -1,4 +1,4 @@
-"""`PlateBlock`: what the plate's reader process and the program tell one another."""
+"""`PlateBlock`: shared memory between the plate recorder and the program."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from config.errors import RidDaqError
 
 
 class PlateState(IntEnum):
-    """How far the reader has come."""
+    """State of the plate recorder."""
 
     STARTING = 0
     RECORDING = 1
@@ -28,7 +28,7 @@ class _Words(ctypes.Structure):
     _fields_ = (
         # written by the program
         ("stop", ctypes.c_int64),
-        # written by the reader
+        # written by the recorder
         ("state", ctypes.c_int64),
         ("beat", ctypes.c_int64),
         ("rows", ctypes.c_int64),
@@ -47,15 +47,15 @@ class _Words(ctypes.Structure):
 
 @dataclass(frozen=True)
 class PlateStatus:
-    """How the plate fares.
+    """Status of the force plate's recording.
 
     Attributes:
-        state: How far its reader has come.
-        rows, rows_lost: Rows received, and rows that the sequence numbers say are missing.
-        bad_frames, garbage_bytes: What came over the line and is no row.
+        state: State of the plate recorder.
+        rows, rows_lost: Rows received, and rows missing according to the sequence numbers.
+        bad_frames, garbage_bytes: Received frames and bytes that are not rows.
         overloaded_rows: Rows with an overload of any channel.
-        overloads: Which channels have been overloaded since the start.
-        losses: How often the line was lost.
+        overloads: True for channels that were overloaded since the start.
+        losses: Number of times that the connection was lost.
         age_s: Time since the last row [s]; infinite before the first.
         force_n, force_max_n: Shape (8,). The last row, and the largest absolute value of each
             channel since the start [N].
@@ -75,19 +75,19 @@ class PlateStatus:
 
 
 class PlateBlock(SharedBlock):
-    """The words of a plate's recording, those of the program and those of the reader."""
+    """Shared memory of a plate's recording, with fields of the program and of the recorder."""
 
     LABEL = "rid-daq-plate-1"
     WORDS = _Words
 
-    # the program's side
+    # used by the program
 
     def request_stop(self) -> None:
-        """Ask the reader to end the stream and close its file. Safe in a signal handler."""
+        """Request the end of the stream and of the file. Safe in a signal handler."""
         self._words.stop = 1
 
     def status(self, now_s: float) -> PlateStatus:
-        """Return how the plate fares at `now_s` [s, monotonic clock]."""
+        """Return the status at `now_s` [s, monotonic clock]."""
         words = self._words
         overloads = int(words.overloads)
         return PlateStatus(
@@ -106,42 +106,42 @@ class PlateBlock(SharedBlock):
 
     @property
     def beat(self) -> int:
-        """A counter that grows while the reader lives."""
+        """Heartbeat counter of the plate recorder."""
         return int(self._words.beat)
 
     @property
     def error(self) -> RidDaqError | None:
-        """The error that ended the reader; None where none did."""
+        """Error that ended the recorder; None without an error."""
         error: RidDaqError | None = self._words.error.get()
         return error
 
-    # the reader's side
+    # used by the recorder
 
     @property
     def stop(self) -> bool:
-        """Whether the program has asked for the end."""
+        """True if the program has requested the end."""
         return bool(self._words.stop)
 
     @property
     def state(self) -> PlateState:
-        """How far the reader has come."""
+        """State of the recorder."""
         return PlateState(self._words.state)
 
     @state.setter
     def state(self, state: PlateState) -> None:
         self._words.state = int(state)
 
-    def give_sign_of_life(self) -> None:
-        """Count the beat on."""
+    def count_heartbeat(self) -> None:
+        """Increment the heartbeat counter."""
         self._words.beat += 1
 
     def count_loss(self) -> None:
-        """Say that the line was lost."""
+        """Report a loss of the connection."""
         self._words.losses += 1
         self.state = PlateState.LINE_LOST
 
     def count_damage(self, rows_lost: int, bad_frames: int, garbage_bytes: int) -> None:
-        """Say what has gone wrong on the line so far."""
+        """Report the transmission errors so far."""
         words = self._words
         words.rows_lost = rows_lost
         words.bad_frames = bad_frames
@@ -150,7 +150,7 @@ class PlateBlock(SharedBlock):
     def add_rows(
         self, force_n: NDArray[np.float32], overload: NDArray[np.uint8], read_s: float
     ) -> None:
-        """Say what came: forces (rows, 8) [N] and overload words (rows,)."""
+        """Report received rows: forces (rows, 8) [N] and overload words (rows,)."""
         words = self._words
         words.force_n[:] = force_n[-1].tolist()
         largest = np.maximum(np.array(words.force_max_n), np.abs(force_n).max(axis=0))
@@ -161,6 +161,6 @@ class PlateBlock(SharedBlock):
         words.rows += len(force_n)
 
     def fail(self, error: RidDaqError) -> None:
-        """Hand an error that ends the reader to the program."""
+        """Report the error that ends the recorder."""
         self._words.error.put(error)
         self.state = PlateState.FAILED

@@ -1,4 +1,4 @@
-"""Making a force plate's amplifier ready to measure, and saying what was found."""
+"""Preparation of a force plate's amplifier for a measurement."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ ZERO_LIMIT_N = 5.0
 
 @dataclass(frozen=True)
 class PlateReadiness:
-    """How an amplifier was found, or left, before a motion.
+    """State of an amplifier before a motion.
 
     Attributes:
-        identity: Who answered, escaped.
+        identity: Identification of the amplifier, escaped.
         settings: Every setting as read back.
-        changed: Settings that were otherwise and were set.
-        charge_lost: Setting them lost the charges on the channels, and with them the plate's zero.
-        operating: The channels measure.
-        overloads: Channels that had been overloaded; it is forgotten now.
+        changed: Settings that differed and were corrected.
+        charge_lost: True if the correction discharged the channels: the plate must be zeroed again.
+        operating: True if the channels measure.
+        overloads: Channels that had been overloaded; their flags are cleared now.
     """
 
     identity: str
@@ -39,16 +39,16 @@ class PlateReadiness:
 def prepare_plate(
     plate: PlateConfig, profile: AmplifierProfile, *, operate: bool = False
 ) -> PlateReadiness:
-    """Set what differs from the cell file, read everything back, look at the overloads.
+    """Correct settings that differ from the cell file, read all settings back, and read overloads.
 
     Args:
         plate: The plate and its amplifier.
-        profile: What the amplifier speaks.
-        operate: Put an amplifier that is in reset, or that has lost its charges, into operation:
-            for mock hardware, which nobody else has zeroed.
+        profile: Protocol of the amplifier.
+        operate: Start the operation of an amplifier that is in reset or has lost its charges; for
+            simulated hardware, which no user has zeroed.
 
     Raises:
-        DriverError: It cannot be reached, or does not take a setting.
+        DriverError: The amplifier cannot be reached, or does not accept a setting.
     """
     with open_amplifier(plate.amplifier, profile) as amplifier:
         identity = amplifier.connect()
@@ -70,10 +70,10 @@ def prepare_plate(
 
 
 def discharge_plate(plate: PlateConfig, profile: AmplifierProfile) -> PlateReadiness:
-    """Set the amplifier as the cell file says, reset it, and let it operate: the channels begin.
+    """Configure the amplifier according to the cell file, reset it, and start the operation.
 
     Raises:
-        DriverError: It cannot be reached, does not take a setting, or does not go along.
+        DriverError: The amplifier cannot be reached, or does not accept a setting or a command.
     """
     with open_amplifier(plate.amplifier, profile) as amplifier:
         amplifier.connect()
@@ -86,10 +86,10 @@ def discharge_plate(plate: PlateConfig, profile: AmplifierProfile) -> PlateReadi
     return replace(ready, charge_lost=False, operating=True, overloads=overloads)
 
 
-def plate_zero_n(plate: PlateConfig, profile: AmplifierProfile) -> FloatArray:
-    """Return what the channels show beyond what they showed when zeroed [N], shape (8,).
+def read_zero_drift_n(plate: PlateConfig, profile: AmplifierProfile) -> FloatArray:
+    """Return the change of the channels since the plate was zeroed [N], shape (8,).
 
-    That is beyond the cell file's offset and, where it tells, gravity's share in that pose.
+    The offset in the cell file and, if known, the gravity forces in that pose are subtracted.
 
     Raises:
         DriverError: The amplifier does not answer.

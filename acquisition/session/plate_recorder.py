@@ -1,7 +1,7 @@
-"""The plate's recorder: a process of its own that reads the amplifier and writes `plate.mcap`.
+"""The plate recorder: a process that reads the amplifier and writes `plate.mcap`.
 
-It reads in pieces, never row by row, and outlives the loss of the line: a stream that comes back
-with the same settings, still operating, goes on as a new stream in the same file.
+It reads blocks of rows, never single rows. After a loss of the connection it continues in the same
+file with a new stream, if the amplifier still operates with the same settings.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from drivers.amplifier.stream import StreamCounts
 from drivers.interfaces.force_plate import PlateRead
 
 LONGEST_PIECE_S = 0.02
-PIECE_BYTES = 2048  # half of what a terminal's buffer holds
+PIECE_BYTES = 2048  # half of the buffer of a serial port
 PARSE_S = 0.1
 BEAT_S = 0.1
 MARK_PERIOD_S = 1.0
@@ -45,12 +45,12 @@ RETRY_PATIENCE_S = 10.0
 
 @dataclass(frozen=True)
 class PlateTask:
-    """What the plate's recorder is to do; handed to its process.
+    """Arguments of the plate recorder's process.
 
     Attributes:
-        plate: The plate and its amplifier, which must be set and operating already.
-        profile: What the amplifier speaks.
-        path: The file to write; it must not exist.
+        plate: The plate and its amplifier, which must be configured and operating already.
+        profile: Protocol of the amplifier.
+        path: File to write; it must not exist.
         cell_name, run_id: Provenance.
     """
 
@@ -62,57 +62,58 @@ class PlateTask:
 
 
 def run_plate_recorder(task: PlateTask, block: PlateBlock, parent: int) -> None:
-    """Run the plate's recorder; the main function of its process.
+    """Run the plate recorder; main function of its process.
 
-    It ends when the program asks for it or is gone; errors are told through `block`.
+    It ends if the program requests it or is gone; errors are reported in `block`.
 
     Args:
         task: What to record.
-        block: Where it says how it fares.
+        block: Shared memory for the status.
         parent: Process id of the program.
     """
     leave_terminal()
     try:
-        _Recorder(task, block, parent).run()
+        _PlateRecorder(task, block, parent).run()
         block.state = PlateState.FINISHED
     except Exception as error:
         block.fail(named_error(error))
 
 
 def piece_time_s(baud_rate: int) -> float:
-    """Return how long bytes may gather before they are read, so that none is lost [s]."""
+    """Return the longest time between reads without loss of bytes [s]."""
     return min(LONGEST_PIECE_S, PIECE_BYTES * BITS_PER_BYTE / baud_rate)
 
 
 def require_amplifier_ready(amplifier: SerialAmplifier, config: AmplifierConfig) -> None:
-    """Refuse an amplifier that is set otherwise than the cell file says, or does not measure.
+    """Raise an error if an amplifier has wrong settings or does not measure.
 
     Raises:
-        DeviceFaultError: Names the settings, or says that it is in reset.
-        DriverError: It does not answer.
+        DeviceFaultError: Names the wrong settings, or says that the amplifier is in reset.
+        DriverError: The amplifier does not answer.
     """
     wrong = [
-        f"{setting.name} is {setting.found}, not {setting.required}"
+        f"{setting.name} is {setting.found} instead of {setting.required}"
         for setting in amplifier.settings()
         if setting.verdict == "red"
     ]
     if wrong:
         raise DeviceFaultError(
-            f"amplifier at {config.address}: {'; '.join(wrong)}: set it and zero the plate again",
+            f"amplifier at {config.address}: {'; '.join(wrong)}: correct the settings and zero"
+            " the plate again",
             code="RID-PLATE-NOT-ZEROED",
         )
     if not amplifier.is_operating():
         raise DeviceFaultError(
-            f"amplifier at {config.address} is in reset and measures nothing: zero the plate",
+            f"amplifier at {config.address} is in reset and does not measure: zero the plate",
             code="RID-PLATE-NOT-ZEROED",
         )
 
 
-class _Recorder:
-    """One recording; `stream` numbers the streams that the loss of the line has made of it.
+class _PlateRecorder:
+    """One recording; `stream` is the number of the stream, which increases after each loss.
 
-    In simulated time no marks are asked for: a question comes by the wall clock, and the same seed
-    is to give the same file. Overloads are asked for all the same, in runs that have any.
+    In simulated time no time marks are requested: they depend on the real clock, but the same seed
+    must give the same file. Overload flags are cleared also in simulated time, if any are set.
     """
 
     def __init__(self, task: PlateTask, block: PlateBlock, parent: int) -> None:
@@ -126,13 +127,13 @@ class _Recorder:
 
     def run(self) -> None:
         with open_amplifier(self._task.plate.amplifier, self._task.profile) as amplifier:
-            header = self._header(amplifier)
+            header = self._create_header(amplifier)
         with PlateJournalWriter(self._task.path, header) as writer:
-            lost = self._attempt(writer)
+            lost = self._open_and_record(writer)
             while lost is not None:
                 lost = self._resume(writer, lost)
 
-    def _header(self, amplifier: SerialAmplifier) -> PlateHeader:
+    def _create_header(self, amplifier: SerialAmplifier) -> PlateHeader:
         task = self._task
         identity = amplifier.connect()
         require_amplifier_ready(amplifier, task.plate.amplifier)
@@ -146,11 +147,11 @@ class _Recorder:
         )
 
     @property
-    def _over(self) -> bool:
+    def _is_over(self) -> bool:
         return self._block.stop or os.getppid() != self._parent
 
-    def _attempt(self, writer: PlateJournalWriter) -> DriverError | None:
-        """Open the line and record; return how it was lost, None at the end."""
+    def _open_and_record(self, writer: PlateJournalWriter) -> DriverError | None:
+        """Open the connection and record; return the error of a loss, or None at the end."""
         config = self._task.plate.amplifier
         with open_amplifier(config, self._task.profile) as amplifier:
             amplifier.connect()
@@ -160,46 +161,47 @@ class _Recorder:
                 now_s = time.monotonic()
                 writer.note(kind=LINE_RESTORED, detail=0, arrival_s=now_s, stream=self._stream)
             try:
-                self._stream_to(writer, amplifier)
+                self._record_stream(writer, amplifier)
             except TransportError as error:
                 return error
             finally:
-                self._keep_counts(amplifier.stream_counts)
+                self._add_counts(amplifier.stream_counts)
         return None
 
     def _resume(self, writer: PlateJournalWriter, lost: DriverError) -> DriverError | None:
-        """Wait for the line to come back, and go on; return how it was lost again."""
+        """Wait for the connection and continue; return the error if it is lost again."""
         now_s = time.monotonic()
         self._block.count_loss()
         writer.note(kind=LINE_LOST, detail=0, arrival_s=now_s, stream=self._last_stream)
         until_s = now_s + RETRY_PATIENCE_S
-        while not self._over:
-            self._block.give_sign_of_life()
+        while not self._is_over:
+            self._block.count_heartbeat()
             self._flush(writer)
             try:
-                return self._attempt(writer)
+                return self._open_and_record(writer)
             except DeviceFaultError:
                 raise
             except DriverError as error:
                 if time.monotonic() > until_s:
                     raise TransportError(
-                        f"{lost}; it did not come back within {RETRY_PATIENCE_S:g} s ({error})",
+                        f"{lost}; the connection was not restored within {RETRY_PATIENCE_S:g} s"
+                        f" ({error})",
                         code="RID-AMPLIFIER-SILENT",
                     ) from error
             time.sleep(RETRY_S)
         return None
 
-    def _stream_to(self, writer: PlateJournalWriter, amplifier: SerialAmplifier) -> None:
-        """Record until the end is asked for."""
+    def _record_stream(self, writer: PlateJournalWriter, amplifier: SerialAmplifier) -> None:
+        """Record until the end is requested."""
         writer.begin_stream()
         marks = 0
         amplifier.start()
         self._block.state = PlateState.RECORDING
         parse_s = time.monotonic()
         pause_s = piece_time_s(self._task.plate.amplifier.baud_rate)
-        while not self._over:
+        while not self._is_over:
             if not writer.simulated_time:
-                time.sleep(pause_s)  # the rows of some milliseconds together; none is early or late
+                time.sleep(pause_s)  # read the rows of some milliseconds at once
             now_s = time.monotonic()
             if now_s - self._marked_s >= MARK_PERIOD_S and not writer.simulated_time:
                 writer.asked(marks, amplifier.mark())
@@ -207,12 +209,12 @@ class _Recorder:
             if now_s < parse_s:
                 amplifier.gather(now_s + BEAT_S)
             else:
-                self._take(writer, amplifier, amplifier.read(now_s + BEAT_S))
+                self._write_rows(writer, amplifier, amplifier.read(now_s + BEAT_S))
                 parse_s = now_s + PARSE_S
         for read in amplifier.stop(time.monotonic() + STOP_PATIENCE_S):
-            self._take(writer, amplifier, read)
+            self._write_rows(writer, amplifier, read)
 
-    def _take(
+    def _write_rows(
         self, writer: PlateJournalWriter, amplifier: SerialAmplifier, read: PlateRead
     ) -> None:
         block = self._block
@@ -222,25 +224,25 @@ class _Recorder:
             over = overloaded(rows, self._task.plate.amplifier.full_scale_counts)
             words = np.packbits(over, axis=1, bitorder="little")[:, 0]
             block.add_rows(rows["force_n"], words, read.read_s)
-            self._forget_overloads(amplifier, int(rows["status"][-1]) & 0xFF)
+            self._clear_overloads(amplifier, int(rows["status"][-1]) & 0xFF)
         now, before = amplifier.stream_counts, self._before
         block.count_damage(
             before.rows_lost + now.rows_lost,
             before.bad_frames + now.bad_frames,
             before.garbage_bytes + now.garbage_bytes,
         )
-        block.give_sign_of_life()
+        block.count_heartbeat()
         self._flush(writer)
 
-    def _forget_overloads(self, amplifier: SerialAmplifier, word: int) -> None:
-        """Ask for overloads that the rows still tell, so that the rows after them count again."""
+    def _clear_overloads(self, amplifier: SerialAmplifier, word: int) -> None:
+        """Clear overload flags that are still set, so that later rows show new overloads."""
         now_s = time.monotonic()
-        if word and now_s - self._forgot_s >= OVERLOAD_PERIOD_S and not self._over:
+        if word and now_s - self._forgot_s >= OVERLOAD_PERIOD_S and not self._is_over:
             amplifier.forget_overloads()
             self._forgot_s = now_s
 
-    def _keep_counts(self, counts: StreamCounts) -> None:
-        """Add what a stream that has ended has counted."""
+    def _add_counts(self, counts: StreamCounts) -> None:
+        """Add the counts of a stream that has ended."""
         self._before.rows_lost += counts.rows_lost
         self._before.bad_frames += counts.bad_frames
         self._before.garbage_bytes += counts.garbage_bytes

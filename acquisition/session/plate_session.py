@@ -1,4 +1,4 @@
-"""`PlateSession`: the force plate's side of a recorded motion, as the program sees it."""
+"""`PlateSession`: recording of the force plate during a motion, seen from the program."""
 
 from __future__ import annotations
 
@@ -22,11 +22,12 @@ OVERLOADED_PERIODS = 3
 
 
 class PlateSession:
-    """Starts the plate's recorder, watches it during the motion and ends it.
+    """Starts the plate recorder, watches it during the motion and ends it.
 
     Args:
-        task: What is to be recorded.
-        samples_per_period: Of the motion: an overload spoils a period.
+        task: What to record.
+        samples_per_period: Number of rows per period of the motion; an overload makes a period
+            unusable.
 
     Raises:
         RidDaqError: The plate cannot be recorded; nothing was moved.
@@ -37,29 +38,31 @@ class PlateSession:
         self._ranges = task.plate.amplifier.range_n
         self._samples_per_period = samples_per_period
         self._overloaded_rows = 0
-        self._spoilt: set[int] = set()
+        self._overloaded_periods: set[int] = set()
         self._process = HelperProcess(
-            "plate's recorder",
+            "plate recorder",
             run_plate_recorder,
             (task, self._block, os.getpid()),
             patience_s=STOP_PATIENCE_S,
         )
         start_all([self._process])
-        self._await_rows()
+        self._wait_for_rows()
 
     def watch(self, progress: TaskProgress, control: ControlBlock) -> None:
-        """Stop the motion where the plate is lost, or overloaded in too many periods."""
+        """Request a stop if the plate is lost, or overloaded in too many periods."""
         status = self._block.status(time.monotonic())
         if status.state in (PlateState.LINE_LOST, PlateState.FAILED) or not self._process.is_alive:
             control.program.request_stop(StopCode.PLATE_LINE)
         if status.overloaded_rows > self._overloaded_rows and progress.sample_index >= 0:
             self._overloaded_rows = status.overloaded_rows
-            self._spoilt.add(progress.sample_index // (self._samples_per_period or 1 << 62))
-            if len(self._spoilt) > OVERLOADED_PERIODS:
+            self._overloaded_periods.add(
+                progress.sample_index // (self._samples_per_period or 1 << 62)
+            )
+            if len(self._overloaded_periods) > OVERLOADED_PERIODS:
                 control.program.request_stop(StopCode.PLATE_OVERLOAD)
 
     def close(self) -> tuple[str, ...]:
-        """End the stream and the file; return what a person should know, one sentence each."""
+        """End the stream and the file, and return notes for the user, one sentence each."""
         self._block.request_stop()
         notes = self._process.end()
         if self._block.error is not None:
@@ -68,10 +71,10 @@ class PlateSession:
         if status.rows_lost:
             notes.append(
                 f"force plate: {status.rows_lost} of {status.rows + status.rows_lost} rows were"
-                " lost on the line"
+                " lost in transmission"
             )
         notes += [
-            f"force plate: {name} was overloaded; its range is {range_n:g} N: choose a larger one"
+            f"force plate: {name} was overloaded; its range is {range_n:g} N: choose a larger range"
             for name, range_n, over in zip(
                 CHANNEL_NAMES, self._ranges, status.overloads, strict=True
             )
@@ -79,8 +82,8 @@ class PlateSession:
         ]
         return tuple(notes)
 
-    def _await_rows(self) -> None:
-        """Wait until rows are being recorded: nothing is moved that the plate does not see."""
+    def _wait_for_rows(self) -> None:
+        """Wait until rows are being recorded; otherwise the motion must not begin."""
         until_s = time.monotonic() + START_PATIENCE_S
         while self._block.state is PlateState.STARTING:
             wait([self._process.sentinel], WATCH_S)
@@ -91,5 +94,5 @@ class PlateSession:
         error = self._block.error
         self.close()
         raise error or RecordingError(
-            "the plate's recorder did not start; nothing was moved", code="RID-SYSTEM-PROCESS-DIED"
+            "the plate recorder did not start; nothing was moved", code="RID-SYSTEM-PROCESS-DIED"
         )

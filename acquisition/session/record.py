@@ -1,4 +1,4 @@
-"""`record_motion`: move the robot and record it, by one process for the loop, one for the disk."""
+"""`record_motion`: moves the robot and records it; cyclic task and recorder are processes."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from acquisition.motion.samples import MotionSamples
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING
 from acquisition.session.cycle_recorder import run_recorder
-from acquisition.session.drive_monitor import declare_dead, end_monitor, monitor_process
+from acquisition.session.drive_monitor import create_monitor_process, end_monitor, mark_monitor_dead
 from acquisition.session.early_stop import EarlyStop, EarlyStopRule
 from acquisition.session.helper_process import HelperProcess, Observer, start_all
-from acquisition.session.outcome import RecordOutcome, outcome_of
+from acquisition.session.outcome import RecordOutcome, collect_outcome
 from acquisition.session.plate_preparation import prepare_plate
 from acquisition.session.plate_recorder import PlateTask
 from acquisition.session.plate_session import PlateSession
@@ -30,7 +30,7 @@ from acquisition.supervision.commanded import verify_command
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.joint_values import JointWatch
-from acquisition.task.process import Ordering, run_cyclic_task
+from acquisition.task.process import MotionOwner, run_cyclic_task
 from acquisition.task.ring import Ring
 from acquisition.task.service_beat import ServiceBeat
 from acquisition.task.set_points import PlannedMotion, SetPointSource
@@ -53,19 +53,19 @@ START_PATIENCE_S = 60.0
 BEAT_PATIENCE_S = 10.0
 STOP_PATIENCE_S = 15.0
 FINISH_PATIENCE_S = 30.0
-NO_PAUSE = "Ctrl-Z does not pause a robot: the motion goes on. Ctrl-C stops it."
+NO_PAUSE = "Ctrl-Z cannot suspend a motion: the motion continues. Ctrl-C stops it."
 
 
 @dataclass(frozen=True)
 class DeviceProfiles:
-    """What the devices beside the bus speak.
+    """Protocols of the devices other than the drives on the bus.
 
     Attributes:
-        amplifier: The force plate's amplifier: the plate is recorded beside, into `plate.mcap`;
-            without it, not.
-        drives: The registers of the drives, where the cell has a monitor; the bundled one of the
-            cell's name when left out. Temperatures go to `monitor.mcap`; where they cannot be had
-            the motion is recorded all the same, and a note says so.
+        amplifier: Protocol of the force plate's amplifier. The plate is recorded in `plate.mcap`;
+            if None, it is not recorded.
+        drives: Registers of the drives, if the cell has a monitor; default: the bundled profile
+            named in the cell. Temperatures are written to `monitor.mcap`. Without temperatures the
+            motion is recorded all the same, with a note.
     """
 
     amplifier: AmplifierProfile | None = None
@@ -74,13 +74,12 @@ class DeviceProfiles:
 
 @dataclass(frozen=True)
 class MotionContext:
-    """What is known of a motion beside its set-points.
+    """Optional circumstances of a motion.
 
     Attributes:
-        observer: Makes one more process, such as the live page's. It is not waited for, and its
-            death changes nothing.
-        service: Signs of life of the service that has ordered the motion: without them it stops.
-        pose: Where the robot was seen last: compared before the drives get power.
+        observer: Creates one more process, such as that of the live page. Its death has no effect.
+        service: Heartbeat of the service that ordered the motion: without it the motion stops.
+        pose: Last known pose of the robot; it is checked before the drives are enabled.
     """
 
     observer: Observer | None = None
@@ -99,30 +98,30 @@ def record_motion(
     profiles: DeviceProfiles | None = None,
     context: MotionContext | None = None,
 ) -> RecordOutcome:
-    """Approach the motion, stream it, record it into the run folder, stop and disable.
+    """Approach the motion, stream it, record it in the run folder, stop and disable the drives.
 
     Ctrl-C, SIGTERM and SIGHUP stop the motion (quick stop) and are reported in the outcome, however
-    often they come; the clean-up always completes, and once one came this process ignores further
-    ones, so that what was recorded can be written down. Every wait is limited. Ctrl-Z is answered
-    with a sentence: the processes of a motion stand apart from the terminal, and this one, which
-    watches them, goes on too.
+    often they come. The clean-up always completes. After the first signal this process ignores
+    further ones, so that it can save the recording. Every wait has a timeout. Ctrl-Z only prints a
+    sentence: the processes of a motion are independent of the terminal, and this process, which
+    watches them, is not suspended either.
 
     Args:
         cell, robot: The cell and its robot.
         motion: The motion, sampled at the cell's cycle time and checked here; or a source that
-            checks what it hands out.
-        folder: Where `recording.mcap` is written; its manifest is left to the caller.
+            checks its own set-points.
+        folder: Run folder for `recording.mcap`; the caller updates its manifest.
         on_progress: Called about 20 times a second.
-        enough: Asked about every new period, in a thread of its own; where it returns True the
-            motion goes over to its run-out after the period under way.
-        profiles: What the cell's amplifier and its drives' registers speak.
-        context: Who looks on, who has ordered the motion, and where the robot was seen last.
+        enough: Rule that is asked after each new period, in its own thread; if it returns True, the
+            motion proceeds to its run-out after the present period.
+        profiles: Protocols of amplifier and drive registers.
+        context: Observer, ordering service and last known pose.
 
     Raises:
-        PreflightError: The motion does not fit the cell's limits, or a drive's settings are red;
-            nothing moved.
+        PreflightError: The motion exceeds the cell's limits, or a drive has a wrong setting;
+            nothing was moved.
         DriverError: Bus or drives failed before the motion.
-        RecordingError: There is no room to record, or nothing was recorded.
+        RecordingError: There is not enough disk space, or nothing was recorded.
     """
     source: SetPointSource
     planned: MotionSamples | None = None
@@ -135,7 +134,7 @@ def record_motion(
     context = context or MotionContext()
     path = folder.file(RECORDING)
     ring = Ring.create(len(robot.joints), max(RING_ROWS, int(RING_S / cell.cycle_time_s)))
-    _check_room(folder.path, source.rows_expected * (ring.row_size + 64))
+    _require_disk_space(folder.path, source.rows_expected * (ring.row_size + 64))
     control = ControlBlock.create()
     early_stop = None
     if enough is not None and planned is not None:
@@ -159,7 +158,7 @@ def record_motion(
             ring,
             control,
             folder.file(DRIVE_WRITES),
-            Ordering(os.getpid(), context.service),
+            MotionOwner(os.getpid(), context.service),
             context.pose,
         ),
         patience_s=STOP_PATIENCE_S,
@@ -171,7 +170,7 @@ def record_motion(
         (ring, control, path, header, os.getpid()),
         patience_s=FINISH_PATIENCE_S,
     )
-    monitor = monitor_process(cell, robot, profiles.drives, control, folder)
+    monitor = create_monitor_process(cell, robot, profiles.drives, control, folder)
     watcher = None if context.observer is None else context.observer(ring, control)
     joints = JointWatch(ring, cell, robot)
     with (
@@ -185,9 +184,11 @@ def record_motion(
         try:
             start_all([each for each in (watcher, monitor, recorder, task) if each is not None])
             try:
-                _watch(task, recorder, monitor, control, joints, on_progress, early_stop, plate)
+                _watch_processes(
+                    task, recorder, monitor, control, joints, on_progress, early_stop, plate
+                )
             finally:
-                notes += _wind_up(task, recorder, control)
+                notes += _end_processes(task, recorder, control)
                 if monitor is not None:
                     notes += end_monitor(monitor, control)
                 if watcher is not None:
@@ -199,14 +200,14 @@ def record_motion(
                 notes += plate.close()
     seen = joints.look()
     pose = None if seen is None else tuple(seen.position.tolist())
-    return outcome_of(path, header, task, control, interruption, notes, pose)
+    return collect_outcome(path, header, task, control, interruption, notes, pose)
 
 
 def _check_motion(cell: CellConfig, robot: RobotDescription, samples: MotionSamples) -> None:
     if samples.sample_period_s != cell.cycle_time_s:
         raise ConfigError(
-            f"the motion is sampled every {samples.sample_period_s * 1e3:g} ms, the cell's cycle"
-            f" takes {cell.cycle_time_ms} ms: plan the motion for this cell",
+            f"the motion is sampled every {samples.sample_period_s * 1e3:g} ms, but the cell's"
+            f" cycle time is {cell.cycle_time_ms} ms: plan the motion for this cell",
             code="RID-MOTION-CYCLE",
         )
     try:
@@ -221,39 +222,39 @@ def _check_motion(cell: CellConfig, robot: RobotDescription, samples: MotionSamp
 def _start_plate(
     cell: CellConfig, source: SetPointSource, folder: RunFolder, profile: AmplifierProfile | None
 ) -> PlateSession | None:
-    """Make the force plate ready and begin to record it, where the cell has one.
+    """Prepare the force plate and start its recording; return None without a plate.
 
     Raises:
-        PreflightError: It is not zeroed.
-        DriverError: It cannot be reached.
+        PreflightError: The plate is not zeroed.
+        DriverError: The amplifier cannot be reached.
     """
     if cell.plate is None or profile is None:
         return None
     ready = prepare_plate(cell.plate, profile, operate=cell.simulated)
     if ready.charge_lost or not ready.operating:
-        lost = "has been set as the cell file says, which lost its charge"
-        what = lost if ready.charge_lost else "is in reset and measures nothing"
+        lost = "was configured according to the cell file, which discharged its channels"
+        what = lost if ready.charge_lost else "is in reset and does not measure"
         raise PreflightError(
-            f"force plate: the amplifier {what}: zero the plate (`rid-daq plate zero`); nothing was"
-            " moved",
+            f"force plate: the amplifier {what}: zero the plate (`rid-daq plate zero`); nothing"
+            " has moved",
             code="RID-PLATE-NOT-ZEROED",
         )
     task = PlateTask(cell.plate, profile, folder.file(PLATE_RECORDING), cell.name, folder.run_id)
     return PlateSession(task, source.samples_per_period)
 
 
-def _check_room(folder: Path, expected_bytes: int) -> None:
+def _require_disk_space(folder: Path, expected_bytes: int) -> None:
     needed = FREE_FACTOR * expected_bytes + FREE_BYTES
     free = shutil.disk_usage(folder).free
     if free < needed:
         raise RecordingError(
-            f"{folder}: {free >> 20} MB are free, {needed >> 20} MB are needed to record this"
-            " motion safely; make room or choose another folder",
+            f"{folder}: {free >> 20} MB are free, but {needed >> 20} MB are needed to record this"
+            " motion: free disk space or choose another folder",
             code="RID-SYSTEM-DISK-FULL",
         )
 
 
-def _watch(
+def _watch_processes(
     task: HelperProcess,
     recorder: HelperProcess,
     monitor: HelperProcess | None,
@@ -263,7 +264,7 @@ def _watch(
     early_stop: EarlyStop | None,
     plate: PlateSession | None,
 ) -> None:
-    """Wait for the task to end; tell it when the recorder dies, kill it when it hangs."""
+    """Wait for the end of the task. Request a stop if the recorder dies; kill a task that hangs."""
     beat, changed_s = -1, time.monotonic()
     sentinels = [task.sentinel, recorder.sentinel]
     while task.is_alive:
@@ -272,7 +273,7 @@ def _watch(
             sentinels.pop()
             control.program.request_stop(StopCode.RECORDER)
         if monitor is not None and not monitor.is_alive:
-            declare_dead(control)
+            mark_monitor_dead(control)
         progress = control.progress
         now_s = time.monotonic()
         if control.task.beat != beat:
@@ -281,23 +282,25 @@ def _watch(
         if now_s - changed_s > (BEAT_PATIENCE_S if moving else START_PATIENCE_S):
             task.kill()
         if early_stop is not None:
-            early_stop.look(progress)
+            early_stop.update(progress)
         if plate is not None:
             plate.watch(progress, control)
         if on_progress is not None:
             on_progress(replace(progress, joints=joints.look()))
 
 
-def _wind_up(task: HelperProcess, recorder: HelperProcess, control: ControlBlock) -> list[str]:
-    """End both processes, in whatever state they are; return what there is to say of it.
+def _end_processes(
+    task: HelperProcess, recorder: HelperProcess, control: ControlBlock
+) -> list[str]:
+    """End task and recorder in any state, and return notes about them.
 
-    How the task has died is the reason of the stop and no note (`outcome_of`).
+    The death of the task is not a note but the stop reason (`collect_outcome`).
     """
     notes = []
     if task.is_alive:
         control.program.request_stop(StopCode.INTERRUPTED)
         if not task.wait(STOP_PATIENCE_S):
-            notes.append("the cyclic task did not stop when asked and was killed")
+            notes.append("the cyclic task did not stop on request and was killed")
             task.kill()
     task.end()
     control.program.declare_task_gone()

@@ -1,4 +1,4 @@
-"""Writing a damaged journal again, whole: what is readable, and how much of it is lost."""
+"""Repair of a damaged journal: writes the readable messages to a new one and reports losses."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from config.errors import RecordingError
 
 _Header = JournalHeader | PlateHeader | MonitorHeader
 _KINDS = (JournalHeader, PlateHeader, MonitorHeader)
-_HEAD_BYTES = 9 + 22  # of a message: its record, its number and times
+_HEAD_BYTES = 9 + 22  # of a message: record header, number and times
 
 
 @dataclass(frozen=True)
 class Repair:
-    """What was kept of a journal, and what is lost.
+    """Messages that were kept of a journal, and messages that are lost.
 
     Attributes:
-        kept_rows, lost_rows: Messages read, and messages known to be missing: by their numbers, by
-            the count of a closed file, or by what was written when the run ended.
-        kept_s, lost_s: The time that they cover [s].
-        torn_rows: Rows that the torn bytes at the end would hold.
-        damage: What is missing, in particular.
-        run_id: The run that the file says that it belongs to; empty where it does not say.
+        kept_rows, lost_rows: Messages read, and messages known to be missing: from their numbers,
+            from the count of a closed file, or from the number of rows at the run's end.
+        kept_s, lost_s: Duration of these messages [s].
+        torn_rows: Number of rows that the incomplete bytes at the end correspond to.
+        damage: Details of the losses.
+        run_id: Run to which the file belongs; empty if unknown.
     """
 
     kept_rows: int
@@ -43,26 +43,30 @@ class Repair:
 
     @property
     def whole(self) -> bool:
-        """Whether nothing is wrong with the journal."""
+        """True if the journal is undamaged."""
         return not self.damage.notes
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """What was kept and what is lost, for people."""
+        """Kept and lost messages, as sentences for users."""
         lost = (
             f"lost {self.lost_rows} rows ({self.lost_s:.2f} s)"
             if self.lost_rows
             else "no row before the last one is lost"
         )
-        said = [f"kept {self.kept_rows} rows ({self.kept_s:.2f} s), {lost}"]
-        said += [note for note in self.damage.notes if "not closed" not in note]
+        sentences = [f"kept {self.kept_rows} rows ({self.kept_s:.2f} s), {lost}"]
+        sentences += [note for note in self.damage.notes if "not closed" not in note]
         if not self.damage.finished:
-            torn = f"about {self.torn_rows:.0f} torn rows, and " if self.torn_rows >= 1.0 else ""
-            said.append(
-                f"the file was not closed: {torn}what was measured after the last row kept is"
-                f" lost; a killed recorder loses {MOST_LOST_S:g} s at most"
+            torn = (
+                f"about {self.torn_rows:.0f} incomplete rows and all"
+                if self.torn_rows >= 1.0
+                else ""
             )
-        return tuple(said)
+            sentences.append(
+                f"the file was not closed: {torn}rows measured after the last kept row are lost;"
+                f" a killed recorder loses at most {MOST_LOST_S:g} s"
+            )
+        return tuple(sentences)
 
 
 def examine_journal(path: Path, written: int | None = None) -> Repair:
@@ -70,38 +74,38 @@ def examine_journal(path: Path, written: int | None = None) -> Repair:
 
     Args:
         path: The journal.
-        written: Rows that it held when its run ended, where that is known.
+        written: Number of rows at the end of the run, if known.
 
     Raises:
-        RecordingError: The file cannot be read, is no journal of this program, or holds nothing
-            readable.
+        RecordingError: The file cannot be read, is not a journal of this program, or contains
+            nothing readable.
     """
-    raw, header = _read(path)
-    return _repair(raw, header.run_id, written)
+    raw, header = _read_any_journal(path)
+    return _summarise(raw, header.run_id, written)
 
 
 def repair_journal(
     source: Path, target: Path, run_id: str | None = None, written: int | None = None
 ) -> Repair:
-    """Write what is readable of a journal as a new one, closed and whole.
+    """Write the readable messages of a journal to a new one, which is closed and complete.
 
-    Every message keeps its number, so that lost ones stay visible to every reader. What was written
-    is read back and compared.
+    Every message keeps its number, so that readers see which messages are lost. The new file is
+    read back and compared.
 
     Args:
         source: The journal; it is not changed.
-        target: The file to write; it must not exist.
-        run_id: The run that the new file belongs to; the old one's if not given.
-        written: Rows that the journal held when its run ended, where that is known.
+        target: File to write; it must not exist.
+        run_id: Run to which the new file belongs; default: the run of the old file.
+        written: Number of rows at the end of the run, if known.
 
     Raises:
-        RecordingError: The source holds nothing readable, or the target cannot be written.
+        RecordingError: The source contains nothing readable, or the target cannot be written.
     """
-    raw, header = _read(source)
+    raw, header = _read_any_journal(source)
     was = header.run_id
     if run_id is not None:
         header = header.model_copy(update={"run_id": run_id})
-    with _writer(target, header) as writer:
+    with _create_writer(target, header) as writer:
         for channel, time_ns, payload, sequence in zip(
             raw.channels, raw.times_ns, raw.payloads, raw.sequences, strict=True
         ):
@@ -109,13 +113,14 @@ def repair_journal(
     again = read_raw_journal(target)
     if (again.payloads, again.sequences) != (raw.payloads, raw.sequences):
         raise RecordingError(
-            f"{target}: does not hold what was written; check the disk", code="RID-RECORDING-LOST"
+            f"{target}: the file differs from what was written: check the disk",
+            code="RID-RECORDING-LOST",
         )
-    return _repair(raw, was, written)
+    return _summarise(raw, was, written)
 
 
-def _read(path: Path) -> tuple[RawJournal, _Header]:
-    """Return a journal's messages and header, having read it as what it is."""
+def _read_any_journal(path: Path) -> tuple[RawJournal, _Header]:
+    """Read and check a journal of any kind; return its messages and header."""
     raw = read_raw_journal(path)
     for model in _KINDS:
         header = first_header(model, raw.headers)
@@ -129,14 +134,14 @@ def _read(path: Path) -> tuple[RawJournal, _Header]:
             case _:
                 continue
         return raw, header
-    what = "the header of its rows is lost" if raw.payloads else "no readable row in it"
+    what = "the header of its rows is lost" if raw.payloads else "it contains no readable row"
     raise RecordingError(
-        f"{path}: {what}: nothing can be recovered, or it is no rid-daq recording",
+        f"{path}: {what}: nothing can be recovered, or the file is not a rid-daq recording",
         code="RID-RECORDING-FOREIGN",
     )
 
 
-def _writer(target: Path, header: _Header) -> JournalFile:
+def _create_writer(target: Path, header: _Header) -> JournalFile:
     match header:
         case JournalHeader():
             return JournalWriter(target, header)
@@ -146,8 +151,8 @@ def _writer(target: Path, header: _Header) -> JournalFile:
             return MonitorWriter(target, header)
 
 
-def _repair(raw: RawJournal, run_id: str, written: int | None) -> Repair:
-    damage = _with_end(raw, written or 0)
+def _summarise(raw: RawJournal, run_id: str, written: int | None) -> Repair:
+    damage = _add_missing_end(raw, written or 0)
     time_s = np.array(raw.times_ns, dtype=float) / 1e9
     row_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
     after = np.searchsorted(raw.sequences, [first for first, _ in damage.gaps])
@@ -170,8 +175,8 @@ def _repair(raw: RawJournal, run_id: str, written: int | None) -> Repair:
     )
 
 
-def _with_end(raw: RawJournal, written: int) -> JournalDamage:
-    """Return a journal's damage with the rows that its end lacks of those once written."""
+def _add_missing_end(raw: RawJournal, written: int) -> JournalDamage:
+    """Return the damage, including rows that are missing at the end of the journal."""
     damage = raw.damage
     lacking = written - len(raw.payloads) - damage.rows_lost
     if lacking <= 0:

@@ -1,4 +1,4 @@
-"""`CycleStatistics`: how well the cyclic task kept its time and its drives answered."""
+"""`CycleStatistics`: timing of the cyclic task, and missing answers of its drives."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ class CycleStatistics:
     """Counts and percentiles over the rows of one run.
 
     Attributes:
-        cycles: Cycles that were run.
-        overruns: Cycle times that passed without one.
+        cycles: Number of cycles.
+        overruns: Number of cycle times that passed without a cycle.
         missed_frames: Length joints. Rows in which a drive's answer was missing or implausible.
-        lateness_p50_s, lateness_p99_s, lateness_max_s: How late cycles began after their deadline
+        lateness_p50_s, lateness_p99_s, lateness_max_s: Delay between deadline and start of a cycle
             [s].
-        lateness_edges_s, lateness_counts: Histogram of the same; the last count is of everything
-            beyond the last edge.
-        exchange_p50_s, exchange_p99_s, exchange_max_s: From SYNC to the last answer [s].
+        lateness_edges_s, lateness_counts: Histogram of this delay; the last count contains all
+            values beyond the last edge.
+        exchange_p50_s, exchange_p99_s, exchange_max_s: Time from SYNC to the last answer [s].
     """
 
     cycles: int
@@ -44,15 +44,15 @@ class CycleStatistics:
     exchange_max_s: float
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fields as JSON has them."""
+        """Return the fields for JSON."""
         return asdict(self)
 
 
 class CycleTally:
-    """Counts the rows of a run as they come; its memory does not grow with them.
+    """Accumulates the statistics of a run's rows in constant memory.
 
     Args:
-        joints: Joints in a row.
+        joints: Number of joints.
     """
 
     def __init__(self, joints: int) -> None:
@@ -61,13 +61,13 @@ class CycleTally:
         self._missed = np.zeros(joints, dtype=np.int64)
         self._edges = np.array([*LATENESS_EDGES_S, np.inf])
         self._counts = np.zeros(len(LATENESS_EDGES_S), dtype=np.int64)
-        self._lateness, self._exchange = _Values(), _Values()
+        self._lateness, self._exchange = _CountedValues(), _CountedValues()
 
     def add(self, rows: NDArray[Any]) -> None:
-        """Count rows in.
+        """Add rows to the statistics.
 
         Args:
-            rows: Shape (rows,). The next ones of the run; may be empty.
+            rows: Shape (rows,). Next rows of the run; may be empty.
         """
         if not len(rows):
             return
@@ -100,8 +100,8 @@ class CycleTally:
         )
 
 
-class _Values:
-    """Different values and how often each came: all of them, or 0.1 % apart where they are many."""
+class _CountedValues:
+    """Distinct values with their counts; rounded to 0.1 % once there are too many."""
 
     def __init__(self) -> None:
         self._values: FloatArray = np.empty(0)
@@ -126,7 +126,7 @@ class _Values:
         np.add.at(self._counts, place, weights)
 
     def quantile(self, part: float) -> float:
-        """Return a quantile as `numpy.quantile` does, zero where there is no value."""
+        """Return a quantile as `numpy.quantile` does; 0 without values."""
         if not len(self._values):
             return 0.0
         if part == 1.0:

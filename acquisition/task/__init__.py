@@ -1,5 +1,5 @@
-"""The cyclic task: the loop that moves the robot, and its way to rest.
+"""The cyclic task: the process that moves the robot cycle by cycle and brings it to rest.
 
-No log and no file in the cycle's path. Begin with `cyclic_task.py`, then `stop_sequence.py`; what
-decides whether the motion may go on stands in `acquisition/supervision`.
+The cycle writes no log and no file. Begin with `cyclic_task.py`, then `stop_sequence.py`. The
+checks that decide if a motion may continue are in `acquisition/supervision`.
 """

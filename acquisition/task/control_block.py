@@ -1,4 +1,4 @@
-"""`ControlBlock`: what the processes of a motion tell one another."""
+"""`ControlBlock`: shared memory for the state of a motion's processes."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ class _Words(ctypes.Structure):
 
 
 class ControlBlock(SharedBlock):
-    """The words of a motion's processes, one part a writer.
+    """Shared memory of a motion's processes; each part has one writer.
 
     Attributes:
-        program, task, recorder, monitor: What each of them says.
+        program, task, recorder, monitor: Fields that this process writes.
     """
 
     LABEL = "rid-daq-control-3"
@@ -41,28 +41,28 @@ class ControlBlock(SharedBlock):
 
     @classmethod
     def create(cls) -> ControlBlock:
-        """Return a block of a motion that has not begun."""
+        """Return the block of a motion that has not begun."""
         block = super().create()
         block.task.set_progress(-1, Phase.APPROACH, 0)
         return block
 
     @classmethod
     def of_process(cls, pid: int) -> ControlBlock | None:
-        """Return the block of the motion that another process has under way, None without one.
+        """Return the block of another process's present motion; None if there is none.
 
         Raises:
-            PermissionError: The process is not this user's.
+            PermissionError: The process belongs to another user.
         """
         return next((each for each in cls.all_of_process(pid) if not each.task_gone), None)
 
     @property
     def task_gone(self) -> bool:
-        """Whether the task has ended, by its own word or the program's."""
+        """True if the task has ended, as reported by the task or the program."""
         return self.task.state is TaskState.FINISHED or self.program.task_gone
 
     @property
     def progress(self) -> TaskProgress:
-        """Where the task is."""
+        """Progress of the task."""
         return TaskProgress(
             state=self.task.state,
             phase=self.task.phase,

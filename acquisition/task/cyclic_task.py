@@ -1,9 +1,9 @@
-"""`CyclicTask`: the loop that moves the robot, one cycle time after the other.
+"""`CyclicTask`: the loop that moves the robot, once per cycle time.
 
-A `Cycle` goes its way: SYNC and the drives' answers, held positions, the position loop, the
-supervisor, the next velocities, a row for the recorder, a sign of life. What is sent in cycle k
-acts at SYNC k+1. Deadlines are absolute; a cycle that was overrun is skipped and counted, never
-made up for. Nothing is logged.
+Each cycle consists of SYNC and the drives' answers, held positions, the position loop, the
+supervisor, the next velocities, a row for the recorder and a heartbeat. A command sent in cycle k
+acts from SYNC k+1. Deadlines are absolute; an overrun cycle is skipped and counted, and never made
+up for. Nothing is logged.
 """
 
 from __future__ import annotations
@@ -43,17 +43,17 @@ RING_LIMIT = 0.8
 
 
 class CyclicTask:
-    """Streams set-points to enabled drives and stops them, whatever happens.
+    """Sends set-points to enabled drives, and stops the drives in every case.
 
     Args:
-        axes: The drives, in the cyclic exchange (`start` was called).
-        clock: The clock of their bus.
+        axes: The drives in cyclic exchange (`start` was called).
+        clock: Clock of the bus.
         cell, robot: Cycle time, gains, limits.
-        ring: Takes a row a cycle.
-        control: Progress and the reason of a stop.
-        lockstep: Whether `clock` is a simulated one, that stands still while this task works: then
-            a full ring is waited for.
-        orders: Whether anybody wants the motion to stop.
+        ring: Receives one row per cycle.
+        control: Receives progress and stop reason.
+        lockstep: True if `clock` is simulated and stands still while this task works; the task then
+            waits if the ring is full.
+        orders: Orders to stop.
     """
 
     def __init__(
@@ -89,35 +89,33 @@ class CyclicTask:
         self._lockstep = None
         if lockstep:
             self._lockstep = Lockstep(
-                control, ring, cell, lambda: self._order_to_stop() is not None
+                control, ring, cell, lambda: self._find_stop_reason() is not None
             )
-        self._unrecorded_s = 0.0  # lateness of a cycle that was given up before its row
+        self._unrecorded_s = 0.0  # delay of a cycle that wrote no row
 
     def run(self, source: SetPointSource) -> StopReason | None:
-        """Enable the drives, approach, stream the source's set-points, hold, stop and disable.
+        """Enable the drives, approach, send the source's set-points, hold, stop and disable.
 
         Args:
-            source: The motion, prepared; the way to its start is planned from where the robot
-                stands.
+            source: The prepared motion; the approach is planned from the robot's present pose.
 
         Returns:
-            Why the motion was stopped before its end; the same is in the control block.
+            Reason for which the motion was stopped before its end, as in the control block.
 
         Raises:
-            PreflightError: The robot stands outside its limits, or the way to the motion is
-                blocked.
+            PreflightError: The robot is outside its limits, or the approach would collide.
             DriverError: The drives cannot be enabled.
-            SafetyStop: A stop was ordered while they were being enabled.
+            SafetyStop: A stop was ordered while the drives were being enabled.
         """
         control, axes = self._control, self._axes
         refuse_pose(self._robot, axes.answers.position.tolist())
-        # once before it counts, so that no first-time cost falls between two cycles
+        # a first call, so that one-time costs do not occur between two cycles
         start = source.begin(self._lockstep is not None, axes.answers.position)
         approach(start, start, self._robot, self._period_s)
-        reason = self._order_to_stop()
+        reason = self._find_stop_reason()
         if reason is None:
             self._refuse_collision(start)
-            reason = self._order_to_stop()
+            reason = self._find_stop_reason()
         if reason is not None:
             control.task.report_stop(reason)
             return reason
@@ -130,49 +128,49 @@ class CyclicTask:
         self._cycle = max(1, math.ceil((self._clock.now_s() - synced_s) / self._period_s))
         control.task.state = TaskState.MOVING
         try:
-            reason = self._stream(way, source)
+            reason = self._stream_motion(way, source)
         except (DriverError, SafetyStop) as error:
             reason = StopReason(StopCode.BUS, str(error))
         if reason is not None:
             control.task.report_stop(reason)
             control.task.state = TaskState.STOPPING
-            self._stop()
+            self._quick_stop()
         for note in (*source.notes, *axes.bus_notes()):
             control.task.add_note(note)
         self._ending.disable()
         return reason
 
     def _refuse_collision(self, start: FloatArray) -> None:
-        """Measure the way to the motion, still without power, with signs of life in between."""
+        """Check the approach for collisions before power-on, with heartbeats meanwhile."""
         clearances = Clearances.of(self._robot, self._cell.workspace)
         way = approach(self._axes.answers.position, start, self._robot, self._period_s)
         refuse_collision(
             clearances,
             way.position,
             self._period_s,
-            "the way to the motion's start",
+            "the approach to the motion",
             meanwhile=lambda: self._axes.keep_alive(self._clock.now_s()),
         )
 
-    def _stream(self, way: MotionSamples, source: SetPointSource) -> StopReason | None:
+    def _stream_motion(self, way: MotionSamples, source: SetPointSource) -> StopReason | None:
         begin, answers = self._cycle + len(way), self._axes.answers
         ends = source.period_ends
-        left_out = 0  # rows of the motion that are not driven, since enough was seen
+        left_out = 0  # rows of the motion that are skipped, since the periods are enough
         held_until: int | None = None
         position = way.position[-1].tolist()
         while True:
-            lateness_s, periods = self._wake()
-            reason = self._lateness.judge(lateness_s) or self._order_to_stop()
+            lateness_s, periods = self._wait_for_cycle()
+            reason = self._lateness.judge(lateness_s) or self._find_stop_reason()
             if reason is not None:
                 return reason
             row = self._cycle - begin + left_out
-            if row in ends and self._seen_enough(ends[row]):
+            if row in ends and self._has_enough_periods(ends[row]):
                 left_out += max(ends) - row
                 row = max(ends)
             source.watch(answers.position, answers.position_counts)
             target = None
             if held_until is None:
-                target = _on_the_way(way, row) if row < 0 else source.at(row)
+                target = _approach_set_point(way, row) if row < 0 else source.at(row)
             if target is None:
                 if held_until is None:
                     held_until = self._cycle + math.ceil(HOLD_S / self._period_s)
@@ -180,15 +178,15 @@ class CyclicTask:
                     return source.stop
                 target = SetPoint(position, self._rest, self._rest, -1, Phase.HOLD)
             position = target.position
-            reason = self._move(target, lateness_s, periods)
+            reason = self._run_cycle(target, lateness_s, periods)
             if reason is not None:
                 return reason
 
-    def _seen_enough(self, periods: int) -> bool:
-        """Return whether the program has seen enough after so many whole periods.
+    def _has_enough_periods(self, periods: int) -> bool:
+        """Return True if the program needs no more than this number of whole periods.
 
-        In lock-step simulated time stands still until they are judged; else the program's latest
-        word counts, and what it says during a period ends the motion after that period.
+        In lock-step, simulated time waits until they are judged. In real time the latest judgement
+        counts; a judgement during a period ends the motion after that period.
         """
         control = self._control
         if not control.program.judging:
@@ -197,8 +195,8 @@ class CyclicTask:
             return False
         return control.program.enough
 
-    def _wake(self) -> tuple[float, int]:
-        """Sleep to the next cycle; return how late it begins [s] and how many periods passed."""
+    def _wait_for_cycle(self) -> tuple[float, int]:
+        """Wait for the next cycle; return its delay [s] and the elapsed cycle times."""
         deadline_s = self._origin_s + self._cycle * self._period_s
         self._clock.sleep_until(deadline_s)
         lateness_s = max(0.0, self._clock.now_s() - deadline_s)
@@ -207,35 +205,35 @@ class CyclicTask:
         self._unrecorded_s = lateness_s = max(lateness_s, self._unrecorded_s)
         return lateness_s, 1 + skipped
 
-    def _order_to_stop(self) -> StopReason | None:
+    def _find_stop_reason(self) -> StopReason | None:
         if (reason := self._orders.reason()) is not None:
             return reason
         if self._lockstep is None and (fill := self._ring.fill) > RING_LIMIT:
             return StopReason(
                 StopCode.RECORDER,
-                f"the recorder is behind: {fill:.0%} of its buffer waits. Check the disk",
+                f"the recorder is too slow: {fill:.0%} of its buffer is full. Check the disk",
                 value=fill,
                 limit=RING_LIMIT,
             )
         return None
 
-    def _move(self, target: SetPoint, lateness_s: float, periods: int) -> StopReason | None:
+    def _run_cycle(self, target: SetPoint, lateness_s: float, periods: int) -> StopReason | None:
         cycle = self._exchange(target, lateness_s, periods)
         self._positions.take(cycle)
         cycle.command = self._loop.velocity_command(
             target.position, target.feedforward, self._positions.position
         )
-        reason = self._supervisor.judge(cycle) or self._send(cycle)
+        reason = self._supervisor.judge(cycle) or self._send_command(cycle)
         if reason is not None:
             cycle.command = self._rest
             self._axes.quick_stop()
-        full = self._finish(cycle)
+        full = self._finish_cycle(cycle)
         if self._lockstep is not None:
             self._lockstep.wait_for_monitor(cycle.time_s)
         return reason or full
 
     def _exchange(self, target: SetPoint, lateness_s: float, periods: int) -> Cycle:
-        """Begin a cycle and take the drives' answers."""
+        """Start a cycle and receive the drives' answers."""
         axes = self._axes
         answers = axes.answers
         time_s = axes.exchange()
@@ -260,27 +258,29 @@ class CyclicTask:
             second_answers=answers.second_answers.tolist(),
         )
 
-    def _send(self, cycle: Cycle) -> StopReason | None:
-        """Send a cycle's command; at rest where no drive answered, to none of which it came."""
+    def _send_command(self, cycle: Cycle) -> StopReason | None:
+        """Send the command of a cycle; send zero velocity if no drive has answered."""
         self._velocity[:] = cycle.command
         if not any(cycle.received):
-            cycle.command = self._rest  # a bus without drives would keep it for their return
+            cycle.command = (
+                self._rest
+            )  # a bus without drives would keep a command until they return
         elif not self._axes.command(self._velocity):
             return StopReason(
-                StopCode.NOT_ENABLED, "the drives took no more commands: one is not enabled"
+                StopCode.NOT_ENABLED, "the drives accept no more commands: a drive is not enabled"
             )
         return None
 
-    def _finish(self, cycle: Cycle) -> StopReason | None:
-        """Give signs of life and record the cycle; return why a row was lost, if it was."""
+    def _finish_cycle(self, cycle: Cycle) -> StopReason | None:
+        """Send heartbeats and record the cycle; return the stop reason if the row was lost."""
         target = cycle.target
         self._axes.send_heartbeat(self._clock.now_s())
-        full = self._write(cycle)
+        full = self._record_cycle(cycle)
         self._control.task.set_progress(target.sample_index, target.phase, self._cycle)
         self._cycle += 1
         return full
 
-    def _write(self, cycle: Cycle) -> StopReason | None:
+    def _record_cycle(self, cycle: Cycle) -> StopReason | None:
         self._unrecorded_s = 0.0
         target = cycle.target
         row = CycleRow(
@@ -306,25 +306,25 @@ class CyclicTask:
             self._ring.write(row)
             return None
         full = StopReason(StopCode.RECORDER, "the recorder's buffer is full: a row was lost")
-        return self._order_to_stop() or full
+        return self._find_stop_reason() or full
 
-    def _stop(self) -> None:
+    def _quick_stop(self) -> None:
         position = self._axes.answers.position.tolist()
         here = SetPoint(position, self._rest, self._rest, -1, Phase.HOLD)
-        self._ending.come_to_rest(lambda: self._stop_cycle(here))
+        self._ending.come_to_rest(lambda: self._run_stop_cycle(here))
 
-    def _stop_cycle(self, here: SetPoint) -> tuple[float, int]:
-        """Do a cycle of a quick stop; return the time of SYNC [s] and how many periods passed."""
-        lateness_s, periods = self._wake()
+    def _run_stop_cycle(self, here: SetPoint) -> tuple[float, int]:
+        """Run one cycle of a quick stop; return its SYNC time [s] and the elapsed cycle times."""
+        lateness_s, periods = self._wait_for_cycle()
         cycle = self._exchange(here, lateness_s, periods)
         self._axes.quick_stop()
         cycle.command = self._rest
         cycle.valid = [int(received) for received in cycle.received]
-        self._finish(cycle)
+        self._finish_cycle(cycle)
         return cycle.time_s, periods
 
 
-def _on_the_way(way: MotionSamples, row: int) -> SetPoint:
+def _approach_set_point(way: MotionSamples, row: int) -> SetPoint:
     """Return the set-point of a row of the approach, counted from its end."""
     position, velocity = way.position[row].tolist(), way.velocity[row].tolist()
     return SetPoint(position, velocity, velocity, -1, Phase.APPROACH)

@@ -1,11 +1,11 @@
-"""`RecorderWords`, `MonitorWords`: what those who help the cyclic task tell the others."""
+"""`RecorderWords`, `MonitorWords`: shared memory written by recorder and drive monitor."""
 
 from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
 
-from acquisition.task.shared_block import SharedError, clipped
+from acquisition.task.shared_block import SharedError, clip_text
 from acquisition.task.states import MonitorState, RecorderState
 from config.errors import RidDaqError
 
@@ -13,7 +13,7 @@ MOST_JOINTS = 16
 
 
 class RecorderWords(ctypes.Structure):
-    """Written by the recorder."""
+    """Fields that the recorder writes."""
 
     _error: SharedError
 
@@ -21,7 +21,7 @@ class RecorderWords(ctypes.Structure):
 
     @property
     def state(self) -> RecorderState:
-        """How far the recorder has come."""
+        """State of the recorder."""
         return RecorderState(self._state)
 
     @state.setter
@@ -29,23 +29,23 @@ class RecorderWords(ctypes.Structure):
         self._state = int(state)
 
     def fail(self, error: RidDaqError) -> None:
-        """Say why the recorder cannot go on."""
+        """Report an error that ends the recorder."""
         self._error.put(error)
         self.state = RecorderState.FAILED
 
     def end(self, error: RidDaqError) -> None:
-        """Say why the motion must end; its end is still recorded, as far as it can be."""
+        """Report an error that must end the motion; the recorder continues as long as it can."""
         self._error.put(error)
         self.state = RecorderState.ENDING
 
     @property
     def error(self) -> RidDaqError | None:
-        """What `fail` or `end` said last; None where there was nothing."""
+        """Last error from `fail` or `end`; None without an error."""
         return self._error.get()
 
 
 class MonitorWords(ctypes.Structure):
-    """Written by the drive monitor; its failure also by the program where it died."""
+    """Fields that the drive monitor writes; if it dies, the program reports its failure here."""
 
     _fields_ = (
         ("_state", ctypes.c_int64),
@@ -59,7 +59,7 @@ class MonitorWords(ctypes.Structure):
 
     @property
     def state(self) -> MonitorState:
-        """How far the monitor has come."""
+        """State of the monitor."""
         return MonitorState(self._state)
 
     @state.setter
@@ -68,41 +68,41 @@ class MonitorWords(ctypes.Structure):
 
     @property
     def working(self) -> bool:
-        """Whether it is about to ask, or asking."""
+        """True while the monitor starts or polls."""
         return self.state in (MonitorState.STARTING, MonitorState.POLLING)
 
     @property
     def rounds(self) -> int:
-        """How many of the rounds that the task asked for are in the file."""
+        """Number of requested rounds that are in the file."""
         return int(self._rounds)
 
     def count_round(self) -> None:
-        """Say that a round is in the file."""
+        """Report that a requested round is in the file."""
         self._rounds += 1
 
     def show_temperatures(self, temperature_k: Sequence[float], problems: Sequence[str]) -> None:
-        """Show the latest temperatures [K], and why some are missing."""
+        """Report the latest temperatures [K], and the reasons for missing ones."""
         self._temperature_k[: len(temperature_k)] = temperature_k
         self._seen = 1
         if problems:
             self._problems += len(problems)
-            self._problem = clipped(problems[-1], 1023)
+            self._problem = clip_text(problems[-1], 1023)
 
     def temperatures(self, joints: int) -> tuple[float, ...]:
-        """Return the latest temperatures of so many joints [K]; none before the first round."""
+        """Return the latest temperatures of the joints [K]; empty before the first round."""
         return tuple(self._temperature_k[:joints]) if self._seen else ()
 
     def fail(self, error: RidDaqError) -> None:
-        """Say why the monitor cannot go on."""
+        """Report an error that ends the monitor."""
         self._error.put(error)
         self.state = MonitorState.FAILED
 
     @property
     def note(self) -> str:
-        """What went wrong, in a sentence; empty where all is well."""
+        """Description of the monitor's problems, in one sentence; empty without problems."""
         if self.state is MonitorState.FAILED:
-            return f"no temperatures from here on: {self._error.get()}"
+            return f"no more temperatures are recorded: {self._error.get()}"
         if not self._problems:
             return ""
         times, last = self._problems, self._problem.decode(errors="replace")
-        return f"drives did not tell their temperature {times} times; the last time: {last}"
+        return f"drives did not report their temperature {times} times; last problem: {last}"

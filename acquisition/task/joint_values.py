@@ -1,4 +1,4 @@
-"""`JointValues`: what the latest cycles measured, against what is allowed; for people to watch."""
+"""`JointValues`: measured values of the latest cycles relative to their limits, for displays."""
 
 from __future__ import annotations
 
@@ -17,17 +17,18 @@ WINDOW_S = 0.05
 
 @dataclass(frozen=True)
 class JointValues:
-    """The joints in the latest cycle; arrays of length joints.
+    """Values of the joints in the latest cycle; arrays of length joints.
 
     Attributes:
-        time_s: SYNC of the cycle, on the cyclic task's clock [s].
-        position, velocity: Measured [rad or m, and per second]; velocity over the last `WINDOW_S`.
-        torque: Measured [N m or N].
-        torque_share: Its greatest size over the joint's limit, 1 at the limit, within `WINDOW_S`.
-        following_error: Set-point less position [rad or m].
-        following_error_share: Its greatest size over what the supervisor allows at the set-point's
-            speed, 1 at the limit, within `WINDOW_S`.
-        valid: Whose drive answered plausibly; else its old values are shown.
+        time_s: Time of the cycle's SYNC on the cyclic task's clock [s].
+        position, velocity: Measured position [rad or m], and mean velocity over the last `WINDOW_S`
+            [rad/s or m/s].
+        torque: Measured torque [N m or N].
+        torque_share: Largest absolute torque within `WINDOW_S`, divided by the joint's limit.
+        following_error: Set-point minus position [rad or m].
+        following_error_share: Largest absolute following error within `WINDOW_S`, divided by the
+            supervisor's limit at the set-point's speed.
+        valid: True if the joint's drive answered plausibly; else the values are old.
     """
 
     time_s: float
@@ -41,10 +42,10 @@ class JointValues:
 
 
 class JointWatch:
-    """Looks at the rows that pass through the ring, without taking any.
+    """Reads the latest rows of the ring without removing them.
 
     Args:
-        ring: Between cyclic task and recorder.
+        ring: Ring between cyclic task and recorder.
         cell, robot: Cycle time and limits.
     """
 
@@ -56,7 +57,7 @@ class JointWatch:
         self._rules = cell.supervision
 
     def look(self) -> JointValues | None:
-        """Return the latest cycle's values; None before the first."""
+        """Return the values of the latest cycle; None before the first."""
         rows = np.frombuffer(self._ring.latest(self._rows), dtype=self._dtype)
         if not len(rows):
             return None

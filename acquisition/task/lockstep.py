@@ -1,4 +1,4 @@
-"""`Lockstep`: what simulated time stands still for, whatever the computer's speed."""
+"""`Lockstep`: waits of simulated time for other processes, at any speed of the computer."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ PAUSE_S = 0.001
 
 
 class Lockstep:
-    """Waits, a limited time, for the processes beside the cyclic task.
+    """Waits of the cyclic task for other processes; each wait has a timeout.
 
     Args:
-        control: Between the task and the others.
-        ring: Takes a row a cycle.
-        cell: Cycle time, and the drive monitor's period where it has one.
-        stopped: Whether somebody has ordered a stop: then nothing is waited for.
+        control: State of the motion's processes.
+        ring: Receives one row per cycle.
+        cell: Cycle time, and the period of the drive monitor if there is one.
+        stopped: Returns True if a stop was ordered: then the waits end.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class Lockstep:
         self._asked_s = -math.inf
 
     def wait_for_room(self) -> bool:
-        """Wait until the recorder has made room in the ring; return whether it has."""
+        """Wait until the ring has room; return False on a failure or timeout."""
         control = self._control
         until_s = time.monotonic() + RECORDER_PATIENCE_S
         while time.monotonic() < until_s:
@@ -53,23 +53,23 @@ class Lockstep:
         return False
 
     def wait_for_judgement(self, periods: int) -> bool:
-        """Wait until so many whole periods have been judged; return False where a stop ends it."""
+        """Wait until `periods` whole periods are judged; return False if a stop ends the wait."""
         control = self._control
         until_s = time.monotonic() + JUDGE_PATIENCE_S
         while control.program.periods_judged < periods and time.monotonic() < until_s:
             if self._stopped():
                 return False
-            control.task.give_sign_of_life()  # a task may not be silent for so long
+            control.task.count_heartbeat()  # a task without heartbeats would be killed
             time.sleep(PAUSE_S)
         return True
 
     def wait_for_monitor(self, time_s: float) -> None:
-        """Have the drives asked for a simulated time [s], where a period of the monitor is over."""
+        """Request temperatures for a simulated time [s] if the monitor's period has passed."""
         if not self._monitored or time_s < self._asked_s + self._least_s:
             return
         control = self._control
         self._asked_s = time_s
-        asked = control.task.ask_round(time_s)
+        asked = control.task.request_round(time_s)
         until_s = time.monotonic() + MONITOR_PATIENCE_S
         while control.monitor.rounds < asked and time.monotonic() < until_s:
             polls = control.monitor.working

@@ -1,4 +1,4 @@
-"""`PositionLoop`: the position controller in this computer, around the drives' velocity loops."""
+"""`PositionLoop`: position controller of this computer, around the drives' velocity loops."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ class PositionLoop:
 
     Attributes:
         gain_per_s: K_v [1/s].
-        velocity_limit: Length joints. No command exceeds it [rad/s or m/s]; the limit is on what is
-            sent, while the supervisor trips on what is measured.
+        velocity_limit: Length joints. Largest command [rad/s or m/s]; commands are clip_text to it,
+            while the supervisor checks measured velocities.
     """
 
     gain_per_s: float
@@ -27,17 +27,19 @@ class PositionLoop:
     def __post_init__(self) -> None:
         if not (math.isfinite(self.gain_per_s) and self.gain_per_s > 0.0):
             raise ConfigError(
-                f"position loop: gain_per_s must be positive: {self.gain_per_s}",
+                f"position loop: invalid gain_per_s {self.gain_per_s}: give a positive value",
                 code="RID-CELL-VALUE",
             )
         if not all(limit > 0.0 for limit in self.velocity_limit):
             raise ConfigError(
-                f"position loop: a velocity limit is not positive: {self}", code="RID-CELL-VALUE"
+                f"position loop: invalid velocity limits {self.velocity_limit}: give positive"
+                " values",
+                code="RID-CELL-VALUE",
             )
 
     @classmethod
     def of_cell(cls, cell: CellConfig, robot: RobotDescription) -> PositionLoop:
-        """Return the loop with the cell's gain and the robot's limits plus the allowed margin."""
+        """Return the loop with the cell's gain and the robot's limits plus the permitted margin."""
         margin = 1.0 + cell.supervision.limit_margin_fraction
         return cls(
             cell.position_gain_per_s,
@@ -52,7 +54,7 @@ class PositionLoop:
     ) -> list[float]:
         """Return q̇_cmd = K_v (q_d − q) + q̇_ff, within the limits (theory: section 12).
 
-        A command that is not a number stays one, for the supervisor to refuse.
+        A command that is NaN stays NaN; the supervisor refuses it.
 
         Args:
             target_position, target_velocity, position: Length joints. q_d, q̇_ff and q [rad or m,

@@ -1,4 +1,4 @@
-"""The process that the cyclic task runs in, alone."""
+"""`run_cyclic_task`: main function of the process of the cyclic task."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from acquisition.motion.known_pose import KnownPose
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.cyclic_task import CyclicTask
 from acquisition.task.lockstep import PAUSE_S, RECORDER_PATIENCE_S
-from acquisition.task.realtime import become_realtime, freeze_garbage
+from acquisition.task.realtime import disable_garbage_collection, request_realtime
 from acquisition.task.ring import Ring
 from acquisition.task.service_beat import ServiceBeat
 from acquisition.task.set_points import SetPointSource
@@ -31,12 +31,12 @@ from drivers.settings.write_log import WriteLog
 
 
 @dataclass(frozen=True)
-class Ordering:
-    """Who has ordered a motion, and without whom it stops.
+class MotionOwner:
+    """Processes without which a motion must stop.
 
     Attributes:
         parent: Process id of the program.
-        service: Signs of life of the service that has ordered the motion, if one has.
+        service: Heartbeat of the service that ordered the motion, if any.
     """
 
     parent: int
@@ -50,21 +50,21 @@ def run_cyclic_task(
     ring: Ring,
     control: ControlBlock,
     drive_writes: Path,
-    ordering: Ordering,
+    owner: MotionOwner,
     pose: KnownPose | None = None,
 ) -> None:
-    """Run the cyclic task; the main function of its process.
+    """Run the cyclic task; main function of its process.
 
-    Signals are ignored: the program asks for a stop through `control`. When the program is
-    gone the motion is stopped all the same; before the drives have power they get none any more.
+    Signals are ignored: the program requests a stop through `control`. If the program is gone, the
+    motion stops; if the drives are not enabled yet, they are not enabled any more.
 
     Args:
         cell, robot: The cell and its robot.
         source: The motion.
         ring, control: Shared with recorder and program.
-        drive_writes: Where what is written to the drives is kept.
-        ordering: Who has ordered the motion.
-        pose: Where the robot was seen last.
+        drive_writes: File of the write log.
+        owner: Processes without which the motion must stop.
+        pose: Last known pose of the robot.
     """
     leave_terminal()
     set_process_name(ProcessName.TASK)
@@ -72,21 +72,21 @@ def run_cyclic_task(
     axes: CanServoAxes | None = None
 
     def orphaned() -> bool:
-        return os.getppid() != ordering.parent
+        return os.getppid() != owner.parent
 
-    orders = StopOrders(control, orphaned, ordering.service)
+    orders = StopOrders(control, orphaned, owner.service)
     try:
-        _await_recorder(control, orders)
+        _wait_for_recorder(control, orders)
         source.prepare()
         log = WriteLog(drive_writes, durable=not cell.simulated)
-        with open_cell(cell, robot, log, stopped=orders.given) as opened:
+        with open_cell(cell, robot, log, stopped=orders.is_stop_ordered) as opened:
             lockstep = not isinstance(opened.clock, MonotonicClock)
             axes = opened.axes
             axes.bring_up()
             prove_watches(opened.axes, opened.clock, cell)
-            freeze_garbage()
+            disable_garbage_collection()
             if not lockstep:
-                for note in become_realtime():
+                for note in request_realtime():
                     control.task.add_note(note)
             opened.axes.start()
             if pose is not None:
@@ -117,11 +117,11 @@ def run_cyclic_task(
         control.task.state = TaskState.FINISHED
 
 
-def _await_recorder(control: ControlBlock, orders: StopOrders) -> None:
-    """Wait until the recorder has its file: nothing is moved that is not recorded."""
+def _wait_for_recorder(control: ControlBlock, orders: StopOrders) -> None:
+    """Wait until the recorder has opened its file; otherwise the motion must not begin."""
     until_s = time.monotonic() + RECORDER_PATIENCE_S
     while control.recorder.state is RecorderState.STARTING:
-        if orders.given():
+        if orders.is_stop_ordered():
             break
         if time.monotonic() > until_s:
             raise RecordingError(

@@ -1,4 +1,4 @@
-"""`ProgramWords`: what the program tells the processes of a motion."""
+"""`ProgramWords`: shared memory that the program writes for the processes of a motion."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from acquisition.supervision.stop_reason import StopCode
 
 
 class ProgramWords(ctypes.Structure):
-    """Written by the program; a request to stop also by the live page and by `rid-daq stop`."""
+    """Fields that the program writes; live page and `rid-daq stop` also write stop requests."""
 
     _stop_code: int
 
@@ -22,53 +22,53 @@ class ProgramWords(ctypes.Structure):
     )
 
     def request_stop(self, code: StopCode) -> None:
-        """Ask the task to stop; the first request counts. Safe in a signal handler."""
+        """Request a stop of the task; the first request counts. Safe in a signal handler."""
         if not self._stop_code:
             self._stop_code = int(code)
 
     @property
     def stop_code(self) -> int:
-        """`StopCode` of the request to stop, 0 where there is none."""
+        """`StopCode` of the stop request; 0 without a request."""
         return int(self._stop_code)
 
     def declare_task_gone(self) -> None:
-        """Tell the recorder that no more rows will come."""
+        """Report to the recorder that no more rows will come."""
         self._task_gone = 1
 
     @property
     def task_gone(self) -> bool:
-        """Whether the program has seen that the task has ended."""
+        """True if the program has detected the end of the task."""
         return bool(self._task_gone)
 
-    def judge_periods(self) -> None:
+    def announce_judgement(self) -> None:
         """Announce, before the motion, that each period will be judged (`judge`)."""
         self._judging = 1
 
     @property
     def judging(self) -> bool:
-        """Whether the program judges each period."""
+        """True if the program judges each period."""
         return bool(self._judging)
 
     def judge(self, periods: int, enough: bool) -> None:
-        """Say that so many periods have been judged, and whether they are enough."""
+        """Report the number of judged periods, and True if they are enough."""
         self._enough = int(enough)
         self._periods_judged = periods
 
     @property
     def periods_judged(self) -> int:
-        """How many periods have been judged."""
+        """Number of judged periods."""
         return int(self._periods_judged)
 
     @property
     def enough(self) -> bool:
-        """Whether those are enough."""
+        """True if the judged periods are enough."""
         return bool(self._enough)
 
     def announce_monitor(self, joints: int) -> None:
-        """Say, before the motion, that the drives of so many joints are asked for temperatures."""
+        """Announce, before the motion, the number of joints whose temperatures are read."""
         self._monitored = joints
 
     @property
     def monitored(self) -> int:
-        """Of how many joints the drives are asked for temperatures; 0: of none."""
+        """Number of joints whose drive temperatures are read; 0 without a monitor."""
         return int(self._monitored)

@@ -1,4 +1,4 @@
-"""What a process asks of the operating system to keep a cycle."""
+"""Operating system settings for a process with a fixed cycle time."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from pathlib import Path
 SCHEDULER_PRIORITY = 20
 
 PROCESSOR_LATENCY = Path("/dev/cpu_dma_latency")
-"""Who holds this file open says how long a processor may take to wake up [us, int32]."""
+"""A process that holds this file open limits the wake-up time of the processors [us, int32]."""
 
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 _PR_SET_TIMERSLACK = 29
 
 
-def freeze_garbage() -> None:
-    """Keep the garbage collector out of the loop: a full collection takes up to 90 ms."""
+def disable_garbage_collection() -> None:
+    """Disable the garbage collector for the loop: a full collection takes up to 90 ms."""
     gc.collect()
     gc.freeze()
     gc.disable()
 
 
-def become_realtime() -> tuple[str, ...]:
-    """Ask for memory that is never paged out, exact timers, real-time scheduling, no deep idle.
+def request_realtime() -> tuple[str, ...]:
+    """Request locked memory, exact timers, real-time scheduling and no deep CPU idle states.
 
     Returns:
-        What was refused, one sentence each: timing is then best effort.
+        One sentence for each refused request; the timing is then best effort.
     """
     refused = []
     libc = ctypes.CDLL(None, use_errno=True)
@@ -51,15 +51,15 @@ def become_realtime() -> tuple[str, ...]:
 
 
 def keep_processors_awake(latency: Path) -> str | None:
-    """Disable deep CPU idle states until this process ends: waking up takes time.
+    """Disable deep CPU idle states until this process ends: leaving such a state takes time.
 
     Source: Linux kernel, Documentation/power/pm_qos_interface.rst.
 
     Args:
-        latency: `PROCESSOR_LATENCY`; kept open, since the wish ends when it is closed.
+        latency: `PROCESSOR_LATENCY`; it is kept open, since the request ends when it is closed.
 
     Returns:
-        What was refused, a sentence; None also where the kernel has no such file.
+        A sentence if the request was refused; None on success or if the kernel has no such file.
     """
     try:
         os.write(os.open(latency, os.O_WRONLY | os.O_CLOEXEC), bytes(4))
@@ -68,6 +68,6 @@ def keep_processors_awake(latency: Path) -> str | None:
     except OSError as error:
         return (
             f"processors may enter deep idle states between cycles ({latency}: {error.strerror});"
-            " let this user write to it"
+            " give this user write access to the file"
         )
     return None

@@ -1,10 +1,9 @@
-"""`Ring`: rows from the cyclic task to the recorder, through shared memory, without a lock.
+"""`Ring`: lock-free ring of rows in shared memory, from the cyclic task to the recorder.
 
 One process writes and one reads. Each counter has one writer and is stored with one aligned 64-bit
-store after the bytes that it announces, so no lock is needed (on x86-64, whose stores stay in
-order). The memory has no name that could outlive a killed process; another program of the
-same user finds it all the same, as it finds the control block, and looks at the latest rows without
-taking any.
+store after the bytes that it announces. Therefore no lock is needed on x86-64, which keeps stores
+in order. The memory has no name and cannot outlive its processes. Another program of the same user
+can still find it, as it finds the control block, and read the latest rows without removing them.
 """
 
 from __future__ import annotations
@@ -18,19 +17,19 @@ from acquisition.journal.cycle_row import MAX_JOINTS, row_struct
 from acquisition.task.shared_memory import SharedMemory
 from config.errors import RecordingError
 
-_LABEL = "rid-daq-ring-1"  # counted up where the layout changes, that of a row included
+_LABEL = "rid-daq-ring-1"  # increase the number if the layout of header or row changes
 _WRITTEN, _READ, _JOINTS, _CAPACITY, _MADE_NS = 0, 8, 16, 17, 18  # 64-bit words: three cache lines
 _HEADER_BYTES = 192
 
 
 class Ring:
-    """Rows in shared memory; made by `create`, handed to the processes as an argument.
+    """Ring of rows in shared memory; `create` makes it, processes receive it as an argument.
 
     Args:
-        memory: A header that says the joints of a row and how many rows there are, and the rows.
+        memory: A header with the number of joints and rows, followed by the rows.
 
     Raises:
-        RecordingError: The memory's size is not what its header says.
+        RecordingError: Size and header of the memory do not match.
     """
 
     def __init__(self, memory: SharedMemory) -> None:
@@ -41,23 +40,25 @@ class Ring:
         self.capacity = self._counters[_CAPACITY]
         if not 1 <= self.joints <= MAX_JOINTS:
             raise RecordingError(
-                f"ring: {self.joints} joints; give 1 to {MAX_JOINTS}", code="RID-INTERNAL-ERROR"
+                f"ring: invalid number of joints {self.joints}: give 1 to {MAX_JOINTS}",
+                code="RID-INTERNAL-ERROR",
             )
         layout = row_struct(self.joints)
         self.row_size = layout.size
         if self.capacity < 1 or len(view) != _HEADER_BYTES + self.capacity * self.row_size:
             raise RecordingError(
-                f"ring: {len(view)} bytes for {self.capacity} rows", code="RID-INTERNAL-ERROR"
+                f"ring: {len(view)} bytes do not match {self.capacity} rows",
+                code="RID-INTERNAL-ERROR",
             )
         self._rows = view[_HEADER_BYTES:]
         self._pack_into = layout.pack_into
 
     @classmethod
     def create(cls, joints: int, capacity: int) -> Ring:
-        """Return an empty ring in fresh shared memory."""
+        """Return an empty ring in new shared memory."""
         if capacity < 1:
             raise RecordingError(
-                f"ring: capacity {capacity} rows; give 1 or more", code="RID-INTERNAL-ERROR"
+                f"ring: invalid capacity {capacity} rows: give 1 or more", code="RID-INTERNAL-ERROR"
             )
         size = _HEADER_BYTES + capacity * row_struct(joints).size
         memory = SharedMemory.create(_LABEL, size)
@@ -68,18 +69,18 @@ class Ring:
 
     @classmethod
     def of_process(cls, pid: int) -> Ring | None:
-        """Return the newest ring that another process has, to be looked at only; None without one.
+        """Return the newest ring of another process, for reading; None if there is none.
 
-        It is there until that process gives it up, and shows its last rows as long as it is held
-        here. Only `latest` and the counters are for such a ring: it cannot be written to or read
-        from.
+        The ring shows its last rows as long as this object exists, even after the end of that
+        process. Use only `latest` and the counters of such a ring: it cannot be written, and its
+        rows cannot be removed.
 
         Raises:
-            PermissionError: The process is not this user's.
+            PermissionError: The process belongs to another user.
         """
         rings = []
         for memory in SharedMemory.of_process(pid, _LABEL, writable=False):
-            with contextlib.suppress(RecordingError):  # it is being made just now
+            with contextlib.suppress(RecordingError):  # it is being created
                 rings.append(cls(memory))
         return max(rings, key=lambda ring: ring._counters[_MADE_NS], default=None)
 
@@ -88,27 +89,27 @@ class Ring:
 
     @property
     def written(self) -> int:
-        """Rows written since the start."""
+        """Number of rows written since the start."""
         return self._counters[_WRITTEN]
 
     @property
     def waiting(self) -> int:
-        """Rows written and not read yet."""
+        """Number of rows that were written and not read yet."""
         return self._counters[_WRITTEN] - self._counters[_READ]
 
     @property
     def fill(self) -> float:
-        """Part of the ring that waits to be read, 0 to 1."""
+        """Share of the ring that waits to be read, 0 to 1."""
         return self.waiting / self.capacity
 
     def write(self, values: tuple[Any, ...]) -> bool:
-        """Write one row; the writer's side.
+        """Write one row; for the writer.
 
         Args:
-            values: The row's fields in the order of `row_dtype`, arrays spread out.
+            values: Fields of the row in the order of `row_dtype`, with arrays expanded.
 
         Returns:
-            False where the ring is full: the row is not written and nothing is overwritten.
+            False if the ring is full: the row is not written and nothing is overwritten.
         """
         counters = self._counters
         written = counters[_WRITTEN]
@@ -119,10 +120,10 @@ class Ring:
         return True
 
     def read(self, limit: int = 4096) -> bytes:
-        """Take up to `limit` waiting rows; the reader's side.
+        """Return and remove up to `limit` waiting rows; for the reader.
 
         Returns:
-            Whole rows, oldest first; empty where none waits.
+            Whole rows, oldest first; empty if no row waits.
         """
         counters = self._counters
         start = counters[_READ]
@@ -135,11 +136,11 @@ class Ring:
         return rows
 
     def latest(self, limit: int) -> bytes:
-        """Return up to `limit` of the rows last written, without taking them; for observers.
+        """Return up to `limit` of the last written rows, without removing them; for observers.
 
         Returns:
-            Whole rows, oldest first; empty where there is none, or where the writer came round
-            while they were copied.
+            Whole rows, oldest first; empty if there is no row, or if the writer has overwritten
+            them during the copy.
         """
         counters = self._counters
         end = counters[_WRITTEN]

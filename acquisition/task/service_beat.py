@@ -1,4 +1,4 @@
-"""`ServiceBeat`: signs of life of the service that has ordered a motion, and the motion's lease."""
+"""`ServiceBeat`: heartbeat of the service that ordered a motion, and the end of its lease."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from acquisition.task.shared_block import SharedBlock
 from acquisition.task.shared_memory import SharedMemory
 
 SERVICE_LIMIT_S: Final = 3.0
-"""How long the service may give no sign of life before what it has ordered stops [s]."""
+"""Largest age of the service's heartbeat before its motion stops [s]."""
 
-CLIENT_LOST_TEXT: Final = "stopped because its client is out of reach"
+CLIENT_LOST_TEXT: Final = "stopped because the motion's client is out of reach"
 
 
 class _Words(ctypes.Structure):
@@ -20,9 +20,10 @@ class _Words(ctypes.Structure):
 
 
 class ServiceBeat(SharedBlock):
-    """Written by the service's event loop, so that one that is blocked counts as hung.
+    """Shared memory that the service's event loop writes; a blocked event loop counts as hung.
 
-    Times are of the safety clock. Whoever moves a robot for the service looks at it in every cycle.
+    Times are those of the safety clock. A process that moves a robot for the service checks it in
+    every cycle.
     """
 
     LABEL = "rid-daq-service-1"
@@ -30,34 +31,34 @@ class ServiceBeat(SharedBlock):
 
     @classmethod
     def inherited(cls, descriptor: int) -> Self:
-        """Return the block behind a descriptor that this process was started with."""
+        """Return the block of an inherited file descriptor."""
         return cls(SharedMemory(descriptor))
 
     @property
     def descriptor(self) -> int:
-        """The descriptor of its memory, for a process that is started."""
+        """File descriptor of the memory, for a process that is started."""
         return self._memory.descriptor
 
-    def give(self, now_s: float, lease_end_s: float) -> None:
-        """Give a sign of life.
+    def write(self, now_s: float, lease_end_s: float) -> None:
+        """Write a heartbeat.
 
         Args:
-            now_s: The time [s].
-            lease_end_s: When the lease of the motion ends; infinity for what may go on without its
+            now_s: Present time [s].
+            lease_end_s: End of the motion's lease; infinity if the motion may continue without its
                 client [s].
         """
         self._words.lease_end_s = lease_end_s
         self._words.beat_s = now_s
 
     def reason(self, now_s: float) -> StopReason | None:
-        """Return why what the service has ordered must stop now; None if it may go on."""
+        """Return the reason for which the ordered motion must stop; None if it may continue."""
         silent_s = now_s - self._words.beat_s
         if silent_s > SERVICE_LIMIT_S:
             return StopReason(
                 StopCode.SERVICE_LOST,
-                f"the service has given no sign of life for {silent_s:.1f} s;"
-                f" {SERVICE_LIMIT_S:g} s are allowed. It hangs or was suspended: see its log and"
-                " the computer's load",
+                f"the service has sent no heartbeat for {silent_s:.1f} s (limit"
+                f" {SERVICE_LIMIT_S:g} s): it hangs or was suspended. Check its log and the load"
+                " of the computer",
                 value=silent_s,
                 limit=SERVICE_LIMIT_S,
             )

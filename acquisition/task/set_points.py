@@ -1,4 +1,4 @@
-"""`SetPointSource`: where the cyclic task takes its set-points from, one a cycle."""
+"""`SetPointSource`: source of the cyclic task's set-points, one per cycle."""
 
 from __future__ import annotations
 
@@ -17,36 +17,36 @@ from config.arrays import FloatArray
 
 
 class SetPointSource(Protocol):
-    """A motion that the cyclic task asks for row by row; it is handed to the task's process."""
+    """A motion that the cyclic task reads row by row, in the process of the task."""
 
     @property
     @abstractmethod
     def samples_per_period(self) -> int | None:
-        """Rows of one period where the motion is periodic."""
+        """Number of rows of one period; None if the motion is not periodic."""
 
     @property
     @abstractmethod
     def rows_expected(self) -> int:
-        """How many rows there may be, to see that there is room to record them."""
+        """Largest expected number of rows, to check the disk space."""
 
     @property
     @abstractmethod
     def period_ends(self) -> Mapping[int, int]:
-        """Rows at which so many periods are over; see `period_ends`. Empty if not periodic."""
+        """Number of complete periods at each row that ends one; empty if not periodic."""
 
     @property
     @abstractmethod
     def stop(self) -> StopReason | None:
-        """Why the motion was over before its end; None where it came to its end."""
+        """Reason for which the motion ended early; None if it reached its end."""
 
     @property
     @abstractmethod
     def notes(self) -> Sequence[str]:
-        """What a person should know once the motion is over, one sentence each."""
+        """Notes for the user after the motion, one sentence each."""
 
     @abstractmethod
     def prepare(self) -> None:
-        """Get ready, in the task's process and before the drives are spoken to: may take its time.
+        """Prepare the motion in the task's process, before the drives are accessed; may be slow.
 
         Raises:
             RidDaqError: There is nothing to drive.
@@ -54,34 +54,34 @@ class SetPointSource(Protocol):
 
     @abstractmethod
     def begin(self, lockstep: bool, position: FloatArray) -> FloatArray:
-        """Return the pose to begin at, at rest; called before power, and quick.
+        """Return the start pose, at rest; called before the drives are enabled; must be fast.
 
         Args:
-            lockstep: Whether time stands still while the task works.
-            position: Shape (joints,). Where the robot stands [rad or m].
+            lockstep: True if time stands still while the task works.
+            position: Shape (joints,). Present position of the robot [rad or m].
         """
 
     @abstractmethod
     def watch(self, position: FloatArray, counts: NDArray[np.int32]) -> None:
-        """Be told where the robot is: once a cycle, the way to the motion's start included.
+        """Receive the measured position, once per cycle and also during the approach.
 
         Args:
-            position: Shape (joints,). As of the last SYNC [rad or m]; changed in place afterwards.
-            counts: Shape (joints,). As the drives sent it; changed in place, too.
+            position: Shape (joints,). Position at the last SYNC [rad or m]; the array is reused.
+            counts: Shape (joints,). Position as sent by the drives; the array is reused.
         """
 
     @abstractmethod
     def at(self, row: int) -> SetPoint | None:
         """Return the set-point of a row; None once the motion is over and the robot may rest.
 
-        Rows are asked for in rising order, from 0. One is left out for every cycle that was
-        overrun: the answer is the motion's at that time, not what was left out.
+        Rows are requested in increasing order, from 0. A row is skipped for each overrun cycle: the
+        result is the set-point of the motion at that time.
         """
 
 
 @dataclass(frozen=True)
 class PlannedMotion:
-    """A motion that is known from end to end: the simplest source.
+    """The simplest source: a motion that is completely planned.
 
     Attributes:
         samples: The motion.
@@ -91,41 +91,41 @@ class PlannedMotion:
 
     @property
     def samples_per_period(self) -> int | None:
-        """Rows of one period where the motion is periodic."""
+        """Number of rows of one period; None if the motion is not periodic."""
         return self.samples.samples_per_period
 
     @property
     def rows_expected(self) -> int:
-        """The motion's rows."""
+        """Number of rows of the motion."""
         return len(self.samples)
 
     @property
     def period_ends(self) -> Mapping[int, int]:
-        """Rows at which so many periods are over."""
+        """Number of complete periods at each row that ends one."""
         return self.samples.period_ends
 
     @property
     def stop(self) -> StopReason | None:
-        """None: it always comes to its end."""
+        """None: a planned motion always reaches its end."""
         return None
 
     @property
     def notes(self) -> Sequence[str]:
-        """Nothing."""
+        """No notes."""
         return ()
 
     def prepare(self) -> None:
         """Do nothing."""
 
     def begin(self, lockstep: bool, position: FloatArray) -> FloatArray:
-        """Return the first row's pose."""
+        """Return the pose of the first row."""
         return np.asarray(self.samples.position[0])
 
     def watch(self, position: FloatArray, counts: NDArray[np.int32]) -> None:
-        """Do nothing: what is planned does not ask where the robot is."""
+        """Do nothing: a planned motion does not depend on the measured position."""
 
     def at(self, row: int) -> SetPoint | None:
-        """Return a row of the motion, None after the last."""
+        """Return a row of the motion; None after the last row."""
         samples = self.samples
         if row >= len(samples):
             return None

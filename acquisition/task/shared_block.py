@@ -1,4 +1,4 @@
-"""`SharedBlock`: words that processes share; `SharedError`: an error on its way to another one."""
+"""`SharedBlock`: structure in memory that processes share; `SharedError`: an error in it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from config.errors import DriverError, RidDaqError
 
 
 class SharedError(ctypes.Structure):
-    """The error that ended a process, on its way to another one; a part of a block's words."""
+    """Error that ended a process, as a part of a shared block, for another process."""
 
     _fields_ = (
         ("_there", ctypes.c_int64),
@@ -22,14 +22,14 @@ class SharedError(ctypes.Structure):
     )
 
     def put(self, error: RidDaqError) -> None:
-        """Write an error, or a later one over it."""
-        self._kind = clipped(type(error).__name__, 63)
-        self._refusal = clipped(error.refusal, 63)
-        self._text = clipped(str(error), 4095)
+        """Write an error; it replaces an earlier one."""
+        self._kind = clip_text(type(error).__name__, 63)
+        self._refusal = clip_text(error.refusal, 63)
+        self._text = clip_text(str(error), 4095)
         self._there = 1
 
     def get(self) -> RidDaqError | None:
-        """Return it as what it was; None where there is none."""
+        """Return the error with its class and code; None if there is none."""
         if not self._there:
             return None
         kind = getattr(errors, self._kind.decode(errors="replace"), DriverError)
@@ -40,13 +40,13 @@ class SharedError(ctypes.Structure):
 
 
 class SharedBlock:
-    """Words in memory that processes share; made by `create`, handed to them as an argument.
+    """Structure in shared memory; `create` makes it, processes receive it as an argument.
 
     Args:
-        memory: As large as the words.
+        memory: Memory with the size of the structure.
 
     Attributes:
-        LABEL: Says what is in the memory, and in which layout: counted up where that changes.
+        LABEL: Name and version of the layout; the version increases if the layout changes.
         WORDS: The layout.
     """
 
@@ -59,7 +59,7 @@ class SharedBlock:
 
     @classmethod
     def create(cls) -> Self:
-        """Return a cleared block in fresh shared memory."""
+        """Return a block of zeros in new shared memory."""
         return cls(SharedMemory.create(cls.LABEL, ctypes.sizeof(cls.WORDS)))
 
     @classmethod
@@ -67,7 +67,7 @@ class SharedBlock:
         """Yield the blocks of this kind that another process has, the newest first.
 
         Raises:
-            PermissionError: The process is not this user's.
+            PermissionError: The process belongs to another user.
         """
         for memory in SharedMemory.of_process(pid, cls.LABEL, ctypes.sizeof(cls.WORDS)):
             yield cls(memory)
@@ -76,6 +76,6 @@ class SharedBlock:
         return type(self), (self._memory,)
 
 
-def clipped(text: str, size: int) -> bytes:
-    """Return a text as at most `size` bytes, for a word that ends with a zero."""
+def clip_text(text: str, size: int) -> bytes:
+    """Return a text as at most `size` bytes, without zero bytes, for a zero-terminated field."""
     return text.encode().replace(b"\0", b"?")[:size].decode(errors="ignore").encode()

@@ -1,7 +1,7 @@
-"""`SharedMemory`: memory of several processes that has no name and is gone with the last of them.
+"""`SharedMemory`: anonymous memory of several processes, freed with the last of them.
 
-Another program of the same user can find it all the same, through a process that has it: that is
-how `rid-daq stop` reaches a motion without asking the program that may be too busy to answer.
+Another program of the same user can still find it through a process that has it. Therefore `rid-daq
+stop` reaches a motion even if the program is too busy to answer.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from typing import Any
 
 
 class SharedMemory:
-    """Zeroed memory behind a file descriptor; handed to spawned processes as an argument.
+    """Memory behind a file descriptor, initially zero; spawned processes receive it as an argument.
 
     Args:
-        descriptor: Of a memory file; it is closed with this object.
-        writable: Whether its bytes may be changed through this object.
+        descriptor: Descriptor of a memory file; it is closed with this object.
+        writable: True if this object may change the memory.
     """
 
     def __init__(self, descriptor: int, writable: bool = True) -> None:
@@ -35,17 +35,17 @@ class SharedMemory:
 
     @property
     def descriptor(self) -> int:
-        """The file descriptor; it is this object's."""
+        """File descriptor, owned by this object."""
         return self._descriptor
 
     @classmethod
     def create(cls, label: str, size: int) -> SharedMemory:
-        """Return fresh memory of `size` bytes; `label` says to other programs what it is.
+        """Return new memory of `size` bytes; `label` identifies it to other programs.
 
-        All of it is there at once, so that no page is waited for when it is first written to.
+        All pages are allocated at once, so that the first write to a page causes no delay.
 
         Raises:
-            OSError: There is not so much memory.
+            OSError: There is not enough memory.
         """
         descriptor = os.memfd_create(label, os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
         try:
@@ -60,18 +60,19 @@ class SharedMemory:
     def of_process(
         cls, pid: int, label: str, size: int | None = None, writable: bool = True
     ) -> Iterator[SharedMemory]:
-        """Yield what another process has of this label, the last descriptor first.
+        """Yield the memories with this label of another process, the last descriptor first.
 
-        Memory that its owner could still shrink is left out: who reads beyond its end is killed.
+        Memory whose owner could still shrink it is skipped: reading beyond its end would kill this
+        process.
 
         Args:
-            pid: The process.
-            label: As at `create`.
-            size: What has another size is left out; None for any.
-            writable: Whether its bytes are to be changed.
+            pid: Id of the process.
+            label: Label passed to `create`.
+            size: Memory of another size is skipped; None accepts any size.
+            writable: True to change the memory.
 
         Raises:
-            PermissionError: The process is not this user's.
+            PermissionError: The process belongs to another user.
         """
         folder = f"/proc/{pid}/fd"
         try:
@@ -89,22 +90,22 @@ class SharedMemory:
                 continue
             status = os.fstat(descriptor)
             fits = size in (None, status.st_size) and status.st_size > 0
-            if status.st_ino in seen or not fits or not _keeps_size(descriptor):
+            if status.st_ino in seen or not fits or not _has_fixed_size(descriptor):
                 os.close(descriptor)
                 continue
             seen.add(status.st_ino)
             yield cls(descriptor, writable)
 
     def __reduce__(self) -> tuple[Callable[..., SharedMemory], tuple[Any]]:
-        return _received, (reduction.DupFd(self._descriptor),)
+        return _unpickle_memory, (reduction.DupFd(self._descriptor),)
 
 
-def _keeps_size(descriptor: int) -> bool:
+def _has_fixed_size(descriptor: int) -> bool:
     try:
         return bool(fcntl.fcntl(descriptor, fcntl.F_GET_SEALS) & fcntl.F_SEAL_SHRINK)
     except OSError:  # not a memory file
         return False
 
 
-def _received(duplicate: Any) -> SharedMemory:
+def _unpickle_memory(duplicate: Any) -> SharedMemory:
     return SharedMemory(duplicate.detach())

@@ -1,4 +1,4 @@
-"""`TaskState`, `TaskProgress` and their like: how far the processes of a motion have come."""
+"""States of the processes of a motion, and `TaskProgress`."""
 
 from __future__ import annotations
 
@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING
 from acquisition.motion.samples import Phase
 
 if TYPE_CHECKING:
-    from acquisition.task.joint_values import JointValues  # `rid-daq stop` does not wait for numpy
+    from acquisition.task.joint_values import (
+        JointValues,
+    )  # keeps `rid-daq stop` fast: it does not import numpy
 
 
 class TaskState(IntEnum):
-    """How far the cyclic task has come."""
+    """State of the cyclic task."""
 
     STARTING = 0
     BRING_UP = 1
@@ -24,7 +26,7 @@ class TaskState(IntEnum):
 
 
 class RecorderState(IntEnum):
-    """How far the recorder has come; ENDING still writes, and wants the motion to end."""
+    """State of the recorder; in ENDING it still writes, and requests the end of the motion."""
 
     STARTING = 0
     RECORDING = 1
@@ -34,7 +36,7 @@ class RecorderState(IntEnum):
 
 
 class MonitorState(IntEnum):
-    """How far the drive monitor has come."""
+    """State of the drive monitor."""
 
     STARTING = 0
     POLLING = 1
@@ -43,7 +45,7 @@ class MonitorState(IntEnum):
 
 
 class Pace(IntEnum):
-    """By which clock the cyclic task runs, as far as is known."""
+    """Kind of clock of the cyclic task."""
 
     UNKNOWN = 0
     REAL_TIME = 1
@@ -52,12 +54,16 @@ class Pace(IntEnum):
 
 @dataclass(frozen=True)
 class TaskProgress:
-    """Where the cyclic task is: for a progress bar.
+    """Progress of the cyclic task, for progress bars.
 
-    `sample_index` is the row of the motion last commanded, -1 before and after it;
-    `temperature_k` are the motors' latest temperatures, NaN for a drive that did not answer, empty
-    where nothing asks for them or nothing has been answered yet; `joints` is what the latest cycles
-    measured, None where there were none or nobody looked.
+    Attributes:
+        state: State of the task.
+        phase: Phase of the motion's row that was commanded last.
+        sample_index: Row of the motion that was commanded last; -1 before and after the motion.
+        cycles: Number of cycles so far.
+        temperature_k: Latest motor temperatures [K]; NaN for a drive that did not answer, empty
+            without a monitor or before the first answer.
+        joints: Values of the latest cycles; None before the first cycle or if they were not read.
     """
 
     state: TaskState

@@ -1,4 +1,4 @@
-"""`StopOrders`: whether the task must stop, by person, program, service or recorder."""
+"""`StopOrders`: stop orders of user, program, service and recorder for the cyclic task."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ TEXT_OF_ORDER = {
     StopCode.STOP_COMMAND: "stopped by `rid-daq stop`",
     StopCode.STOP_BUTTON: "stopped by the page's stop button",
     StopCode.CLIENT_LOST: CLIENT_LOST_TEXT,
-    StopCode.RECORDER: "the recorder process has died; what it had written is kept",
-    StopCode.PLATE_LINE: "the force plate's rows have ended",
-    StopCode.PLATE_OVERLOAD: "the force plate was overloaded in more periods than can be left out",
+    StopCode.RECORDER: "the recorder process has died; the rows that it has written are kept",
+    StopCode.PLATE_LINE: "the force plate sends no more rows",
+    StopCode.PLATE_OVERLOAD: "the force plate was overloaded in too many periods",
 }
 
 
 class StopOrders:
-    """Orders to stop; the first one stays.
+    """Orders to stop; the first one is kept.
 
     Args:
-        control: Where requests to stop, and the recorder's troubles, are found.
-        orphaned: Whether the program that started the task is gone.
-        service: Signs of life of the service that has ordered the motion, if one has.
-        now_s: The safety clock [s].
+        control: Contains stop requests and the recorder's errors.
+        orphaned: Returns True if the program that started the task is gone.
+        service: Heartbeat of the service that ordered the motion, if any.
+        now_s: Safety clock [s].
     """
 
     def __init__(
@@ -45,11 +45,11 @@ class StopOrders:
         self._first: StopReason | None = None
 
     def reason(self) -> StopReason | None:
-        """Return why the task must stop; None if it may go on."""
-        self._first = self._first or self._look()
+        """Return the reason to stop; None if the motion may continue."""
+        self._first = self._first or self._find_reason()
         return self._first
 
-    def _look(self) -> StopReason | None:
+    def _find_reason(self) -> StopReason | None:
         control = self._control
         if control.program.stop_code:
             code = StopCode(control.program.stop_code)
@@ -57,9 +57,11 @@ class StopOrders:
         if control.recorder.state in (RecorderState.FAILED, RecorderState.ENDING):
             return StopReason(StopCode.RECORDER, str(control.recorder.error))
         if self._orphaned():
-            return StopReason(StopCode.PROGRAM_GONE, "the program that started the motion is gone")
+            return StopReason(
+                StopCode.PROGRAM_GONE, "the program that started the motion has ended"
+            )
         return None if self._service is None else self._service.reason(self._now_s())
 
-    def given(self) -> bool:
-        """Return whether there is an order to stop."""
+    def is_stop_ordered(self) -> bool:
+        """Return True if a stop was ordered."""
         return self.reason() is not None

@@ -1,7 +1,7 @@
-"""`StopSequence`: a quick stop, a look at whether the axes come to rest, and the power off.
+"""`StopSequence`: quick stop, supervision of the deceleration, and power off.
 
-An axis that does not slow down as it must, or runs beyond its limit, is not waited for: power off
-is next, with its brake.
+If an axis does not decelerate as required, or exceeds its limit, the drives are disabled at once,
+with their brakes.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ SLACK = 0.1
 
 
 class StopSequence:
-    """How a motion ends. A bus that fails meanwhile is noted, not raised.
+    """End of a motion. A bus failure during the stop becomes a note, not an error.
 
-    Its patience is what the ramp takes from top speed, as the preflight has allowed it
-    (`drivers.servo.stop_ramp.LONGEST_STOP_S` at most), and `STOP_MARGIN_S`. With a coupled wrist
-    rest and limits are the joints', and each motor is judged by its own ramp: while all of them
-    slow down, a joint may speed up.
+    The timeout is the duration of the ramp from the largest speed, which the preflight limits
+    (`drivers.servo.stop_ramp.LONGEST_STOP_S` at most), plus `STOP_MARGIN_S`. With a coupled wrist,
+    rest and limits are checked per joint, and the deceleration per motor: a joint may accelerate
+    while all motors decelerate.
 
     Args:
         axes: The drives.
-        clock: The clock of their bus.
-        cell, robot: Cycle time, decelerations of a quick stop, limits, coupling of the wrist.
-        words: Takes the time to rest and the notes.
+        clock: Clock of the bus.
+        cell, robot: Cycle time, quick-stop decelerations, limits, coupling of the wrist.
+        words: Receives the time to rest and the notes.
     """
 
     def __init__(
@@ -61,16 +61,18 @@ class StopSequence:
         self._low, self._high = position_bounds(cell, robot)
 
     def come_to_rest(self, cycle: Callable[[], tuple[float, int]]) -> None:
-        """Quick stop, by set-point frames alone, and watch until everything rests.
+        """Command a quick stop by set-point frames, and watch until all axes rest.
 
         Args:
-            cycle: Waits for the next cycle and does it, with a quick stop as its command; returns
-                the time of its SYNC [s] and how many cycle times have passed since the last.
+            cycle: Waits for the next cycle and runs it with a quick stop as its command. Returns
+                the time of its SYNC [s] and the number of cycle times since the previous one.
         """
         axes = self._axes
         before = axes.answers.position.tolist()
         began_s = time_s = self._clock.now_s()
-        slowing = SlowingDown(self._decelerations, self._period_s, self._motors(), began_s)
+        slowing = DecelerationCheck(
+            self._decelerations, self._period_s, self._motor_positions(), began_s
+        )
         resting = 0
         try:
             axes.quick_stop()
@@ -86,27 +88,30 @@ class StopSequence:
                 if resting >= REST_CYCLES:
                     self._words.report_rest(time_s - (REST_CYCLES - 1) * self._period_s - began_s)
                     return
-                beyond = self._beyond(before, position, most)
+                beyond = self._axes_beyond_limits(before, position, most)
                 before = position
-                too_slow = slowing.too_slow(time_s, self._motors(), received)
-                if why := self._why_at_once(beyond, too_slow):
-                    self._words.add_note(f"{why}: the power was taken away at once")
+                too_slow = slowing.too_slow(time_s, self._motor_positions(), received)
+                if why := self._reason_to_disable_now(beyond, too_slow):
+                    self._words.add_note(f"{why}: the drives were disabled at once")
                     return
         except (DriverError, SafetyStop) as error:
             self._words.add_note(f"while stopping: {error}")
             return
         self._words.add_note(
-            f"standstill was not seen within {self._patience_s:.2g} s: the power was taken away"
+            f"the axes did not come to rest within {self._patience_s:.2g} s: the drives were"
+            " disabled"
         )
 
-    def _motors(self) -> list[float]:
-        """Return where the motors are, over their gear ratios [rad or m]."""
+    def _motor_positions(self) -> list[float]:
+        """Return the motor positions divided by the gear ratios [rad or m]."""
         position = self._axes.answers.position
         of_motors = position if self._coupling is None else self._coupling.to_motors(position)
         return list(of_motors.tolist())
 
-    def _beyond(self, before: list[float], position: list[float], most: float) -> list[int]:
-        """Return the axes that are outside their limits and still on their way out, by number."""
+    def _axes_beyond_limits(
+        self, before: list[float], position: list[float], most: float
+    ) -> list[int]:
+        """Return the indices of the axes that are outside their limits and move further out."""
         moves = zip(before, position, self._low, self._high, strict=True)
         return [
             i
@@ -114,17 +119,17 @@ class StopSequence:
             if (now > high and now - then > most) or (now < low and then - now > most)
         ]
 
-    def _why_at_once(self, beyond: list[int], too_slow: list[int]) -> str:
-        """Return why the ramp is not waited for; empty where it may go on."""
+    def _reason_to_disable_now(self, beyond: list[int], too_slow: list[int]) -> str:
+        """Return the reason to disable the drives at once; empty if the ramp may continue."""
         names = self._axes.joint_names
         if beyond:
-            return f"{', '.join(names[i] for i in beyond)} ran beyond its limit while stopping"
+            return f"{', '.join(names[i] for i in beyond)} exceeded its limit during the stop"
         if too_slow:
-            return f"the quick stop did not slow down {', '.join(names[i] for i in too_slow)}"
+            return f"the quick stop did not decelerate {', '.join(names[i] for i in too_slow)}"
         return ""
 
     def disable(self) -> None:
-        """Take the power away, whether the axes rest or not."""
+        """Disable the drives, even if axes still move."""
         try:
             unconfirmed = self._axes.disable()
         except DriverError as error:
@@ -132,22 +137,23 @@ class StopSequence:
             return
         if unconfirmed:
             self._words.add_note(
-                f"the drives of {', '.join(unconfirmed)} did not confirm being disabled: check them"
-                " before going near the robot"
+                f"the drives of {', '.join(unconfirmed)} did not confirm that they are disabled:"
+                " check them before going near the robot"
             )
 
 
-class SlowingDown:
-    """Whether every axis slows down as its quick stop must make it: at half the rate at least.
+class DecelerationCheck:
+    """Check that every axis decelerates at half of its quick-stop rate or more.
 
-    Speeds are taken over some cycles, so that an encoder's increment is no speed. The first of them
-    is what the axis had; where an axis was not seen, nothing is judged.
+    Speeds are averaged over several cycles, so that one encoder increment does not count as a
+    speed. The first value is the initial speed. An axis that did not answer is not checked.
 
     Args:
-        decelerations: Length axes. What each drive's quick stop has [rad/s² or m/s²].
-        period_s: The cycle time [s].
-        position: Length axes. Where the axes are, with a coupled wrist the motors [rad or m].
-        began_s: When that was so [s].
+        decelerations: Length axes. Quick-stop deceleration of each drive [rad/s² or m/s²].
+        period_s: Cycle time [s].
+        position: Length axes. Initial positions of the axes; of the motors for a coupled wrist [rad
+            or m].
+        began_s: Time of these positions [s].
     """
 
     def __init__(
@@ -166,7 +172,7 @@ class SlowingDown:
     def too_slow(
         self, time_s: float, position: Sequence[float], received: Sequence[bool]
     ) -> list[int]:
-        """Return the axes that are too fast, by number, after one more cycle at `time_s` [s]."""
+        """Return the indices of axes that decelerate too slowly, after a cycle at `time_s` [s]."""
         self._count += 1
         if self._count % self._cycles:
             return []

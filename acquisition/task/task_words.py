@@ -1,4 +1,4 @@
-"""`TaskWords`: what the cyclic task tells the other processes of a motion."""
+"""`TaskWords`: shared memory that the cyclic task writes for the other processes."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from math import isnan, nan
 
 from acquisition.motion.samples import Phase
 from acquisition.supervision.stop_reason import StopCode, StopReason
-from acquisition.task.shared_block import SharedError, clipped
+from acquisition.task.shared_block import SharedError, clip_text
 from acquisition.task.states import Pace, TaskState
 from config.errors import RidDaqError
 
 
 class TaskWords(ctypes.Structure):
-    """Written by the cyclic task; texts before the word that announces them."""
+    """Fields that the cyclic task writes; a text is written before the field that announces it."""
 
     _reason_code: int
     _error: SharedError
@@ -35,24 +35,24 @@ class TaskWords(ctypes.Structure):
         ("_error", SharedError),
         ("_notes", ctypes.c_char * 4096),
         ("_pace", ctypes.c_int64),
-        ("_rounds_asked", ctypes.c_int64),
-        ("_round_asked_s", ctypes.c_double),
+        ("_rounds_requested", ctypes.c_int64),
+        ("_round_requested_s", ctypes.c_double),
         ("_power_off", ctypes.c_int64),
         ("_displaced", ctypes.c_int64),
     )
 
     @property
     def beat(self) -> int:
-        """A counter that grows while the task lives."""
+        """Heartbeat counter of the task."""
         return int(self._beat)
 
-    def give_sign_of_life(self) -> None:
-        """Count the beat on: the task waits."""
+    def count_heartbeat(self) -> None:
+        """Increment the heartbeat counter while the task waits."""
         self._beat += 1
 
     @property
     def state(self) -> TaskState:
-        """How far the task has come."""
+        """State of the task."""
         return TaskState(self._state)
 
     @state.setter
@@ -62,7 +62,7 @@ class TaskWords(ctypes.Structure):
 
     @property
     def pace(self) -> Pace:
-        """By which clock the task runs."""
+        """Kind of clock of the task."""
         return Pace(self._pace)
 
     @pace.setter
@@ -70,7 +70,7 @@ class TaskWords(ctypes.Structure):
         self._pace = int(pace)
 
     def set_progress(self, sample_index: int, phase: int, cycles: int) -> None:
-        """Say which row of the motion is being commanded; a sign of life."""
+        """Report the row of the motion that is being commanded; counts as a heartbeat."""
         self._sample_index = sample_index
         self._phase = phase
         self._cycles = cycles
@@ -78,32 +78,32 @@ class TaskWords(ctypes.Structure):
 
     @property
     def sample_index(self) -> int:
-        """The row of the motion last commanded; -1 before and after it."""
+        """Row of the motion that was commanded last; -1 before and after the motion."""
         return int(self._sample_index)
 
     @property
     def phase(self) -> Phase:
-        """That row's phase."""
+        """Phase of this row."""
         return Phase(self._phase)
 
     @property
     def cycles(self) -> int:
-        """How many cycles there were."""
+        """Number of cycles so far."""
         return int(self._cycles)
 
     def report_stop(self, reason: StopReason) -> None:
-        """Say why the motion is being stopped; the first reason stays."""
+        """Report the reason of a stop; the first reason is kept."""
         if self._reason_code:
             return
-        self._reason_joint = clipped(reason.joint or "", 63)
-        self._reason_text = clipped(reason.text, 1023)
+        self._reason_joint = clip_text(reason.joint or "", 63)
+        self._reason_text = clip_text(reason.text, 1023)
         self._reason_value = nan if reason.value is None else reason.value
         self._reason_limit = nan if reason.limit is None else reason.limit
         self._reason_code = int(reason.code)
 
     @property
     def stop_reason(self) -> StopReason | None:
-        """Why the task stopped the motion; None where it did not."""
+        """Reason for which the task stopped the motion; None if it did not."""
         if not self._reason_code:
             return None
         value, limit = self._reason_value, self._reason_limit
@@ -116,18 +116,18 @@ class TaskWords(ctypes.Structure):
         )
 
     def report_rest(self, ramp_s: float) -> None:
-        """Say that all axes rest, so long after the quick stop [s]."""
+        """Report that all axes rest, `ramp_s` after the quick stop [s]."""
         self._ramp_s = ramp_s
         self._at_rest = 1
 
     @property
     def ramp_s(self) -> float | None:
-        """How long the axes took to come to rest [s], None as long as that was not seen."""
+        """Time from the quick stop to rest [s]; None until rest is detected."""
         return float(self._ramp_s) if self._at_rest else None
 
     @property
     def displaced(self) -> bool:
-        """Whether the robot stood elsewhere than it was seen last, before the motion."""
+        """True if the robot was not at its last known pose before the motion."""
         return bool(self._displaced)
 
     @displaced.setter
@@ -135,45 +135,45 @@ class TaskWords(ctypes.Structure):
         self._displaced = int(displaced)
 
     def add_note(self, text: str) -> None:
-        """Keep one more sentence for the program's report."""
+        """Add a note for the program's report."""
         line = " ".join(text.split())
-        self._notes = clipped(f"{self._notes.decode()}{line}\n", 4095)
+        self._notes = clip_text(f"{self._notes.decode()}{line}\n", 4095)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What else the task has to say, one sentence each."""
+        """Other notes of the task, one sentence each."""
         return tuple(self._notes.decode(errors="replace").splitlines())
 
     def fail(self, error: RidDaqError) -> None:
-        """Hand an error that ends the task to the program."""
+        """Report an error that ends the task."""
         self._error.put(error)
 
     @property
     def error(self) -> RidDaqError | None:
-        """The error that ended the task; None where none did."""
+        """Error that ended the task; None without an error."""
         return self._error.get()
 
     @property
     def power_off(self) -> bool:
-        """Whether the drives were seen without power at the end; nobody knows as long as not."""
+        """True once every drive has confirmed power off; False means unknown."""
         return bool(self._power_off)
 
     @power_off.setter
     def power_off(self, seen: bool) -> None:
         self._power_off = int(seen)
 
-    def ask_round(self, time_s: float) -> int:
-        """Ask the monitor for a round that counts for a simulated time [s]; return its number."""
-        self._round_asked_s = time_s
-        self._rounds_asked += 1
-        return int(self._rounds_asked)
+    def request_round(self, time_s: float) -> int:
+        """Request a round of the monitor for a simulated time [s]; return its number."""
+        self._round_requested_s = time_s
+        self._rounds_requested += 1
+        return int(self._rounds_requested)
 
     @property
-    def rounds_asked(self) -> int:
-        """How many rounds the monitor has been asked for, in lock-step."""
-        return int(self._rounds_asked)
+    def rounds_requested(self) -> int:
+        """Number of rounds requested from the monitor, in lock-step."""
+        return int(self._rounds_requested)
 
     @property
-    def round_asked_s(self) -> float:
-        """The simulated time of the latest of them [s]."""
-        return float(self._round_asked_s)
+    def round_requested_s(self) -> float:
+        """Simulated time of the latest requested round [s]."""
+        return float(self._round_requested_s)

@@ -10,7 +10,7 @@ import multiprocessing
 from multiprocessing.connection import Connection
 from typing import Final
 
-from acquisition.task.realtime import become_realtime
+from acquisition.task.realtime import request_realtime
 from config.process.termination import ignore_termination, signals_blocked
 from drivers.ports.clock import MonotonicClock
 
@@ -43,7 +43,7 @@ def lateness() -> str:
 def sleep_like_the_task(pipe: Connection) -> None:
     """Sleep again and again, the main function of a process; send how late each sleep ended [s]."""
     ignore_termination()
-    become_realtime()
+    request_realtime()
     clock = MonotonicClock()
     late_s = []
     for _ in range(_LEARNING + _SLEEPS):

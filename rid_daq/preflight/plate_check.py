@@ -9,8 +9,8 @@ import numpy as np
 from acquisition.session.plate_preparation import (
     ZERO_LIMIT_N,
     PlateReadiness,
-    plate_zero_n,
     prepare_plate,
+    read_zero_drift_n,
 )
 from config.cell.amplifier_profile import LINE_LOAD_LIMIT, AmplifierProfile, line_load
 from config.cell.cell import CellConfig
@@ -107,7 +107,7 @@ class PlateCheck:
     def _zero(
         self, plate: PlateConfig, profile: AmplifierProfile, position: Sequence[float] | None
     ) -> None:
-        zero_n = plate_zero_n(plate, profile)
+        zero_n = read_zero_drift_n(plate, profile)
         worst = int(np.argmax(np.abs(zero_n)))
         found = f"{CHANNEL_NAMES[worst]} {zero_n[worst]:.2f} N"
         what, required = "force at rest beyond its zero", f"≤ {ZERO_LIMIT_N:g} N"

@@ -171,7 +171,7 @@ class Workshop:
         """Tell every worker that the service lives, and until when its motion's client does."""
         now_s = safety_now_s()
         for running in self:
-            running.beat.give(now_s, self._lease_end_s(running.job))
+            running.beat.write(now_s, self._lease_end_s(running.job))
 
     async def close(self) -> None:
         """Stop what moves, end what computes, and mark all of it."""

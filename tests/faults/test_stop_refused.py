@@ -96,7 +96,7 @@ def test_an_axis_that_reaches_its_limit_on_its_ramp_loses_its_power(
     """A long ramp that the preflight allows, ordered just before the limit."""
     cell, robot = one_axis(deceleration=2.0, velocity=1.5, acceleration=6.0, limit=1.0)
     outcome = Outcome(cell, robot, 65536, rows_until(cell, robot, 0.8), sign)
-    assert any("ran beyond its limit while stopping" in note for note in outcome.notes)
+    assert any("exceeded its limit during the stop" in note for note in outcome.notes)
     high = 1.0 + cell.supervision.following_error_min_rad
     over = [(t, p[0]) for t, p, _, on in outcome.bus.trace if abs(p[0]) > high and on[0]]
     cycles = (over[-1][0] - over[0][0]) / cell.cycle_time_s

@@ -64,7 +64,7 @@ class Bench:
         self._writer.flush()
         self._written = row
         progress = replace(self.control.progress, sample_index=row - 1 - APPROACH)
-        self.stop.look(progress)
+        self.stop.update(progress)
         if self.stop.pending is not None:
             wait([self.stop.pending])
 

@@ -12,7 +12,7 @@ import pytest
 from acquisition.journal.cycles import JournalWriter
 from acquisition.journal.header import JournalHeader
 from acquisition.session.helper_process import HelperProcess
-from acquisition.session.outcome import RecordOutcome, outcome_of
+from acquisition.session.outcome import RecordOutcome, collect_outcome
 from acquisition.supervision.stop_reason import StopCode, StopReason
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
@@ -42,7 +42,9 @@ def outcome(control: ControlBlock, tmp_path: Path) -> Outcome:
             journal.append(ring.read())
         task = HelperProcess("cyclic task", os.abort, (), patience_s=0.0)
         task.exit_code = exit_code
-        return outcome_of(path, HEADER, task, control, interruption or Interruption(), [], None)
+        return collect_outcome(
+            path, HEADER, task, control, interruption or Interruption(), [], None
+        )
 
     return of
 
@@ -59,7 +61,7 @@ def test_a_motion_that_nobody_stopped_is_followed_by_the_next(outcome: Outcome) 
         (StopCode.INTERRUPTED, "the operator"),
         (StopCode.STOP_COMMAND, "`rid-daq stop`"),
         (StopCode.STOP_BUTTON, "the page's stop button"),
-        (StopCode.CLIENT_LOST, "because its client is out of reach"),
+        (StopCode.CLIENT_LOST, "the motion's client is out of reach"),
     ],
 )
 def test_a_word_that_the_task_read_no_more_stops_what_would_follow(
@@ -71,7 +73,7 @@ def test_a_word_that_the_task_read_no_more_stops_what_would_follow(
     assert ended.late_stop is not None
     assert ended.late_stop.code is code
     assert who in ended.late_stop.text
-    assert "the motion was over" in ended.late_stop.text
+    assert "after the end of the motion" in ended.late_stop.text
 
 
 def test_a_signal_after_the_tasks_last_word_does_too_whatever_else_was_asked_before(
@@ -103,7 +105,7 @@ def test_a_stop_in_time_is_no_late_one(outcome: Outcome, control: ControlBlock) 
 
 @pytest.mark.parametrize(
     ("power_off", "said"),
-    [(True, "left the cell without power"), (False, "confirmation that power is off")],
+    [(True, "disabled the drives"), (False, "without confirmation")],
 )
 def test_a_task_that_failed_says_of_the_power_what_was_seen(
     outcome: Outcome, control: ControlBlock, power_off: bool, said: str

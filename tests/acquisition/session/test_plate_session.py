@@ -18,7 +18,7 @@ from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import Phase
 from acquisition.runs.folder import RunFolder
 from acquisition.session.outcome import RecordOutcome
-from acquisition.session.plate_preparation import plate_zero_n, prepare_plate
+from acquisition.session.plate_preparation import prepare_plate, read_zero_drift_n
 from acquisition.session.record import DeviceProfiles, record_motion
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.states import TaskProgress
@@ -124,7 +124,7 @@ def test_a_killed_plate_recorder_stops_the_motion(loaded: LoadedCell, record: Re
     def kill(progress: TaskProgress) -> None:
         if progress.phase >= Phase.MAIN:
             for process in multiprocessing.active_children():
-                if "plate's recorder" in process.name and process.pid is not None:
+                if "plate recorder" in process.name and process.pid is not None:
                     os.kill(process.pid, signal.SIGKILL)
 
     with served(loaded) as simulated:
@@ -173,6 +173,6 @@ def test_preparing_changes_only_what_differs(loaded: LoadedCell) -> None:
         assert not any(second.overloads)
         third = prepare_plate(plate, profile)
         assert (third.changed, third.operating, third.charge_lost) == ((), True, False)
-        assert plate_zero_n(plate, profile).shape == (8,)
+        assert read_zero_drift_n(plate, profile).shape == (8,)
         with open_amplifier(plate.amplifier, profile) as amplifier:
             assert amplifier.connect() == third.identity

@@ -9,7 +9,7 @@ from typing import cast
 import pytest
 
 from acquisition.session.helper_process import HelperProcess
-from acquisition.session.record import _watch
+from acquisition.session.record import _watch_processes
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.joint_values import JointWatch
@@ -59,7 +59,7 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Iterator[Make]:
 
 def watch(task: Process, recorder: Process, control: ControlBlock) -> None:
     processes = (cast(HelperProcess, task), cast(HelperProcess, recorder))
-    _watch(*processes, None, control, cast(JointWatch, None), None, None, None)
+    _watch_processes(*processes, None, control, cast(JointWatch, None), None, None, None)
 
 
 @pytest.mark.parametrize("state", [TaskState.BRING_UP, TaskState.MOVING, TaskState.STOPPING])

@@ -40,7 +40,7 @@ class Started:
         self.folder = folder
         self.pose: KnownPose | None = None
         self.use(LEFT_TO_TRIAL)
-        for name in ("leave_terminal", "set_process_name", "freeze_garbage"):
+        for name in ("leave_terminal", "set_process_name", "disable_garbage_collection"):
             monkeypatch.setattr(process, name, lambda *_: None)
         monkeypatch.setattr(process, "open_cell", self.open_cell)
 
@@ -69,7 +69,7 @@ class Started:
             RING[1],
             self.control,
             writes,
-            process.Ordering(self.parent),
+            process.MotionOwner(self.parent),
             self.pose,
         )
         RING[1].read(8192)

@@ -83,7 +83,7 @@ def test_drives_that_take_no_command_stop_the_motion(
 def test_an_order_to_stop_that_is_withdrawn_stays() -> None:
     gone = [True]
     orders = StopOrders(ControlBlock.create(), lambda: gone[0])
-    assert orders.given()
+    assert orders.is_stop_ordered()
     gone[0] = False
     reason = orders.reason()
     assert reason is not None

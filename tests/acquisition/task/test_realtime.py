@@ -6,7 +6,7 @@ import struct
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from acquisition.task.realtime import PROCESSOR_LATENCY, become_realtime, keep_processors_awake
+from acquisition.task.realtime import PROCESSOR_LATENCY, keep_processors_awake, request_realtime
 
 
 def test_the_kernel_is_asked_for_processors_that_wake_up_within_no_time(tmp_path: Path) -> None:
@@ -24,20 +24,20 @@ def test_a_refusal_says_what_it_means_and_what_to_do(tmp_path: Path) -> None:
     told = keep_processors_awake(tmp_path)
     assert told == (
         f"processors may enter deep idle states between cycles ({tmp_path}: Is a directory);"
-        " let this user write to it"
+        " give this user write access to the file"
     )
 
 
-def become_realtime_until_told(pipe: Connection) -> None:
-    """Tell what was refused, and stay."""
-    pipe.send(become_realtime())
+def report_refusals_and_wait(pipe: Connection) -> None:
+    """Send what was refused, then wait for a message."""
+    pipe.send(request_realtime())
     pipe.recv()
 
 
 def test_the_wish_holds_while_the_task_lives_or_its_refusal_is_told() -> None:
     context = multiprocessing.get_context("spawn")
     pipe, theirs = context.Pipe()
-    task = context.Process(target=become_realtime_until_told, args=(theirs,))
+    task = context.Process(target=report_refusals_and_wait, args=(theirs,))
     task.start()
     theirs.close()
     refused = pipe.recv()

@@ -31,7 +31,7 @@ def hang_service(bench: Bench) -> Callable[[Any, int], None]:
 
 
 def end_lease(bench: Bench) -> Callable[[Any, int], None]:
-    bench.service.give(bench.now.now_s, lease_end_s=102.0)
+    bench.service.write(bench.now.now_s, lease_end_s=102.0)
 
     def script(axes: Any, cycle: int) -> None:
         if cycle >= 150:
@@ -71,7 +71,7 @@ def test_a_motion_stops_in_the_next_cycle_without_service_or_lease(
 def test_nothing_is_enabled_without_service_or_lease(
     bench: Bench, motion: MotionSamples, now_s: float, lease_end_s: float, code: StopCode
 ) -> None:
-    bench.service.give(bench.now.now_s, lease_end_s)
+    bench.service.write(bench.now.now_s, lease_end_s)
     bench.now.now_s = now_s
     reason = bench.run(motion)
     assert reason is not None
@@ -86,7 +86,7 @@ def test_a_service_that_lives_again_does_not_take_the_stop_back(
     def script(axes: Any, cycle: int) -> None:
         bench.now.now_s = 200.0 if cycle == 150 else bench.now.now_s
         if cycle > 150:
-            bench.service.give(bench.now.now_s, inf)
+            bench.service.write(bench.now.now_s, inf)
 
     bench.axes.script = script
     reason = bench.run(motion)
@@ -102,7 +102,7 @@ def test_a_motion_goes_on_as_long_as_the_service_gives_signs_of_life(
     def script(axes: Any, cycle: int) -> None:
         if cycle % 10 == 0:
             bench.now.now_s += SERVICE_LIMIT_S - 0.1
-            bench.service.give(bench.now.now_s, lease_end_s=bench.now.now_s + 5.0)
+            bench.service.write(bench.now.now_s, lease_end_s=bench.now.now_s + 5.0)
 
     bench.axes.script = script
     assert bench.run(motion) is None
@@ -118,7 +118,7 @@ def test_another_process_sees_the_same_signs_of_life() -> None:
     service = ServiceBeat.create()
     context = multiprocessing.get_context("spawn")
     found: Any = context.SimpleQueue()
-    service.give(1.0, lease_end_s=inf)
+    service.write(1.0, lease_end_s=inf)
     process = context.Process(target=look, args=(service, found))
     process.start()
     assert found.get() == ["", "SERVICE_LOST"]

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.task.stop_sequence import LOOK_S, OBEY_S, SLACK, SlowingDown
+from acquisition.task.stop_sequence import LOOK_S, OBEY_S, SLACK, DecelerationCheck
 
 DECELERATION = 10.0
 
@@ -16,7 +16,7 @@ DECELERATION = 10.0
 def first_found(speed: Callable[[float], float], period_s: float, until_s: float) -> float | None:
     """Return when an axis with a speed by time is found too fast [s]; None: never."""
     position, time_s = 0.0, 0.0
-    slowing = SlowingDown([DECELERATION], period_s, [position], time_s)
+    slowing = DecelerationCheck([DECELERATION], period_s, [position], time_s)
     while time_s < until_s:
         position += period_s * speed(time_s + 0.5 * period_s)
         time_s += period_s
@@ -62,12 +62,12 @@ def test_an_axis_that_does_not_obey_is_found_within_three_looks(
 
 
 def test_an_axis_that_does_not_answer_is_not_judged() -> None:
-    slowing = SlowingDown([DECELERATION], 0.02, [0.0], 0.0)
+    slowing = DecelerationCheck([DECELERATION], 0.02, [0.0], 0.0)
     assert not any(slowing.too_slow(0.02 * n, [0.1 * n], [False]) for n in range(1, 100))
 
 
 def test_a_cycle_that_takes_no_time_is_no_speed() -> None:
-    slowing = SlowingDown([DECELERATION], 0.02, [0.0], 0.0)
+    slowing = DecelerationCheck([DECELERATION], 0.02, [0.0], 0.0)
     assert slowing.too_slow(0.0, [0.0], [True]) == []
     assert slowing.too_slow(0.02, [0.02], [True]) == []
 
@@ -75,6 +75,6 @@ def test_a_cycle_that_takes_no_time_is_no_speed() -> None:
 @pytest.mark.parametrize("increment", [1e-6, 1e-4])
 def test_an_encoders_increment_is_no_speed(increment: float) -> None:
     """At rest but for the last digit, at 1 ms."""
-    slowing = SlowingDown([DECELERATION], 0.001, [0.0], 0.0)
+    slowing = DecelerationCheck([DECELERATION], 0.001, [0.0], 0.0)
     noise = [increment * (n % 2) for n in range(1, 500)]
     assert not any(slowing.too_slow(1e-3 * n, [x], [True]) for n, x in enumerate(noise, 1))

@@ -63,7 +63,7 @@ def test_an_axis_that_is_not_seen_is_not_taken_for_one_at_rest(ending: Ending) -
     ending.run()
     assert ending.control.task.ramp_s is None
     (note,) = ending.control.task.notes
-    assert note.startswith("standstill was not seen within")
+    assert note.startswith("the axes did not come to rest within")
     assert ending.cycles * T < 1.0 + STOP_MARGIN_S
 
 
@@ -74,7 +74,7 @@ def test_an_axis_that_does_not_slow_down_is_not_waited_for(ending: Ending) -> No
     ending.axes.script = deaf
     ending.run()
     (note,) = ending.control.task.notes
-    assert note == "the quick stop did not slow down joint2: the power was taken away at once"
+    assert note == "the quick stop did not decelerate joint2: the drives were disabled at once"
     assert ending.cycles * T < 0.15
 
 
@@ -85,7 +85,7 @@ def test_an_axis_that_runs_beyond_its_limit_is_not_waited_for(
     ending.axes.answers.position[:] = ending.axes.true_position
     ending.run()
     (note,) = ending.control.task.notes
-    assert note == "joint1 ran beyond its limit while stopping: the power was taken away at once"
+    assert note == "joint1 exceeded its limit during the stop: the drives were disabled at once"
 
 
 def test_a_bus_that_fails_meanwhile_is_noted_and_power_is_still_taken_away(ending: Ending) -> None:
@@ -103,4 +103,4 @@ def test_drives_that_do_not_confirm_are_named(ending: Ending) -> None:
     ending.axes.unconfirmed = ("joint1", "joint3")
     ending.sequence.disable()
     (note,) = ending.control.task.notes
-    assert note.startswith("the drives of joint1, joint3 did not confirm being disabled")
+    assert note.startswith("the drives of joint1, joint3 did not confirm that they are")

@@ -368,7 +368,10 @@ class TestWhenTheDrivesDoNotTell:
         assert RunData.load(folder).recording.temperature_k is None
         assert dead.complete
         assert killed
-        assert any("the process that asks the drives has died" in note for note in dead.notes)
+        assert any(
+            "the process that reads the drives' temperatures has died" in note
+            for note in dead.notes
+        )
 
 
 def test_check_reads_every_motor(capsys: pytest.CaptureFixture[str]) -> None:

@@ -163,7 +163,7 @@ def test_a_worker_that_is_told_to_end_while_it_imports_says_so(tmp_path: Path) -
 
     async def ended() -> int | None:
         worker = await WarmWorker(tmp_path / "log")._start()
-        worker.beat.give(safety_now_s(), inf)
+        worker.beat.write(safety_now_s(), inf)
         process = worker.process
         assert process.stdin is not None
         process.stdin.write(json.dumps(order).encode() + b"\n")

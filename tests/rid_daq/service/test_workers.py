@@ -138,7 +138,7 @@ def test_a_motion_stops_if_the_service_hangs(
         with shared.client as client:
             over = client.follow(job)
             assert over.job.state is JobState.STOPPED
-            assert "no sign of life" in over.job.reason
+            assert "no heartbeat" in over.job.reason
             assert "stood still" in client.cell("ir361").not_ready_because
             with pytest.raises(PreflightError) as refused:
                 client.run("ir361", "record", {"motion": "motion.yaml"}, lease=key)
@@ -161,7 +161,7 @@ def test_a_question_ends_if_the_service_hangs(shared: ServedProcess, motion: str
             shared.process.send_signal(signal.SIGCONT)
         over = client.follow(job)
         assert over.job.state.is_over
-        assert "no sign of life" in over.job.reason
+        assert "no heartbeat" in over.job.reason
 
 
 def is_a_zombie(pid: int) -> bool:

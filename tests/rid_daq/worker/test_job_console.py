@@ -231,7 +231,7 @@ def test_a_question_ends_without_service_or_lease_even_if_it_is_answered(
     events: Path, clock: Clock, later_s: float, lease_s: float, code: str
 ) -> None:
     service = ServiceBeat.create()
-    service.give(clock.now_s, clock.now_s + lease_s)
+    service.write(clock.now_s, clock.now_s + lease_s)
     orders = Orders(io.StringIO(), clock, service)
     with EventFile(events) as file:
         console = JobConsole(events=file, orders=orders)
