@@ -53,7 +53,7 @@ def _quantisation_step(position: FloatArray) -> float | None:
     return None if steady else step  # a constant speed also gives changes of one size
 
 
-def refine_positions(rows: ImportRows, steps: tuple[float | None, ...]) -> FloatArray:
+def refine_between_steps(rows: ImportRows, steps: tuple[float | None, ...]) -> FloatArray:
     """Return positions that follow the recorded velocity between the steps, (rows, joints).
 
     No result differs by more than a step from the recorded position. Positions without steps, and

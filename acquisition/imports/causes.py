@@ -33,7 +33,7 @@ _BY_REASON = {
 }
 
 
-def keeps_limits(position: FloatArray, limits: Sequence[JointLimits]) -> bool:
+def respects_position_limits(position: FloatArray, limits: Sequence[JointLimits]) -> bool:
     """Return True if the middle 96 % of positions, shape (rows, joints), keep the limits."""
     if not np.isfinite(position).any(axis=0).all():
         return False
@@ -68,12 +68,14 @@ def likely_cause_of_positions(
             f" in the map ({shift:.2g} rad or m would centre the motion), or correct the limits"
         )
     likely = []
-    if import_map.units.position == "rad" and keeps_limits(position * (math.pi / 180.0), limits):
+    if import_map.units.position == "rad" and respects_position_limits(
+        position * (math.pi / 180.0), limits
+    ):
         likely.append("in degrees: put `units: {position: deg}` into the map")
     if (
         import_map.side == "link"
         and np.abs(gears).max() > 1.0
-        and keeps_limits(position / gears, limits)
+        and respects_position_limits(position / gears, limits)
     ):
         likely.append("those of the motors: put `side: motor` into the map")
     if likely:

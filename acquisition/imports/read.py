@@ -16,7 +16,7 @@ import numpy as np
 
 from acquisition.clock.judgement import judge_clock
 from acquisition.clock.samples import Samples
-from acquisition.imports.between_steps import position_steps, refine_positions
+from acquisition.imports.between_steps import position_steps, refine_between_steps
 from acquisition.imports.causes import likely_cause_of_damage
 from acquisition.imports.columns import ImportColumns
 from acquisition.imports.findings import check_rows
@@ -110,7 +110,7 @@ def import_csv(
     except DataQualityError as error:
         raise DataQualityError(f"{file.name}: {error}", code=error.refusal) from None
     position_step = position_steps(rows)
-    position = columns.joint_positions(refine_positions(rows, position_step))
+    position = columns.joint_positions(refine_between_steps(rows, position_step))
     steps = np.diff(stamps)
     of_robot = () if robot is None else robot.kinematics.notes
     report = ImportReport(

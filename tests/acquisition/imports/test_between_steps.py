@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.imports.between_steps import position_steps, refine_positions
+from acquisition.imports.between_steps import position_steps, refine_between_steps
 from acquisition.imports.columns import ImportRows
 from config.arrays import FloatArray
 from dynamics.kernels.taut_string import pull_taut
@@ -53,7 +53,7 @@ def test_a_joint_that_creeps_turns_round_where_it_did_and_not_where_its_position
 ) -> None:
     time_s, position, velocity = creeping()
     seen = rows(time_s, rounded(position, STEP) + offset, rounded(velocity, STEP))
-    found = refine_positions(seen, position_steps(seen))[:, 0] - offset
+    found = refine_between_steps(seen, position_steps(seen))[:, 0] - offset
     assert np.std(found - position) < 0.4 * np.std(seen.position[:, 0] - offset - position)
     true, recorded, refined = (
         np.count_nonzero(np.diff(np.sign(np.diff(path))))
@@ -67,7 +67,7 @@ def test_a_joint_at_rest_that_flickers_between_two_steps_stands_still() -> None:
     time_s = np.arange(0.0, 4.0, 0.01)
     flicker = STEP * np.random.default_rng(3).integers(0, 2, len(time_s)).astype(float)
     seen = rows(time_s, 0.5 + flicker, np.zeros(len(time_s)))
-    found = refine_positions(seen, position_steps(seen))[50:-50, 0]
+    found = refine_between_steps(seen, position_steps(seen))[50:-50, 0]
     assert np.ptp(found) < 0.02 * STEP
 
 
@@ -80,7 +80,7 @@ def test_a_joint_at_rest_before_a_gap_stands_still_wherever_it_went_in_the_gap()
         np.concatenate([moving, np.full(500, moving[-1]), np.full(500, moving[-1] + 0.2)]),
         np.concatenate([velocity, np.zeros(1000)]),
     )
-    found = refine_positions(seen, position_steps(seen))[:, 0]
+    found = refine_between_steps(seen, position_steps(seen))[:, 0]
     assert np.ptp(found[-900:-500]) < 0.02 * STEP
     assert np.ptp(found[-500:]) < 0.02 * STEP
 
@@ -107,7 +107,7 @@ def test_a_steady_speed_and_a_jump_are_no_steps() -> None:
 def test_a_velocity_that_is_wrong_moves_nothing_by_more_than_a_step() -> None:
     time_s, position, velocity = creeping()
     seen = rows(time_s, rounded(position, STEP), -3.0 * velocity)
-    found = refine_positions(seen, position_steps(seen))
+    found = refine_between_steps(seen, position_steps(seen))
     assert np.abs(found - seen.position).max() <= STEP * (1.0 + 1e-9)
 
 
@@ -115,9 +115,11 @@ def test_what_has_no_steps_or_no_velocity_is_left_as_it_is() -> None:
     time_s, position, velocity = creeping()
     smooth = rows(time_s, position, velocity)
     assert position_steps(smooth) == (None,)
-    np.testing.assert_array_equal(refine_positions(smooth, (None,)), smooth.position)
+    np.testing.assert_array_equal(refine_between_steps(smooth, (None,)), smooth.position)
     alone = rows(time_s, rounded(position, STEP), np.full(len(time_s), np.nan))
-    np.testing.assert_array_equal(refine_positions(alone, position_steps(alone)), alone.position)
+    np.testing.assert_array_equal(
+        refine_between_steps(alone, position_steps(alone)), alone.position
+    )
 
 
 @given(
