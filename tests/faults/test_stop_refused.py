@@ -77,7 +77,7 @@ def test_an_axis_whose_ramp_is_slower_than_it_was_told_loses_its_power(
     slow = {"kind": "clock", "joint": "axis1", "at_cycle": AT, "factor": 0.05}
     run = serve(drives=[slow]).move(motion)
     assert run.reason.code is StopCode.HEARTBEAT_LOST
-    assert any("did not slow down axis1" in note for note in run.notes)
+    assert any("did not decelerate axis1" in note for note in run.notes)
     stop_s = min(run.quick_stops().values())
     off = next(f for f in run.frames if f.can_id == 0x201 and f.word == 0 and f.time_s > stop_s)
     cycles = run.cycle(off.time_s) - run.cycle(stop_s)
