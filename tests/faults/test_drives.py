@@ -285,7 +285,7 @@ def test_an_axis_that_ignores_the_quick_stop_loses_its_power(
     fault = {"kind": "emergency", "joint": "axis2", "at_cycle": AT}
     run = serve(drives=[deaf, fault]).move(motion)
     assert run.reason.code is StopCode.EMERGENCY
-    assert any("did not slow down axis1" in note for note in run.notes)
+    assert any("did not decelerate axis1" in note for note in run.notes)
     rest_s = run.assert_at_rest()
     assert rest_s < 0.2
     off = next(f for f in run.frames if f.can_id == 0x201 and f.word == 0 and f.time_s > 1.0)
