@@ -11,7 +11,7 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from compensation.operating_temperature import at_operation
+from compensation.operating_temperature import at_operating_temperature
 from config.arrays import FloatArray
 from config.errors import ConfigError, EstimationError
 from dynamics.model.memory import with_memory
@@ -255,7 +255,7 @@ class Model:
                 temperature does not fit the model (RID-MODEL-TEMPERATURE).
         """
         motion = None if velocity is None else np.asarray(velocity, dtype=np.float64)
-        found = at_operation(self.estimate, str(temperature), motion).estimate
+        found = at_operating_temperature(self.estimate, str(temperature), motion).estimate
         return replace(self, estimate=found, section=EstimateSection.of(found))
 
     def to_urdf(self, *, despite_misfit: bool = False) -> str:
