@@ -1,5 +1,4 @@
-"""A model held against another motion, and what its errors follow.
+"""Validation of a model on other motions, diagnosis of its errors, and choice of model terms.
 
-What the data say about an estimate; the estimators stand in `identification/estimation`. Begin with
-`torque_prediction.py`.
+The estimators are in `identification/estimation`. Start with `torque_prediction.py`.
 """

@@ -1,4 +1,4 @@
-"""Friction terms that held-out data ask for, beside those of the robot file."""
+"""Further friction terms that improve the prediction of held-out data."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from identification.validation.held_out import held_out_errors
 
 ASKED: Final[tuple[FrictionTerm, ...]] = ("offset", "cubic", "load")
 LEAST_GAIN: Final = 0.1
-"""Share of the RMS error on held-out data that a term must take off."""
+"""Smallest relative decrease of the RMS error on held-out data by a useful term."""
 SIGMAS: Final = 2.0
 FEWEST_SECONDS: Final = 10
 
@@ -27,16 +27,16 @@ FEWEST_SECONDS: Final = 10
 def asked_findings(
     robot: RobotDescription, signals: Sequence[SmoothedSignals], options: EstimationOptions
 ) -> tuple[str, ...]:
-    """Name joints whose torque a further friction term predicts better on data left out of a fit.
+    """Name joints whose torque on held-out data is predicted better with a further friction term.
 
-    A term counts if the squared error falls by more than two standard errors, second by second,
-    and the RMS error by at least a tenth.
+    A term counts if the squared error per second falls by more than two standard errors, and the
+    RMS error by at least a tenth.
 
     Args:
         robot: The robot with the terms that were identified.
         signals: The recordings.
-        options: How they were identified; terms that a request names in place of the robot file's
-            are kept.
+        options: The options of the estimate. If they contain friction terms instead of those of the
+            robot file, no further terms are tried.
     """
     if not options.model.friction or options.model.friction_terms is not None:
         return ()
@@ -63,7 +63,7 @@ def asked_findings(
                 before, after = np.sqrt(own.mean(axis=1))
                 if sure and after < (1.0 - LEAST_GAIN) * before:
                     asked.setdefault(joint.name, []).append(f"{term} ({before:.3g} to {after:.3g})")
-    except EstimationError:  # the recording is too short, or does not show the richer model
+    except EstimationError:  # the recording is too short, or does not determine the terms
         return ()
     if not asked:
         return ()
@@ -71,7 +71,7 @@ def asked_findings(
         f"{name}: {', '.join(asked[name])}" for name in robot.joint_names if name in asked
     )
     return (
-        "Held-out parts of the runs ask for friction terms that the robot file does not have, with"
-        f" the RMS error [N m or N] without and with each: {told}. `rid-daq identify --choose`"
-        " compares them and takes those that help.",
+        "Further friction terms predict held-out parts of the runs better than the terms of the"
+        f" robot file. Joint, term, and RMS error [N m or N] without and with it: {told}."
+        " `rid-daq identify --choose` compares these terms and uses those that help.",
     )

@@ -1,8 +1,8 @@
-"""`BaseWrenchValidation`: measured against predicted base wrench on a run not seen before.
+"""`BaseWrenchValidation`: measured and predicted base wrench on a run not used for the fit.
 
-A plate's offset and slow drift say nothing about the robot, and the delay of its signals belongs
-to the line; all three are found on the run itself and taken out, as they are when a model is
-estimated.
+A plate's offset and slow drift contain no information on the robot, and the delay of its signals
+belongs to the measurement chain. All three are estimated from the run itself and removed, as in the
+estimation of a model.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ class BaseWrenchValidation:
     Attributes:
         time_s: Shape (samples,). Times of the rows [s].
         measured, predicted: Shape (samples, 6). Base wrench below `cutoff_hz`, without constant
-            part and drift of the measured one [N, N m].
-        counted: Shape (samples,). Rows at which every channel of the plate was valid.
+            part, and without drift of the measured one [N, N m].
+        counted: Shape (samples,). True if every channel of the plate was valid.
         rms: Shape (6,). RMS of measured minus predicted [N, N m].
-        relative_percent: Shape (6,). The same over the RMS of the measured wrench around its mean
-            [%].
-        noise: Shape (6,). RMS that noise alone leaves below `cutoff_hz`, by the periods that the
-            model comes from.
-        delay_s: By how much the plate's signals were late.
-        cutoff_hz: Where all signals were low-passed.
+        relative_percent: Shape (6,). `rms` relative to the RMS of the measured wrench around its
+            mean [%].
+        noise: Shape (6,). RMS error below `cutoff_hz` due to noise alone, from the periods of the
+            model's identification [N, N m].
+        delay_s: Delay of the plate's signals [s].
+        cutoff_hz: Cut-off of the low-pass of all signals [Hz].
     """
 
     time_s: FloatArray
@@ -61,39 +61,39 @@ class BaseWrenchValidation:
 
     @property
     def sentence(self) -> str:
-        """The result in words."""
+        """The result in one sentence."""
         errors = ", ".join(
             f"{name} {rms:.3g} ({share:.2g} %)"
             for name, rms, share in zip(WRENCH_NAMES, self.rms, self.relative_percent, strict=True)
         )
         return (
-            f"Reaction on the base below {self.cutoff_hz:g} Hz, rms error [N, N m]: {errors}; the"
-            f" plate's signals were {1e3 * self.delay_s:.2f} ms late."
+            f"Base wrench below {self.cutoff_hz:g} Hz, RMS error [N, N m]: {errors}; the plate's"
+            f" signals were {1e3 * self.delay_s:.2f} ms late."
         )
 
 
 def validate_base_wrench(
     estimate: Estimate, recording: Recording, *, cutoff_hz: float = BAND_HZ
 ) -> BaseWrenchValidation:
-    """Predict the base wrench of a recording and compare.
+    """Predict the base wrench of a recording and compare it with the measured one.
 
     Args:
-        estimate: Of the external or the combined model.
+        estimate: Estimate of the external or the combined model.
         recording: Any motion, with a force plate; it is low-passed without phase shift.
         cutoff_hz: Cut-off of the low-pass [Hz].
 
     Raises:
-        EstimationError: The joints are not the estimate's, or it is of the internal model.
-        DataQualityError: The recording has no force plate, or one that was not valid long enough.
+        EstimationError: The joints are not those of the estimate, or it is of the internal model.
+        DataQualityError: The recording has no force plate, or no valid part of it is long enough.
     """
     if recording.joint_names != estimate.robot.joint_names:
         raise EstimationError(
-            f"the recording has joints {', '.join(recording.joint_names)}, the estimate"
+            f"the recording has joints {', '.join(recording.joint_names)}, but the estimate has"
             f" {', '.join(estimate.robot.joint_names)}: use a model of this robot",
             code="RID-ROBOT-OTHER",
         )
     step_s = float(np.median(np.diff(recording.time_s)))
-    # Products of angles and accelerations from above the cut-off reach down below it.
+    # Products of angles and accelerations above the cut-off contribute below the cut-off.
     motion_hz = max(cutoff_hz, min(MOTION_CUTOFFS * cutoff_hz, HIGHEST_SHARE / step_s))
     signals = smooth_nonperiodic(recording, motion_hz)
     curve, counted = _measured(recording, signals, cutoff_hz)
@@ -131,24 +131,26 @@ def validate_base_wrench(
 def _measured(
     recording: Recording, signals: SmoothedSignals, cutoff_hz: float
 ) -> tuple[CubicSpline, BoolArray]:
-    """Return the low-passed wrench as a function of time, and which smoothed rows count."""
+    """Return the low-passed wrench as a function of time, and a mask of the valid smoothed rows."""
     reaction, step_s = recording.reaction, recording.sample_period_s
     if reaction is None:
         raise DataQualityError(
-            "the recording holds nothing of a force plate: no reaction can be compared",
+            "the recording has no force plate signals, so no base wrench can be compared: record"
+            " with a force plate",
             code="RID-PLATE-MISSING",
         )
     if step_s is None:
         raise DataQualityError(
-            "the recording's stamps are not uniform: the plate cannot be used",
+            "the recording's time stamps are not uniform, so the plate cannot be used: record"
+            " with a constant sample period",
             code="RID-RECORDING-CLOCK",
         )
     valid: BoolArray = np.asarray(reaction.valid.all(axis=1))
     if valid.mean() < 0.5:
         worst = reaction.channel_names[int(np.argmin(reaction.valid.mean(axis=0)))]
         raise DataQualityError(
-            f"the force plate is valid on {valid.mean():.0%} of the rows only (channel {worst}):"
-            " choose a larger range, or look at its line",
+            f"the force plate is valid on only {valid.mean():.0%} of the rows (worst channel"
+            f" {worst}): select a larger range, or check the channel's cable",
             code="RID-PLATE-CHANNEL",
         )
     good = np.flatnonzero(valid)
@@ -162,7 +164,8 @@ def _measured(
     counted = bad[last] == bad[first]
     if counted.sum() < 2 * edge:
         raise DataQualityError(
-            "no stretch of the force plate's rows is valid for long enough",
+            "no interval of valid force plate rows is long enough: record again, and check the"
+            " range of the channels",
             code="RID-PLATE-CHANNEL",
         )
     return curve, counted
@@ -186,7 +189,7 @@ def _aligned(
         trend = np.linalg.lstsq(x[counted], error[counted], rcond=None)[0]
         error = error - x @ trend
         late = slope - x @ np.linalg.lstsq(x[counted], slope[counted], rcond=None)[0]
-        # A signal that is late by d shows as error -d times its slope.
+        # A signal with the delay d has the error -d times its slope.
         top = np.sum(weights**2 * (error * late)[counted])
         delay_s -= float(top / np.sum(weights**2 * (late * late)[counted]))
         weights = 1.0 / np.maximum(np.std(error[counted], axis=0), 1e-12)

@@ -1,10 +1,10 @@
-"""Kind and values of the torque channel, chosen from the data.
+"""Choice of the torque channel's kind and values from the data.
 
-Each joint's equations are solved alone, so that the channel of one joint does not depend on
-another's. The channel's values are found by Gauss-Newton beside all linear parameters; their
-intervals come from a jackknife over blocks of time. The kind is one for all joints: the simplest
-one whose held-out error is not distinctly larger than the best one's. A value is kept if it is
-distinct from zero. Rows that depend on friction at standstill are left out.
+Each joint's equations are solved separately, so that the channel of one joint does not depend on
+another's. The channel's values are estimated by Gauss-Newton together with all linear parameters.
+Their intervals come from a jackknife over blocks of time. All joints have the same kind: the
+simplest one whose held-out error is not distinctly larger than the best one's. A value is kept if
+it is distinct from zero. Rows that depend on friction at standstill are left out.
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ KINDS: Final[dict[ChannelKind, tuple[ChannelValue, ...]]] = {
     "zero-phase": ("width",),
     "delay + lag": ("delay", "lag"),
 }
-"""From the simplest to the richest."""
+"""Kinds of channel from the simplest to the richest, with their values."""
 KIND_SIGMAS: Final = 2.0
 LEAST_KIND_GAIN: Final = 0.01
-"""Gain of held-out RMS error below which a richer kind of channel is not taken: 1 %."""
+"""Smallest relative gain of held-out RMS error for a richer kind of channel: 1 %."""
 LONGEST_DELAY_S: Final = 0.05
 LONGEST_LAG_S: Final = 0.08
 SHORTEST_LAG_S: Final = 1e-4
@@ -54,26 +54,26 @@ LARGEST_STEP_S: Final = 0.01
 SETTLED_S: Final = 1e-5
 MOST_STEPS: Final = 9
 AFTER_STANDSTILL_S: Final = 0.16
-"""Rows left out after standstill: five times the slowest filter that is looked for."""
+"""Time left out after standstill: at least twice the longest time constant, `LONGEST_LAG_S`."""
 FILTER_SHARE: Final = 0.65
-"""Share of the squared error on all moving rows that a filter leaves at most."""
+"""Largest squared error on all moving rows with a filter, relative to the error without it."""
 RANK: Final = 1e-7
 FLEXIBLE: Final[tuple[Column, ...]] = (
     "coulomb", "viscous", "offset", "cubic", "load",
     ("stribeck", 0.045), ("stribeck", 0.1), ("stribeck", 0.23),
 )  # fmt: skip
-"""Friction beside which the channel is found first."""
+"""Friction columns of the first channel estimate."""
 
 
 @dataclass(frozen=True, eq=False)
 class JointChannel:
-    """A fit of one joint's channel.
+    """Fit of one joint's channel.
 
     Attributes:
         values_s, sigma_s: The channel's values and standard deviations [s].
-        errors: Shape (blocks,). Mean squared error of each block in a fit of all others.
-        moving_error: Mean squared error on all rows at which the joint moves, those near reversals
-            included.
+        errors: Shape (blocks,). Mean squared error of each block when it is left out of the fit.
+        moving_error: Mean squared error on all rows at which the joint moves, including those near
+            reversals.
     """
 
     values_s: dict[ChannelValue, float]
@@ -89,14 +89,14 @@ def choose_channel(
     kinds: Sequence[ChannelKind] = tuple(KINDS),
     before: TorqueChannel | None = None,
 ) -> TorqueChannel:
-    """Return the channel of all joints.
+    """Choose the channel of all joints.
 
     Args:
         equations: The recordings.
         terms: Friction columns of each joint.
         block_s: Length of a block that is left out [s].
         kinds: Kinds to compare, from the simplest to the richest; the first is "none".
-        before: The channel that was found before: rows that it mixes with standstill are left out.
+        before: The channel of the previous round: rows that it mixes with standstill are left out.
     """
     known = TorqueChannel.none(equations.joints) if before is None else before
     reaches = [
@@ -118,7 +118,7 @@ def choose_channel(
     found = kept_channel(fits[chosen], fits["none"])
     if "zero-phase" not in kinds:
         return found
-    with suppress(np.linalg.LinAlgError):  # too few rows of all joints to identify the links
+    with suppress(np.linalg.LinAlgError):  # too few rows to identify the links' parameters
         return common_filter(equations, terms if before is not None else None, block_s, found)
     return found
 
@@ -128,7 +128,10 @@ def _all_errors(fits: Sequence[JointChannel]) -> FloatArray:
 
 
 def _kind(errors: dict[ChannelKind, FloatArray]) -> ChannelKind:
-    """Return the simplest kind that is distinctly better than none, as far as any is."""
+    """Return the simplest of the kinds that are not distinctly worse than the best one.
+
+    A kind other than "none" must be distinctly better than "none".
+    """
     none = errors["none"]
     shown: list[ChannelKind] = [
         kind
@@ -139,12 +142,13 @@ def _kind(errors: dict[ChannelKind, FloatArray]) -> ChannelKind:
 
 
 def kept_channel(fits: Sequence[JointChannel], none: Sequence[JointChannel]) -> TorqueChannel:
-    """Return the values that are distinct from zero and inside their range.
+    """Return the channel with those values that are distinct from zero and inside their range.
 
-    A filter is a setting of the drives or of the logger: a few joints alone show another effect.
-    It passes the jumps of friction, too. What fits better away from reversals only is no filter: an
-    elastic joint looks like a zero-phase one. A joint that sticks long does not show the jumps; it
-    has the lag that it shows elsewhere if most joints have one.
+    A filter is a setting of the drives or of the logger: if few joints show one, the cause is
+    another effect. A filter must also lower the error at the jumps of friction. If it improves the
+    fit only away from reversals, it is not a filter: an elastic joint looks like a zero-phase
+    filter. A joint that sticks for long does not show the jumps; it keeps its lag if at least half
+    of the joints show a filter.
     """
     found = np.zeros((6, len(fits)))
     passes_jumps = np.zeros(len(fits), dtype=np.bool_)
@@ -166,12 +170,12 @@ def kept_channel(fits: Sequence[JointChannel], none: Sequence[JointChannel]) -> 
 
 @dataclass(frozen=True, eq=False)
 class JointEquations:
-    """Equations of one joint alone.
+    """Equations of a single joint.
 
     Attributes:
         all: The recordings.
-        joint: The joint, from 0.
-        terms: Its friction columns.
+        joint: The joint's index, from 0.
+        terms: The joint's friction columns.
         reach: As for `CandidateEquations.rows`.
         block_s: Length of a block that is left out [s].
     """
@@ -183,7 +187,7 @@ class JointEquations:
     block_s: float
 
     def rows(self, responses: Sequence[ComplexArray]) -> JointRows:
-        """Return the rows after a channel."""
+        """Return the rows with the columns filtered by a channel."""
         return self.all.rows(self.joint, self.terms, responses, self.reach, self.block_s)
 
     def moving_error(
@@ -205,7 +209,7 @@ class JointEquations:
     def through(
         self, responses: Sequence[Sequence[ComplexArray]], places: IntArray, theta: FloatArray
     ) -> FloatArray:
-        """Return the torque of some parameters after several responses, (rows, responses)."""
+        """Return the torque of some parameters after each response, (rows, responses)."""
         found = []
         for piece, own in zip(self.all.pieces, responses, strict=True):
             use = self.all.used(piece, self.joint, self.reach)
@@ -218,7 +222,7 @@ def fit_joint(equations: JointEquations, start: dict[ChannelValue, float]) -> Jo
     """Fit the channel of one joint, with all its linear parameters.
 
     Args:
-        start: The values that are fitted, and their starting values [s].
+        start: The values to fit, and their starting values [s].
     """
     values, free = dict(start), tuple(start)
     bounds = _bounds_of(free)
@@ -246,7 +250,7 @@ def fit_joint(equations: JointEquations, start: dict[ChannelValue, float]) -> Jo
         steps += 1
         if steps == MOST_STEPS or np.all(np.abs(step) < SETTLED_S):
             break
-    # A value that stays at its lower bound is no parameter of the fit.
+    # A value at its lower bound does not count as a parameter of the fit.
     inner = np.array([value > low for value, (low, _) in zip(values.values(), bounds, strict=True)])
     slopes = slopes[:, np.flatnonzero(inner)]
     moved, errors = _left_out(np.column_stack([basis.Q, slopes]), rows.torque_nm, rows.block)
@@ -258,8 +262,8 @@ def fit_joint(equations: JointEquations, start: dict[ChannelValue, float]) -> Jo
 
 
 def _bounds_of(free: Sequence[ChannelValue]) -> list[tuple[float, float]]:
-    """Return the least and the largest number of each of the values that are fitted [s]."""
-    # Beside a lag a delay is not negative: together they would mimic a zero-phase filter.
+    """Return the lower and the upper bound of each fitted value [s]."""
+    # With a lag, a delay is not negative: together they would resemble a zero-phase filter.
     delay_s = (0.0 if "lag" in free else -LONGEST_DELAY_S, LONGEST_DELAY_S)
     return [delay_s if key == "delay" else (SHORTEST_LAG_S, LONGEST_LAG_S) for key in free]
 
@@ -270,16 +274,16 @@ def _bounded(
     before: FloatArray,
     bounds: Sequence[tuple[float, float]],
 ) -> FloatArray:
-    """Return the values of least squares within their bounds, shape (values,).
+    """Return the least-squares values within their bounds, shape (values,).
 
-    What would leave its bounds is held there, and the others are solved for again: they are not
-    those that belong to a value beyond the bound.
+    A value beyond its bound is fixed at the bound, and the others are solved for again, because
+    their optimum changes.
 
     Args:
-        slopes: Shape (rows, values). How the torque changes with each value.
-        rest: Shape (rows,). Torque that is not explained yet.
-        before: Shape (values,). The values now.
-        bounds: Sequence of (least, largest). Of each value.
+        slopes: Shape (rows, values). Derivative of the torque with respect to each value.
+        rest: Shape (rows,). Torque that is not yet explained.
+        before: Shape (values,). The current values.
+        bounds: Sequence of (lower, upper). Bounds of each value.
     """
     low, high = (np.array(each) for each in zip(*bounds, strict=True))
     found, free = before.copy(), np.ones(len(before), dtype=np.bool_)
@@ -296,7 +300,7 @@ def _bounded(
 
 
 def _responses(frequency_hz: FloatArray, values: dict[ChannelValue, float]) -> list[ComplexArray]:
-    """Return the response (bins,), and how it changes with each of the values, in their order."""
+    """Return the response (bins,) and its derivative with respect to each value, in their order."""
     s = 2j * np.pi * frequency_hz
     delay, lag, width = (values.get(key, 0.0) for key in ("delay", "lag", "width"))
     response = np.exp(-s * delay) / ((1.0 + s * lag) * (1.0 - (s * width) ** 2))
@@ -309,7 +313,7 @@ def _responses(frequency_hz: FloatArray, values: dict[ChannelValue, float]) -> l
 
 
 def _independent(columns: FloatArray) -> IntArray:
-    """Return columns that are independent of each other, in their order."""
+    """Return the indices of linearly independent columns, in their order."""
     size = np.linalg.norm(columns, axis=0)
     live = np.flatnonzero(size > 1e-9 * size.max(initial=1e-300))
     triangle, order = qr(columns[:, live] / size[live], mode="r", pivoting=True)
@@ -320,7 +324,7 @@ def _independent(columns: FloatArray) -> IntArray:
 def _left_out(
     columns: FloatArray, torque_nm: FloatArray, block: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return how the solution changes without each block, and the block's mean squared error."""
+    """Return the change of the solution without each block, and the block's mean squared error."""
     gram = columns.T @ columns
     residual = torque_nm - columns @ np.linalg.solve(gram, columns.T @ torque_nm)
     moved, errors = [], []

@@ -1,9 +1,9 @@
-"""A zero-phase filter of the torque that all joints share.
+"""Choice of a zero-phase filter of the torque that is common to all joints.
 
-Beside all columns of one joint, half a minute of data does not show a filter. The equations of all
-joints together do: the links' parameters are the same in each of them. Loggers and scripts that
-smooth torques without delay run a Butterworth filter forwards and backwards; its order and width
-are those with the smallest error on blocks left out of the fit.
+With all columns of one joint free, half a minute of data does not determine a filter. The equations
+of all joints together do, because they share the links' parameters. Loggers and scripts that smooth
+torques without delay run a Butterworth filter forwards and backwards. Its order and width are
+chosen for the smallest error on blocks left out of the fit.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from identification.regression.nested_choice import DISTINCT_SIGMAS, Gain, devia
 COMMON: Final[tuple[Column, ...]] = ("coulomb", "viscous", "offset")
 ORDERS: Final = (1, 2, 4)
 COMMON_WIDTHS_S: Final = tuple(0.012 * 1.35**k for k in range(11))
-"""Widths of a common filter: 13 to 0.7 Hz."""
+"""Candidate widths of a common filter: cut-offs from 13 to 0.7 Hz."""
 COMMON_SIGMAS: Final = 3.0
 COMMON_GAIN: Final = 0.2
 AWAY: Final = Reach(0.1, 0.2)
-"""Rows left out before and after standstill, where a filter is told from smooth friction."""
+"""Time left out around standstill to distinguish a filter from smooth friction."""
 
 
 def common_filter(
@@ -38,16 +38,16 @@ def common_filter(
     block_s: float,
     known: TorqueChannel,
 ) -> TorqueChannel:
-    """Return a zero-phase filter that all joints share, or the known channel if it is no worse.
+    """Return a zero-phase filter common to all joints, or the known channel if it is no worse.
 
     Args:
         equations: The recordings.
         terms: Friction columns of each joint; None for Coulomb, viscous and offset.
         block_s: Length of a block that is left out [s].
-        known: The channel that was found joint by joint.
+        known: The channel that was estimated joint by joint.
 
     Raises:
-        np.linalg.LinAlgError: The rows do not identify the links.
+        np.linalg.LinAlgError: The rows do not identify the links' parameters.
     """
     n = equations.joints
     own: list[Terms] = [
@@ -73,7 +73,7 @@ def common_filter(
             best, best_gain = channel, gain
     if best is known:
         return known
-    # Smooth friction looks like a filter near reversals; a filter of the torque shows elsewhere.
+    # Smooth friction looks like a filter only near reversals; a torque filter acts everywhere.
     away = [errors(channel, AWAY) for channel in (known, best)]
     return best if Gain.between(*away).mean > 0.0 else known
 

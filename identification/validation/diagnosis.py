@@ -1,4 +1,4 @@
-"""What is wrong with a prediction: joint by joint, in words and with the numbers behind them."""
+"""Diagnosis of prediction errors: for each joint a sentence and its numbers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ WORTH_TELLING: Final = 0.1
 NEAR_FLOOR: Final = 1.5
 STRIBECK_RAD_S: Final = 0.05
 
-# What a model may lack: what would add it, and how its parameters' names begin.
+# For each quantity: the term that models it, and the prefixes of this term's parameter names.
 _SUSPECTS: Final[dict[str, tuple[str, tuple[str, ...]]]] = {
     "the direction of motion": ("friction term coulomb", ("fc_", "fcp_", "fcn_")),
     "the speed": ("friction term viscous", ("fv_",)),
@@ -34,21 +34,21 @@ _SUSPECTS: Final[dict[str, tuple[str, tuple[str, ...]]]] = {
     "the cosine of its angle": ("gravity: a payload or a spring", ()),
 }
 _ELSEWHERE: Final = (
-    "the model has that, but of another size: was the joint warmer, or loaded otherwise?"
+    "the model has this term, but with another coefficient: check the joint's temperature and load"
 )
 
 
 @dataclass(frozen=True)
 class JointDiagnosis:
-    """Why one joint's error is as it is.
+    """Probable cause of one joint's error.
 
     Attributes:
-        relative_percent: Its error over its torque [%]; NaN where it never moves.
-        over_noise: Its error over what noise alone leaves; None where the noise is not known.
-        white_p: Ljung and Box's probability that white residuals look like these; NaN for too few.
-        suspect: What the error follows most, in words; empty where nothing stands out.
-        suspect_share: Share of the error's power that this explains.
-        remedy: What would model it, or that the model has it.
+        relative_percent: RMS error relative to the RMS torque [%]; NaN if the joint never moves.
+        over_noise: RMS error relative to that of noise alone; None if the noise is not known.
+        white_p: P-value of Ljung and Box's test for white residuals; NaN for too few values.
+        suspect: The quantity that the error follows most; empty if no quantity is distinct.
+        suspect_share: Share of the error's power that the quantity explains.
+        remedy: The term that would model this error, or a note that the model has it.
     """
 
     joint: str
@@ -61,31 +61,32 @@ class JointDiagnosis:
 
     @property
     def sentence(self) -> str:
-        """The diagnosis in words."""
+        """The diagnosis in one sentence."""
         if math.isnan(self.relative_percent):
-            return f"{self.joint} does not move in this run: nothing is known of its error."
+            return f"{self.joint} does not move in this run, so its error is unknown."
         parts = [f"{self.joint}: error {self.relative_percent:.3g} % of the torque"]
         if self.over_noise is not None:
             parts.append(f"{self.over_noise:.2g} times the noise floor")
         if self.over_noise is not None and self.over_noise <= NEAR_FLOOR:
-            parts.append("nothing is left to model")
+            parts.append("the model explains the torque down to the noise")
         elif self.suspect:
             parts.append(
-                f"{100.0 * self.suspect_share:.0f} % of it follows {self.suspect} ({self.remedy})"
+                f"{100.0 * self.suspect_share:.0f} % of the error follows {self.suspect}"
+                f" ({self.remedy})"
             )
         elif self.white_p < WHITE_P:
-            parts.append("what is left is not noise, and follows nothing that this program knows")
+            parts.append("the residual is not noise, and follows none of the known quantities")
         elif not math.isnan(self.white_p):
-            parts.append("what is left looks like noise")
+            parts.append("the residual looks like noise")
         return "; ".join(parts) + "."
 
 
 def diagnose(estimate: Estimate, validation: Validation) -> tuple[JointDiagnosis, ...]:
-    """Find, joint by joint, what the error of a validation tells.
+    """Diagnose the error of a validation, joint by joint.
 
     Args:
         estimate: The model.
-        validation: Its prediction of a run.
+        validation: The model's prediction of a run.
     """
     error = validation.measured_nm - validation.predicted_nm
     step_s = float(np.median(np.diff(validation.time_s)))
@@ -111,13 +112,16 @@ def diagnose(estimate: Estimate, validation: Validation) -> tuple[JointDiagnosis
 
 
 def ljung_box(residual: FloatArray) -> float:
-    """Return the probability that white residuals are correlated as much as these.
+    """Return the p-value of Ljung and Box's test that residuals are white.
 
     Args:
-        residual: Shape (values,). Residuals at the rate at which their band makes them independent.
+        residual: Shape (values,). Residuals, sampled so slowly that white ones in their band are
+            independent.
 
     Returns:
-        Ljung and Box's (1978) Q over the first lags, against chi-square; NaN for fewer than 40.
+        The p-value of Ljung and Box's (1978) Q over the first lags, by chi-squared; NaN for fewer
+        than
+        40 values.
     """
     count = len(residual)
     if count < FEWEST_VALUES:
@@ -136,13 +140,13 @@ def _remedy(names: set[str], joint: str, suspect: str) -> str:
     cure, prefixes = _SUSPECTS[suspect]
     if any(f"{prefix}{joint}" in names for prefix in prefixes):
         return _ELSEWHERE
-    return f"{cure} would model that"
+    return f"{cure} would model this"
 
 
 def _suspect(
     validation: Validation, error: FloatArray, j: int, counted: BoolArray
 ) -> tuple[str, float]:
-    """Return what a joint's error follows most, and the share of its power."""
+    """Return the quantity that a joint's error follows most, and its share of the power."""
     v, q = validation.velocity[counted, j], validation.position[counted, j]
     rest = error[counted, j]
     total = float(rest @ rest)

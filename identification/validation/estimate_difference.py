@@ -1,7 +1,7 @@
 """`EstimateDifference`: two estimates of one robot, parameter by parameter, in standard deviations.
 
-Of m differences that noise alone makes, one exceeds `limit_sigmas` in a hundredth of all cases
-(Bonferroni's inequality on normal errors), however the parameters are correlated.
+If the m differences are due to noise alone, the largest exceeds `limit_sigmas` in at most 1 % of
+all cases (Bonferroni's inequality for normal errors), for any correlation of the parameters.
 """
 
 from __future__ import annotations
@@ -17,20 +17,21 @@ from config.errors import EstimationError
 from identification.estimation.estimate import Estimate
 
 CHANCE: Final = 0.01
-"""Of calling two estimates different that are not."""
+"""Probability of a false difference between two estimates."""
 
 
 @dataclass(frozen=True, eq=False)
 class EstimateDifference:
-    """What two estimates say of the same parameters.
+    """Values of the same parameters in two estimates.
 
     Attributes:
-        names, units: The m parameters that both have, as the same combination of standard ones.
-        first, second: Shape (m,). Their values.
-        first_sigma, second_sigma: Shape (m,). Their standard deviations (`Estimate.sigma`).
-        only_first, only_second: Parameters that only one has, or that are other combinations in the
-            other.
-        shared_runs: Runs behind both: then they err alike, and differ less than their sigmas say.
+        names, units: The m parameters that both have as the same combination of standard ones.
+        first, second: Shape (m,). Values of the two estimates.
+        first_sigma, second_sigma: Shape (m,). Standard deviations (`Estimate.sigma`).
+        only_first, only_second: Parameters that only one estimate has, or that are different
+            combinations.
+        shared_runs: Runs that both estimates use. If there are any, the errors are correlated, and
+            the differences are smaller than the standard deviations suggest.
     """
 
     names: tuple[str, ...]
@@ -45,23 +46,23 @@ class EstimateDifference:
 
     @property
     def sigmas(self) -> FloatArray:
-        """Second minus first, in standard deviations of that difference, shape (m,)."""
+        """Second minus first, in standard deviations of this difference, shape (m,)."""
         sigma = np.hypot(self.first_sigma, self.second_sigma)
         return np.asarray((self.second - self.first) / sigma)
 
     @property
     def limit_sigmas(self) -> float:
-        """The largest difference that noise explains."""
+        """The largest difference that noise explains [standard deviations]."""
         return float(-ndtri(CHANCE / (2.0 * len(self.names))))
 
     @property
     def worst(self) -> int:
-        """The parameter that differs most."""
+        """Index of the parameter that differs most."""
         return int(np.argmax(np.abs(self.sigmas)))
 
     @property
     def agree(self) -> bool:
-        """Whether noise explains every difference."""
+        """True if noise explains every difference."""
         return bool(np.abs(self.sigmas).max() <= self.limit_sigmas)
 
 
@@ -69,23 +70,24 @@ def compare_estimates(first: Estimate, second: Estimate) -> EstimateDifference:
     """Compare two estimates.
 
     Args:
-        first, second: Of robots with the same joints; their models may differ.
+        first, second: Estimates of robots with the same joints; their models may differ.
 
     Raises:
-        EstimationError: The joints differ, or no parameter is in both.
+        EstimationError: The joints differ, or the estimates have no common parameter.
     """
     joints = first.robot.joint_names
     if second.robot.joint_names != joints:
         raise EstimationError(
-            f"the first model is of {', '.join(joints)}, the second of"
-            f" {', '.join(second.robot.joint_names)}: these are two robots",
+            f"the first model has joints {', '.join(joints)}, but the second has"
+            f" {', '.join(second.robot.joint_names)}: compare models of the same robot",
             code="RID-ROBOT-OTHER",
         )
     one, other = _entries(first), _entries(second)
     both = [key for key in one if key in other]
     if not both:
         raise EstimationError(
-            "no parameter is in both models: identify both with the same --model and robot file",
+            "the models have no common parameter: identify both with the same --model and robot"
+            " file",
             code="RID-MODEL-TERMS-DIFFER",
         )
     table = np.array([[*one[key][:2], *other[key][:2]] for key in both])
@@ -103,7 +105,7 @@ def compare_estimates(first: Estimate, second: Estimate) -> EstimateDifference:
 
 
 def _entries(estimate: Estimate) -> dict[tuple[str, str], tuple[float, float, str]]:
-    """Return value, sigma and unit of each parameter, by its name and what it stands for."""
+    """Return value, sigma and unit of each parameter, by its name and its expression."""
     base, model = estimate.base, estimate.model
     entries = {
         (base.names[i], base.expressions[i]): (

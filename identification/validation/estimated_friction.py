@@ -1,4 +1,4 @@
-"""`EstimatedFriction`: the friction of an identified model, to compare measured friction with."""
+"""`EstimatedFriction`: the friction of an identified model, to compare with measured friction."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from identification.friction.curve import friction_columns
 
 @dataclass(frozen=True, eq=False)
 class EstimatedFriction:
-    """The friction that a model has by its estimate, joint by joint.
+    """The friction of an estimated model, joint by joint.
 
     Attributes:
-        estimate: The model; it has friction.
+        estimate: The estimate of a model with friction.
 
     Raises:
         ConfigError: The model has no friction.
@@ -29,30 +29,32 @@ class EstimatedFriction:
     def __post_init__(self) -> None:
         if not any(isinstance(term, Friction) for term in self.estimate.model.terms):
             raise ConfigError(
-                "the model file has no friction to compare with", code="RID-MODEL-NO-FRICTION"
+                "the model file has no friction to compare with: identify a model with friction",
+                code="RID-MODEL-NO-FRICTION",
             )
 
     def torque(self, joint: int, speed: FloatArray) -> FloatArray:
-        """Return the friction of a joint, from 0, at signed speeds, shape (s,) [N m or N].
+        """Return the friction of a joint at signed speeds, shape (s,) [N m or N].
 
-        Temperatures are the reference's; what load adds is left out.
+        It is computed at the reference temperatures and without load-dependent friction. `joint` is
+        the joint's index, from 0.
         """
         model = self.estimate.model
         values = self.estimate.standard_values[model.parameter_groups["friction"]]
         return friction_columns(model, joint, speed) @ values
 
     def circumstances(self, joint: int) -> str:
-        """Return in words what `torque` holds for, of a joint, from 0.
+        """Return the conditions of `torque` for a joint in words.
 
-        Such as "as after a long rest and without what load adds"; empty where friction depends on
-        speed alone.
+        An example is "after a long rest and without load-dependent friction". The text is empty if
+        friction depends only on speed. `joint` is the joint's index, from 0.
         """
         estimate = self.estimate
         taken = []
         if by_temperature(estimate)[joint]:
             reference_k = estimate.robot.joints[joint].reference_temperature_k
             warm = f"at {reference_k - ZERO_CELSIUS_K:.3g} °C"
-            taken.append(warm if estimate.warming is None else "as after a long rest")
+            taken.append(warm if estimate.warming is None else "for a joint after a long rest")
         if any(loss.joint == joint for loss in estimate.model.transmission.losses):
-            taken.append("without what load adds")
+            taken.append("without load-dependent friction")
         return " and ".join(taken)

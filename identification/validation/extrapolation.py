@@ -1,4 +1,4 @@
-"""Terms that say nothing outside the positions at which they were identified."""
+"""Check for terms that are valid only at the positions of their identification."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from dynamics.terms.spring import Spring
 from identification.estimation.estimate import Estimate
 
 MARGIN_SHARE: Final = 0.02
-"""Share of the identified range by which a motion may leave it."""
+"""Distance by which a motion may leave the identified range, relative to the range."""
 
 
 def extrapolation_findings(estimate: Estimate, position: FloatArray) -> tuple[str, ...]:
-    """Say if a motion leaves the positions at which a spring's Fourier series was identified.
+    """Report if a motion leaves the positions at which a spring's Fourier series was identified.
 
     Args:
         position: Shape (samples, n). The motion [rad or m].
@@ -31,8 +31,8 @@ def extrapolation_findings(estimate: Estimate, position: FloatArray) -> tuple[st
     name = estimate.robot.joint_names[spring.joint]
     return (
         f"The spring of {name} is a Fourier series that was identified between {low:.3g} and"
-        f" {high:.3g} rad. This motion reaches {own.min():.3g} to {own.max():.3g} rad, with"
-        f" {100.0 * outside:.2g} % of its samples outside: there the series is an extrapolation and"
-        f" the torque of {name} can be far off. Identify a motion over the whole range, or give"
-        " the spring's l_m and r_m in the robot file.",
+        f" {high:.3g} rad. This motion moves from {own.min():.3g} to {own.max():.3g} rad, with"
+        f" {100.0 * outside:.2g} % of its samples outside. There the series is an extrapolation,"
+        f" and the predicted torque of {name} can be wrong. Identify a motion over the whole"
+        " range, or set the spring's l_m and r_m in the robot file.",
     )

@@ -1,12 +1,12 @@
-"""Friction terms of each joint, chosen from the data by forward selection and elimination.
+"""Choice of each joint's friction terms from the data, by forward selection and elimination.
 
-The joints' equations are coupled by the links' parameters. Candidates are columns of these
-equations, so that every model is a choice among the entries of one Gram matrix per block, and so is
-its error on a block that was left out of the fit. Stribeck friction is tried at a few speeds,
-each with the derivative of its curve by the speed. Load-dependent friction is tried alone and
-together with Stribeck friction, since each can hide the other; so are terms that bend with speed.
-A candidate that the data do not identify is skipped; the plain model (Coulomb and viscous friction)
-is always a result.
+The joints' equations share the parameters of the links. Candidates are columns of these equations.
+Every model therefore uses a subset of the entries of one Gram matrix per block, both for its fit
+and for its error on a block that was left out of the fit. Stribeck friction is tried at a few
+speeds, each together with the derivative of its curve by the speed. Load-dependent friction is
+tried alone and together with Stribeck friction, because each can hide the other. Terms that are
+nonlinear in the speed are combined for the same reason. A candidate that the data do not identify
+is skipped; Coulomb and viscous friction alone is always a result.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ CANDIDATES: Final[tuple[Terms, ...]] = (
     ("cubic", "cube_root"),
     *((name, ("stribeck", speed)) for name in ("load", "cube_root") for speed in SPEEDS_RAD_S),
 )
-"""Terms that are tried together beside those that a joint has."""
+"""Combinations of terms that are tried in addition to those of a joint."""
 TOGETHER: Final[tuple[Terms, ...]] = (
     ("offset",), ("offset", "cubic", "load"), ("offset", "cube_root", "load"),
 )  # fmt: skip
 """Terms that are tried on all joints at once.
 
-Joints share the links' parameters, so that a term that one joint lacks hides those of the others.
+Joints share the links' parameters, so that a missing term of one joint hides those of the others.
 """
 
 
@@ -54,8 +54,8 @@ class FrictionChoice:
     """The chosen terms of each joint.
 
     Attributes:
-        terms: Of each joint.
-        fit, plain: Solutions of these terms and of the plain model.
+        terms: Friction terms of each joint.
+        fit, plain: Solutions with these terms, and with Coulomb and viscous friction alone.
     """
 
     terms: tuple[Terms, ...]
@@ -67,7 +67,7 @@ def choose_terms(grams: Grams) -> FrictionChoice:
     """Choose each joint's friction terms.
 
     Args:
-        grams: The equations, their torque channel known.
+        grams: The equations, with the torque channel applied.
     """
     n = grams.joints
     plain = grams.fit([PLAIN] * n)
@@ -80,7 +80,7 @@ def choose_terms(grams: Grams) -> FrictionChoice:
     found[0] = _without_weak(grams, *found[0])
     found.sort(key=lambda own: sum(map(len, own[0])))
     chosen, now = found[simplest([fit.errors for _, fit in found])]
-    # Terms that help other blocks' joints only are no gain: such a joint returns to plain.
+    # A joint whose error grew returns to Coulomb and viscous friction.
     worse = [j for j in range(n) if np.nanmean(now.errors[:, j]) > np.nanmean(plain.errors[:, j])]
     if any(chosen[j] != PLAIN for j in worse):
         chosen = [PLAIN if j in worse else own for j, own in enumerate(chosen)]
@@ -89,7 +89,7 @@ def choose_terms(grams: Grams) -> FrictionChoice:
 
 
 def _grown(grams: Grams, start: Sequence[Terms], fit: Fit) -> tuple[list[Terms], Fit]:
-    """Return terms with those added that the data show, and their solution."""
+    """Return the terms after adding those that improve the fit, and their solution."""
     chosen, candidates = list(start), set(range(grams.joints))
     for _ in range(ROUNDS):
         added = {j: extra for j in sorted(candidates) if (extra := _best(grams, chosen, j, fit))}
@@ -104,7 +104,7 @@ def _grown(grams: Grams, start: Sequence[Terms], fit: Fit) -> tuple[list[Terms],
 
 
 def _without_weak(grams: Grams, start: Sequence[Terms], fit: Fit) -> tuple[list[Terms], Fit]:
-    """Return terms without those that are not worth their place, and their solution."""
+    """Return the terms after removing those that do not improve the fit, and their solution."""
     chosen = list(start)
     while (worst := _weakest(grams, chosen, fit)) is not None:
         j, term = worst
@@ -121,7 +121,7 @@ def _fit_or_none(grams: Grams, chosen: Sequence[Terms]) -> Fit | None:
 
 
 def _trials(grams: Grams, chosen: Sequence[Terms], joint: int) -> Iterator[tuple[Terms, Fit]]:
-    """Yield what can be added to a joint's terms, as far as the data identify it."""
+    """Yield terms that can be added to a joint and that the data identify, with their fit."""
     have = {name_of(term) for term in chosen[joint]}
     for extra in CANDIDATES:
         if have.isdisjoint(map(name_of, extra)):
@@ -132,7 +132,7 @@ def _trials(grams: Grams, chosen: Sequence[Terms], joint: int) -> Iterator[tuple
 
 
 def _best(grams: Grams, chosen: Sequence[Terms], joint: int, now: Fit) -> Terms:
-    """Return the fewest terms to add to a joint's that are not worse than the best; () for none."""
+    """Return the fewest terms to add to a joint that are not worse than the best; () for none."""
     good = []
     for extra, fit in _trials(grams, chosen, joint):
         found = Gain.between(now.errors[:, joint], fit.errors[:, joint])
@@ -146,16 +146,15 @@ def _best(grams: Grams, chosen: Sequence[Terms], joint: int, now: Fit) -> Terms:
 
 
 def preferred_terms(trials: Sequence[tuple[Terms, Fit]], now: Fit, joint: int) -> Terms:
-    """Return the fewest terms that predict a joint not distinctly worse than the best ones do.
+    """Return the fewest terms that predict a joint not distinctly worse than the best terms.
 
-    Of as many terms, those come first that are distinct from zero whatever the error gains; of
-    these, the ones with the smallest error.
+    Among equally many terms, those whose coefficients are distinct from zero are preferred; among
+    these, those with the smallest error.
 
     Args:
-        trials: Sequence of (terms, fit). Terms that may be added, and the solution with them; at
-            least one.
-        now: The solution without them.
-        joint: The joint, from 0.
+        trials: Sequence of (terms, fit), at least one. Candidate terms, and the solution with them.
+        now: The solution without the candidate terms.
+        joint: The joint's index, from 0.
     """
 
     def gain(trial: tuple[Terms, Fit]) -> float:
@@ -175,15 +174,18 @@ def preferred_terms(trials: Sequence[tuple[Terms, Fit]], now: Fit, joint: int) -
 
 
 def _is_braking(fit: Fit, joint: int) -> bool:
-    """Return True if Coulomb and viscous friction brake: others may not take their place."""
+    """Return True if Coulomb and viscous friction oppose the motion.
+
+    Other terms must not replace them.
+    """
     return all(fit.value(joint, term) > 0.0 for term in PLAIN)
 
 
 def _is_shown(fit: Fit, joint: int, term: Column, gain: Gain) -> bool:
-    """Return True if a term is distinct from zero, and positive if it must be.
+    """Return True if a term is distinct from zero, and positive if required.
 
-    A term that clearly lowers the error on data left out of the fit needs less: few blocks, as in
-    half a minute of data, give wide deviations.
+    The limit is lower for a term that clearly reduces the error on held-out data: few blocks, as in
+    half a minute of data, give wide intervals.
     """
     if name_of(term) in _POSITIVE and fit.value(joint, term) <= 0.0:
         return False
@@ -192,7 +194,7 @@ def _is_shown(fit: Fit, joint: int, term: Column, gain: Gain) -> bool:
 
 
 def _weakest(grams: Grams, chosen: Sequence[Terms], now: Fit) -> tuple[int, Column] | None:
-    """Return the term that is least distinct from zero among those not worth their place."""
+    """Return the term closest to zero among those that do not improve the fit."""
     weak: list[tuple[float, int, Column]] = []
     for j, own in enumerate(chosen):
         for term in own[len(PLAIN) :]:

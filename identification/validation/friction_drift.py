@@ -1,4 +1,4 @@
-"""How the friction of a run drifted from period to period: motors that were still warming up."""
+"""Drift of a run's friction from period to period, due to motors that were still warming up."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ WORTH_TELLING: Final = 0.01
 
 @dataclass(frozen=True)
 class FrictionDrift:
-    """The trend of one joint's friction over the periods of a run.
+    """Trend of one joint's friction over the periods of a run.
 
     Attributes:
-        first, last: Mean torque along the motion, its sign turned with the speed's, in the first
-            and the last period on the fitted line [N m or N].
+        first, last: Mean of torque times the sign of the speed, in the first and the last period,
+            on the fitted line [N m or N].
         p_value: Probability of such a slope without any drift.
     """
 
@@ -36,33 +36,34 @@ class FrictionDrift:
 
     @property
     def share(self) -> float:
-        """Change over the run, as a share of the friction."""
+        """Change over the run, relative to the friction."""
         size = max(abs(self.first), abs(self.last), 1e-300)
         return (self.last - self.first) / size
 
     @property
     def significant(self) -> bool:
-        """Whether it is a drift that matters."""
+        """True if the drift is statistically significant and at least 1 %."""
         return self.p_value < SIGNIFICANT_P and abs(self.share) >= WORTH_TELLING
 
     @property
     def sentence(self) -> str:
-        """The finding in words."""
+        """The finding in one sentence."""
         way = "fell" if self.share < 0.0 else "rose"
         return (
             f"{self.joint}'s friction {way} by {100.0 * abs(self.share):.2g} % over the run: it was"
-            " still warming up; run it until that stops, then record again"
+            " still warming up; move the joint until its friction is constant, then record again"
         )
 
 
 def friction_drift(parts: Iterable[Recording]) -> tuple[FrictionDrift, ...]:
     """Return each joint's trend of friction over the main periods of a recording.
 
-    The work that friction takes is the mean of torque times the sign of the speed: what conserves
-    energy gives none of it over a whole period. Empty where there are fewer than four periods.
+    Friction is measured as the mean of torque times the sign of the speed, because conservative
+    torques do not contribute to it over a whole period. The result is empty for fewer than four
+    periods.
 
     Args:
-        parts: One of a periodic motion, whole or in parts.
+        parts: Recording of a periodic motion, whole or in parts.
     """
     means: dict[int, FloatArray] = {}
     joint_names: tuple[str, ...] = ()
@@ -78,7 +79,7 @@ def friction_drift(parts: Iterable[Recording]) -> tuple[FrictionDrift, ...]:
             own = work[period == number]
             rows = np.concatenate([rows, own]) if number == begun else own
             begun = number
-            # A period that misses rows would show another part of the path: it does not count.
+            # A period with missing rows does not cover the whole path: it is not used.
             if len(rows) == part.samples_per_period:
                 means[number] = rows.mean(axis=0)
     if len(means) < FEWEST_PERIODS:
@@ -90,10 +91,11 @@ def friction_drift(parts: Iterable[Recording]) -> tuple[FrictionDrift, ...]:
 def _works(parts: Iterable[Recording]) -> Iterator[tuple[Recording, FloatArray]]:
     """Yield main rows, and their torques times the signs of their speeds.
 
-    A row's speed takes its neighbours: the last row of a part waits for the next part.
+    The speed of a row depends on its neighbours, so that the last row of a part is yielded with the
+    next part.
     """
     kept: Recording | None = None
-    begin = 0  # the first of the kept rows that was not yielded
+    begin = 0  # index of the first kept row that was not yielded
     for part in parts:
         main = part.part(part.phase == Phase.MAIN)
         main = main if kept is None else concatenate_recordings([kept, main])

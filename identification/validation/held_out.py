@@ -1,4 +1,4 @@
-"""Two fits compared on seconds that neither has seen, joint by joint."""
+"""Comparison of two fits on held-out seconds, joint by joint."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FOLDS: Final = 6
 
 @dataclass(frozen=True, eq=False)
 class _Second:
-    """What a second says of each joint to a fit, and what a fit is judged on."""
+    """Equations of one second: those for the fit, and those for its error."""
 
     train: tuple[Triangle, ...]
     judge: tuple[Triangle, ...]
@@ -32,23 +32,23 @@ class _Second:
 def held_out_errors(
     plain: FittedSignals, full: FittedSignals, folds: int = FOLDS, *, low_passed: bool = True
 ) -> FloatArray:
-    """Return mean squared errors of two fits of the same parts on seconds left out.
+    """Return mean squared errors of two fits of the same recordings on held-out seconds.
 
-    Nonlinear parameters are those of all data in every fold; the linear ones are fitted anew to
-    all parts but one.
+    Nonlinear parameters are those of all data in every fold. The linear parameters are fitted anew
+    to all parts but one.
 
     Args:
-        plain, full: The simpler and the richer one. Both are judged on the samples that count for
-            the richer.
-        folds: Contiguous parts that the recordings are cut into; each is left out once.
-        low_passed: Whether the columns are low-passed as the torque is. A model whose joints slide
-            by sign(v) is fitted without, to samples away from reversals.
+        plain, full: The simpler and the richer fit. The errors of both are computed on the samples
+            that the richer one uses.
+        folds: Number of contiguous parts of the recordings; each is left out once.
+        low_passed: True if the columns are low-passed like the torque. A model with sign(v) as
+            friction is fitted without the low-pass, on samples away from reversals.
 
     Returns:
-        Shape (2, seconds, n). NaN where no sample counts.
+        Shape (2, seconds, n). NaN for a second without usable samples.
 
     Raises:
-        EstimationError: There are less than two parts.
+        EstimationError: The recordings have less than two parts.
     """
     part = _parts([int(run.event[-1]) + 1 for run in plain.problem.runs], folds)
     errors = np.full((2, len(part), plain.model.chain.n), np.nan)
@@ -68,15 +68,15 @@ def held_out_errors(
 
 
 def shown_values(richer: Estimate, errors: FloatArray, symbol: str) -> tuple[float | None, ...]:
-    """Return a nonlinear parameter of each joint where the data show it, None elsewhere.
+    """Return a nonlinear parameter of each joint if the data determine it, otherwise None.
 
-    They show it where the richer model has it and is worth having, and where it is distinct from
-    zero and at no bound.
+    The data determine it if the richer model has it and predicts the joint distinctly better, and
+    if its value is distinct from zero and not at a bound.
 
     Args:
-        richer: Of the richer model.
-        errors: Shape (2, seconds, n). As of `held_out_errors`.
-        symbol: What the parameter's name begins with.
+        richer: Estimate of the richer model.
+        errors: Shape (2, seconds, n). Errors from `held_out_errors`.
+        symbol: Prefix of the parameter's name.
     """
     names, worth = richer.model.nonlinear_names, joints_that_gain(*errors)
     values: list[float | None] = []
@@ -92,12 +92,14 @@ def shown_values(richer: Estimate, errors: FloatArray, symbol: str) -> tuple[flo
 
 
 def _parts(seconds: Sequence[int], folds: int) -> IntArray:
-    """Return which part each second belongs to, from 0; parts are contiguous, within a run."""
+    """Return the index of the part of each second, from 0; parts are contiguous, within a run."""
     each = max(1, folds // len(seconds))
     cut = [piece for own in seconds for piece in np.array_split(np.zeros(own), each) if len(piece)]
     if len(cut) < 2:
         raise EstimationError(
-            "a comparison needs two parts of recordings", code="RID-RECORDING-SHORT"
+            "the recordings are too short to be split into two parts for a comparison: use"
+            " longer recordings",
+            code="RID-RECORDING-SHORT",
         )
     return np.repeat(np.arange(len(cut)), [len(piece) for piece in cut])
 
@@ -105,7 +107,7 @@ def _parts(seconds: Sequence[int], folds: int) -> IntArray:
 def _seconds(
     plain: FittedSignals, full: FittedSignals, low_passed: bool
 ) -> Iterator[tuple[_Second, _Second]]:
-    """Yield what each second says of the simpler and of the richer model."""
+    """Yield the equations of each second for the simpler and for the richer model."""
     simpler, richer = (
         whole_stretches(fit.problem.blocks(fit.model, fit.standard, low_passed=low_passed))
         for fit in (plain, full)
@@ -124,7 +126,7 @@ def _seconds(
 def _triangles(
     fit: FittedSignals, stretch: Sequence[tuple[TimeBlock, IntArray]]
 ) -> tuple[Triangle, ...]:
-    """Return what a stretch says of each joint."""
+    """Return the equations of a time interval as one triangle per joint."""
     structure = torque_structure(fit.model, fit.base, False)
     triangles = [Triangle.empty(len(fit.base), columns) for columns in structure]
     for block, rows in stretch:
@@ -136,7 +138,7 @@ def _triangles(
 
 
 def _joined(triangles: Sequence[Triangle]) -> Triangle:
-    """Return the triangles of one joint together."""
+    """Return several triangles of one joint as one."""
     factor = np.vstack([triangle.factor for triangle in triangles])
     rows = sum(triangle.rows for triangle in triangles)
     first = triangles[0]

@@ -1,7 +1,7 @@
-"""`choose_model`: a recording's torque channel and a robot's friction, chosen from the data.
+"""`choose_model`: choice of a recording's torque channel and a robot's friction from the data.
 
-The channel is found before friction, beside flexible friction, and again after friction with the
-chosen terms. Presliding and warm-up, which need nonlinear fits, are tried last.
+The channel is estimated before the friction terms, with flexible friction, and again with the
+chosen terms. Presliding and warming, which need nonlinear fits, are tried last.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ SHORTEST_BLOCK_S: Final = 1.0
 BLOCKS: Final = 20
 ROUNDS: Final = 2
 STEPS: Final = 4
-"""What `watch` is told of: channel, friction, presliding, warm-up."""
+"""Steps of the progress: channel, friction, presliding, warm-up."""
 DELAYS_ALONE: Final[tuple[ChannelKind, ...]] = ("none", "delay")
 
 Watch = Callable[[int, int, str], None]
-"""Called with the number of finished steps, the number of steps, and the next step's name."""
+"""Progress function; arguments: finished steps, number of steps, name of the next step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,17 +50,17 @@ class ModelChoice:
     """The chosen model.
 
     Attributes:
-        joint_names: Base to flange.
+        joint_names: Joints from base to flange.
         terms: Friction terms of each joint, without presliding and temperature.
         stribeck_rad_s: Stribeck speed of each joint that has one [rad/s or m/s].
-        error_nm: Shape (2, n). RMS error of each joint on blocks left out of the fit, with the
-            plain model (Coulomb and viscous friction) and with the chosen terms, both after the
-            channel [N m or N].
+        error_nm: Shape (2, n). RMS error of each joint on blocks left out of the fit, with Coulomb
+            and viscous friction and with the chosen terms, both with the channel applied [N m or
+            N].
         channel: Delay and filter of the recorded torque.
         presliding: Joints with presliding; None if the data do not identify it.
-        warming: Joints that warm up; None if none shows it.
+        warming: Joints that warm up; None if no joint shows it.
         refused_delay_s: Delays of each joint's torque that no bus explains and that are not in
-            `channel`, 0 for the other joints [s]; empty if there is none.
+            `channel`, 0 for the other joints [s]; empty if there are no such delays.
     """
 
     joint_names: tuple[str, ...]
@@ -90,14 +90,14 @@ def choose_model(
     """Choose the torque channel and each joint's friction.
 
     Args:
-        robot: The robot; its own friction terms do not count.
+        robot: The robot; its own friction terms are ignored.
         signals: The recordings of the training runs; never those of the validation.
-        options: The other terms of the model, and the speed from which on a joint moves.
+        options: The other terms of the model, and the speed above which a joint counts as moving.
         kinds: Kinds of channel to try, from the simplest to the richest; the first is "none".
-        watch: Told of the progress.
+        watch: Function that is called with the progress.
 
     Raises:
-        EstimationError: The recordings do not identify the plain model.
+        EstimationError: The recordings do not identify Coulomb and viscous friction.
     """
     options = options or EstimationOptions()
     tell = watch or (lambda done, steps, name: None)
@@ -120,9 +120,9 @@ def _stribeck_beside(
     signals: Sequence[SmoothedSignals],
     options: EstimationOptions,
 ) -> ModelChoice:
-    """Return a choice whose joints with presliding have Stribeck friction only if shown again.
+    """Return a choice in which joints with presliding keep Stribeck friction only if confirmed.
 
-    At a reversal the two look alike.
+    The two have similar effects at a reversal, so that Stribeck friction is tested again.
     """
     assert chosen.presliding is not None
     both = [
@@ -194,7 +194,7 @@ def _grams(equations: CandidateEquations, channel: TorqueChannel, block_s: float
         return Grams.of(equations, channel, block_s)
     except np.linalg.LinAlgError:
         raise EstimationError(
-            "the motion does not identify the plain model (Coulomb and viscous friction): record a"
+            "the motion does not identify a model with Coulomb and viscous friction: record a"
             " motion that moves every joint",
             code="RID-MOTION-UNINFORMATIVE",
         ) from None
@@ -203,7 +203,7 @@ def _grams(equations: CandidateEquations, channel: TorqueChannel, block_s: float
 def _with_load(
     equations: CandidateEquations, grams: Grams, terms: Sequence[Terms]
 ) -> CandidateEquations:
-    """Return equations whose gears transmit what a fit of some terms says."""
+    """Return equations whose gears transmit the torques from a fit of some terms."""
     fit = grams.fit(terms)
     values = np.zeros(len(equations.base))
     values[grams.rigid] = fit.values[: len(grams.rigid)]

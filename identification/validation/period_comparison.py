@@ -1,4 +1,4 @@
-"""`PeriodComparison`: measured and predicted torque of a mean period, in time and by frequency."""
+"""`PeriodComparison`: measured and predicted torque of a mean period, in time and frequency."""
 
 from __future__ import annotations
 
@@ -15,22 +15,21 @@ from identification.estimation.estimate import Estimate
 
 @dataclass(frozen=True, eq=False)
 class PeriodComparison:
-    """A mean period inside the estimate's band, the anti-alias filter divided out.
+    """A mean period inside the estimate's band, with the anti-alias filter divided out.
 
     Attributes:
         time_s: Shape (K,). Time within the period [s].
         measured_nm, predicted_nm: Shape (K, n). Torques [N m or N].
-        fitted_nm: Shape (K, n). The prediction as the fit has it: plus the torque that it leaves
-            free where a joint does not count [N m or N]. The RMS of measured minus fitted is the
-            estimate's residual.
-        counted: Shape (K, n). Samples at which a joint counts: it moves faster than the estimate's
-            standstill speed, or its presliding friction is known.
+        fitted_nm: Shape (K, n). The fit's torque: the prediction plus the joint's free torque [N m
+            or N]. The RMS of measured minus fitted is the estimate's residual.
+        counted: Shape (K, n). Samples that the estimate uses for a joint: it moves faster than the
+            estimate's standstill speed, or its presliding friction is known.
         frequency_hz: Shape (H + 1,). The bins [Hz].
         measured_spectrum_nm, residual_spectrum_nm: Shape (H + 1, n). RMS of each bin of the
-            measured torque, and of measured minus predicted; over all samples, passages of
-            standstill included [N m or N].
-        noise_spectrum_nm: Shape (H + 1, n). RMS that the noise between periods leaves in each bin
-            of the mean [N m or N].
+            measured torque, and of measured minus predicted; over all samples, including standstill
+            [N m or N].
+        noise_spectrum_nm: Shape (H + 1, n). RMS noise of the mean in each bin, from the scatter
+            between periods [N m or N].
     """
 
     time_s: FloatArray
@@ -45,10 +44,10 @@ class PeriodComparison:
 
 
 def compare_period(estimate: Estimate, average: PeriodAverage) -> PeriodComparison:
-    """Predict the torques of a mean period.
+    """Predict the torques of a mean period and compare them with the measured ones.
 
     Raises:
-        EstimationError: The joints are not the estimate's.
+        EstimationError: The joints are not those of the estimate.
     """
     standard = estimate.standard_values if estimate.model.transmission.losses else None
     equations = bin_equations(

@@ -1,14 +1,15 @@
-"""By how much the torques of a periodic recording are late, joint by joint, chosen by the data.
+"""Choice of the delay of each joint's torque in periodic recordings, from the data.
 
-On the bins of a mean period a delay d is exact: it turns the torque's bins by omega d. It is one
-more parameter a joint beside all others (Gauss-Newton), found with the reversals left free: there
-friction is what a delay resembles most, and what it does is known least. What remains tells them
-apart by frequency and by pose: viscous friction turns no inertia and no gravity.
+On the bins of a mean period a delay d is exact: it multiplies a bin by exp(-j omega d). It is
+estimated as one more parameter per joint together with all others (Gauss-Newton). The torque near
+reversals is free in this fit, because there friction resembles a delay most and is known least. The
+other torques distinguish both by frequency and pose: viscous friction does not shift the phase of
+inertia and gravity torques.
 
-A joint's delay is taken if it is two standard deviations from zero and the logarithm of the error
-on bins left out falls by more than two standard errors. It is below a quarter of the
-shortest period in the band: a longer one turns the highest bins by more than a right angle, and the
-step that is linear in it does not lead there.
+A joint's delay is accepted if it is two standard deviations from zero and the logarithm of the
+error on left-out bins falls by more than two standard errors. It must be below a quarter of the
+shortest period in the band: a longer delay shifts the highest bins by more than a right angle, and
+a step that is linear in the delay does not converge to it.
 """
 
 from __future__ import annotations
@@ -37,12 +38,12 @@ DISTINCT_SIGMAS: Final = 2.0
 MOST_STEPS: Final = 10
 SETTLED_SIGMAS: Final = 0.01
 LONGEST_SHARE: Final = 0.25
-"""Of the shortest period in the band."""
+"""Longest delay, relative to the shortest period in the band."""
 NOTHING: Final = 1e-12
-"""Of the noise's variance: less is no error."""
+"""Squared error, relative to the noise's variance, below which it counts as zero."""
 
 Outputs = tuple[tuple[WhitenedEquations, ...], ...]
-"""Whitened equations, one tuple a run, of one a joint."""
+"""Whitened equations: one tuple per run, one item per joint."""
 
 
 def choose_period_delays(
@@ -50,16 +51,17 @@ def choose_period_delays(
     averages: Sequence[PeriodAverage],
     options: EstimationOptions | None = None,
 ) -> TorqueChannel:
-    """Return by how much each joint's torque is late, zero where the data do not show it.
+    """Return the delay of each joint's torque, zero if the data do not determine it.
 
     Args:
-        robot: The robot with all its terms; its presliding says how far from a reversal friction is
-            known.
+        robot: The robot with all its terms; presliding determines how far from a reversal friction
+            is known.
         averages: The mean periods of the training runs.
         options: The other terms of the model.
 
     Raises:
-        EstimationError: The joints do not fit, or the motion does not show the parameters.
+        EstimationError: The joints are not those of the robot, or the motion does not determine the
+            parameters.
     """
     options = options or EstimationOptions()
     fitted = fit_periodic(robot, averages, options)
@@ -84,7 +86,7 @@ def _found(
     values = fitted.fit.solution.values[fitted.fit.of_base]
 
     def beside(delay_s: FloatArray, values: FloatArray) -> tuple[Outputs, Solution]:
-        """Solve for steps from these delays beside all else, linearised at these values."""
+        """Solve for delay steps from `delay_s` and all other parameters, linearised at `values`."""
         widened = []
         for each in equations:
             columns = each.delay_columns(each.matrix[:, :, :b] @ values)
@@ -108,10 +110,9 @@ def _found(
 def _left_out(
     fitted: FittedPeriods, equations: tuple[BinEquations, ...], delay_s: FloatArray
 ) -> FloatArray:
-    """Return each bin's mean squared error in a prediction from all others, (bins, n).
+    """Return each bin's mean squared error in a prediction from all other bins, (bins, n).
 
-    Errors are counted in standard deviations of the noise. The parameters that are not linear are
-    those of all bins.
+    Errors are in standard deviations of the noise. The nonlinear parameters are those of all bins.
     """
     b = len(fitted.base)
     linear = [replace(each.delayed(delay_s), matrix=each.matrix[:, :, :b]) for each in equations]
@@ -139,9 +140,9 @@ def _whitened(fitted: FittedPeriods, equations: Sequence[BinEquations]) -> Outpu
 
 
 def _solved(fitted: FittedPeriods, white: Outputs, longest_s: float = 0.0) -> Solution:
-    """Solve; what the data say nothing of, the steps' own ranges hold down.
+    """Solve the equations; limit the steps that the data do not determine to their ranges.
 
-    With `longest_s` the last n columns are those of delays.
+    If `longest_s` is not zero, the last n columns are those of delays.
     """
     width, b, n = white[0][0].matrix.shape[1], len(fitted.base), len(fitted.robot.joints)
     triangles = [

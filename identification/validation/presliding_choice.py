@@ -1,11 +1,11 @@
-"""Which joints' friction remembers where it came from: chosen by the data, as other terms are.
+"""Choice of the joints whose friction has presliding hysteresis, from the data.
 
-With presliding the samples at rest and at reversal can be predicted. A joint gets it if its error
-on parts of the recordings that a fit has not seen, rest and reversal included, falls by the rules
-of `nested_choice`. By the same rules only a share of its friction gives way, and the rest holds at
-once. Stribeck friction was chosen before, from rows away from reversals. The parameters
-that are not linear are those of all data in every fold. A distance that the data do not tell from
-zero, a share that they do not tell from zero and one, and what ends at a bound, is not taken.
+With presliding, samples at standstill and reversal can be predicted. A joint gets it if its error
+on held-out parts, including standstill and reversal, falls by the rules of `nested_choice`. By the
+same rules only a fraction of its friction has presliding, and the rest is rigid (Coulomb). Stribeck
+friction was chosen before, from rows away from reversals. The nonlinear parameters are those of all
+data in every fold. A distance is rejected if the data do not distinguish it from zero, a fraction
+if they do not distinguish it from zero and one. Values at a bound are rejected as well.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ from identification.validation.held_out import FOLDS, held_out_errors, shown_val
 from identification.validation.robot_terms import with_presliding
 
 STARTS: Final = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
-"""Presliding distances from which the fit begins [rad or m]: each joint from its best."""
+"""Candidate starting values of a joint's presliding distance [rad or m]; the best is used."""
 HALF: Final = 0.5
-"""Share of the friction from which the fit begins, where not all of it gives way."""
+"""Starting value of the presliding fraction, if it is below 1."""
 
 
 @dataclass(frozen=True, eq=False)
 class PreslidingChoice:
-    """Which joints have presliding, and what that is worth.
+    """The joints with presliding, and its effect on the error.
 
     Attributes:
-        joint_names: Base to flange.
+        joint_names: Joints from base to flange.
         distances: Presliding distance of each joint that has it [rad or m].
-        shares: Share of each joint's friction that gives way so, from 0 to 1.
-        error_nm: Shape (2, n). RMS error of each joint without and with it on parts left out,
-            standstill and reversal included [N m or N].
+        shares: Presliding fraction of each joint's friction, from 0 to 1.
+        error_nm: Shape (2, n). RMS error of each joint without and with presliding on held-out
+            parts, including standstill and reversal [N m or N].
     """
 
     joint_names: tuple[str, ...]
@@ -61,16 +61,16 @@ def choose_presliding(
     *,
     folds: int = FOLDS,
 ) -> PreslidingChoice:
-    """Choose the joints whose friction has memory.
+    """Choose the joints whose friction has presliding.
 
     Args:
         robot: The robot with its other friction terms.
-        signals: The recordings of the training runs. They are `thinned`.
-        options: The other terms of the model, and from which speed on a joint moves.
-        folds: Parts that the recordings are cut into.
+        signals: The recordings of the training runs. Their rows are thinned (`thinned`).
+        options: The other terms of the model, and the speed above which a joint counts as moving.
+        folds: Number of parts of the recordings.
 
     Raises:
-        EstimationError: The recordings are too short, or do not show the model.
+        EstimationError: The recordings are too short, or do not determine the model.
     """
     options, n = options or EstimationOptions(), len(robot.joints)
     robot = with_presliding(robot, [None] * n)
@@ -110,15 +110,15 @@ def choose_presliding(
 
 
 def _resolved(distances: Sequence[float | None], shortest: float) -> list[float | None]:
-    """Return distances that are longer than the way between two rows at the lowest speed.
+    """Return the distances that exceed the displacement between two rows at the lowest speed.
 
-    Within a shorter one no row stands: it describes how a joint sticks, not how it gives way.
+    No row lies within a shorter distance: it describes how a joint sticks, not its presliding.
     """
     return [own if own is not None and own > shortest else None for own in distances]
 
 
 def _shares(partly: FittedSignals, errors: FloatArray) -> list[float | None]:
-    """Return each joint's share where the data tell it from one, too."""
+    """Return each joint's presliding fraction if the data also distinguish it from one."""
     estimate = partly.estimate()
     sigma = dict(zip(partly.model.nonlinear_names, estimate.nonlinear_sigma, strict=True))
     return [
@@ -132,7 +132,7 @@ def _shares(partly: FittedSignals, errors: FloatArray) -> list[float | None]:
 def _start(
     robot: RobotDescription, plain: FittedSignals, options: EstimationOptions, share: float
 ) -> list[float]:
-    """Return the distance of `STARTS` that fits each joint best, gears losing nothing yet."""
+    """Return the distance of `STARTS` that fits each joint best, with lossless gears."""
     residuals = []
     for distance in STARTS:
         tried = with_presliding(robot, [distance] * len(robot.joints), [share] * len(robot.joints))

@@ -12,7 +12,7 @@ Terms = tuple[FrictionTerm, ...]
 
 
 def with_friction(robot: RobotDescription, terms: Sequence[Terms]) -> RobotDescription:
-    """Return a robot whose joints have these friction terms, one tuple a joint."""
+    """Return a robot whose joints have these friction terms, one tuple per joint."""
     joints = (
         joint.model_copy(
             update={"friction": own, "efficiency": None if "load" in own else joint.efficiency}
@@ -23,7 +23,7 @@ def with_friction(robot: RobotDescription, terms: Sequence[Terms]) -> RobotDescr
 
 
 def with_stribeck(robot: RobotDescription, speeds: Sequence[float | None]) -> RobotDescription:
-    """Return a robot with Stribeck friction on the joints that have a speed, on no others."""
+    """Return a robot with Stribeck friction on exactly the joints that have a speed."""
     joints = []
     for joint, speed in zip(robot.joints, speeds, strict=True):
         friction = tuple(term for term in joint.friction if term != "stribeck")
@@ -39,11 +39,11 @@ def with_presliding(
     distances: Sequence[float | None],
     shares: Sequence[float] | None = None,
 ) -> RobotDescription:
-    """Return a robot with presliding on the joints that have a distance [rad or m], no others.
+    """Return a robot with presliding on exactly the joints that have a distance [rad or m].
 
     Args:
-        distances: One a joint.
-        shares: Share of each joint's friction that gives way; all of it by default.
+        distances: Presliding distance of each joint, or None.
+        shares: Presliding fraction of each joint's friction; 1 by default.
     """
     joints = []
     shares = shares or [1.0] * len(distances)

@@ -1,4 +1,4 @@
-"""One more parameter a joint beside all others: its Gauss-Newton step, and its deviation."""
+"""Gauss-Newton step of one additional parameter per joint, together with all others."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from identification.regression.least_squares import Triangle
 def steps_beside(
     fitted: FittedSignals, slope: FloatArray, seconds: int = 1
 ) -> tuple[FloatArray, FloatArray]:
-    """Return how far each joint's parameter has to go, and its standard deviation, (n,) each.
+    """Return the step of each joint's additional parameter, and its standard deviation, (n,) each.
 
     Args:
-        fitted: A fit of thinned recordings, the parameters at their present values.
-        slope: Shape (rows, n). How each joint's torque changes with its own parameter, in all rows
-            of the equations.
-        seconds: How many seconds count as one event: what is slow is the same error for long.
+        fitted: A fit of thinned recordings, with the additional parameters at their current values.
+        slope: Shape (rows, n). Derivative of each joint's torque with respect to its own parameter,
+            in all rows of the equations.
+        seconds: Number of seconds that count as one cluster: slow effects have correlated errors.
 
     Raises:
-        EstimationError: The motion does not show the parameters.
+        EstimationError: The motion does not determine the parameters.
     """
     structure = torque_structure(fitted.model, fitted.base, fitted.standard is not None)
     nonlinear = 0 if fitted.standard is None else len(fitted.model.nonlinear_names)
@@ -48,7 +48,7 @@ def steps_beside(
 
 
 def _blocks(fitted: FittedSignals, slope: FloatArray, seconds: int) -> Iterator[TimeBlock]:
-    """Yield the equations with a column for each joint's own parameter behind the others."""
+    """Yield the equations with a column for each joint's own parameter after the others."""
     first, n = 0, slope.shape[1]
     for block in fitted.problem.blocks(fitted.model, fitted.standard):
         extra = np.zeros((len(block.rhs), n, n))

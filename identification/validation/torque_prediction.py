@@ -1,4 +1,4 @@
-"""`Validation`: measured against predicted torque on a run that the estimate has not seen."""
+"""`Validation`: measured and predicted torque on a run that was not used for the fit."""
 
 from __future__ import annotations
 
@@ -25,34 +25,35 @@ from identification.regression.fit_grade import FitGrade, grade_fit, limit_share
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """Torque errors per joint, and the samples that they were computed on.
+    """Torque errors per joint, and the samples from which they were computed.
 
-    Errors count moving samples only, those at or above `standstill_rad_s`: below, friction is
-    stiction, of which sign(v) says nothing. `all_samples_percent` counts every sample. Neither
-    counts samples at which the friction depends on where a joint came from before the recording
-    began, or in a gap of it: nobody knows that.
+    Errors use only moving samples, those at or above `standstill_rad_s`: below it, friction is
+    stiction, which sign(v) does not describe. `all_samples_percent` uses every sample. Neither uses
+    samples at which the friction depends on the joint's motion before the recording began or in a
+    gap, because this motion is unknown.
 
     Attributes:
-        joint_names: Base to flange.
+        joint_names: Joints from base to flange.
         time_s: Shape (samples,). Times of the rows [s].
         measured_nm, predicted_nm: Shape (samples, n). Torques, both below `cutoff_hz` [N m or N].
-        position, velocity, acceleration: Shape (samples, n). The motion that the prediction was
-            made for [rad or m, per s, per s^2].
-        moving: Shape (samples, n). Where a joint moves.
-        known: Shape (samples, n). Where its friction depends on the recorded motion alone;
-            everywhere without memory.
-        rms_nm: Shape (n,). RMS of measured minus predicted on the samples that count [N m or N];
-            NaN without any.
-        relative_percent: Shape (n,). The same over the RMS of the measured torque [%].
-        all_samples_percent: Shape (n,). The relative error on every known sample, standstill
-            included [%]; NaN without any.
-        noise_nm: Shape (n,). RMS that the measurement noise alone leaves below `cutoff_hz`, where
-            it is known.
-        cutoff_hz, standstill_rad_s: Where the signals were low-passed, and the speed from which
-            samples count.
+        position, velocity, acceleration: Shape (samples, n). The motion of the prediction [rad or
+            m, per s, per s^2].
+        moving: Shape (samples, n). True if the joint moves.
+        known: Shape (samples, n). True if the joint's friction depends only on the recorded motion;
+            always true without presliding.
+        rms_nm: Shape (n,). RMS of measured minus predicted on the counted samples [N m or N]; NaN
+            without any.
+        relative_percent: Shape (n,). `rms_nm` relative to the RMS of the measured torque [%].
+        all_samples_percent: Shape (n,). The relative error on every known sample, including
+            standstill [%]; NaN without any.
+        noise_nm: Shape (n,). RMS error below `cutoff_hz` due to the measurement noise alone, if it
+            is known [N m or N].
+        cutoff_hz, standstill_rad_s: Cut-off of the signals' low-pass, and lowest speed of the
+            counted samples.
         limits_percent: The largest relative errors allowed.
-        channel: Delay and filter that the model's torque passes, as that of its own recording did.
-        remembering: Joints whose friction has memory: standstill and reversal are predicted, too.
+        channel: Delay and filter that are applied to the predicted torque, those of the estimate's
+            own recording.
+        remembering: Joints with presliding: their standstill and reversal are predicted, too.
     """
 
     joint_names: tuple[str, ...]
@@ -79,38 +80,39 @@ class Validation:
         freeze(self, EstimationError, (None, n), "measured_nm", "predicted_nm")
         if self.limits_percent is not None and len(self.limits_percent) != n:
             raise EstimationError(
-                f"validation: {len(self.limits_percent)} limits are given for {n} joints",
+                f"validation: {len(self.limits_percent)} limits are given for {n} joints: give"
+                " one limit for each joint",
                 code="RID-OPTION-COUNT",
             )
 
     @property
     def counted(self) -> BoolArray:
-        """Which samples count, shape (samples, n)."""
+        """Mask of the samples in the errors, shape (samples, n)."""
         return np.asarray(self.moving & self.known)
 
     @property
     def counted_fraction(self) -> FloatArray:
-        """Share of the samples that count, shape (n,)."""
+        """Fraction of the samples in the errors, shape (n,)."""
         return np.asarray(self.counted.mean(axis=0))
 
     @property
     def torque_nm(self) -> FloatArray:
-        """RMS of the measured torque on the samples that count, shape (n,) [N m or N]."""
+        """RMS of the measured torque on the counted samples, shape (n,) [N m or N]."""
         return _rms(self.measured_nm, self.counted)
 
     @property
     def fit(self) -> tuple[FitGrade, ...]:
-        """How well the estimate explains the torque of each joint."""
+        """Quality of the prediction of each joint's torque."""
         return grade_fit(self.joint_names, self.rms_nm, self.torque_nm, self.noise_nm)
 
     @property
     def default_limits_percent(self) -> tuple[float, ...]:
-        """Relative errors above which a fit is bad, by the torque and its noise."""
+        """Relative errors above which a fit is bad, from the torque and its noise."""
         return tuple((100.0 * limit_share(self.torque_nm, self.noise_nm)).tolist())
 
     @property
     def verdicts(self) -> tuple[bool | None, ...]:
-        """Whether each joint holds its limit; None without a limit or without a sample."""
+        """True for each joint that satisfies its limit; None without a limit or a sample."""
         if self.limits_percent is None:
             return (None,) * len(self.joint_names)
         return tuple(
@@ -120,7 +122,7 @@ class Validation:
 
     @property
     def passed(self) -> bool | None:
-        """Whether every joint that moves holds its limit; None without limits."""
+        """True if every joint that moves satisfies its limit; None without limits."""
         known = [verdict for verdict in self.verdicts if verdict is not None]
         return all(known) if known else None
 
@@ -134,29 +136,29 @@ def validate_torques(
     limits_percent: tuple[float, ...] | None = None,
     noise_nm: FloatArray | None = None,
 ) -> Validation:
-    """Predict the torques of a recording and compare.
+    """Predict the torques of a recording and compare them with the measured ones.
 
     Args:
-        estimate: The identified robot. To judge other parameters, `dataclasses.replace` its
-            `values`.
-        recording: Any motion; it is low-passed without phase shift, periodic or not. What its
-            torque went through is taken to be what the estimate's did (`Estimate.channel`).
-        cutoff_hz: Cut-off of the low-pass, for measured and predicted torque alike [Hz].
-        standstill_rad_s: Samples of a joint slower than this do not count for it; a torque that is
-            late counts from when the joint moved.
+        estimate: The identified robot. To validate other parameters, replace its `values` with
+            `dataclasses.replace`.
+        recording: Any motion; it is low-passed without phase shift, periodic or not. Its torque
+            channel is assumed to be that of the estimate's recording (`Estimate.channel`).
+        cutoff_hz: Cut-off of the low-pass for measured and predicted torque [Hz].
+        standstill_rad_s: Samples of a joint slower than this are not used for this joint. If the
+            torque has a delay, the joint must have moved when the torque acted.
         limits_percent: Largest relative error of each joint for the verdict.
-        noise_nm: Shape (n,). Standard deviation of one torque sample by noise, as
-            `PeriodAverage.torque_variance` has it.
+        noise_nm: Shape (n,). Noise standard deviation of one torque sample, the square root of
+            `PeriodAverage.torque_variance`.
 
     Raises:
-        EstimationError: The recording's joints are not the estimate's.
-        DataQualityError: Nothing moves in the recording, or nothing far enough for its friction to
-            be known.
+        EstimationError: The recording's joints are not those of the estimate.
+        DataQualityError: Nothing moves in the recording, or nothing moves far enough for its
+            friction to be known.
     """
     names = estimate.robot.joint_names
     if recording.joint_names != names:
         raise EstimationError(
-            f"the recording has joints {', '.join(recording.joint_names)}, the estimate"
+            f"the recording has joints {', '.join(recording.joint_names)}, but the estimate has"
             f" {', '.join(names)}: use a model of this robot",
             code="RID-ROBOT-OTHER",
         )
@@ -172,15 +174,15 @@ def validate_torques(
     moving = _seen_moving(moves(estimate.model, signals.velocity, standstill_rad_s), signals)
     if not moving.any():
         raise DataQualityError(
-            f"no joint of the recording moves at {standstill_rad_s:g} rad/s or more: nothing to"
-            " validate on",
+            f"no joint of the recording moves at {standstill_rad_s:g} rad/s or more, so there is"
+            " nothing to validate: use a recording with motion",
             code="RID-RUN-STILL",
         )
     known = _known(signals, conditions)
     if not (moving & known).any():
         raise DataQualityError(
-            "no joint of the recording moves far enough for what its friction remembers to be known"
-            " while it moves: nothing to validate on",
+            "no joint of the recording moves far enough for its presliding friction to be known,"
+            " so there is nothing to validate: use a recording with larger motion",
             code="RID-RUN-STILL",
         )
     error, counted = signals.torque_nm - predicted, moving & known
@@ -208,7 +210,7 @@ def validate_torques(
 
 
 def relative_of_both(one: Validation, other: Validation) -> FloatArray:
-    """Return the relative errors of two models on the samples that count for both, (2, n) [%].
+    """Return the relative errors of two models on the samples that both use, (2, n) [%].
 
     Args:
         one, other: Predictions of one recording.
@@ -227,9 +229,10 @@ def relative_of_both(one: Validation, other: Validation) -> FloatArray:
 
 
 def _seen_moving(moving: BoolArray, signals: SmoothedSignals) -> BoolArray:
-    """Return where joints move and did when the recorded torque acted, (samples, n).
+    """Return where joints move, and moved when the recorded torque acted, (samples, n).
 
-    A late torque of a joint that begins to move is still that of the joint at rest.
+    If the torque is late, the first samples of a joint that starts to move still contain the torque
+    at rest.
     """
     seen = moving.copy()
     if signals.channel is None:
@@ -250,10 +253,10 @@ def _predicted(
     conditions: Conditions,
     standstill_rad_s: float,
 ) -> FloatArray:
-    """Return the torques of the signals' rows, filtered as the measured ones are, (samples, n).
+    """Return the torques of the signals' rows, filtered like the measured ones, (samples, n).
 
-    The source's motion is not low-passed: a low-passed velocity changes its sign at a wrong time.
-    At standstill it is, since the sign of an unfiltered velocity is noise there.
+    The source's motion is not low-passed, because a low-passed velocity changes its sign at a wrong
+    time. At standstill it is, because the sign of an unfiltered velocity is noise there.
     """
     source, signals = filtered.source, filtered.signals
     velocity = source.velocity.copy()
@@ -276,10 +279,10 @@ def _predicted(
 
 
 def _known(signals: SmoothedSignals, conditions: Conditions) -> BoolArray:
-    """Return where friction depends on the recorded motion alone, (samples, n).
+    """Return where friction depends only on the recorded motion, (samples, n).
 
-    What is not known spreads with the low-pass and the channel that the prediction went through:
-    for a period of the cut-off, and for as long as the channel lasts, it is seen.
+    Unknown friction affects later samples through the low-pass and the channel: for one period of
+    the cut-off, and for the duration of the channel's response.
     """
     memory, found = conditions.memory, np.ones(signals.position.shape, dtype=bool)
     if memory is not None:
@@ -293,7 +296,7 @@ def _known(signals: SmoothedSignals, conditions: Conditions) -> BoolArray:
 
 
 def _rms(values: FloatArray, use: BoolArray) -> FloatArray:
-    """Return the RMS of each column over the rows in use; NaN where there is none."""
+    """Return the RMS of each column over the used rows; NaN for a column without used rows."""
     rows = use.sum(axis=0)
     total = np.sum(np.square(values) * use, axis=0)
     return np.asarray(np.sqrt(np.where(rows > 0, total / np.maximum(rows, 1), np.nan)))

@@ -1,11 +1,14 @@
-"""Which joints warm up by their friction, where temperatures are not measured: chosen by the data.
+"""Choice of the joints that warm up by their own friction, if temperatures were not measured.
 
-Friction that falls while a robot warms up is a function of time in every recording, and so is much
-else. A joint is taken to warm up only where Coulomb and viscous friction that change with the rise
-(`Warming`) lower its squared error on seconds left out by more than a standard error, where one of
-both changes is told from zero, and where the time constant is: with two deviations to either side
-above zero and below the length of the longest recording. Time constants are searched on a grid, all
-joints at once since each acts on its own joint, then beside all other parameters by Gauss-Newton.
+Friction that falls while a robot warms up is a function of time in every recording, but so are many
+other effects. Therefore a joint counts as warming up only under three conditions. First, Coulomb
+and viscous friction that change with the temperature rise (`Warming`) lower its squared error on
+held-out seconds by more than a standard error. Second, at least one of the two changes is distinct
+from zero. Third, the time constant plus and minus two standard deviations is above zero and below
+the length of the longest recording.
+
+Time constants are first searched on a grid, for all joints at once because each affects only its
+own joint. Then they are estimated by Gauss-Newton together with all other parameters.
 """
 
 from __future__ import annotations
@@ -32,9 +35,9 @@ from identification.validation.robot_terms import with_friction
 from identification.validation.steps_beside import steps_beside
 
 SHORTEST_S: Final = 20.0
-"""Motors and gears take minutes; what is faster is something else."""
+"""Shortest time constant: motors and gears take minutes to warm up."""
 SHORTEST_RECORDING_S: Final = 60.0
-"""Shorter recordings are not looked at: what changes within them is the motion."""
+"""Shortest recording that is used: in shorter ones only the motion changes."""
 STEP: Final = 2.0
 ROUNDS: Final = 3
 EVENTS: Final = 30
@@ -48,16 +51,16 @@ def choose_warming(
     *,
     folds: int = FOLDS,
 ) -> Warming | None:
-    """Return how joints warm up; None where no joint shows it.
+    """Return the warming of the joints; None if no joint shows it.
 
     Args:
         robot: The robot with all its other friction terms.
         signals: The recordings of the training runs, without temperatures.
-        options: The other terms of the model, and from which speed on a joint moves.
-        folds: Parts that the recordings are cut into.
+        options: The other terms of the model, and the speed above which a joint counts as moving.
+        folds: Number of parts of the recordings.
 
     Raises:
-        EstimationError: The recordings are too short for parts, or do not show the model.
+        EstimationError: The recordings are too short to be split, or do not determine the model.
     """
     options = options or EstimationOptions()
     parts = [thinned(run) for run in signals]
@@ -99,7 +102,7 @@ def choose_warming(
 def _heated(
     robot: RobotDescription, parts: Sequence[SmoothedSignals], options: EstimationOptions
 ) -> Warming:
-    """Return joints that their classical friction heats, without time constants."""
+    """Return the friction that heats the joints (Coulomb and viscous), without time constants."""
     simple = with_friction(robot, [_CLASSICAL] * len(robot.joints))
     fitted = fit_smoothed(simple, parts, options)
     values = dict(zip(fitted.base.names, fitted.values.tolist(), strict=True))
@@ -118,7 +121,7 @@ def _searched(
     options: EstimationOptions,
     longest_s: float,
 ) -> Warming:
-    """Return the time constants of a grid with which each joint fits best."""
+    """Return the time constants of a grid that fit each joint best."""
     heated = (cold.coulomb_nm > 0.0) | (cold.viscous_nm_s > 0.0)
     count = 1 + math.floor(math.log(longest_s / SHORTEST_S) / math.log(STEP))
     tried_s = SHORTEST_S * STEP ** np.arange(count)
@@ -149,7 +152,7 @@ def _slope(
     robot: RobotDescription,
     parts: Sequence[SmoothedSignals],
 ) -> FloatArray:
-    """Return how each joint's torque changes with its time constant, (rows, n) [N m/s]."""
+    """Return the derivative of each joint's torque by its time constant, (rows, n) [N m/s]."""
     runs = tuple(
         replace(
             run,
@@ -175,7 +178,7 @@ def _slope(
 
 
 def _changes(full: FittedSignals) -> BoolArray:
-    """Return the joints of which a change with temperature is told from zero, (n,)."""
+    """Return a mask of the joints whose change with temperature is distinct from zero, (n,)."""
     sigma = full.estimate().sigma
     return np.array(
         [
@@ -186,6 +189,6 @@ def _changes(full: FittedSignals) -> BoolArray:
 
 
 def _places(full: FittedSignals, joint: str) -> list[int]:
-    """Return which base parameters are a joint's changes with temperature."""
+    """Return the indices of a joint's temperature coefficients among the base parameters."""
     names = full.base.names
     return [names.index(own) for own in (f"fcT_{joint}", f"fvT_{joint}") if own in names]

@@ -77,7 +77,7 @@ def test_each_effect_that_the_model_lacks_is_named(estimate: Estimate) -> None:
     probe = validation(np.zeros(SAMPLES))
     v, load = probe.velocity[:, 0], probe.predicted_nm[:, 0]
     for shape, words, remedy in (
-        (5.0 * np.sign(v), "the direction of motion", "the model has that"),
+        (5.0 * np.sign(v), "the direction of motion", "the model has this term"),
         (0.2 * np.sign(v) * np.abs(load), "friction that grows with the load", "term load would"),
         (8.0 * np.sin(probe.position[:, 0]), "the sine of its angle", "a spring would"),
         (np.full(SAMPLES, 4.0), "a constant", "term offset would"),
@@ -92,13 +92,13 @@ def test_each_effect_that_the_model_lacks_is_named(estimate: Estimate) -> None:
 def test_noise_is_called_noise(estimate: Estimate) -> None:
     for found in diagnose(estimate, validation(np.zeros(SAMPLES))):
         assert found.white_p > 0.001
-        assert found.sentence.endswith("what is left looks like noise.")
+        assert found.sentence.endswith("the residual looks like noise.")
 
 
 def test_an_error_at_the_floor_leaves_nothing_to_model(estimate: Estimate) -> None:
     first = diagnose(estimate, validation(np.zeros(SAMPLES), noise=1.0))[0]
     assert first.over_noise == pytest.approx(1.0, abs=0.1)
-    assert first.sentence.endswith("nothing is left to model.")
+    assert first.sentence.endswith("down to the noise.")
 
 
 def test_a_slow_unknown_error_is_no_noise(estimate: Estimate) -> None:

@@ -42,7 +42,7 @@ def test_warmth_adds_nothing_and_is_told(measured: bool) -> None:
     warm = EstimatedFriction(by_temperature(CELL, measured=measured))
     np.testing.assert_allclose(warm.torque(0, SPEED), plain.torque(0, SPEED))
     assert plain.circumstances(0) == ""
-    assert warm.circumstances(0) == ("at 25 °C" if measured else "as after a long rest")
+    assert warm.circumstances(0) == ("at 25 °C" if measured else "for a joint after a long rest")
     assert warm.circumstances(2) == ""
 
 
@@ -52,9 +52,9 @@ def test_what_load_adds_is_left_out_and_told() -> None:
     np.testing.assert_allclose(
         friction.torque(1, SPEED), EstimatedFriction(estimate).torque(1, SPEED)
     )
-    assert [friction.circumstances(j) for j in range(3)] == ["", "without what load adds", ""]
+    assert [friction.circumstances(j) for j in range(3)] == ["", "without load-dependent friction", ""]
     both = EstimatedFriction(loaded(by_temperature(CELL, measured=True), 1))
-    assert both.circumstances(1) == "at 25 °C and without what load adds"
+    assert both.circumstances(1) == "at 25 °C and without load-dependent friction"
 
 
 def test_a_model_without_friction_is_refused() -> None:
