@@ -1,4 +1,5 @@
-"""Which common mistake of wiring, units or files explains recordings better than what was stated.
+"""Search for common mistakes of wiring, units and files that explain recordings better.
 
-Mistakes and their search; no estimate is made here. Begin with `mistakes.py`, then `search.py`.
+This folder contains the mistakes and their search; it makes no estimate. Start with `mistakes.py`,
+then `search.py`.
 """

@@ -1,4 +1,4 @@
-"""`common_mistakes`: the mistakes of wiring, units and files that people make."""
+"""`common_mistakes`: the common mistakes of wiring, units and files."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ FACTORS: Final = (2.0, 0.5, 10.0, 0.1)
 TORQUE_FACTORS: Final = (*FACTORS, 1000.0, 0.001)
 CLOCKS: Final = (0.9, 1.1, 2.0, 0.5, 10.0, 0.1, 1000.0, 0.001)
 MOST_SIGN_SETS: Final = 7
-"""Joints up to which torques of every set of them are tried reversed."""
+"""Largest number of joints for which reversed torques of every set of joints are tried."""
 
 
 def common_mistakes(robot: RobotDescription) -> Iterator[Mistake]:
-    """Yield the mistakes that people make, one after the other.
+    """Yield the common mistakes, one after the other.
 
-    A wrong position of a coupled wrist is wrong at the motor, as on a bus, or at the joint, as in a
-    recording that holds joints' positions: both are tried.
+    A wrong position of a coupled wrist can be wrong at the motor, as on a bus, or at the joint, as
+    in a recording of joint positions. Both are tried.
 
     Args:
-        robot: The robot as its file says it is.
+        robot: The robot as described in its file.
     """
     n, coupling = len(robot.joints), _matrix(robot)
     for mistake in _of_wiring(robot):
@@ -54,13 +54,13 @@ def common_mistakes(robot: RobotDescription) -> Iterator[Mistake]:
         yield of_robot(MistakeKind.CONVENTION, (), other)
     for joints, other in _couplings(robot):
         mistake = of_robot(MistakeKind.COUPLING, joints, other)
-        yield mistake  # the motors' positions are right, and the joints' follow from them
+        yield mistake  # the motors' positions are right, the joints' positions follow from them
         yield replace(mistake, position=np.linalg.inv(_matrix(other)) @ _matrix(robot))
     yield from torque_units(robot)
 
 
 def _of_wiring(robot: RobotDescription) -> Iterator[Mistake]:
-    """Yield the mistakes in positions and torques, but those of all torques' unit."""
+    """Yield the mistakes in positions and torques, except a wrong unit of all torques."""
     n = len(robot.joints)
     for j in range(n):
         yield from _of_joint(robot, j)
@@ -70,7 +70,7 @@ def _of_wiring(robot: RobotDescription) -> Iterator[Mistake]:
 
 
 def _position_units(robot: RobotDescription) -> Iterator[Mistake]:
-    """Yield the units that all positions together may be in, other than that of the joint."""
+    """Yield wrong units of all positions together."""
     n = len(robot.joints)
     for factor in (DEGREES, 1.0 / DEGREES):
         yield scaled(MistakeKind.POSITION_FACTOR, (), factor, n=n, position=np.full(n, factor))
@@ -88,9 +88,9 @@ def _position_units(robot: RobotDescription) -> Iterator[Mistake]:
 
 
 def torque_units(robot: RobotDescription) -> Iterator[Mistake]:
-    """Yield the units that all torques together may be in, other than N m at the joint.
+    """Yield wrong units of all torques together; the right unit is N m at the joint.
 
-    Rated torques are not in a robot file: the joints' torque limits stand for them.
+    Rated torques are not in a robot file: the joints' torque limits are used instead.
     """
     n = len(robot.joints)
     limits = np.array([joint.limits.torque for joint in robot.joints])
@@ -136,7 +136,7 @@ def _of_joint(robot: RobotDescription, j: int) -> Iterator[Mistake]:
 
 
 def _signs(n: int) -> Iterator[Mistake]:
-    """Yield reversed torques of every set of joints, and every joint's position reversed."""
+    """Yield reversed torques for sets of joints, and reversed positions of all joints."""
     everyone = -np.ones(n)
     sizes = range(1, n + 1) if n <= MOST_SIGN_SETS else (1, n)
     for joints in chain.from_iterable(combinations(range(n), size) for size in sizes):
@@ -146,7 +146,7 @@ def _signs(n: int) -> Iterator[Mistake]:
 
 
 def reversed_torques(joints: tuple[int, ...], n: int) -> Mistake:
-    """Return the mistake of torques of some of n joints that count the other way."""
+    """Return the mistake of a reversed torque sign for some of n joints."""
     factors = np.ones(n)
     factors[list(joints)] = -1.0
     named = () if 1 < len(joints) == n else joints
@@ -172,18 +172,18 @@ def _orders(n: int) -> Iterator[Mistake]:
 
 
 def _conventions(robot: RobotDescription) -> Iterator[RobotDescription]:
-    """Yield the robot with its table read by the other convention."""
+    """Yield the robot with its kinematic table in the other convention."""
     table = robot.kinematics
     other = "standard_dh" if table.convention == "modified_dh" else "modified_dh"
     if any(row.beta_rad for row in table.calibrated_rows):
-        return  # Hayati's angle exists in one convention only
+        return  # Hayati's angle exists only in one convention
     yield robot.model_copy(update={"kinematics": table.model_copy(update={"convention": other})})
 
 
 def _couplings(
     robot: RobotDescription,
 ) -> Iterator[tuple[tuple[int, ...], RobotDescription]]:
-    """Yield robots with another coupling: none, reversed, or one of neighbours where none is."""
+    """Yield robots with another coupling: none, reversed, or a new one of neighbours."""
     n, stated = len(robot.joints), robot.coupling
     if stated is not None:
         matrix = np.array(stated)

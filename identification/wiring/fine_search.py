@@ -1,7 +1,7 @@
-"""`find_fine_mistake`: mistakes that leave the residual of a plain fit nearly as it is.
+"""`find_fine_mistake`: mistakes that hardly change the residual of a simple fit.
 
-On arms of six axes the many parameters follow much of what wrong lengths, axes, gears or a wrong
-clock do to the torques, and friction hides the rest. `FlexibleFit` shows it.
+On arms with six axes, the many parameters compensate most of the effect of wrong lengths, axes,
+gears or a wrong clock on the torques, and friction hides the rest. `FlexibleFit` shows it.
 """
 
 from __future__ import annotations
@@ -37,13 +37,14 @@ EXPLAINED_SHARE: Final = 0.15
 
 @dataclass(frozen=True, eq=False)
 class Fine:
-    """A mistake that left-out parts show.
+    """A mistake that is visible on held-out parts.
 
     Attributes:
         mistake: The best explanation.
-        alternatives: Others that explain nearly as much.
-        ratio: Squared error of left-out parts with the mistake undone, over that as stated.
-        explains: True if the residual of every joint is small then.
+        alternatives: Other mistakes that explain nearly as much.
+        ratio: Squared error of held-out parts with the mistake corrected, relative to that as
+            stated.
+        explains: True if the residual of every joint is small after the correction.
     """
 
     mistake: Mistake
@@ -53,13 +54,13 @@ class Fine:
 
 
 def find_fine_mistake(signals: WiredSignals) -> Fine | None:
-    """Return the mistake that explains left-out parts best; None if none does distinctly better.
+    """Return the mistake that explains held-out parts best; None if none does distinctly better.
 
-    Undone, it must explain both what was fitted and what was left out better, and the gain must be
-    distinct from zero over the parts.
+    With the mistake corrected, the errors of both fitted and held-out parts must be smaller, and
+    the gain must be distinct from zero over the parts.
 
     Args:
-        signals: What the files say.
+        signals: The signals and the robot as stated in the files.
     """
     stated = FlexibleFit.of(signals)
     if stated is None:
@@ -87,7 +88,7 @@ def find_fine_mistake(signals: WiredSignals) -> Fine | None:
 
 
 def of_the_table(signals: WiredSignals) -> Mistake:
-    """Return the mistake of a kinematic table that is wrong in more than one place."""
+    """Return the mistake of a kinematic table with more than one wrong number."""
     what = "the kinematic table does not fit the robot, in more than one number"
     return replace(of_robot(MistakeKind.KINEMATICS, (), signals.robot), what=what)
 
@@ -133,7 +134,7 @@ def _lengths(robot: RobotDescription) -> Iterator[Mistake]:
 
 
 def _axes(robot: RobotDescription) -> Iterator[Mistake]:
-    """Yield the sign of a twist reversed, and of two that follow one another."""
+    """Yield reversed signs of one twist, and of two consecutive twists."""
     twisted = [
         i for i, row in enumerate(robot.kinematics.rows) if abs(math.sin(row.alpha_rad)) > ABOUT
     ]

@@ -1,7 +1,8 @@
-"""`FlexibleFit`: a fit whose friction also grows with the load and the cube root of the speed.
+"""`FlexibleFit`: a fit with friction that also depends on the load and the cube root of the speed.
 
-Friction that a plain model lacks is most of its residual and hides what wrong lengths, axes, gears
-and clocks leave. With it, ten parts of the recordings, each predicted by the others, show them.
+Most of a simple model's residual is friction that it lacks. This hides the residual from wrong
+lengths, axes, gears and clocks. With the additional friction, that residual is visible in ten parts
+of the recordings, each predicted from the others.
 """
 
 from __future__ import annotations
@@ -26,19 +27,20 @@ SMALLEST_SHARE: Final = 0.003
 SLOW_SHARE: Final = 0.1
 ROWS_PER_PARAMETER: Final = 8
 UNKNOWN: Final = 1e200
-"""Variance of a joint that stands still: it counts for nothing."""
+"""Variance of a joint that stands still, so that its rows have no weight."""
 
 
 @dataclass(frozen=True, eq=False)
 class FlexibleFit:
-    """Squared residuals of the parts, over the variances of the joints' residuals.
+    """Squared residuals of the parts, divided by the variances of the joints' residuals.
 
     Attributes:
-        fitted, held_out: Shape (parts,). In the fit to all parts, and in that to the others.
-        rigid_nm: Shape (rows, n). Torque of the links and rotors, which loads the gears.
-        variance: Shape (n,). Of each joint's residual, that its rows are weighted with.
-        held_out_share: Shape (n,). RMS of what left-out parts leave of each joint's torque, over
-            that torque's; zero for joints that stand still.
+        fitted, held_out: Shape (parts,). Squared residuals in the fit to all parts, and in the fit
+            to the other parts.
+        rigid_nm: Shape (rows, n). Torque of the links and rotors, which loads the gears [N m or N].
+        variance: Shape (n,). Variance of each joint's residual, for the weights of its rows.
+        held_out_share: Shape (n,). RMS residual of each joint on held-out parts, relative to its
+            RMS torque; zero for joints that stand still.
         parts: The rows of each part, one after the other.
     """
 
@@ -51,10 +53,11 @@ class FlexibleFit:
 
     @classmethod
     def of(cls, signals: WiredSignals) -> FlexibleFit | None:
-        """Fit signals, each joint weighted by its residual.
+        """Fit signals, with each joint weighted by its residual.
 
         Returns:
-            None if there are too few rows, or most joints stand still: then any axis explains the
+            None if there are too few rows, or if most joints stand still: then any axis explains
+                the
             torques of the others.
         """
         use = _rows(signals)
@@ -78,7 +81,7 @@ class FlexibleFit:
         return cls._of(equations, rigid_nm, variance, 1)
 
     def other(self, signals: WiredSignals, torque: FloatArray) -> FlexibleFit:
-        """Fit the same rows of other signals, whose torques are (n, n) times these, alike."""
+        """Fit the same rows of other signals, whose torques are `torque` (n, n) times these."""
         equations = _Equations(signals, _rows(signals), self.parts)
         variance = np.square(torque) @ self.variance
         return self._of(equations, self.rigid_nm @ torque.T, variance, PASSES_FROM_KNOWN)
@@ -119,14 +122,14 @@ class _Equations:
         self.parts, self.parameters = parts, self._columns.shape[2]
 
     def load(self, rigid_nm: FloatArray) -> None:
-        """Let the friction grow with a torque (rows, n) that loads the gears."""
+        """Set the columns of load-dependent friction for a gear torque (rows, n)."""
         n = rigid_nm.shape[1]
         joints = np.arange(n)
         loaded = np.abs(rigid_nm) * np.sign(self._speed)
         self._columns[:, joints, self._columns.shape[2] - n + joints] = loaded
 
     def solved(self, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the residual and the rigid bodies' torque, each (rows, n), of a fit to all."""
+        """Return the residual and the rigid-body torque of a fit to all parts, each (rows, n)."""
         grams, rhs = self._sums(variance)
         values = _solved(grams.sum(axis=0), rhs.sum(axis=0))
         rigid_nm = self._columns[:, :, self._own] @ values[self._own]
@@ -142,12 +145,12 @@ class _Equations:
         return residual
 
     def squares(self, residual: FloatArray, variance: FloatArray) -> FloatArray:
-        """Return the weighted squares of each part."""
+        """Return the weighted sum of squares of each part."""
         weighted = np.sum(np.square(residual) / variance, axis=1, where=self._use)
         return np.array([weighted[part].sum() for part in self.parts])
 
     def share(self, residual: FloatArray) -> FloatArray:
-        """Return the RMS of a residual (rows, n) of each joint over that of its torque, (n,)."""
+        """Return each joint's RMS residual relative to its RMS torque, (n,)."""
         left, size = (
             np.sum(np.square(each), axis=0, where=self._use) for each in (residual, self._torque)
         )
@@ -167,7 +170,7 @@ class _Equations:
 
 
 def _rows(signals: WiredSignals) -> BoolArray:
-    """Return which rows count of each joint, shape (rows, n): those some way from standstill."""
+    """Return a mask of the usable rows of each joint, (rows, n): those away from standstill."""
     speed = signals.velocity
     slowest = SLOW_SHARE * np.sqrt(np.mean(np.square(speed), axis=0))
     use = rows_used(signals) & (np.abs(speed) > slowest)

@@ -1,7 +1,8 @@
-"""`GravitySearch`: the direction of gravity, in the base's frame, that explains torques best.
+"""`GravitySearch`: search for the gravity direction, in the base's frame, that fits torques best.
 
-A regressor is linear in gravity's vector. Its part that gravity has none of, and one for each axis
-of the base, are condensed once; any direction is then a sum of their products.
+A regressor is linear in gravity's vector. Products of columns are computed once for the part
+without gravity and for one part per axis of the base. The equations for any direction are sums of
+these products.
 """
 
 from __future__ import annotations
@@ -31,10 +32,10 @@ class GravitySearch:
     """Products of the four parts of the regressor, and of the torques.
 
     Attributes:
-        signals: What the files say.
-        stated: Of the gravity that the robot file states.
-        products: Shape (n, 4 p + n, 4 p + n). As `Condensed` has them, all parts together: columns
-            without gravity, then those of 1 m/s^2 along x, y, and z.
+        signals: The signals and the robot as stated in the files.
+        stated: Equations with the gravity of the robot file.
+        products: Shape (n, 4 p + n, 4 p + n). Products as in `Condensed`, for all four parts:
+            columns without gravity, then those of 1 m/s^2 along x, y, and z.
     """
 
     signals: WiredSignals
@@ -58,7 +59,7 @@ class GravitySearch:
         return cls(signals, stated, np.array(products))
 
     def mistakes(self) -> Iterator[Mistake]:
-        """Yield gravity along every axis, along the best direction, and none at all."""
+        """Yield gravity along every other axis, and along the best direction."""
         stated = np.array(self.signals.robot.gravity_m_s2)
         size = float(np.linalg.norm(stated))
         for axis in (*np.eye(3), *-np.eye(3)):
@@ -72,15 +73,16 @@ class GravitySearch:
             yield self._mistake(best)
 
     def is_oblique(self, found: Mistake) -> bool:
-        """Return whether a mistake is gravity along no axis of the base."""
+        """Return True if a mistake is gravity that is not along an axis of the base."""
         robot = found.robot if found.kind is MistakeKind.MOUNTING else None
         return robot is not None and bool(np.count_nonzero(robot.gravity_m_s2) > 1)
 
     def is_turned(self, oblique: Mistake, other: Mistake) -> bool:
-        """Return whether another mistake is gravity along an axis, turned about the first joint.
+        """Return True if another mistake is gravity along an axis, turned about the first joint.
 
-        A wrong zero position of the first joint turns gravity about its axis: no data tell an
-        oblique base from one that is mounted along an axis and has a wrong zero position.
+        A wrong zero position of the first joint turns gravity about the axis of this joint.
+        Therefore no data can distinguish an oblique base from a base mounted along an axis with a
+        wrong zero position.
         """
         if other.kind is not MistakeKind.MOUNTING or self.is_oblique(other):
             return False
@@ -106,7 +108,7 @@ class GravitySearch:
         best = min(_directions(), key=cost)
         lowest, step = cost(best), math.pi / math.sqrt(DIRECTIONS)
         while step > FINEST_RAD:
-            along = np.linalg.svd(best[np.newaxis])[2][1:]  # two axes normal to it
+            along = np.linalg.svd(best[np.newaxis])[2][1:]  # two axes normal to `best`
             turned = [
                 math.cos(step) * best + sign * math.sin(step) * axis
                 for axis in along
@@ -124,7 +126,7 @@ class GravitySearch:
         return of_robot(MistakeKind.MOUNTING, (), _with_gravity(self.signals.robot, gravity))
 
     def _condensed(self, gravity: FloatArray) -> Condensed:
-        """Return the equations with another gravity."""
+        """Return the equations with another gravity vector."""
         p, n = self.stated.brakes.shape[1], len(self.stated.rows)
         weights = np.array([1.0, *gravity])
         columns = self.products[:, : 4 * p, : 4 * p].reshape(n, 4, p, 4, p)
@@ -143,7 +145,7 @@ def _with_gravity(robot: RobotDescription, gravity: FloatArray) -> RobotDescript
 
 
 def _directions() -> list[FloatArray]:
-    """Return directions all over the sphere, on a spiral."""
+    """Return directions distributed over the sphere, on a spiral."""
     height = 1.0 - (2.0 * np.arange(DIRECTIONS) + 1.0) / DIRECTIONS
     turn = math.pi * (3.0 - math.sqrt(5.0)) * np.arange(DIRECTIONS)
     flat = np.sqrt(1.0 - height**2)

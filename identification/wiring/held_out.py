@@ -1,8 +1,8 @@
-"""`held_out_share`: what a fit leaves of torques that it was not made of, part after part.
+"""`held_out_share`: residual torque on parts of a recording that were not used for the fit.
 
-Parameters of a wrong robot follow its torques where they were fitted, and nowhere else. A recording
-is cut in fifths of its motion, and each is predicted by the others: a model that is right but for
-its friction leaves there what it leaves anywhere.
+The parameters of a wrong robot can follow the torques of the fitted parts, but not of other parts.
+A recording is divided into fifths of its motion, and each is predicted from the others. For a right
+model, except for friction, the held-out residual is about as large as the fitted one.
 """
 
 from __future__ import annotations
@@ -23,16 +23,17 @@ GROWN: Final = 1.3
 
 
 def held_out_share(signals: WiredSignals) -> FloatArray:
-    """Return what of each joint's torque is left on parts of the motion that were not fitted.
+    """Return each joint's residual on held-out parts of the motion, relative to its torque.
 
-    The model is a plain one: rigid bodies, rotors, Coulomb and viscous friction, an offset.
+    The model is simple: rigid bodies, rotors, Coulomb and viscous friction, an offset.
 
     Args:
         signals: Motion and torques.
 
     Returns:
-        Shape (n,). RMS residual over RMS torque; zero where it is hardly more than on what was
-        fitted, and of joints that stand still.
+        Shape (n,). RMS residual over RMS torque; zero if it is hardly more than on the fitted
+        parts,
+        and for joints that stand still.
     """
     model = plain_model(signals)
     columns = base_parameters(model).columns(regressor(model, *signals.joints()))
@@ -56,19 +57,19 @@ def held_out_share(signals: WiredSignals) -> FloatArray:
 
 
 class _Equations:
-    """Rows over the joints' torques, as sums of products."""
+    """Equations scaled by the joints' torques, as sums of products."""
 
     def __init__(self, columns: FloatArray, torque: FloatArray, used: BoolArray) -> None:
         self._columns, self._torque, self._used = columns, torque, used
 
     def products(self, rows: BoolArray) -> tuple[FloatArray, FloatArray]:
-        """Return A^T A and A^T y of some rows, those of all joints together."""
+        """Return A^T A and A^T y of some rows, for all joints together."""
         pick = self._used & rows[:, np.newaxis]
         matrix, rhs = self._columns[pick], self._torque[pick]
         return matrix.T @ matrix, matrix.T @ rhs
 
     def solved(self, gram: FloatArray, rhs: FloatArray) -> FloatArray:
-        """Return the parameters of least squares."""
+        """Return the least-squares parameters."""
         scale = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
         scaled = gram / scale / scale[:, np.newaxis] + RIDGE * np.eye(len(scale))
         factor = cho_factor(scaled, check_finite=False)
@@ -76,10 +77,10 @@ class _Equations:
 
 
 def _parts(signals: WiredSignals) -> list[tuple[IntArray, BoolArray]]:
-    """Return which rows each part predicts, and which are left out for it.
+    """Return for each part the rows that are predicted, and the rows that are left out of the fit.
 
-    With a stretch of time all rows are left out at which the robot moves likewise, so that what
-    repeats is not predicted by its own repetition.
+    In addition to an interval of time, all rows with similar positions and velocities are left out,
+    so that a repeated motion is not predicted from its repetition.
     """
     moving = signals.moving
     parts = (signals.position[:, moving], signals.velocity[:, moving])

@@ -1,4 +1,4 @@
-"""`Mistake`: what may be wrong between a robot and what its files say of it."""
+"""`Mistake`: a possible difference between a robot and its files."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ROUNDING: Final = 1e-12
 
 
 class MistakeKind(StrEnum):
-    """What kind of mistake it is."""
+    """Kind of a mistake."""
 
     POSITION_SIGN = "position sign"
     POSITION_FACTOR = "position factor"
@@ -45,20 +45,21 @@ ORDERS: Final = (MistakeKind.POSITION_ORDER, MistakeKind.TORQUE_ORDER, MistakeKi
 
 @dataclass(frozen=True, eq=False)
 class Mistake:
-    """One mistake, as what has to be done to the stated signals to undo it.
+    """One mistake, described by the correction of the stated signals.
 
     Attributes:
-        kind: What is wrong.
-        joints: Of which joints, from 0; empty if all are meant. Of an order: joint i's signal
-            stands at joint `joints[i]`'s place if all are named, else the two are swapped.
-        factor: What the stated numbers must be multiplied with; of a zero position what must be
-            added [rad], of a clock the seconds that a second of the stamps is.
-        position, torque: Shape (n, n). Right positions and torques are these times the stated ones.
-        offset_rad: Shape (n,). What is added to positions [rad or m].
-        clock: Seconds that a second of the time stamps is.
-        robot: The right robot, if the mistake is in its file.
-        what: The unit or the quantity that torques or positions are in, or what is wrong in the
-            kinematic table, in words; empty if it is neither.
+        kind: Kind of the mistake.
+        joints: Joints concerned, from 0; empty for all joints. For a wrong order: if all joints are
+            listed, joint i's signal is in the place of joint `joints[i]`; otherwise the two are
+            swapped.
+        factor: Factor for the stated values; for a zero position the angle to add [rad], for a
+            clock the true seconds per second of the time stamps.
+        position, torque: Shape (n, n). Matrices from stated to true positions and torques.
+        offset_rad: Shape (n,). Offset to add to positions [rad or m].
+        clock: True seconds per second of the time stamps.
+        robot: The correct robot, if the mistake is in its file.
+        what: The unit or the quantity of torques or positions, or the mistake in the kinematic
+            table, in words; empty for other mistakes.
     """
 
     kind: MistakeKind
@@ -73,31 +74,31 @@ class Mistake:
 
     @property
     def is_first_zero(self) -> bool:
-        """True if it is the zero position of the first joint."""
+        """True for a wrong zero position of the first joint."""
         return self.kind is MistakeKind.POSITION_OFFSET and self.joints == (0,)
 
     @property
     def moves(self) -> bool:
-        """True if undoing it changes the motion or the robot, not the torques alone."""
+        """True if the correction changes the motion or the robot, not only the torques."""
         n = len(self.offset_rad)
         still = np.array_equal(self.position, np.eye(n)) and not self.offset_rad.any()
         return self.robot is not None or self.clock != 1.0 or not still
 
     @property
     def changes_torque(self) -> bool:
-        """True if undoing it changes the torques."""
+        """True if the correction changes the torques."""
         return not np.array_equal(self.torque, np.eye(len(self.offset_rad)))
 
     @property
     def changed(self) -> tuple[int, ...]:
-        """The joints whose numbers change, from 0; of an order without those that keep theirs."""
+        """The joints whose values change, from 0; for an order without unchanged joints."""
         everyone = tuple(range(len(self.offset_rad)))
         if self.kind in ORDERS and len(self.joints) == len(everyone):
             return tuple(i for i, other in enumerate(self.joints) if i != other)
         return self.joints or everyone
 
     def at_joints(self, coupling: FloatArray) -> Mistake:
-        """Return this mistake made in the joints' positions in place of the motors'.
+        """Return this mistake in the joints' positions instead of the motors'.
 
         Args:
             coupling: Shape (n, n). C of q = C alpha.
@@ -108,7 +109,7 @@ class Mistake:
         return replace(self, position=position)
 
     def undone(self, signals: WiredSignals) -> WiredSignals:
-        """Return signals and robot as they are if this mistake was made."""
+        """Return signals and robot with this mistake corrected."""
         right = signals.moved(self.position, self.offset_rad, self.clock)
         torque_nm = signals.torque_nm @ self.torque.T
         return replace(right, robot=self.robot or signals.robot, torque_nm=torque_nm)
@@ -123,7 +124,7 @@ def scaled(
     position: FloatArray | None = None,
     torque: FloatArray | None = None,
 ) -> Mistake:
-    """Return a mistake of factors (n,), one a joint; without factors it changes no number."""
+    """Return a mistake with one factor per joint (n,); without factors nothing is scaled."""
     ones = np.ones(n)
     return Mistake(
         kind,
@@ -136,7 +137,7 @@ def scaled(
 
 
 def offset(robot: RobotDescription, joint: int, offset_rad: float) -> Mistake:
-    """Return the mistake of a zero position that lies elsewhere."""
+    """Return the mistake of a wrong zero position."""
     n = len(robot.joints)
     shift = np.zeros(n)
     shift[joint] = offset_rad
@@ -144,7 +145,7 @@ def offset(robot: RobotDescription, joint: int, offset_rad: float) -> Mistake:
 
 
 def reordered(kind: MistakeKind, joints: tuple[int, ...], order: Sequence[int]) -> Mistake:
-    """Return a mistake of one of the `ORDERS`: joint i's signal stands at joint order[i]'s."""
+    """Return a mistake of one of the `ORDERS`: joint i's signal is in place order[i]."""
     whole = np.eye(len(order))
     right = whole[list(order)]
     position = whole if kind is MistakeKind.TORQUE_ORDER else right
@@ -153,5 +154,5 @@ def reordered(kind: MistakeKind, joints: tuple[int, ...], order: Sequence[int]) 
 
 
 def of_robot(kind: MistakeKind, joints: tuple[int, ...], right: RobotDescription) -> Mistake:
-    """Return a mistake of the robot file, by the robot as it should be."""
+    """Return a mistake of the robot file, from the correct robot."""
     return replace(scaled(kind, joints, 1.0, n=len(right.joints)), robot=right)

@@ -1,4 +1,4 @@
-"""`keeps_limits`: whether a robot can have moved, and driven, as a mistake undone says."""
+"""`keeps_limits`: check that a corrected motion and its torques are within the joints' limits."""
 
 from __future__ import annotations
 
@@ -18,14 +18,15 @@ LEAST_TORQUE: Final = 0.003
 
 
 def keeps_limits(mistake: Mistake, stated: WiredSignals, undone: WiredSignals) -> bool:
-    """Return whether undoing a mistake leaves motion and torques that the joints can have.
+    """Return True if the joints are capable of the corrected motion and torques.
 
-    None may go beyond a limit of the robot file that was kept, or farther beyond it; what kept its
-    limits must not shrink to nothing.
+    A joint that kept a limit of the robot file must not exceed it, and a joint that exceeded it
+    must not exceed it more. A joint that kept its limits must not become nearly motionless or
+    torque-free.
 
     Args:
-        mistake: What is undone.
-        stated, undone: With the mistake, and without it.
+        mistake: The mistake to correct.
+        stated, undone: Signals with the mistake, and with the mistake corrected.
     """
     limits = [joint.limits for joint in stated.robot.joints]
     torque = np.array([limit.torque for limit in limits])
@@ -51,9 +52,9 @@ def keeps_limits(mistake: Mistake, stated: WiredSignals, undone: WiredSignals) -
 def _possible(
     before: FloatArray, after: FloatArray, least: float, over: FloatArray | None = None
 ) -> bool:
-    """Return whether shares of limits, (n,), are possible after a mistake is undone.
+    """Return True if values relative to limits, (n,), are possible after a mistake is corrected.
 
-    `over` says how far beyond limits they were before, if more than these shares tell it.
+    `over` is the factor by which limits were exceeded before, if it is not simply `before`.
     """
     beyond = before if over is None else over
     too_much = (after > BEYOND) & (after > before * (1.0 + 1e-9))
@@ -62,7 +63,7 @@ def _possible(
 
 
 def _outside(robot: RobotDescription, q: FloatArray) -> FloatArray:
-    """Return how far positions leave their limits, as a share of the joints' travel, (n,)."""
+    """Return the distance by which positions leave their limits, relative to the range, (n,)."""
     low = np.array([joint.limits.position_min for joint in robot.joints])
     high = np.array([joint.limits.position_max for joint in robot.joints])
     beyond = np.maximum(low - q.min(axis=0), q.max(axis=0) - high)

@@ -1,8 +1,8 @@
-"""`wrong_scale`, `copied_motion`: torques in another unit, or of another kind, fit a robot as well.
+"""`wrong_scale`, `copied_motion`: torques in a wrong unit, or columns that are not torques.
 
-All torques by one factor fit an arm that is heavier by it; torques without gravity fit an arm
-without weight, and accelerations fit one of inertia 1. What they should be, the drawings and the
-motion tell.
+Such data can fit a robot well. Torques scaled by a common factor fit an arm that is heavier by this
+factor. Torques without gravity fit an arm without weight. Accelerations fit an arm of inertia 1.
+The arm's known masses and the recorded motion reveal the mistake.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from identification.wiring.trial import Condensed, rows_used
 
 AS_GOOD: Final = 0.1
 KNOWN_SIGMAS: Final = 5.0
-"""Distance of the weight from zero, in standard deviations, at which a factor is proposed."""
+"""Smallest ratio of the weight to its standard deviation for which a factor is proposed."""
 COPY_SHARE: Final = 0.15
 COPY_FACTOR: Final = 0.05
 
@@ -30,15 +30,15 @@ COPY_FACTOR: Final = 0.05
 def wrong_scale(
     signals: WiredSignals, stated: Condensed, gravity: GravitySearch
 ) -> tuple[Mistake, ...]:
-    """Return what is wrong with the torques as a whole, the best explanation first.
+    """Return mistakes of all torques together, the best explanation first.
 
     Args:
-        signals: What the files say.
-        stated: Their equations.
-        gravity: The same with any gravity.
+        signals: The signals and the robot as stated in the files.
+        stated: The equations of these signals.
+        gravity: The same equations for any gravity direction.
 
     Returns:
-        Empty if the torques are such as the robot can have, or do not tell what they should be.
+        Empty if the torques are plausible for the robot, or if they do not show the right scale.
     """
     n = len(signals.robot.joints)
     still = np.eye(n)
@@ -60,14 +60,14 @@ def wrong_scale(
     if units:
         return tuple(unit for _, unit in sorted(units, key=lambda each: each[0]))
     if abs(weight.share) < KNOWN_SIGMAS * weight.sigma:
-        return ()  # the factor would be one over noise
+        return ()  # the factor would be the inverse of noise
     factor = 1.0 / weight.share
     every = scaled(MistakeKind.TORQUE_FACTOR, (), factor, n=n, torque=np.full(n, factor))
     return (every,) if keeps_limits(every, signals, every.undone(signals)) else ()
 
 
 def copied_motion(signals: WiredSignals) -> Mistake | None:
-    """Return the mistake of torque columns that hold a position, a velocity or an acceleration."""
+    """Return the mistake of torque columns that contain position, velocity or acceleration."""
     use = rows_used(signals)
     joints = np.flatnonzero(use.any(axis=0))
     for what, motion in (

@@ -1,4 +1,4 @@
-"""`find_mistakes`: the mistakes that explain recordings far better than what the files say."""
+"""`find_mistakes`: the mistakes whose correction explains recordings far better."""
 
 from __future__ import annotations
 
@@ -25,20 +25,21 @@ MOST_MISTAKES: Final = 3
 MOST_ALTERNATIVES: Final = 3
 ANGLE_STEP_RAD: Final = 1e-3
 SCREENED_RAD: Final = 0.1
-"""How far a zero position found on some of the rows may be off."""
+"""Largest error of a zero position that was found on a subset of the rows [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A mistake that was found, and what else explains the data as well.
+    """A mistake that was found, and others that explain the data as well.
 
     Attributes:
         mistake: The best explanation.
-        alternatives: Others that are as good.
-        before, after: The fit with the mistake, and with it undone.
-        weight: What the arm weighs as stated, if that tells the mistake and no residual does.
-        held_out_ratio: Squared error of parts left out of the fit with the mistake undone, over
-            that as stated, if that tells the mistake.
+        alternatives: Other mistakes that explain the data as well.
+        before, after: The fit with the mistake, and with the mistake corrected.
+        weight: Weight of the arm from the torques as stated, if it reveals the mistake and no
+            residual does.
+        held_out_ratio: Squared error of held-out parts with the mistake corrected, relative to that
+            as stated, if this ratio reveals the mistake.
     """
 
     mistake: Mistake
@@ -50,13 +51,13 @@ class Found:
 
     @property
     def times_better(self) -> FloatArray:
-        """By which factor each joint's residual falls, shape (n,)."""
+        """Factor by which each joint's residual falls, shape (n,)."""
         return np.asarray(self.before.residual_share / self.after.residual_share)
 
 
 @dataclass(frozen=True, eq=False)
 class _Tried:
-    """A mistake undone: its fit, and the fit to parts that were left out."""
+    """A corrected mistake: its fit, and its fit to held-out parts."""
 
     mistake: Mistake
     after: WiringTrial
@@ -64,18 +65,18 @@ class _Tried:
 
 
 def find_mistakes(signals: WiredSignals, *, fine: bool = True) -> tuple[Found, ...]:
-    """Try the common mistakes on recordings, and those left on what one undone leaves.
+    """Try the common mistakes on recordings, then further mistakes after a correction.
 
-    A mistake counts if undone it explains far better both what was fitted and parts of the
-    recordings that were left out of a fit, if motion and torques keep the robot file's limits
-    then, and if the torques hold the arm up.
+    A mistake is accepted under three conditions on the corrected data. The model explains both
+    fitted and held-out parts far better; motion and torques keep the robot file's limits; and the
+    torques support the arm's weight.
 
     Args:
-        signals: What the files say.
-        fine: True to look also for mistakes that leave a plain fit nearly as it is.
+        signals: The signals and the robot as stated in the files.
+        fine: True to search also for mistakes that hardly change the residual of a simple fit.
 
     Returns:
-        One after the other; empty if none explains the data far better.
+        Mistakes one after the other; empty if none explains the data far better.
     """
     found: list[Found] = []
     fits = False
@@ -98,11 +99,11 @@ def find_mistakes(signals: WiredSignals, *, fine: bool = True) -> tuple[Found, .
 
 
 def _with_fine(found: tuple[Found, ...], signals: WiredSignals) -> tuple[Found, ...]:
-    """Return mistakes and what left-out parts show beside them.
+    """Return the mistakes together with those that are visible only on held-out parts.
 
-    If the best of those undone leaves a large residual, an arm of a weight that none has, or
-    another mistake, no single one explains them: the kinematic table is wrong, and whatever else
-    was found only follows its torques.
+    If a large residual, an implausible weight or another such mistake remains after the best
+    correction, no single mistake explains the data: the kinematic table is wrong. All other
+    mistakes found are then discarded, because they only compensate the wrong table.
     """
     fine = find_fine_mistake(signals)
     if fine is None:
@@ -120,16 +121,16 @@ def _with_fine(found: tuple[Found, ...], signals: WiredSignals) -> tuple[Found, 
 
 
 def impossibilities(signals: WiredSignals) -> tuple[tuple[str, ...], ArmWeight | None]:
-    """Return the joints whose friction would drive them, and the arm's weight.
+    """Return the joints with driving friction, and the arm's weight.
 
     Args:
-        signals: What the files say.
+        signals: The signals and the robot as stated in the files.
 
     Returns:
-        `driving`. Joints with negative friction power, whichever part of the recordings is left
-            out.
-        `weight`. None if gravity loads no joint, or the torques of those that it loads are not
-            explained.
+        `driving`. Joints whose friction has negative power, whichever part of the recordings is
+        left out.
+        `weight`. None if gravity loads no joint, or if the torques of the loaded joints are not
+        explained.
     """
     still = np.eye(len(signals.robot.joints))
     stated = Condensed.of(signals)
@@ -193,7 +194,7 @@ def _best(signals: WiredSignals, stated: Condensed, gravity: GravitySearch) -> F
 
 
 def _of_scale(signals: WiredSignals, stated: Condensed, gravity: GravitySearch) -> Found | None:
-    """Return a mistake that no residual shows, of all torques together."""
+    """Return a mistake of all torques together that no residual shows."""
     wrong = wrong_scale(signals, stated, gravity)
     if not wrong:
         return None
@@ -203,7 +204,7 @@ def _of_scale(signals: WiredSignals, stated: Condensed, gravity: GravitySearch) 
 
 
 def _with_exact_zeros(signals: WiredSignals, mistakes: list[Mistake]) -> list[Mistake]:
-    """Return mistakes with the best zero position of each joint in place of a grid of them."""
+    """Replace the grid of zero positions of each joint by its best zero position."""
     still, model = np.eye(len(signals.robot.joints)), plain_model(signals)
     grids: dict[int, list[Mistake]] = {}
     for mistake in mistakes:
@@ -232,9 +233,9 @@ def _best_zero(signals: WiredSignals, near: Mistake, within_rad: float) -> Mista
 
 
 def _lowest(cost: Callable[[float], float], low: float, high: float) -> float:
-    """Return where a cost with one valley is lowest, by golden sections.
+    """Return the minimum of a cost with a single minimum, by golden section search.
 
-    `scipy.optimize`, which could do it, takes more memory and time to load than all trials.
+    `scipy.optimize` provides this, but its import takes more memory and time than all trials.
     """
     share = 0.5 * (math.sqrt(5.0) - 1.0)
     left, right = high - share * (high - low), low + share * (high - low)
@@ -252,7 +253,7 @@ def _lowest(cost: Callable[[float], float], low: float, high: float) -> float:
 
 
 def _distinct(best: Mistake, near: list[Mistake]) -> tuple[Mistake, ...]:
-    """Return alternatives of other kinds or joints: of a zero position only the best angle."""
+    """Return alternatives of other kinds or joints; of zero positions only the best angle."""
     seen, kept = {(best.kind, best.joints, best.what)}, []
     for mistake in near:
         own = (mistake.kind, mistake.joints, mistake.what)

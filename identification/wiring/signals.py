@@ -1,4 +1,4 @@
-"""`WiredSignals`: the rows on which mistakes are tried, of all recordings, thinned."""
+"""`WiredSignals`: rows of all recordings, thinned, for the search of mistakes."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ MOVING_RAD_S: Final = 0.005
 
 @dataclass(frozen=True, eq=False)
 class WiredSignals:
-    """Motion and torque of the motors as the files say they are, and the robot as its file says.
+    """Motion and torque of the motors, and the robot, as stated in the files.
 
     Attributes:
-        position, velocity, acceleration: Shape (rows, n). The motors' motion at the link side,
+        position, velocity, acceleration: Shape (rows, n). The motors' motion on the link side,
             alpha of q = C alpha [rad or m, per s, per s^2].
-        torque_nm: Shape (rows, n). Their torques [N m or N].
-        moving: Shape (n,). Which motors move: the others' friction is stiction, which explains
-            nothing.
+        torque_nm: Shape (rows, n). The motors' torques [N m or N].
+        moving: Shape (n,). Mask of the motors that move. The others are not used, because their
+            friction is stiction.
     """
 
     robot: RobotDescription
@@ -45,7 +45,7 @@ class WiredSignals:
 
     @classmethod
     def of(cls, robot: RobotDescription, signals: Sequence[SmoothedSignals]) -> WiredSignals:
-        """Put recordings together, with two rows a cycle of their highest frequency."""
+        """Combine recordings, with about two rows per cycle of their highest frequency."""
         steps = [
             max(1, round(1.0 / (ROWS_PER_CYCLE * run.cutoff_hz * run.sample_period_s)))
             for run in signals
@@ -66,7 +66,7 @@ class WiredSignals:
         return cls(robot, q, v, a, together("torque_nm"), moving)
 
     def thinned(self) -> WiredSignals:
-        """Return some of the rows, enough to see which mistakes need all of them."""
+        """Return fewer rows, enough to find the mistakes that must be tried on all rows."""
         every = slice(None, None, max(1, len(self.position) // SCREEN_ROWS))
         names = ("position", "velocity", "acceleration", "torque_nm")
         q, v, a, torque_nm = (getattr(self, name)[every] for name in names)
@@ -82,12 +82,12 @@ class WiredSignals:
         return q, v, a
 
     def moved(self, matrix: FloatArray, offset_rad: FloatArray, clock: float) -> WiredSignals:
-        """Return them with other positions: matrix times these and an offset, on another clock.
+        """Return signals with transformed positions and another clock.
 
         Args:
-            matrix: Shape (n, n). Motors' positions of those stated.
-            offset_rad: Shape (n,). Added to them [rad or m].
-            clock: Seconds that a second of the time stamps is.
+            matrix: Shape (n, n). Matrix from the stated to the new motor positions.
+            offset_rad: Shape (n,). Offset added to the new positions [rad or m].
+            clock: True seconds per second of the time stamps.
         """
         return replace(
             self,

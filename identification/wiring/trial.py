@@ -1,4 +1,4 @@
-"""`Condensed`: equations of all rows in one small matrix a joint, on which torques are tried."""
+"""`Condensed`: the equations of all rows as one small matrix per joint, for fast trials."""
 
 from __future__ import annotations
 
@@ -38,14 +38,13 @@ BRAKES: Final = ("fc_", "fv_")
 
 @dataclass(frozen=True, eq=False)
 class WiringTrial:
-    """How well a robot explains torques, joint by joint.
+    """Quality of a robot's fit to torques, joint by joint.
 
     Attributes:
         residual_share: Shape (n,). RMS residual over RMS torque, at least `SMALLEST_SHARE`; NaN for
             a joint that stands still.
-        driving: Shape (n,). True for a joint with negative friction power, which no friction has.
-        weight: The weight of the arm as a share of what its drawings say, at most; NaN if it is not
-            known.
+        driving: Shape (n,). True for a joint with negative friction power, which is impossible.
+        weight: Upper bound of the arm's weight relative to the known one; NaN if it is unknown.
     """
 
     residual_share: FloatArray
@@ -54,62 +53,63 @@ class WiringTrial:
 
     @property
     def good(self) -> bool:
-        """True if no joint leaves more than a good fit does."""
+        """True if every joint's residual is that of a good fit and no friction drives."""
         return not (np.any(self.residual_share > GOOD_SHARE) or np.any(self.driving))
 
     def far_better_than(self, other: WiringTrial, *, few_data: bool = False) -> bool:
-        """Return True if the other fit is impossible, or has twice the residual somewhere.
+        """Return True if the other fit is impossible, or has twice the residual in a joint.
 
-        All joints together must gain as well. Less than that a model gains by any freedom that
-        happens to follow what friction it lacks, and with few data many times more: then a
-        residual that is good already says nothing.
+        All joints together must improve as well. A smaller gain can come from any freedom that
+        happens to compensate missing friction. With few data such gains are much larger; then a
+        residual that is already good shows nothing.
         """
         least, floor = (FEW_DATA_GAIN, GOOD_SHARE) if few_data else (LEAST_GAIN, 0.0)
         if not other.cost - self.cost >= least:
             return False
-        times = other.residual_share / self.residual_share  # no NaN compares as larger
+        times = other.residual_share / self.residual_share  # comparisons with NaN are false
         halved = bool(np.any((times >= FAR_BETTER_TIMES) & (other.residual_share > floor)))
         return halved or self.impossible < other.impossible
 
     def may_be_better_than(self, other: WiringTrial, impossible: int) -> bool:
-        """Return whether all rows may show this fit far better than another, on a part of them.
+        """Return True if a fit to a subset of the rows is good enough to be tried on all rows.
 
         Args:
-            other: The other, on the same rows.
-            impossible: What is impossible in the other on all rows.
+            other: The fit to compare with, on the same rows.
+            impossible: Number of impossibilities of the other fit on all rows.
         """
         times = other.residual_share / self.residual_share
         possible = self.impossible < max(impossible, other.impossible)
         return possible or bool(np.any(times >= SCREEN_TIMES))
 
     def overfits(self, held_out: WiringTrial) -> bool:
-        """Return whether left-out parts tell that the data are too few to tell a good fit."""
+        """Return True if held-out parts show that there are too few data for the fit."""
         return bool(np.nanmedian(held_out.residual_share / self.residual_share) > FEW_DATA_TIMES)
 
     @property
     def impossible(self) -> int:
-        """Number of joints with driving friction, and one for an arm that weighs less than none."""
+        """Number of joints with driving friction, plus one for a negative weight of the arm."""
         return int(np.sum(self.driving)) + int(self.weight < 0.0)
 
     @property
     def cost(self) -> float:
-        """Sum of the logarithms of the shares, and one for each of what is impossible."""
+        """Sum of the logarithms of `residual_share`, plus one for each impossibility."""
         shares = np.log(self.residual_share)
         return float(np.nansum(shares) + IMPOSSIBLE_COST * self.impossible)
 
 
 @dataclass(frozen=True, eq=False)
 class Condensed:
-    """Products of columns: what least squares needs to know of the rows.
+    """Products of columns: the information of the rows that least squares needs.
 
     Attributes:
         products: Shape (parts, n, p + n, p + n). For each part of the recordings and each joint
             [Phi T]^T [Phi T], with its regressor Phi and the torques T of all joints.
-        rows: Shape (n,). Rows used of each joint.
-        brakes: Shape (n, p). Power of each friction parameter of a joint, at one of its unit [W].
-        power: Shape (n, n). For each joint the mean of |speed x torque| with every joint's torque
+        rows: Shape (n,). Number of rows used of each joint.
+        brakes: Shape (n, p). Power of each friction parameter of a joint, per unit of the parameter
             [W].
-        drawn_weight: What tells how heavy a fit makes the arm; None if nobody asks.
+        power: Shape (n, n). For each joint the sum of |speed x torque| with every joint's torque
+            [W].
+        drawn_weight: Function for the arm's weight in a fit; None if it is not needed.
     """
 
     products: FloatArray
@@ -124,8 +124,7 @@ class Condensed:
 
         Args:
             signals: Motion, torques and robot.
-            screened_by: The robot's model, if all that is asked is `trial` without the arm's
-                weight.
+            screened_by: The robot's model, if only `trial` without the arm's weight is needed.
         """
         model = screened_by or plain_model(signals)
         phi, use = regressor(model, *signals.joints()), rows_used(signals)
@@ -135,7 +134,9 @@ class Condensed:
         products = np.zeros((len(parts), n, p + n, p + n))
         for j in range(n):
             columns = np.column_stack([phi[:, j], signals.torque_nm])[use[:, j]]
-            own = np.flatnonzero(columns.any(axis=0))  # a joint feels none of the links before it
+            own = np.flatnonzero(
+                columns.any(axis=0)
+            )  # preceding links do not affect a joint's torque
             columns = columns[:, own]
             used = [int(np.count_nonzero(use[part, j])) for part in parts]
             ends = np.cumsum([0, *used]).tolist()
@@ -147,7 +148,7 @@ class Condensed:
         return cls(products, use.sum(axis=0).astype(np.float64), brakes, power, drawn_weight)
 
     def trial(self, torque: FloatArray) -> WiringTrial:
-        """Fit the robot to torques, (n, n) times the stated ones, each joint's of one size."""
+        """Fit the robot to torques, (n, n) times the stated ones; all joints have equal weight."""
         whole = self.products.sum(axis=0)
         values, sizes = self._fit(whole, torque)
         left = self._left(whole, values, torque)
@@ -155,10 +156,10 @@ class Condensed:
         return WiringTrial(shares, self._driving(values, torque), self._weight(values))
 
     def held_out(self, torque: FloatArray) -> WiringTrial:
-        """Return how well each part is predicted by a fit to the others.
+        """Return the quality of the prediction of each part by a fit to the others.
 
-        A joint has driving friction if it has in every one of these fits, and if the model
-        explains its torque at all; an arm weighs less than none if it does by two sigma.
+        A joint counts as driving if its friction drives in every one of these fits, and if the
+        model explains its torque. The arm's weight is its value plus two standard deviations.
         """
         whole = self.products.sum(axis=0)
         values, sizes = self._fit(whole, torque)
@@ -173,7 +174,7 @@ class Condensed:
         return WiringTrial(shares, driving & (shares < EXPLAINED_SHARE), surest)
 
     def weight(self, torque: FloatArray) -> ArmWeight | None:
-        """Return how heavy the arm is by these torques, (n, n) times the stated ones."""
+        """Return the arm's weight from these torques, (n, n) times the stated ones."""
         if self.drawn_weight is None or not self.drawn_weight.is_visible:
             return None
         whole = self.products.sum(axis=0)
@@ -187,7 +188,7 @@ class Condensed:
         )
 
     def explains_weight(self, held_out: WiringTrial) -> bool:
-        """Return whether a fit explains the torques of all joints that carry weight."""
+        """Return True if a fit explains the torques of all joints that carry weight."""
         if self.drawn_weight is None or not self.drawn_weight.is_visible:
             return False
         return bool(
@@ -195,10 +196,10 @@ class Condensed:
         )
 
     def holds_up(self, mistake: Mistake, torque: FloatArray) -> bool:
-        """Return whether torques hold up the arm that the drawings know, a mistake undone.
+        """Return True if the torques support the arm's known weight after a mistake is corrected.
 
-        Of one unit of all torques the weight of the whole arm must be plausible, of other mistakes
-        roughly what each of their joints carries.
+        For a wrong unit of all torques the weight of the whole arm must be plausible. For other
+        mistakes the weight carried by each changed joint must be roughly right.
         """
         if self.drawn_weight is None or not self.drawn_weight.is_visible:
             return True
@@ -213,7 +214,7 @@ class Condensed:
         return math.nan if self.drawn_weight is None else self.drawn_weight.share(values)
 
     def _fit(self, products: FloatArray, torque: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the parameters of least squares, and the joints' squared torques."""
+        """Return the least-squares parameters, and the joints' sums of squared torques."""
         p = self.brakes.shape[1]
         sizes = np.einsum("ji,jik,jk->j", torque, products[:, p:, p:], torque)
         weight = np.zeros(len(sizes))
@@ -226,7 +227,7 @@ class Condensed:
         return np.asarray(cho_solve(factor, rhs / scale, check_finite=False) / scale), sizes
 
     def _left(self, products: FloatArray, values: FloatArray, torque: FloatArray) -> FloatArray:
-        """Return each joint's squared residual, shape (n,)."""
+        """Return each joint's sum of squared residuals, shape (n,)."""
         whole = np.column_stack([np.tile(values, (len(torque), 1)), -torque])
         left = np.einsum("jp,jpq,jq->j", whole, products, whole, optimize=True)
         return np.asarray(np.maximum(left, 0.0))
@@ -240,7 +241,7 @@ class Condensed:
 def friction_power(
     signals: WiredSignals, model: RobotModel, phi: FloatArray, use: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return `Condensed.brakes` and `Condensed.power` of the rows that are used."""
+    """Return `Condensed.brakes` and `Condensed.power` of the used rows."""
     braking = np.array([name.startswith(BRAKES) for name in model.parameter_names])
     speed = signals.velocity * use
     brakes = np.einsum("rj,rjp->jp", speed, phi) * braking
@@ -254,14 +255,14 @@ def parts_of(rows: int) -> list[slice]:
 
 
 def rows_used(signals: WiredSignals) -> BoolArray:
-    """Return which rows count of each joint, shape (rows, n): those at which it moves."""
+    """Return a mask of the usable rows of each joint, (rows, n): those at which it moves."""
     speed = signals.velocity
-    slowest = SLOW_SHARE * np.sqrt(np.mean(np.square(speed), axis=0))  # the same in any unit
+    slowest = SLOW_SHARE * np.sqrt(np.mean(np.square(speed), axis=0))  # independent of the unit
     return np.asarray((np.abs(speed) > slowest) & signals.moving)
 
 
 def plain_model(signals: WiredSignals) -> RobotModel:
-    """Return the model that hypotheses are tried with."""
+    """Return the simple model in which mistakes are tried."""
     options = ModelOptions(friction_terms=("coulomb", "viscous", "offset"))
     return replace(options.build(signals.robot), transmission=Transmission())
 

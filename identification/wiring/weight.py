@@ -1,7 +1,7 @@
-"""`DrawnWeight`: how heavy a fit makes the arm, as a share of what its drawings or its size say.
+"""`DrawnWeight`: weight of the arm in a fit, relative to its drawings or to its size.
 
-Torques in another unit, or without gravity, fit a robot that is too light or too heavy by the same
-factor just as well: the drawings decide.
+Torques in a wrong unit, or without gravity, fit a robot that is too light or too heavy by the same
+factor equally well. The drawings decide.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from identification.model.drawn_arm import drawn_parameters, plausible_weight
 from identification.wiring.signals import WiredSignals
 
 EVERY: Final = 4
-"""Of the rows only every fourth: poses change slowly."""
+"""Step between the rows that are used: poses change slowly."""
 
 LEAST_LOAD: Final = 0.05
 
 
 @dataclass(frozen=True, eq=False)
 class ArmWeight:
-    """The torque of gravity that was found, over that of the drawn arm in the same poses.
+    """Gravity torque of a fit, relative to that of the drawn arm in the same poses.
 
     Attributes:
-        share: Over all joints that carry weight; NaN if none does.
+        share: Ratio over all joints that carry weight; NaN if none does.
         sigma: Standard deviation, by leaving out one part of the recordings after the other.
-        plausible: Smallest and largest share that a real arm has.
-        is_drawn: True if `cad` says what the arm weighs, False if only its size does.
+        plausible: Smallest and largest ratio of a real arm.
+        is_drawn: True if the arm's weight comes from `cad`, False if only from its size.
     """
 
     share: float
@@ -40,31 +40,30 @@ class ArmWeight:
 
     @property
     def is_plausible(self) -> bool:
-        """True unless the share lies outside its range by more than chance."""
+        """True unless the ratio is distinctly outside its plausible range (2 sigma)."""
         low, high = self.plausible
         return not (self.share + 2.0 * self.sigma < low or self.share - 2.0 * self.sigma > high)
 
     @property
     def sentence(self) -> str:
-        """The finding in words."""
-        drawn = "`cad` in the robot file says" if self.is_drawn else "an arm of its size has"
+        """The finding in one sentence."""
+        drawn = "of `cad` in the robot file" if self.is_drawn else "expected for an arm of its size"
         return (
-            f"by the torques as stated the arm has {self.share:.2g} ± {2.0 * self.sigma:.2g} times"
-            f" the weight that {drawn}"
+            f"the torques as stated give the arm {self.share:.2g} ± {2.0 * self.sigma:.2g} times"
+            f" the weight {drawn}"
         )
 
 
 @dataclass(frozen=True, eq=False)
 class DrawnWeight:
-    """Gravity's torque by a fit and by the drawings, projected on the latter.
+    """Projection of a fit's gravity torque on that of the drawn arm.
 
     Attributes:
-        columns: Shape (n, p). For each joint the products of its drawn torque with gravity's part
+        columns: Shape (n, p). For each joint the products of its drawn torque with the gravity part
             of each column.
-        drawn: Shape (n,). The drawn torque's square; zero for joints that carry little weight, or
-            have a spring.
-        plausible: As `ArmWeight` has it.
-        is_drawn: As `ArmWeight` has it.
+        drawn: Shape (n,). Sum of squares of the drawn torque; zero for joints that carry little
+            weight, or have a spring.
+        plausible, is_drawn: As in `ArmWeight`.
     """
 
     columns: FloatArray
@@ -83,7 +82,7 @@ class DrawnWeight:
         torque_nm = rigid @ values[own]
         drawn = np.einsum("rj,rj->j", torque_nm, torque_nm)
         light = drawn < LEAST_LOAD**2 * drawn.max()
-        light |= ~signals.moving  # has no equations
+        light |= ~signals.moving  # joints that do not move have no equations
         light |= [robot.spring is not None and robot.spring.joint == j for j in robot.joint_names]
         drawn[light] = 0.0
         columns = np.zeros((len(drawn), phi.shape[2]))
@@ -93,17 +92,17 @@ class DrawnWeight:
 
     @property
     def is_visible(self) -> bool:
-        """True if gravity loads a joint at all."""
+        """True if gravity loads at least one joint."""
         return bool(np.any(self.drawn > 0.0))
 
     def share(self, values: FloatArray) -> float:
-        """Return `ArmWeight.share` of some parameters (p,)."""
+        """Return `ArmWeight.share` for some parameters (p,)."""
         if not self.is_visible:
             return float("nan")
         return float(np.sum(self.columns @ values) / np.sum(self.drawn))
 
     def shares(self, values: FloatArray) -> FloatArray:
-        """Return the share of each joint, (n,); NaN for joints that carry no weight."""
+        """Return the ratio of each joint, (n,); NaN for joints that carry no weight."""
         found = np.full(len(self.drawn), np.nan)
         np.divide(self.columns @ values, self.drawn, out=found, where=self.drawn > 0.0)
         return found
