@@ -1,5 +1,5 @@
-"""Payloads: ten columns, three procedures, a verdict with intervals.
+"""Estimation of payloads: ten columns, three procedures, a verdict with intervals.
 
-From two runs to a body; sessions are in `rid_daq/operations/payload`. Begin with `procedures.py`,
-then `verdict.py`; decision 0018 says why.
+This folder leads from runs to a payload; sessions are in `rid_daq/operations/payload`. Start with
+`procedures.py`, then `verdict.py`; decision 0018 gives the reasons.
 """

@@ -1,4 +1,4 @@
-"""`PayloadBody`: a payload as people and controllers know it, and the frames that it is told in."""
+"""`PayloadBody`: a payload by mass, centre of gravity and inertia, and its reference frames."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from identification.choices import REPORTED
 from identification.consistency.pseudo_inertia import BASIS
 
 PARAMETERS: Final = ("m", "sx", "sy", "sz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
-"""The ten parameters that the torque is linear in (5.6), inertia about the flange's origin."""
+"""The ten parameters of the torque's linear model (5.6); inertia about the flange's origin."""
 REPORTED_UNITS: Final = ("kg", "m", "m", "m", *("kg m^2",) * 6)
 
 _ELEMENTS: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -32,10 +32,10 @@ class PayloadBody:
     """A body about its centre of gravity, in the axes of the flange.
 
     Attributes:
-        mass_kg: Its mass.
-        centre_m: Shape (3,). Its centre of gravity from the flange's origin.
-        inertia_kg_m2: Shape (3, 3). About the centre of gravity, as elements of the matrix: Ixy =
-            -integral of x y dm.
+        mass_kg: Mass of the body.
+        centre_m: Shape (3,). Centre of gravity relative to the flange's origin.
+        inertia_kg_m2: Shape (3, 3). Inertia about the centre of gravity, as elements of the matrix:
+            Ixy = -integral of x y dm.
     """
 
     mass_kg: float
@@ -46,7 +46,9 @@ class PayloadBody:
         freeze(self, EstimationError, (3,), "centre_m", what="payload ")
         freeze(self, EstimationError, (3, 3), "inertia_kg_m2", what="payload ")
         if not np.isfinite(self.mass_kg):
-            raise EstimationError("the mass of a payload must be a number", code="RID-API-ARGUMENT")
+            raise EstimationError(
+                "the mass of a payload must be a finite number", code="RID-API-ARGUMENT"
+            )
         if np.max(np.abs(self.inertia_kg_m2 - self.inertia_kg_m2.T)) > 1e-9 * max(
             float(np.max(np.abs(self.inertia_kg_m2))), 1e-300
         ):
@@ -56,7 +58,7 @@ class PayloadBody:
 
     @classmethod
     def of_reported(cls, values: FloatArray) -> PayloadBody:
-        """Return the body of ten values of `REPORTED`."""
+        """Return the body with ten values of `REPORTED`."""
         inertia = np.zeros((3, 3))
         for (row, column), value in zip(_ELEMENTS, values[4:], strict=True):
             inertia[row, column] = inertia[column, row] = value
@@ -64,7 +66,7 @@ class PayloadBody:
 
     @classmethod
     def of_parameters(cls, parameters: FloatArray) -> PayloadBody:
-        """Return the body of the ten `PARAMETERS` about the flange's origin."""
+        """Return the body with ten `PARAMETERS` about the flange's origin."""
         return cls.of_reported(reported(parameters))
 
     @property
@@ -75,7 +77,7 @@ class PayloadBody:
 
     @property
     def parameters(self) -> FloatArray:
-        """The ten `PARAMETERS` about the flange's origin (parallel axes)."""
+        """The ten `PARAMETERS` about the flange's origin (parallel-axis theorem)."""
         mass, c = self.mass_kg, self.centre_m
         inertia = self.inertia_kg_m2 + mass * (c @ c * np.eye(3) - np.outer(c, c))
         return np.array([mass, *(mass * c), *inertia[np.triu_indices(3)]])
@@ -84,16 +86,20 @@ class PayloadBody:
     def principal(self) -> tuple[FloatArray, FloatArray]:
         """The principal moments [kg m^2], shape (3,), and the rotation of their axes, (3, 3).
 
-        The rotation's columns are the axes in the flange's, right-handed. Of the 24 ways to name
-        and point them, the one is taken that turns least from the flange's axes, so that a body
-        without products of inertia keeps its axes; equal moments are told apart by that too.
+        The rotation's columns are the principal axes in the flange's frame, right-handed. Of the 24
+        possible orders and directions of the axes, the one with the smallest rotation from the
+        flange's axes is used. Therefore a body without products of inertia keeps its axes. The same
+        rule selects the axes of equal moments.
         """
         moments, axes = np.linalg.eigh(self.inertia_kg_m2)
         return _least_turned(moments, axes)
 
     @property
     def can_exist(self) -> bool:
-        """Whether some distribution of positive mass has these values (Traversaro 2016)."""
+        """True if the body is physically consistent (Traversaro 2016).
+
+        Some distribution of positive mass must have these values.
+        """
         moments = np.linalg.eigvalsh(self.inertia_kg_m2)
         return bool(
             self.mass_kg > 0.0 and moments[0] > 0.0 and moments[0] + moments[1] > moments[2]
@@ -101,7 +107,7 @@ class PayloadBody:
 
 
 def reported(parameters: FloatArray | ComplexArray) -> FloatArray:
-    """Return the ten values of `REPORTED` of ten `PARAMETERS`, which may be complex."""
+    """Return the ten values of `REPORTED` for ten `PARAMETERS`, which may be complex."""
     mass = parameters[0]
     c = parameters[1:4] / mass
     xx, xy, xz, yy, yz, zz = parameters[4:]
@@ -115,7 +121,7 @@ def reported(parameters: FloatArray | ComplexArray) -> FloatArray:
 
 
 def reported_slopes(parameters: FloatArray) -> FloatArray:
-    """Return how `reported` changes with the ten parameters, shape (10, 10), by a complex step."""
+    """Return the derivative of `reported` by the ten parameters, (10, 10), by a complex step."""
     slopes = np.empty((len(REPORTED), PARAMETERS_PER_LINK))
     for column in range(PARAMETERS_PER_LINK):
         stepped = np.array(parameters, dtype=np.complex128)
@@ -133,10 +139,10 @@ def flange_pose(robot: RobotDescription) -> FloatArray:
 
 
 def to_link(pose: FloatArray) -> FloatArray:
-    """Return the matrix that turns parameters in a frame into such in the frame it sits in.
+    """Return the matrix that transforms parameters from a frame to its parent frame.
 
     Args:
-        pose: Shape (4, 4). The frame in the other one.
+        pose: Shape (4, 4). The frame in its parent frame.
 
     Returns:
         Shape (10, 10). A body's second and first moments and its mass, as one matrix, transform by
@@ -152,12 +158,12 @@ def to_link(pose: FloatArray) -> FloatArray:
 
 
 def _least_turned(moments: FloatArray, axes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Name and point principal axes so that they turn least; see `PayloadBody.principal`."""
+    """Order and direct principal axes for the smallest rotation; see `PayloadBody.principal`."""
     degenerate = 1e-9 * max(float(moments[2]), 1e-300)
     first, second = moments[1] - moments[0] < degenerate, moments[2] - moments[1] < degenerate
     if first and second:
         return moments, np.eye(3)
-    if first or second:  # only one axis is told: the others are where the least turn takes them
+    if first or second:  # only one axis is unique: the others follow from the smallest rotation
         alone = 2 if first else 0
         unique = axes[:, alone]
         place = int(np.argmax(np.abs(unique)))
@@ -172,7 +178,7 @@ def _least_turned(moments: FloatArray, axes: FloatArray) -> tuple[FloatArray, Fl
         chosen = axes[:, order]
         signs = np.where(np.diagonal(chosen) < 0.0, -1.0, 1.0)
         pointed = chosen * signs
-        if np.linalg.det(pointed) < 0.0:  # the axis that costs least turns round
+        if np.linalg.det(pointed) < 0.0:  # reverse the axis that increases the rotation least
             weakest = int(np.argmin(np.abs(np.diagonal(pointed))))
             pointed[:, weakest] *= -1.0
         trace = float(np.trace(pointed))
@@ -182,7 +188,7 @@ def _least_turned(moments: FloatArray, axes: FloatArray) -> tuple[FloatArray, Fl
 
 
 def _between(start: FloatArray, end: FloatArray) -> FloatArray:
-    """Return the smallest rotation that turns one unit vector into another (not its opposite)."""
+    """Return the smallest rotation from one unit vector to another (not its opposite)."""
     v = np.cross(start, end)
     cross = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
     return np.asarray(np.eye(3) + cross + cross @ cross / (1.0 + float(start @ end)))

@@ -1,8 +1,8 @@
-"""`PayloadEquations`: all that recordings say of a payload, condensed cluster by cluster.
+"""`PayloadEquations`: equations of a payload from recordings, condensed cluster by cluster.
 
-The unknowns are the payload's ten parameters in the flange's frame and, behind them, whatever else
-the torques depend on: the robot, and the friction of every run on its own, since friction is never
-carried over from one run to the next (theory: section 11).
+The unknowns are the payload's ten parameters in the flange's frame, followed by all other
+parameters of the torques: those of the robot, and the friction of every run. Each run has its own
+friction parameters, because friction changes between runs (theory: section 11).
 """
 
 from __future__ import annotations
@@ -27,11 +27,12 @@ from identification.payload.body import PARAMETERS, flange_pose, to_link
 from identification.regression.least_squares import triangular_factor
 
 Procedure = Literal["together", "difference", "model", "apart"]
-"""How the robot is told from what it carries (theory: section 11).
+"""Procedure that separates the payload from the robot (theory: section 11).
 
-`together`: robot and payload from runs with and without it. `difference`: the same motion with and
-without, torques subtracted. `model`: runs with it alone, less a robot identified before. `apart`:
-the robot identified with it as if it were part of the last link, less the robot without.
+`together`: estimate robot and payload from runs with and without the payload. `difference`:
+subtract the torques of the same motion with and without it. `model`: use only runs with the
+payload, and subtract the torques of a robot model that was identified before. `apart`: identify
+the robot with the payload as part of its last link, and subtract the robot without it.
 """
 
 DEPENDENT: Final = 1e-8
@@ -42,9 +43,9 @@ class PayloadModel:
     """A robot's model with an unknown body on its flange.
 
     Attributes:
-        options: Its terms.
+        options: Terms of the model.
         model: The model; its last ten standard parameters are the payload's.
-        base: The robot's base parameters, and behind them the payload's ten as they are.
+        base: The robot's base parameters, followed by the payload's ten standard parameters.
     """
 
     robot: RobotDescription
@@ -54,16 +55,16 @@ class PayloadModel:
 
     @classmethod
     def of(cls, robot: RobotDescription, options: ModelOptions | None = None) -> PayloadModel:
-        """Build the model of a robot with the terms that options ask for.
+        """Build the model of a robot with the terms of some options.
 
         Raises:
-            EstimationError: The options contradict the robot, or ask for a force plate.
+            EstimationError: The options contradict the robot, or request a force plate.
         """
         options = replace(options or ModelOptions(), payload=True)
         if options.kind != "internal":
             raise EstimationError(
-                f"a payload is identified from the joints' torques: leave the {options.kind} model"
-                " out",
+                "a payload is identified only from the joints' torques: use the internal model"
+                f" instead of the {options.kind} model",
                 code="RID-MODEL-KIND",
             )
         model = options.build(robot)
@@ -86,31 +87,32 @@ class PayloadModel:
 
     @cached_property
     def friction(self) -> IntArray:
-        """Which base parameters are friction."""
+        """Indices of the friction parameters among the base parameters."""
         group = self.model.parameter_groups.get("friction", slice(0, 0))
         return np.flatnonzero([group.start <= kept < group.stop for kept in self.base.kept])
 
     @cached_property
     def links(self) -> IntArray:
-        """Which base parameters are the robot's, friction and payload left out."""
+        """Indices of the robot's base parameters, without friction and payload."""
         robot = np.arange(len(self.base) - PARAMETERS_PER_LINK)
         return np.asarray(np.setdiff1d(robot, self.friction))
 
     @cached_property
     def flange_to_link(self) -> FloatArray:
-        """Turns the payload's parameters from the flange's frame into the last link's, (10, 10)."""
+        """Matrix of payload parameters from the flange's to the last link's frame, (10, 10)."""
         return to_link(flange_pose(self.robot))
 
     def with_nonlinear(self, model: RobotModel) -> PayloadModel:
-        """Return the same with the nonlinear parameters of another model."""
+        """Return the payload model with the nonlinear parameters of another model."""
         return replace(self, options=self.options.with_nonlinear_of(model), model=model)
 
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Where the columns of one run's equations go among all unknowns.
+    """Position of the columns of one run's equations among all unknowns.
 
-    Columns arrive as those of `PayloadModel.base` and, behind them, slopes of nonlinear parameters.
+    The columns of a run are those of `PayloadModel.base`, followed by the derivatives with respect
+    to nonlinear parameters.
     """
 
     model: PayloadModel
@@ -120,7 +122,7 @@ class Layout:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All unknowns: the payload's, the robot's, each run's friction, the slopes' steps."""
+        """Names of all unknowns: payload, robot, friction of each run, steps of nonlinear ones."""
         base = self.model.base
         robot = [base.expressions[j] for j in self.model.links] if self.with_robot else []
         friction = [
@@ -150,30 +152,30 @@ class Layout:
 
 @dataclass(frozen=True, eq=False)
 class PayloadEquations:
-    """Whitened equations A x = y of a payload and all else, cluster by cluster.
+    """Whitened equations A x = y of a payload and all other unknowns, cluster by cluster.
 
     Attributes:
-        procedure: How they were made.
+        procedure: Procedure that set up the equations.
         joint_names: Length n. The joints.
         names: Length p. The unknowns, the payload's ten `PARAMETERS` first.
         factors: Tuple of ndarray, each (any, p + n). R of the QR factorisation of [A Y] of one
-            cluster, Y the share of y that each joint measured (the shares add up to y).
+            cluster, in which Y is the part of y that each joint measured (the parts add up to y).
         joints: Tuple of ndarray, n of shape (any, p + 1). R of [A y] of all of a joint's equations
             in N m (N), not whitened.
-        rows: Length n. Equations of each joint.
-        divisors: Shape (2, n). What sums of squares over `joints` are divided by to be mean squares
-            over time: of all runs, and of those with the payload.
-        known: Shape (any, p + 1). What is known beforehand, as equations with unit noise, right
-            side last.
-        runs: Which run each cluster is of, from 0.
-        explained_nm: Shape (n,). RMS of each joint's torque that was explained before these
-            equations were made [N m or N]: by `apart` by two robots, by `difference` by the run
-            without payload; else zero.
-        noise_nm: Shape (n,). RMS that the measured noise alone leaves of each joint's torque [N m
-            or N]; None where it is not measured, as of recordings that are not periodic.
-        carried: Tuple of ndarray, n of shape (any, 10), or none. R of the payload's columns in each
-            joint's torque over the loaded runs, sums of squares made mean squares [N m or N]; none
-            where `joints` has them.
+        rows: Length n. Number of equations of each joint.
+        divisors: Shape (2, n). Divisors that turn sums of squares over `joints` into mean squares
+            over time: for all runs, and for those with the payload.
+        known: Shape (any, p + 1). Prior knowledge as equations with unit noise, right-hand side
+            last.
+        runs: Index of each cluster's run, from 0.
+        explained_nm: Shape (n,). RMS of each joint's torque that was subtracted before these
+            equations were set up [N m or N]: for `apart` that of two robots, for `difference` that
+            of the run without payload; otherwise zero.
+        noise_nm: Shape (n,). RMS of each joint's torque residual due to measured noise alone [N m
+            or N]; None if it is not measured, as for recordings that are not periodic.
+        carried: Tuple of ndarray, n of shape (any, 10), or empty. R of the payload's columns in
+            each joint's torque over the loaded runs, scaled to mean squares [N m or N]; empty if
+            `joints` contains them.
     """
 
     procedure: Procedure
@@ -197,7 +199,7 @@ class PayloadEquations:
             )
         if len(self.runs) != len(self.factors):
             raise EstimationError(
-                "each cluster needs the number of its run", code="RID-API-ARGUMENT"
+                "each cluster needs the index of its run", code="RID-API-ARGUMENT"
             )
         if any(factor.shape[1] != p + n for factor in self.factors):
             raise EstimationError(f"each cluster needs {p + n} columns", code="RID-API-ARGUMENT")
@@ -206,7 +208,7 @@ class PayloadEquations:
 
     @property
     def payload_columns(self) -> tuple[FloatArray, ...]:
-        """R of the payload's columns in each joint's torque, sums of squares made mean squares."""
+        """R of the payload's columns in each joint's torque, scaled to mean squares."""
         ten, loaded = PARAMETERS_PER_LINK, np.sqrt(np.maximum(self.divisors[1], 1.0))
         own = (factor[:, :ten] / s for factor, s in zip(self.joints, loaded, strict=True))
         return self.carried or tuple(own)
@@ -219,12 +221,12 @@ class PayloadEquations:
         return triangular_factor(stacked)
 
     def weakened(self, factor: float) -> PayloadEquations:
-        """Return the equations with the noise of everything measured a factor larger."""
+        """Return the equations with the noise of all measurements multiplied by a factor."""
         return replace(self, factors=tuple(each / factor for each in self.factors))
 
 
 def condense(matrices: Sequence[FloatArray], sides: Sequence[FloatArray], width: int) -> FloatArray:
-    """Return R of [A Y] of a cluster from each joint's whitened rows (any, p) and sides (any,)."""
+    """Return R of [A Y] of a cluster, from each joint's whitened rows (any, p) and sides (any,)."""
     n = len(matrices)
     parts = []
     for j, (matrix, rhs) in enumerate(zip(matrices, sides, strict=True)):
@@ -236,14 +238,14 @@ def condense(matrices: Sequence[FloatArray], sides: Sequence[FloatArray], width:
 
 
 def robot_prior(layout: Layout, robot: Estimate | None) -> FloatArray:
-    """Return a robot identified before as equations of the unknowns, shape (any, p + 1).
+    """Return the estimate of the robot without payload as equations of the unknowns, (any, p + 1).
 
-    Without one there are none. Its friction is not taken over. Its links count as known as well as
-    their cluster-robust covariance says, so that what the model is worth shows in the payload's
-    intervals.
+    Without an estimate the result has no rows. Its friction is not used. The links' parameters
+    enter with their cluster-robust covariance, so that the payload's intervals include the
+    uncertainty of the model.
 
     Raises:
-        EstimationError: It is another robot, or its model has other terms.
+        EstimationError: The estimate is of another robot, or its model has other terms.
     """
     if robot is None:
         return np.zeros((0, len(layout.names) + 1))
@@ -252,8 +254,8 @@ def robot_prior(layout: Layout, robot: Estimate | None) -> FloatArray:
     unknown = [each for each in wanted if each not in robot.base.expressions]
     if unknown:
         raise EstimationError(
-            f"the model of the unloaded robot does not know {unknown[0]}: it is of another robot,"
-            " or was identified with other terms",
+            f"the model of the robot without payload does not contain the parameter {unknown[0]}:"
+            " use a model of the same robot with the same terms",
             code="RID-MODEL-TERMS-DIFFER",
         )
     places = [robot.base.expressions.index(each) for each in wanted]
@@ -268,11 +270,11 @@ def robot_prior(layout: Layout, robot: Estimate | None) -> FloatArray:
 
 
 def independent(whole: FloatArray, unknowns: int, first: int) -> IntArray:
-    """Return which unknowns from `first` on are told apart: a basis of all columns behind it.
+    """Return the unknowns from `first` on that are linearly independent.
 
     Args:
         whole: Shape (any, unknowns + any). Equations.
-        unknowns, first: How many columns are unknowns, and where those looked at begin.
+        unknowns, first: Number of columns that are unknowns, and index of the first one to test.
     """
     basis = np.zeros((len(whole), 0))
     size = np.linalg.norm(whole[:, :unknowns], axis=0)
@@ -281,7 +283,7 @@ def independent(whole: FloatArray, unknowns: int, first: int) -> IntArray:
         if size[j] <= 1e-12 * size.max(initial=1e-300):
             continue
         rest = whole[:, j] / size[j]
-        for _ in range(2):  # the second pass removes what rounding left of the first
+        for _ in range(2):  # the second pass removes the rounding error of the first
             rest = rest - basis @ (basis.T @ rest)
         length = float(np.linalg.norm(rest))
         if length > DEPENDENT:

@@ -1,4 +1,4 @@
-"""`PayloadEstimate`: mass, centre of gravity, inertia of what a robot carries, with intervals."""
+"""`PayloadEstimate`: mass, centre of gravity and inertia of a robot's payload, with intervals."""
 
 from __future__ import annotations
 
@@ -34,30 +34,31 @@ class PayloadEstimate:
     """Ten inertial parameters of a payload, in the frame of the flange (5.6).
 
     Attributes:
-        robot: The robot that carried it.
-        procedure: How it was told from the robot.
-        values: Shape (10,). `PARAMETERS` about the flange's origin. Those that were not seen hold
-            no meaning.
-        covariance: Shape (10, 10). Honest: what coloured residuals, noise, known quantities and
-            torque constants leave open.
-        covariance_noise: Shape (10, 10). By the noise that rows were divided by alone.
-        gain_slopes: Shape (10, n). How `values` change with a relative error of each joint's torque
-            (its torque constant).
+        robot: The robot that carried the payload.
+        procedure: Procedure that separated the payload from the robot.
+        values: Shape (10,). `PARAMETERS` about the flange's origin. Values that are not identified
+            are meaningless.
+        covariance: Shape (10, 10). Covariance from coloured residuals, noise, known quantities and
+            torque constants.
+        covariance_noise: Shape (10, 10). Covariance only from the noise of the rows.
+        gain_slopes: Shape (10, n). Derivative of `values` with respect to a relative error of each
+            joint's torque (its torque constant).
         unseen: Shape (10, any). Orthonormal directions of the parameters that the motion does not
-            show.
-        condition_number: Of the payload's columns with all else projected out.
-        known: What was known otherwise.
-        residual_nm, payload_nm: Shape (n,). RMS of what the fit leaves of each joint's torque, and
-            of what the payload makes [N m or N].
-        equations: How many there were.
-        cell_name, run_ids: Where it was measured.
+            determine.
+        condition_number: Condition number of the payload's columns with all other columns projected
+            out.
+        known: Quantities that are known from another source.
+        residual_nm, payload_nm: Shape (n,). RMS of the fit's residual, and of the payload's
+            contribution, in each joint's torque [N m or N].
+        equations: Number of equations.
+        cell_name, run_ids: The cell and the runs of the measurement.
         torque_nm: Shape (n,). RMS of each joint's torque [N m or N].
-        noise_nm: Shape (n,). RMS that the measured noise alone leaves of each joint's torque [N m
+        noise_nm: Shape (n,). RMS of each joint's torque residual due to measured noise alone [N m
             or N]; None if it is not measured.
-        contradictions: Shape (k,). How far each of `known` lies from what the recordings say
-            without it [standard deviations].
-        torque_constant_sigma: Relative standard deviation of every joint's torque constant, which
-            `covariance` has in it.
+        contradictions: Shape (k,). Distance of each of `known` from the recordings' result without
+            it [standard deviations].
+        torque_constant_sigma: Relative standard deviation of every joint's torque constant;
+            `covariance` includes it.
     """
 
     robot: RobotDescription
@@ -92,12 +93,12 @@ class PayloadEstimate:
 
     @property
     def seen_parameters(self) -> tuple[bool, ...]:
-        """Which of `PARAMETERS` the motion shows."""
+        """For each of `PARAMETERS`: True if the motion determines it."""
         return self._shown(np.eye(PARAMETERS_PER_LINK))
 
     @property
     def seen(self) -> tuple[bool, ...]:
-        """Which of `REPORTED` the motion shows."""
+        """For each of `REPORTED`: True if the motion determines it."""
         return self._shown(self._slopes)
 
     def _shown(self, slopes: FloatArray) -> tuple[bool, ...]:
@@ -108,7 +109,7 @@ class PayloadEstimate:
 
     @property
     def rank(self) -> int:
-        """How many independent combinations of the ten parameters the motion shows."""
+        """Number of independent combinations of the ten parameters that the motion determines."""
         return PARAMETERS_PER_LINK - int(self.unseen.shape[1])
 
     @cached_property
@@ -117,14 +118,14 @@ class PayloadEstimate:
 
     @property
     def reported(self) -> FloatArray:
-        """Estimates of `REPORTED`, shape (10,); not a number where not `seen`."""
+        """Estimates of `REPORTED`, shape (10,); NaN if the motion does not determine them."""
         return np.where(self.seen, reported(self.values), np.nan)
 
     @property
     def sigma(self) -> FloatArray:
         """Standard deviations of `reported`, shape (10,), propagated from `covariance`.
 
-        Zero where a value is held.
+        They are zero for values that are fixed by `known`.
         """
         held = [quantity.name for quantity in self.known if quantity.held]
         sigma = np.where(np.isin(REPORTED, held), 0.0, _sigma(self._slopes, self.covariance))
@@ -132,7 +133,7 @@ class PayloadEstimate:
 
     @property
     def sigma_noise(self) -> FloatArray:
-        """The same by the noise alone."""
+        """Standard deviations of `reported` from noise alone, shape (10,)."""
         return np.where(self.seen, _sigma(self._slopes, self.covariance_noise), np.inf)
 
     @property
@@ -143,16 +144,16 @@ class PayloadEstimate:
 
     @property
     def residual_share(self) -> FloatArray:
-        """What the fit leaves of each joint's torque, as a share of it, shape (n,).
+        """RMS residual of each joint's torque relative to the torque, shape (n,).
 
-        A joint that hardly works has little to explain: its torque counts as at least
-        `IDLE_SHARE` of its limit.
+        A joint with little load has little to explain: its torque counts as at least `IDLE_SHARE`
+        of its limit.
         """
         return np.asarray(self.residual_nm / self._work_nm)
 
     @property
     def fit(self) -> tuple[FitGrade, ...]:
-        """How well the payload and the robot explain each joint's torque, as `residual_share`."""
+        """Quality of the fit of each joint's torque, from `residual_share`."""
         names = self.robot.joint_names
         return grade_fit(names, self.residual_nm, self._work_nm, self.noise_nm)
 
@@ -163,41 +164,42 @@ class PayloadEstimate:
 
     @property
     def gain_effects(self) -> FloatArray:
-        """How `reported` changes with a relative error of each joint's torque, shape (10, n)."""
+        """Derivative of `reported` by a relative error of each joint's torque, shape (10, n)."""
         return np.asarray(self._slopes @ self.gain_slopes)
 
     @cached_property
     def consistent(self) -> tuple[FloatArray, float]:
-        """The parameters of the closest body that can exist, and how likely the data find it.
+        """Parameters of the closest physically consistent body, and the p-value of its distance.
 
-        Closest in the cluster-robust covariance; the probability is that of a chi-square as large
-        as its distance, 1 where the estimate itself can exist.
+        The distance is measured in the cluster-robust covariance. The p-value is that of a
+        chi-squared variable as large as the distance; it is 1 if the estimate itself is physically
+        consistent.
 
         Raises:
-            EstimationError: Not all parameters are seen, or there is no such body.
+            EstimationError: Not all parameters are determined, or there is no such body.
         """
         return closest_body(self)
 
     @property
     def body(self) -> PayloadBody:
-        """The payload as the closest body that can exist: what exports write."""
+        """The payload as the closest physically consistent body, which exports use."""
         return PayloadBody.of_parameters(self.consistent[0])
 
     @property
     def can_exist(self) -> bool:
-        """Whether a body with the estimate's parameters can exist, as far as the data say."""
+        """True unless the data reject every physically consistent body."""
         return self.consistent[1] >= SMALLEST_P
 
 
 def closest_body(estimate: PayloadEstimate) -> tuple[FloatArray, float]:
-    """Return the closest body that can exist and its probability; see `PayloadEstimate`."""
+    """Return the closest physically consistent body and its p-value; see `PayloadEstimate`."""
     if estimate.rank < PARAMETERS_PER_LINK:
         names = [
             n for n, seen in zip(PARAMETERS, estimate.seen_parameters, strict=True) if not seen
         ]
         raise EstimationError(
-            f"the motion does not show {', '.join(names)}: whether such a body can exist is not"
-            " known; move more axes",
+            f"the motion does not determine {', '.join(names)}, so the payload cannot be tested"
+            " for physical consistency: use a motion that moves more axes",
             code="RID-MOTION-UNINFORMATIVE",
         )
     values = np.array(estimate.values)
@@ -226,7 +228,7 @@ def closest_body(estimate: PayloadEstimate) -> tuple[FloatArray, float]:
 
 
 def _ball(values: FloatArray) -> FloatArray:
-    """Return the pseudo-inertia of a ball about the origin of a payload's size."""
+    """Return the pseudo-inertia of a ball about the origin, of a payload's size."""
     smallest = np.diagonal(pseudo_inertia(np.array(SMALLEST_BODY)))
     size = np.abs(np.diagonal(pseudo_inertia(values)))
     return np.diag([*np.full(3, max(size[:3].max(), smallest[0])), max(size[3], smallest[3])])

@@ -1,4 +1,4 @@
-"""A payload as a JSON file that is complete in itself: `write_payload`, `read_payload`."""
+"""Reader and writer of a payload as a self-contained JSON file."""
 
 from __future__ import annotations
 
@@ -47,10 +47,10 @@ class _Check(ConfigModel):
 
 
 class PayloadDocument(ConfigModel):
-    """Contents of the file; see `PayloadEstimate` for the meaning.
+    """Content of a payload file; see `PayloadEstimate` for the meaning of the fields.
 
-    Mass, centre of gravity and inertia are in `values` alone, in the order of `parameters`: their
-    moments about the flange. All else that is told of them follows from `values` and `covariance`.
+    Mass, centre of gravity and inertia are only in `values`, in the order of `parameters`: moments
+    about the flange. All other values that are shown follow from `values` and `covariance`.
     """
 
     kind: Literal["rid-daq payload"]
@@ -81,12 +81,12 @@ class PayloadDocument(ConfigModel):
 
     @property
     def digest(self) -> str:
-        """The SHA-256 of all else in the file."""
+        """SHA-256 of the rest of the file."""
         return hashlib.sha256(self.model_dump_json(exclude={"sha256"}).encode()).hexdigest()
 
 
 def write_payload(path: Path, payload: PayloadResult) -> None:
-    """Write a payload as JSON; the same payload gives the same bytes.
+    """Write a payload as JSON; equal payloads give equal bytes.
 
     Raises:
         RecordingError: The file cannot be written.
@@ -109,17 +109,17 @@ def write_payload(path: Path, payload: PayloadResult) -> None:
 
 
 def read_payload(path: Path) -> PayloadResult:
-    """Read what `write_payload` wrote.
+    """Read a payload file that `write_payload` wrote.
 
     Raises:
         ConfigError: The file cannot be read or is not a payload.
     """
-    what = "a payload as `rid-daq payload identify` writes it"
+    what = "a payload file written by `rid-daq payload identify`"
     document = read_json_file(path, PayloadDocument, LARGEST_FILE_BYTES, what)
     try:
         if document.sha256 != document.digest:
             raise EstimationError(
-                "its contents are not those of its sha256: was it edited?", code=UNSOUND_PAYLOAD
+                "the content does not match its sha256: was the file edited?", code=UNSOUND_PAYLOAD
             )
         estimate = document.to_dataclass(
             PayloadEstimate,
@@ -130,8 +130,8 @@ def read_payload(path: Path) -> PayloadResult:
             cell_name=document.cell,
             run_ids=document.runs,
         )
-    except (EstimationError, ValueError) as error:  # numpy says ValueError of a ragged matrix
-        words = f"{path}: not a payload that fits itself: {error}"
+    except (EstimationError, ValueError) as error:  # numpy raises ValueError for a ragged matrix
+        words = f"{path}: the payload file contradicts itself: {error}"
         raise ConfigError(words, code=UNSOUND_PAYLOAD) from error
     return PayloadResult(
         estimate, tuple(line.to_dataclass(PayloadCheck) for line in document.checks)
@@ -142,18 +142,18 @@ def refuse_failed(path: Path, judged: PayloadResult, why: str) -> None:
     """Refuse a payload that did not pass its verdict.
 
     Args:
-        path: Its file.
-        judged: The payload.
-        why: What is not done with it.
+        path: File of the payload.
+        judged: The payload with its checks.
+        why: Consequence of the refusal, for the message.
 
     Raises:
-        EstimationError: It did not pass.
+        EstimationError: The payload did not pass.
     """
     if not judged.passed:
         failed = "; ".join(line.text for line in judged.checks if not line.passed)
         raise EstimationError(
             f"{path}: the payload did not pass ({failed or 'nothing was checked'}), so {why}:"
-            " measure longer or with another motion, or state limits that you can answer for"
-            " (payload identify --mass-limit, --centre-limit, --inertia-limit, --residual-limit)",
+            " measure longer or with another motion, or set limits that you can justify (payload"
+            " identify --mass-limit, --centre-limit, --inertia-limit, --residual-limit)",
             code="RID-PAYLOAD-FAILED",
         )

@@ -1,4 +1,4 @@
-"""What a payload's motion shows badly or not at all, and the motion that would show it."""
+"""Findings on payload quantities that a motion determines badly, and better motions for them."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ SHOWN: Final = 1e-6
 
 @dataclass(frozen=True)
 class PayloadFinding:
-    """A quantity of the payload that the motion shows badly, or not at all.
+    """A quantity of the payload that the motion determines badly, or not at all.
 
     Attributes:
-        name, unit: Of the quantity.
-        value, sigma: Its estimate and cluster-robust standard deviation; None where the motion does
-            not show it.
-        motion: The motion that would show it best, in words; empty where none of those tried does.
-        gain: How many times smaller its standard deviation would be; None where it is not seen yet.
+        name, unit: Name and unit of the quantity.
+        value, sigma: Its estimate and cluster-robust standard deviation; None if the motion does
+            not determine it.
+        motion: The motion that would determine it best, in words; empty if no tried motion does.
+        gain: Factor by which its standard deviation would fall; None if it is not yet determined.
     """
 
     name: str
@@ -48,16 +48,18 @@ class PayloadFinding:
 
     @property
     def sentence(self) -> str:
-        """The finding in words."""
+        """The finding in one sentence."""
         if self.value is None or self.sigma is None:
-            said = f"{self.name} is not seen by this motion"
+            said = f"{self.name} is not determined by this motion"
             if not self.motion:
-                return f"{said}, nor by any other of one or two joints; hold it as known"
-            return f"{said}; {self.motion} would show it"
+                return (
+                    f"{said}, nor by any other motion of one or two joints; set it as a known value"
+                )
+            return f"{said}; {self.motion} would determine it"
         value = f"{self.name} = {plus_minus(self.value, 2.0 * self.sigma, self.unit)}"
         said = f"{value} is poorly determined"
         if not self.motion or self.gain is None:
-            return f"{said}; no motion of one or two joints would show it much better"
+            return f"{said}; no motion of one or two joints would determine it much better"
         return (
             f"{said}; {self.motion} for as long again would make its interval {self.gain:.1f} times"
             " smaller"
@@ -65,9 +67,10 @@ class PayloadFinding:
 
 
 def largest_moment(estimate: PayloadEstimate) -> float:
-    """Return what a share of inertia is taken of: the largest moment about the flange [kg m^2].
+    """Return the largest moment of inertia about the flange, as reference for intervals [kg m^2].
 
-    A controller needs the inertia about the wrist's axes, so an interval counts against all of it.
+    A controller needs the inertia about the wrist's axes, so an interval is compared with all of
+    it.
     """
     xx, xy, xz, yy, yz, zz = estimate.values[4:]
     moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
@@ -75,11 +78,12 @@ def largest_moment(estimate: PayloadEstimate) -> float:
 
 
 def payload_findings(estimate: PayloadEstimate) -> tuple[PayloadFinding, ...]:
-    """Return what is not seen, then what is poorly determined, with the motions that would show it.
+    """Return undetermined and poorly determined quantities, with better motions for them.
 
     Poorly determined means that 2 sigma are more than 5 % of the mass, 10 mm of the centre of
-    gravity, or 20 % of the inertia about the flange. Motions of one joint or two at their limits
-    are tried, as one more pair of runs of the same length and colour of residuals.
+    gravity, or 20 % of the inertia about the flange. The candidate motions move one joint or two
+    joints at their limits. Each counts as one more pair of runs with the same length and colour of
+    residuals.
     """
     limits = np.concatenate(
         [
@@ -103,7 +107,7 @@ Tried = list[tuple[str, FloatArray]]
 
 
 def _tried(estimate: PayloadEstimate) -> Tried:
-    """Return motions in words, and what each would add to the information, (10, 10)."""
+    """Return candidate motions in words, and the information that each would add, (10, 10)."""
     model = PayloadModel.of(estimate.robot, ModelOptions(rotors=False, spring=False))
     noise = np.maximum(estimate.residual_nm, 1e-6 * max(float(estimate.residual_nm.max()), 1e-9))
     b, ten = len(model.base), PARAMETERS_PER_LINK
@@ -135,12 +139,14 @@ def _range(matrix: FloatArray) -> FloatArray:
 
 
 def _unseen(estimate: PayloadEstimate, index: int, tried: Tried) -> PayloadFinding:
-    """Find the motion that shows one of `PARAMETERS` that is not seen."""
+    """Find the motion that determines one of `PARAMETERS` that is undetermined."""
     target = np.eye(PARAMETERS_PER_LINK)[index]
     best, smallest = "", np.inf
     for words, more in tried:
         sigma = _sigma_with(estimate, more, target)
-        if sigma * SIMPLER < smallest:  # the simpler motion comes first, and stays unless beaten
+        if (
+            sigma * SIMPLER < smallest
+        ):  # simpler motions come first; a later one must be clearly better
             best, smallest = words, sigma
     name = f"{PARAMETERS[index]} (about the flange)" if index > 3 else PARAMETERS[index]
     unit = "kg" if index == 0 else "kg m" if index < 4 else "kg m^2"
@@ -148,7 +154,7 @@ def _unseen(estimate: PayloadEstimate, index: int, tried: Tried) -> PayloadFindi
 
 
 def _weak(estimate: PayloadEstimate, index: int, tried: Tried) -> PayloadFinding:
-    """Find the motion that shows one of `REPORTED` better."""
+    """Find the motion that determines one of `REPORTED` better."""
     target = reported_slopes(estimate.values)[index]
     now = float(estimate.sigma[index])
     best, smallest = "", now
@@ -168,7 +174,7 @@ def _weak(estimate: PayloadEstimate, index: int, tried: Tried) -> PayloadFinding
 
 
 def _sigma_with(estimate: PayloadEstimate, more: FloatArray, target: FloatArray) -> float:
-    """Return the standard deviation of target . theta with more information; inf if not seen."""
+    """Return the standard deviation of target . theta with more information, or inf."""
     scale = 1.0 / np.sqrt(np.maximum(np.diagonal(more), 0.0) + _size_of(estimate))
     known = _information(estimate)
     total = (known + more) * np.outer(scale, scale)
@@ -187,7 +193,7 @@ def _size_of(estimate: PayloadEstimate) -> FloatArray:
 
 
 def _information(estimate: PayloadEstimate) -> FloatArray:
-    """Return the inverse of the cluster-robust covariance on what is seen, zero on what is not."""
+    """Return the inverse cluster-robust covariance in the determined directions, zero elsewhere."""
     hidden = estimate.unseen
     project = np.eye(PARAMETERS_PER_LINK) - hidden @ hidden.T
     sigma = np.sqrt(np.maximum(np.diagonal(estimate.covariance), 1e-30))

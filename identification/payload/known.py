@@ -1,4 +1,4 @@
-"""`Known`: what is known of a payload otherwise, such as its mass from a scale."""
+"""`Known`: a payload quantity known from another source, such as the mass from scales."""
 
 from __future__ import annotations
 
@@ -24,11 +24,12 @@ LARGEST_SHARE: Final = 0.5
 
 @dataclass(frozen=True)
 class Known(Ranged):
-    """A quantity of the payload that was measured otherwise, such as on scales.
+    """A quantity of the payload that was measured separately, such as on scales.
 
     Attributes:
         name: One of `REPORTED`: m, cx, cy, cz, or an inertia about the centre of gravity.
-        value, sigma: Its value and standard deviation; 0 holds it, whatever the recordings say.
+        value, sigma: Value and standard deviation; a standard deviation of 0 fixes the value,
+            whatever the recordings show.
     """
 
     name: str
@@ -39,7 +40,7 @@ class Known(Ranged):
         super().__post_init__()
         if self.name not in REPORTED:
             raise EstimationError(
-                f"{self.name!r} is no quantity of a payload: they are {', '.join(REPORTED)}",
+                f"{self.name!r} is not a payload quantity: use one of {', '.join(REPORTED)}",
                 code="RID-OPTION-NAME",
             )
         if self.name == "m" and self.value <= 0.0:
@@ -47,7 +48,7 @@ class Known(Ranged):
         self._refuse_other_units()
 
     def _refuse_other_units(self) -> None:
-        """Refuse sizes that no payload has, or of which its own uncertainty leaves nothing."""
+        """Refuse implausible values, and standard deviations that are too large for the value."""
         found = {"m": MASS, "c": CENTRE}.get(self.name[0], INERTIA)
         refusal = found.refusal(self.value)
         if refusal is None and self.name == "m":
@@ -58,7 +59,7 @@ class Known(Ranged):
 
     @property
     def held(self) -> bool:
-        """Whether the estimate has exactly this value."""
+        """True if the estimate is fixed to exactly this value."""
         return self.sigma == 0.0
 
 
@@ -67,17 +68,18 @@ def _told(what: str, refusal: str | None) -> str | None:
 
 
 def require_once(known: Sequence[Known]) -> None:
-    """Raise an `EstimationError` where a quantity is known twice."""
+    """Raise an `EstimationError` if a quantity is given twice."""
     names = [quantity.name for quantity in known]
     twice = [name for name in names if names.count(name) > 1]
     if twice:
         raise EstimationError(
-            f"{twice[0]} is known twice: leave one of them out", code="RID-OPTION-EXCLUSIVE"
+            f"the quantity {twice[0]} is given twice: remove one of the two",
+            code="RID-OPTION-EXCLUSIVE",
         )
 
 
 def known_rows(known: Sequence[Known], values: FloatArray) -> FloatArray:
-    """Return what is known as equations of the ten parameters near some values, (any, 11)."""
+    """Return known quantities as equations of the ten parameters near some values, (any, 11)."""
     slopes, at = reported_slopes(values), reported(values)
     rows = np.zeros((len(known), PARAMETERS_PER_LINK + 1))
     for row, quantity in zip(rows, known, strict=True):
@@ -88,7 +90,7 @@ def known_rows(known: Sequence[Known], values: FloatArray) -> FloatArray:
 
 
 def with_held(known: Sequence[Known], values: FloatArray) -> FloatArray:
-    """Return ten parameters that differ from others in what is held alone, which is exact."""
+    """Return ten parameters in which fixed quantities have exactly their known values."""
     held = [quantity for quantity in known if quantity.held]
     if not held:
         return values
@@ -99,6 +101,6 @@ def with_held(known: Sequence[Known], values: FloatArray) -> FloatArray:
 
 
 def started(values: FloatArray, known: Sequence[Known]) -> FloatArray:
-    """Return values that Gauss-Newton can begin at: with the known mass, or a positive one."""
+    """Return start values for Gauss-Newton, with the known mass or at least 0.1 kg."""
     mass = next((q.value for q in known if q.name == "m"), max(float(values[0]), 0.1))
     return np.array([mass, *values[1:]])

@@ -1,4 +1,4 @@
-"""`MeasuredRuns`: runs with and without a payload, whatever they were made into."""
+"""`MeasuredRuns`: runs with and without a payload, periodic or smoothed."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from identification.payload.equations import PayloadEquations, PayloadModel, Pro
 
 @dataclass(frozen=True, eq=False)
 class MeasuredRuns(ABC):
-    """Runs as the procedures use them, as `PeriodicRuns` or `SmoothedRuns`.
+    """Runs as input of the procedures, as `PeriodicRuns` or `SmoothedRuns`.
 
     Attributes:
-        sources: One a run.
-        loaded: Which runs carried the payload.
+        sources: Data of each run.
+        loaded: For each run, True if it carried the payload.
     """
 
     sources: tuple[PeriodAverage | SmoothedSignals, ...]
@@ -34,8 +34,8 @@ class MeasuredRuns(ABC):
     def __post_init__(self) -> None:
         if len(self.loaded) != len(self.sources):
             raise EstimationError(
-                f"loaded says of {len(self.loaded)} runs whether they carry the payload, there are"
-                f" {len(self.sources)}",
+                f"loaded has {len(self.loaded)} values, but there are {len(self.sources)} runs:"
+                " give one value for each run",
                 code="RID-API-ARGUMENT",
             )
 
@@ -46,7 +46,7 @@ class MeasuredRuns(ABC):
         return np.asarray(np.sqrt(np.mean(torque**2, axis=0)))
 
     def part(self, chosen: Sequence[int], *, carrying: bool = False) -> Self:
-        """Return some of the runs, by number from 0; `carrying`, as if all carried something."""
+        """Return some of the runs, by index; with `carrying`, all count as loaded."""
         return replace(
             self,
             sources=tuple(self.sources[i] for i in chosen),
@@ -54,15 +54,15 @@ class MeasuredRuns(ABC):
         )
 
     def pair(self) -> tuple[int, int]:
-        """Return the numbers of the run with the payload and of the one without it.
+        """Return the indices of the run with the payload and of the run without it.
 
         Raises:
-            EstimationError: There are other runs than these two.
+            EstimationError: There are not exactly these two runs.
         """
         if sorted(self.loaded) != [False, True]:
             raise EstimationError(
-                "torques are subtracted between one run with the payload and one without: give two"
-                " runs, or use the procedure `together`",
+                "the procedure `difference` needs exactly one run with the payload and one"
+                " without: give two runs, or use the procedure `together`",
                 code="RID-PAYLOAD-PROCEDURE",
             )
         return self.loaded.index(True), self.loaded.index(False)
@@ -76,13 +76,14 @@ class MeasuredRuns(ABC):
         robot: Estimate | None = None,
         standard: FloatArray | None = None,
     ) -> PayloadEquations:
-        """Set up the equations of the payload and of all else.
+        """Set up the equations of the payload and of all other unknowns.
 
         Args:
             model: The robot with the unknown body.
-            procedure: How the robot is told from the payload.
+            procedure: Procedure that separates the payload from the robot.
             robot: The robot without payload, for `model`.
-            standard: Shape (p,). Where nonlinear parameters are linearised; see `torque_columns`.
+            standard: Shape (p,). Point at which nonlinear parameters are linearised; see
+                `torque_columns`.
 
         Raises:
             EstimationError: The runs do not fit the procedure.
@@ -92,8 +93,8 @@ class MeasuredRuns(ABC):
     def estimate(
         self, robot: RobotDescription, model: ModelOptions, payload: Sequence[bool]
     ) -> Estimate:
-        """Estimate a whole robot; `payload` says which runs carry an unknown body of their own.
+        """Estimate a whole robot; `payload` marks the runs that carry an unknown body.
 
         Raises:
-            EstimationError: The motion does not show the parameters.
+            EstimationError: The motion does not determine the parameters.
         """

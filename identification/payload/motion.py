@@ -1,9 +1,9 @@
-"""The motion of a payload session: a small search for what shows a payload best.
+"""Design of a payload session's motion, by a small search for low uncertainty of payloads.
 
-What counts is how far mass and centre of gravity will be off, not how well the robot itself is
-seen: the robot cancels between a run with the payload and one without. Speeds stay moderate,
-because fast joints heat the motors, and so does an arm held out against gravity; what tells a
-payload at moderate speed is gravity in many poses of the wrist.
+The objective is the uncertainty of mass and centre of gravity, not of the robot's parameters: the
+robot cancels between a run with the payload and one without. Speeds stay moderate, because fast
+joints heat the motors, and so does an arm held out against gravity. At moderate speed, the main
+information on a payload is gravity in many poses of the wrist.
 """
 
 from __future__ import annotations
@@ -56,15 +56,15 @@ DECIMALS: Final = 6
 
 @dataclass(frozen=True)
 class PayloadSearch:
-    """What is searched for.
+    """Task of the search.
 
     Attributes:
         robot: The robot with its limits and bodies.
         period_s, sample_period_s: The period and the cell's cycle time [s].
         harmonics: The highest harmonic of every joint, at least 2.
-        position_share, speed_share: Shares of the ranges, and of the speed and acceleration limits,
-            that may be used.
-        workspace: What is around the robot. The payload itself is not known to it.
+        position_share, speed_share: Usable fractions of the position ranges, and of the speed and
+            acceleration limits.
+        workspace: Surroundings of the robot. The shape of the payload is not considered.
     """
 
     robot: RobotDescription
@@ -79,30 +79,31 @@ class PayloadSearch:
         shares = (self.position_share, self.speed_share)
         if self.harmonics < 2 or not all(0.0 < share <= 1.0 for share in shares):
             raise ConfigError(
-                f"payload motion: harmonics {self.harmonics} must be at least 2, shares of the"
-                f" limits {shares[0]:g} and {shares[1]:g} above 0 and at most 1",
+                f"payload motion: harmonics is {self.harmonics}, but must be at least 2; the"
+                f" fractions of the limits are {shares[0]:g} and {shares[1]:g}, but must be above"
+                " 0 and at most 1",
                 code="RID-DESIGN-OPTIONS",
             )
 
     @cached_property
     def model(self) -> PayloadModel:
-        """The payload, and friction that is free in every run."""
+        """The payload model, with separate friction in every run."""
         plain = ModelOptions(rotors=False, spring=False, friction_terms=("coulomb", "viscous"))
         return PayloadModel.of(self.robot, plain)
 
     @property
     def conditions(self) -> Conditions:
-        """With a payload; temperatures do not matter here."""
+        """Conditions with a payload; temperatures have no effect here."""
         return Conditions(temperature_k=np.full(len(self.robot.joints), 300.0), payload=True)
 
     @cached_property
     def clearances(self) -> Clearances:
-        """What must stay apart."""
+        """Bodies that must stay apart."""
         return Clearances.of(self.robot, self.workspace)
 
     @cached_property
     def _links(self) -> FloatArray | None:
-        """Base parameters of the links as drawn, (b,), where the robot file has drawings."""
+        """Base parameters of the links from their drawings, (b,); None without drawings."""
         if self.robot.cad is None:
             return None
         drawn = cad_parameters(self.model.model, self.robot)[0]
@@ -125,9 +126,9 @@ class PayloadSearch:
         ).T  # fmt: skip
 
     def within(self, coefficients: FloatArray) -> FloatArray:
-        """Return offset, sines and cosines, (n, 1 + 2 N), made small enough for the limits.
+        """Return offset, sines and cosines, (n, 1 + 2 N), scaled down to satisfy the limits.
 
-        The sum of a joint's amplitudes is held below each limit, so no phase can break one.
+        The sum of a joint's amplitudes stays below each limit, so that no phase can violate one.
         """
         n = self.harmonics
         middle, half, fastest, hardest = self._ranges
@@ -147,7 +148,7 @@ class PayloadSearch:
         return np.asarray(kept)
 
     def motion_of(self, coefficients: FloatArray, like: FourierMotion) -> FourierMotion:
-        """Return coefficients (n, 1 + 2 N) as a motion with another's periods."""
+        """Return coefficients (n, 1 + 2 N) as a motion with the periods of `like`."""
         n, rounded = self.harmonics, np.round(coefficients, DECIMALS)
         joints = tuple(
             FourierJoint(
@@ -171,7 +172,7 @@ class PayloadSearch:
         return rows
 
     def path(self, coefficients: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return position, velocity and acceleration at a handful of points, (points, n) each."""
+        """Return position, velocity and acceleration at a few points, (points, n) each."""
         points = POINTS_PER_HARMONIC * self.harmonics
         angle = np.outer(np.arange(points) * (self.period_s / points), self._omega)
         sine, cosine = (
@@ -186,14 +187,14 @@ class PayloadSearch:
         )
 
     def objective(self, coefficients: FloatArray) -> float:
-        """Return how uncertain payloads will be; smaller is better, infinite where one is not seen.
+        """Return the expected uncertainty of payloads; infinite if a payload is not determined.
 
-        Six payloads stand for all, each 0.3 m away along one of the flange's axes. Of each, the
-        variances of mass and centre of gravity count, a standard deviation of 2 mm as much as one
-        of 40 g: what noise leaves open, a share of each joint's torque limit, and what torque
-        constants leave open, 0.3 % of each for itself. Motions whose lasting
-        torque (RMS, by the links as drawn) is more than a tenth of a limit count as worse: motors
-        bear about a third of it for long, and warm ones drift.
+        It is averaged over six nominal payloads, each 0.3 m away along one of the flange's axes.
+        The objective contains the variances of mass and centre of gravity, with 2 mm equivalent to
+        40 g. The causes are noise, a fraction of each joint's torque limit, and torque constants,
+        0.3 % of each, independent. Motions whose RMS torque (from the links' drawings) exceeds a
+        tenth of a limit are penalised: motors can sustain about a third of the limit, and warm
+        motors drift.
         """
         model, motion = self.model, self.path(coefficients)
         limits = np.array([joint.limits.torque for joint in self.robot.joints])
@@ -215,7 +216,7 @@ class PayloadSearch:
         inverse = (right.T / singular) @ left.T / size[:, np.newaxis]
         noise = NOISE_SHARE * math.sqrt(len(columns) / ROWS)
         spread = float(np.sum((noise * (_WANTED.reshape(-1, PARAMETERS_PER_LINK) @ inverse)) ** 2))
-        # What a wrong torque constant of each joint alone does: that joint's own part of the fit.
+        # Effect of a wrong torque constant of a single joint: that joint's part of the fit.
         joints = (
             inverse.reshape(PARAMETERS_PER_LINK, -1, len(limits)),
             rest.reshape(*columns.shape[:2], -1),
@@ -225,14 +226,14 @@ class PayloadSearch:
         return math.log(spread + float(np.sum(gains**2))) + HEAT_WEIGHT * heat
 
     def _heat(self, shares: FloatArray) -> float:
-        """Return by how much the lasting torque is too large, from columns over torque limits."""
+        """Return the excess of the RMS torque, from columns divided by torque limits."""
         if self._links is None:
             return 0.0
         lasting = np.sqrt(np.mean((shares @ self._links) ** 2, axis=0))
         return float(np.sum(np.maximum(lasting / LASTING_SHARE - 1.0, 0.0) ** 2))
 
     def improved(self, coefficients: FloatArray, seed: int, steps: int) -> FloatArray:
-        """Return coefficients changed at random as long as that helps and all keeps clear."""
+        """Return coefficients after random changes that improve the objective and stay clear."""
         random = np.random.default_rng(seed)
         falling = np.arange(1, self.harmonics + 1) ** -1.5
         decay = np.concatenate([[1.0], falling, falling])
@@ -260,19 +261,19 @@ def design_payload_motion(
     draws: int = DRAWS,
     steps: int = STEPS,
 ) -> FourierMotion:
-    """Search a motion that shows payloads well, and verify it, ramps included.
+    """Search for a motion that determines payloads well, and verify it, including its ramps.
 
-    The best of some two-harmonic draws (3.22) is changed at random as long as that helps. The same
-    seed gives the same motion.
+    The best of several two-harmonic draws (3.22) is changed at random as long as this improves it.
+    The same seed gives the same motion.
 
     Args:
-        search: What is searched for.
-        seed: Of draws and changes.
-        periods: Periods that count, after one that settles.
-        draws, steps: How many draws there are to begin with, and how many changes are tried.
+        search: Task of the search.
+        seed: Seed of draws and changes.
+        periods: Number of recorded periods, after one for settling.
+        draws, steps: Number of initial draws, and number of changes tried.
 
     Raises:
-        ConfigError: No draw shows all of a payload and keeps clear of everything.
+        ConfigError: No draw determines the whole payload and stays clear of obstacles.
     """
     drawn = two_harmonic_draws(
         search.robot,
@@ -294,16 +295,18 @@ def design_payload_motion(
         if search.clearances.is_clear(found.plan(search.robot, search.sample_period_s).position):
             return found
     raise ConfigError(
-        f"none of {draws} motions shows a payload and keeps clear of the robot's own bodies and of"
-        " the workspace: give one by --motion (`rid-daq design` goes around obstacles)",
+        f"none of {draws} candidate motions determines a payload and stays clear of the robot's"
+        " own bodies and of the workspace: specify a motion with --motion (`rid-daq design`"
+        " avoids obstacles)",
         code="RID-DESIGN-NONE",
     )
 
 
 def _nominal() -> tuple[FloatArray, FloatArray]:
-    """Return what is wanted of six payloads over its goal, (6, 4, 10), and the payloads, (6, 10).
+    """Return the error combinations of six payloads over their goals, (6, 4, 10), and the payloads.
 
-    c = s / m, so that a centre's error is that of s less c times the mass's, over the mass.
+    The payloads have the shape (6, 10). c = s / m, so that a centre's error is (error of s - c
+    times the error of m) / m.
     """
     wanted = np.zeros((6, 4, PARAMETERS_PER_LINK))
     bodies = np.zeros((6, PARAMETERS_PER_LINK))

@@ -1,4 +1,4 @@
-"""Equations of a payload out of averaged periods, on their DFT bins."""
+"""Equations of a payload from averaged periods, on their DFT bins."""
 
 from __future__ import annotations
 
@@ -66,8 +66,8 @@ class PeriodicRuns(MeasuredRuns):
     ) -> PayloadEquations:
         """Set up the equations of averaged periods; see `MeasuredRuns`.
 
-        Each row is divided by its noise, that of the torque between periods and that of the
-        position through the inertia. A cluster is one bin of one run.
+        Each row is divided by its noise: that of the torque between periods, and that of the
+        position multiplied by the inertia. A cluster is one bin of one run.
         """
         binned = self._bins(model, standard)
         slopes = 0 if standard is None else len(model.model.nonlinear_names)
@@ -161,13 +161,13 @@ def _spread(layout: Layout, run: int, part: WhitenedEquations) -> WhitenedEquati
 
 
 def _difference(runs: PeriodicRuns, binned: Sequence[BinEquations]) -> BinEquations:
-    """Return the loaded run's equations less the unloaded run's torques."""
+    """Return the loaded run's equations minus the unloaded run's torques."""
     loaded, unloaded = runs.pair()
     a, b = runs.sources[loaded], runs.sources[unloaded]
     if a.position.shape != b.position.shape or abs(a.period_s - b.period_s) > 1e-9 * a.period_s:
         raise EstimationError(
-            f"the runs have periods of {a.period_s:g} s and {b.period_s:g} s: torques are"
-            " subtracted between runs of one motion; use the procedure `together`",
+            f"the runs have periods of {a.period_s:g} s and {b.period_s:g} s, but torques are"
+            " subtracted only between runs of the same motion: use the procedure `together`",
             code="RID-PAYLOAD-PROCEDURE",
         )
     difference = np.sqrt(np.mean((a.position - b.position) ** 2, axis=0))
@@ -175,9 +175,9 @@ def _difference(runs: PeriodicRuns, binned: Sequence[BinEquations]) -> BinEquati
     worst = int(np.argmax(difference / np.maximum(moved, difference.max() + 1e-12)))
     if difference[worst] > SAME_MOTION_SHARE * a.position.std(axis=0).max():
         raise EstimationError(
-            f"{a.joint_names[worst]} moved {difference[worst]:.3g} rad (RMS) differently with the"
-            " payload than without it: their torques cannot be subtracted; use the procedure"
-            " `together`",
+            f"{a.joint_names[worst]} moved differently with the payload than without it, by"
+            f" {difference[worst]:.3g} rad (RMS), so the torques cannot be subtracted: use the"
+            " procedure `together`",
             code="RID-PAYLOAD-PROCEDURE",
         )
     with_load, without = binned[loaded], binned[unloaded]

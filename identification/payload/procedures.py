@@ -1,4 +1,4 @@
-"""From runs to a payload by one of the three procedures (theory: section 11)."""
+"""Estimation of a payload from runs, by one of the procedures (theory: section 11)."""
 
 from __future__ import annotations
 
@@ -28,17 +28,18 @@ TORQUE_CONSTANT_SIGMA: Final = 0.01
 
 @dataclass(frozen=True)
 class PayloadOptions:
-    """What a person may choose about a payload's estimate.
+    """Options of a payload's estimate.
 
     Attributes:
-        procedure: How the robot is told from the payload.
+        procedure: Procedure that separates the payload from the robot.
         options: The terms of the robot's model.
-        robot: The robot without payload, for `model` and `apart`; with the others it is what the
-            runs without payload are compared with. Its friction terms stand for the robot file's.
-        known: What is known of the payload otherwise.
-        torque_constant_sigma: Relative standard deviation of every joint's torque constant;
-            `TORQUE_CONSTANT_SIGMA` is that of drives that nobody calibrated. `apart` cannot take it
-            into account.
+        robot: The robot without payload, for `model` and `apart`. With the other procedures, the
+            runs without payload are compared with it. Its friction terms replace those of the robot
+            file.
+        known: Quantities of the payload that are known from another source.
+        torque_constant_sigma: Relative standard deviation of every joint's torque constant.
+            `TORQUE_CONSTANT_SIGMA` is that of drives without calibration. The procedure `apart`
+            cannot use it.
     """
 
     procedure: Procedure = "together"
@@ -59,27 +60,29 @@ def identify_payload(
     """Estimate a payload from recordings.
 
     Args:
-        runs: What was measured, with and without the payload.
-        how: The procedure and what is known.
-        cell_name, run_ids: Provenance.
+        runs: Runs with and without the payload.
+        how: The procedure and prior knowledge.
+        cell_name, run_ids: Names of the cell and of the runs.
 
     Raises:
-        EstimationError: The runs do not fit the procedure, or say nothing of a payload.
+        EstimationError: The runs do not fit the procedure, or do not determine a payload.
     """
     how = how or PayloadOptions()
     if not 0.0 <= how.torque_constant_sigma < 1.0:
         raise EstimationError(
-            "the torque constants' standard deviation is a share, such as 0.01",
+            "the relative standard deviation of the torque constants is"
+            f" {how.torque_constant_sigma:g}, but must be at least 0 and less than 1, such as"
+            " 0.01",
             code="RID-OPTION-RANGE",
         )
     equations = equations_of(robot, runs, how)
     solution = solve_payload(equations, how.known)
     slopes = solution.gain_slopes
-    if equations.procedure == "apart":  # which joint measured what is forgotten there
+    if equations.procedure == "apart":  # this procedure does not separate the joints' measurements
         if how.torque_constant_sigma > 0.0:
             raise EstimationError(
-                "what torque constants leave open is not told by the procedure `apart`:"
-                " use another",
+                "the procedure `apart` cannot include the uncertainty of torque constants: use"
+                " another procedure",
                 code="RID-PAYLOAD-PROCEDURE",
             )
         slopes = np.zeros_like(slopes)
@@ -110,9 +113,9 @@ def identify_payload(
     mass = estimate.values[0]
     if estimate.seen_parameters[0] and mass <= 0.0:
         raise EstimationError(
-            f"the payload's mass comes out as {mass:.3g} ±"
-            f" {2 * estimate.sigma_parameters[0]:.2g} kg: did the runs that are named as loaded"
-            " carry it, and the others not?",
+            f"the estimated mass of the payload is {mass:.3g} ±"
+            f" {2 * estimate.sigma_parameters[0]:.2g} kg, which is not positive: check which runs"
+            " carried the payload and which did not",
             code="RID-PAYLOAD-RUNS",
         )
     return estimate
@@ -121,7 +124,7 @@ def identify_payload(
 def _torque_and_residual(
     equations: PayloadEquations, solution: PayloadSolution
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the RMS of each joint's torque, and of what the fit leaves of it [N m or N]."""
+    """Return the RMS of each joint's torque, and of its residual [N m or N]."""
     power = np.array(
         [
             [
@@ -141,20 +144,22 @@ def equations_of(
     """Return the equations of a procedure; arguments and errors as in `identify_payload`."""
     if not any(runs.loaded):
         raise EstimationError(
-            "no run carried the payload: name those that did", code="RID-PAYLOAD-NOT-LOADED"
+            "no run carried the payload: name the runs that carried it",
+            code="RID-PAYLOAD-NOT-LOADED",
         )
     match how.procedure:
         case "together" | "difference":
             if all(runs.loaded):
                 raise EstimationError(
-                    "every run carried the payload, so that it cannot be told from the robot: add a"
-                    " run without it, or give a model of the robot (procedure `model`)",
+                    "every run carried the payload, so it cannot be distinguished from the"
+                    " robot: add a run without it, or provide a model of the robot (procedure"
+                    " `model`)",
                     code="RID-PAYLOAD-NOT-UNLOADED",
                 )
         case "model":
             if how.robot is None:
                 raise EstimationError(
-                    "the procedure `model` needs a model of the robot alone",
+                    "the procedure `model` needs a model of the robot without payload",
                     code="RID-OPTION-NEEDS",
                 )
         case "apart":
@@ -163,8 +168,8 @@ def equations_of(
     model = PayloadModel.of(described, _options(how))
     if how.procedure == "difference" and model.model.transmission.losses:
         raise EstimationError(
-            "torques are subtracted only where a gear loses the same with the payload as without"
-            " it: use `together` with the friction term load, or with efficiencies",
+            "torques can be subtracted only if a gear's loss is the same with and without the"
+            " payload: use `together` with the friction term load, or with efficiencies",
             code="RID-MODEL-LOAD-FRICTION",
         )
     if how.procedure == "difference" or not model.model.nonlinear_names:
@@ -173,7 +178,7 @@ def equations_of(
         joint = runs.estimate(described, model.options, runs.loaded)
         model = model.with_nonlinear(joint.model)
         return runs.equations(model, how.procedure, robot=how.robot, standard=joint.standard_values)
-    # A gear's loss depends on what it carries: the payload's equations are made with the payload.
+    # A gear's loss depends on its load, so the equations are iterated with the payload's estimate.
     standard = np.zeros(len(model.model.parameter_names))
     if how.robot is not None:
         standard[:-PARAMETERS_PER_LINK] = how.robot.standard_values
@@ -188,11 +193,11 @@ def equations_of(
 def left_on_flange(
     robot: RobotDescription, runs: MeasuredRuns, how: PayloadOptions
 ) -> tuple[float, float] | None:
-    """Weigh what hung on the flange in the runs without payload, by the model of the robot.
+    """Estimate the mass on the flange in the runs without payload, with the model of the robot.
 
     Returns:
-        Mass and its standard deviation [kg]; None without a model or such runs, or where their
-        motion does not show mass.
+        Mass and its standard deviation [kg]; None without a model or such runs, or if their motion
+        does not determine the mass.
 
     Raises:
         EstimationError: The model is of another robot.
@@ -219,8 +224,8 @@ def _described(robot: RobotDescription, how: PayloadOptions) -> RobotDescription
     differences = robot.differences(how.robot.robot)
     if differences:
         raise EstimationError(
-            f"the model is of another robot than the runs: {', '.join(differences)} differ."
-            " Identify the robot without payload from runs of this one",
+            f"the model is not of the runs' robot: {', '.join(differences)} differ. Identify the"
+            " robot without payload from runs of this robot",
             code="RID-ROBOT-OTHER",
         )
     return robot.model_copy(update={"joints": how.robot.robot.joints})
@@ -229,8 +234,8 @@ def _described(robot: RobotDescription, how: PayloadOptions) -> RobotDescription
 def _apart(robot: RobotDescription, runs: MeasuredRuns, how: PayloadOptions) -> PayloadEquations:
     """Identify the robot with the payload and without, and subtract.
 
-    A payload on the last link adds to that link's ten parameters, so that the base parameters
-    change by the columns of K that belong to it.
+    A payload on the last link adds to the ten parameters of this link, so that the base parameters
+    change by the corresponding columns of K.
     """
     options = replace(_options(how), payload=False)
     described = _described(robot, how)
@@ -239,8 +244,8 @@ def _apart(robot: RobotDescription, runs: MeasuredRuns, how: PayloadOptions) -> 
         chosen = [i for i, own in enumerate(runs.loaded) if own is loaded]
         if not chosen:
             raise EstimationError(
-                f"there is no run {'with' if loaded else 'without'} the payload to identify the"
-                " robot from: add one",
+                f"there is no run {'with' if loaded else 'without'} the payload from which the"
+                " robot could be identified: add one",
                 code="RID-PAYLOAD-RUNS",
             )
         return runs.part(chosen).estimate(described, options, [False] * len(chosen))
@@ -261,13 +266,13 @@ def _carried(runs: MeasuredRuns, robot: Estimate) -> tuple[FloatArray, ...]:
 def equations_of_two_robots(
     with_payload: Estimate, alone: Estimate, torque_nm: FloatArray
 ) -> PayloadEquations:
-    """Return the equations of a payload out of two estimates of one robot.
+    """Return the equations of a payload from two estimates of one robot.
 
-    Their friction is each its own. A base parameter's difference is a cluster of its own.
+    Each estimate has its own friction. The difference of each base parameter is one cluster.
 
     Args:
-        with_payload, alone: The robot with the payload as if it were part of its last link, and
-            without.
+        with_payload, alone: The robot with the payload as part of its last link, and without
+            payload.
         torque_nm: Shape (n,). RMS of each joint's torque [N m or N].
 
     Raises:
@@ -275,8 +280,8 @@ def equations_of_two_robots(
     """
     if with_payload.base.expressions != alone.base.expressions:
         raise EstimationError(
-            "the robots with and without payload were identified with different terms, or are"
-            " different robots: identify both alike",
+            "the robots with and without payload have different model terms, or are different"
+            " robots: identify both in the same way",
             code="RID-MODEL-TERMS-DIFFER",
         )
     model = PayloadModel.of(with_payload.robot, with_payload.options)

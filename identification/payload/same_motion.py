@@ -1,4 +1,4 @@
-"""One motion recorded twice, with and without a payload: what the payload alone changes."""
+"""One motion recorded with and without a payload: the torque difference due to the payload."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ SHORTEST_S: Final = 5.0
 
 
 def torque_difference(loaded: SmoothedSignals, unloaded: SmoothedSignals) -> SmoothedSignals:
-    """Return the loaded run with the torques of the same motion without the payload taken off.
+    """Return the loaded run minus the torques of the same motion without the payload.
 
-    The two recordings began at different times: the shift that brings their positions together
-    is found, to a fraction of a sample.
+    The recordings start at different times. The time shift that aligns their positions is
+    determined to a fraction of a sample.
 
     Args:
         loaded, unloaded: The same motion with and without the payload, without gaps.
 
     Raises:
-        EstimationError: A recording has gaps, or the robot did not move alike.
+        EstimationError: A recording has gaps, or the robot moved differently.
     """
     for signals, which in ((loaded, "with"), (unloaded, "without")):
         if signals.segment[-1] > 0:
             raise EstimationError(
-                f"the run {which} the payload has gaps: torques are subtracted along whole motions;"
-                " use the procedure `together`",
+                f"the run {which} the payload has gaps, but torques can be subtracted only along"
+                " whole motions: use the procedure `together`",
                 code="RID-PAYLOAD-PROCEDURE",
             )
     late_s = _lateness(loaded, unloaded)
@@ -62,13 +62,13 @@ def torque_difference(loaded: SmoothedSignals, unloaded: SmoothedSignals) -> Smo
         torque_nm=loaded.torque_nm[there] - without,
         segment=loaded.segment[there],
         temperature_k=None if loaded.temperature_k is None else loaded.temperature_k[there],
-        unfiltered=None,  # a difference of torques without friction: no column has a jump
+        unfiltered=None,  # friction cancels in the torque difference, so that no column has a jump
         unfiltered_row=None,
     )
 
 
 def _lateness(loaded: SmoothedSignals, unloaded: SmoothedSignals) -> float:
-    """Return by how much the loaded run's stamps are later at the same place [s]."""
+    """Return the time by which the loaded run reaches the same positions later [s]."""
     step_s = unloaded.sample_period_s
     grid = np.arange(loaded.time_s[0], loaded.time_s[-1], step_s)
     own, other = _at(loaded, loaded.velocity, grid), unloaded.velocity
@@ -93,6 +93,6 @@ def _at(signals: SmoothedSignals, values: FloatArray, time_s: FloatArray) -> Flo
 
 def _unlike(how: str) -> str:
     return (
-        f"the motions with and without the payload {how}: their torques cannot be subtracted; use"
-        " the procedure `together`"
+        f"the motions with and without the payload {how}, so the torques cannot be subtracted:"
+        " use the procedure `together`"
     )

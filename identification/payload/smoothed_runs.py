@@ -1,4 +1,4 @@
-"""Equations of a payload out of recordings that are not periodic, in the time domain."""
+"""Equations of a payload from recordings that are not periodic, in the time domain."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class SmoothedRuns(MeasuredRuns):
     """Smoothed recordings, with and without the payload.
 
     Attributes:
-        standstill_rad_s: A joint's equation is left out while the joint is slower.
+        standstill_rad_s: Speed below which a joint's equation is left out [rad/s or m/s].
     """
 
     sources: tuple[SmoothedSignals, ...]
@@ -61,8 +61,8 @@ class SmoothedRuns(MeasuredRuns):
     ) -> PayloadEquations:
         """Set up the equations of smoothed recordings; see `MeasuredRuns`.
 
-        Each joint's rows are divided by its RMS residual, found by iteration. A cluster is a second
-        of one run. `difference` needs one motion recorded with and without the payload.
+        Each joint's rows are divided by its RMS residual, found by iteration. A cluster is one
+        second of one run. `difference` needs one motion recorded with and without the payload.
         """
         if procedure == "difference":
             equations = self._difference()._equations(model, procedure, None, None)
@@ -71,7 +71,7 @@ class SmoothedRuns(MeasuredRuns):
         return self._equations(model, procedure, robot, standard)
 
     def _difference(self) -> SmoothedRuns:
-        """Return the loaded run less the unloaded run's torques, as a run by itself."""
+        """Return the loaded run minus the unloaded run's torques, as a single run."""
         loaded, unloaded = self.pair()
         own = torque_difference(self.sources[loaded], self.sources[unloaded])
         return replace(self, sources=(own,), loaded=(True,))
@@ -123,7 +123,7 @@ class SmoothedRuns(MeasuredRuns):
 def _clusters(
     model: PayloadModel, runs: SmoothedRuns, standard: FloatArray | None
 ) -> Iterator[tuple[int, list[tuple[FloatArray, FloatArray]]]]:
-    """Yield the number of a run and each joint's equations, second by second."""
+    """Yield the index of a run and each joint's equations, second by second."""
     for run, timed in enumerate(time_runs(model.model, runs.sources, runs.loaded)):
         seconds = joint_equations(model.model, model.base, [timed], runs.standstill_rad_s, standard)
         for rows in seconds:
@@ -131,7 +131,7 @@ def _clusters(
 
 
 def _scales(triangles: list[Triangle], known: FloatArray) -> FloatArray:
-    """Return the RMS residual of each joint's rows, shape (n,), at the solution it weights."""
+    """Return the RMS residual of each joint's rows, (n,), consistent with the weighted solution."""
     scale = np.ones(len(triangles))
     rows = np.array([max(triangle.rows, 1) for triangle in triangles], dtype=np.float64)
     for _ in range(REWEIGHTINGS):

@@ -1,4 +1,4 @@
-"""Least squares of `PayloadEquations`: what is seen of a payload, its values and their scatter."""
+"""Least-squares solution of `PayloadEquations`: determined directions, values and covariance."""
 
 from __future__ import annotations
 
@@ -27,21 +27,22 @@ SEEN: Final = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class PayloadSolution:
-    """What some equations say of the ten parameters.
+    """Solution of some equations for the ten parameters.
 
     Attributes:
-        unknowns: Shape (p,). All unknowns; the payload's come first. Those that depend on others
-            are zero.
-        covariance_jackknife: Shape (10, 10). What leaving out clusters shows, and what is known
-            beforehand brings with it.
-        covariance_noise: Shape (10, 10). By the noise that the rows were divided by.
-        gain_slopes: Shape (10, n). How the parameters change with a relative error of each joint's
-            torque.
-        unseen: Shape (10, 10 - rank). Directions of the ten parameters that no equation sees, of
-            length one.
-        condition_number: Of the payload's columns, each of length one, all else projected out.
-        contradictions: Shape (k,). How far each known quantity lies from what the equations say
-            without it, in standard deviations of both; zero where they do not show it.
+        unknowns: Shape (p,). All unknowns, the payload's first. Unknowns that depend linearly on
+            others are zero.
+        covariance_jackknife: Shape (10, 10). Covariance from leaving out clusters, plus that of
+            prior knowledge.
+        covariance_noise: Shape (10, 10). Covariance from the noise by which the rows were divided.
+        gain_slopes: Shape (10, n). Derivative of the parameters with respect to a relative error of
+            each joint's torque.
+        unseen: Shape (10, 10 - rank). Unit vectors of the directions of the ten parameters that no
+            equation determines.
+        condition_number: Condition number of the payload's columns, each of length one, with all
+            other columns projected out.
+        contradictions: Shape (k,). Distance of each known quantity from the equations' result
+            without it, in standard deviations of both; zero if the equations do not determine it.
     """
 
     unknowns: FloatArray
@@ -63,20 +64,20 @@ def solve_payload(
 ) -> PayloadSolution:
     """Solve the equations by weighted least squares.
 
-    Rows are weighted by their noise, which is less than what they are off by: model error is
-    larger. So what is known otherwise is weighed against the cluster-robust scatter of what the
-    rows say, not against their noise.
+    Rows are weighted by their noise, which is smaller than their error because of model error.
+    Therefore known quantities are weighted against the cluster-robust scatter of the rows' result,
+    not against their noise.
 
     Args:
-        equations: What was measured.
-        known: What is known otherwise. Quantities about the centre of gravity are not linear in the
-            parameters: Gauss-Newton.
-        intervals: Whether `covariance_jackknife` is wanted, which costs more than the rest; else it
-            is that of the noise.
+        equations: Equations of the measurement.
+        known: Quantities known from another source. Those about the centre of gravity are nonlinear
+            in the parameters and are solved by Gauss-Newton.
+        intervals: True to compute `covariance_jackknife`, which costs more than the rest; otherwise
+            it equals the covariance of the noise.
 
     Raises:
-        EstimationError: The equations say nothing of a payload, or what is known contradicts
-            itself.
+        EstimationError: The equations do not determine a payload, or known quantities contradict
+            each other.
     """
     require_once(known)
     system = _System.of(equations)
@@ -103,7 +104,7 @@ def solve_payload(
 
 @dataclass(frozen=True, eq=False)
 class _Measured:
-    """What the equations alone say: values, and in coordinates of what is seen the rest."""
+    """Result of the equations alone: values, and covariances in the determined coordinates."""
 
     subspace: IdentifiableSubspace
     values: FloatArray
@@ -114,10 +115,11 @@ class _Measured:
 
     @property
     def spread(self) -> FloatArray:
-        """L with L L^T the covariance: cluster-robust sizes, correlations half those of the noise.
+        """L with L L^T the covariance: cluster-robust sizes, averaged correlations.
 
-        The cluster-robust covariance is of few clusters, and need not have full rank (Ledoit and
-        Wolf 2004: shrinkage towards a target).
+        The correlations are the mean of the cluster-robust and the noise's. The cluster-robust
+        covariance comes from few clusters and may not have full rank (Ledoit and Wolf 2004:
+        shrinkage towards a target).
         """
         parts = []
         for covariance in (self.clustered, self.noise):
@@ -127,7 +129,7 @@ class _Measured:
         return sigma[:, np.newaxis] * np.linalg.cholesky(0.5 * parts[0] + 0.5 * parts[1])
 
     def contradiction(self, quantity: Known) -> float:
-        """Return how far a known quantity lies from these values, in standard deviations."""
+        """Return the distance of a known quantity from these values, in standard deviations."""
         payload, index = self.values[:PARAMETERS_PER_LINK], REPORTED.index(quantity.name)
         slopes = reported_slopes(payload)[index]
         if np.linalg.norm(slopes @ self.subspace.hidden) > SEEN * np.linalg.norm(slopes):
@@ -138,7 +140,7 @@ class _Measured:
 
 
 def _measured(equations: PayloadEquations, system: _System, intervals: bool) -> _Measured:
-    """Solve the equations alone."""
+    """Solve the equations without known quantities."""
     subspace = system.subspace()
     r = subspace.seen.shape[1]
     matrix = system.columns(subspace)
@@ -153,7 +155,7 @@ def _measured(equations: PayloadEquations, system: _System, intervals: bool) -> 
             for factor in equations.factors
         )
         clustered = jackknife(matrix.T @ matrix, clusters).quoted
-        # What is known of the robot is no cluster: its error comes beside what they show.
+        # Prior knowledge of the robot is not a cluster: its covariance is added.
         brought = covariance @ matrix[system.measured :].T
         clustered = clustered + brought @ brought.T
     return _Measured(
@@ -167,12 +169,12 @@ def _measured(equations: PayloadEquations, system: _System, intervals: bool) -> 
 
 
 def _with_known(system: _System, found: _Measured, known: Sequence[Known]) -> PayloadSolution:
-    """Return the estimate from what was measured and what is known otherwise.
+    """Return the estimate from the measurement and from known quantities.
 
-    What is held binds the solution: it is sought among the payloads that have these values.
+    Fixed quantities are constraints: only payloads with exactly these values are considered.
     """
     ten = PARAMETERS_PER_LINK
-    # theta = seen z + hidden h: the ten parameters, some of which only knowledge can tell.
+    # theta = seen z + hidden h: only known quantities determine h.
     subspace, r = found.subspace, found.subspace.seen.shape[1]
     axes = np.hstack([subspace.seen, subspace.hidden])
     metric = np.linalg.inv(found.spread)
@@ -202,8 +204,8 @@ def _with_known(system: _System, found: _Measured, known: Sequence[Known]) -> Pa
             break
     else:
         raise EstimationError(
-            "what is known of the payload contradicts the recordings, or itself: no payload fits"
-            " both",
+            "the known quantities of the payload contradict the recordings or each other: no"
+            " payload fits both; check their values and units",
             code="RID-PAYLOAD-CONTRADICTION",
         )
     values = with_held(known, values)
@@ -223,14 +225,14 @@ def _with_known(system: _System, found: _Measured, known: Sequence[Known]) -> Pa
 
 
 def minimum_norm_of(matrix: FloatArray, rhs: FloatArray) -> FloatArray:
-    """Return least squares where not all unknowns are seen: the smallest in scaled columns."""
+    """Return the least-squares solution of minimum norm in scaled columns."""
     size = np.linalg.norm(matrix, axis=0)
     size = np.where(size > 0.0, size, 1.0)
     return np.asarray(np.linalg.lstsq(matrix / size, rhs, rcond=1e-10)[0] / size)
 
 
 def minimum_norm(equations: PayloadEquations) -> FloatArray:
-    """Return the smallest solution of all unknowns, shape (p,)."""
+    """Return the minimum-norm solution of all unknowns, shape (p,)."""
     p = len(equations.names)
     whole = equations.whole
     rhs = np.concatenate([whole[:, p:].sum(axis=1), equations.known[:, -1]])
@@ -253,11 +255,11 @@ def base_values(layout: Layout, unknowns: FloatArray, run: int) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class IdentifiableSubspace:
-    """What is seen of the ten parameters.
+    """Directions of the ten parameters that the equations determine.
 
-    `seen` (10, rank): coordinates of what is seen, scaled so that their columns are of one length;
-    `hidden` (10, 10 - rank): orthonormal directions of what is not; `condition`: the largest over
-    the smallest singular value of what is seen.
+    `seen` (10, rank): coordinates of the determined directions, scaled to columns of equal length.
+    `hidden` (10, 10 - rank): orthonormal directions that are not determined. `condition`: largest
+    over smallest singular value of the determined directions.
     """
 
     seen: FloatArray
@@ -267,10 +269,10 @@ class IdentifiableSubspace:
 
 @dataclass(frozen=True, eq=False)
 class _System:
-    """All equations A x = y: what was measured, then what is known of the robot.
+    """All equations A x = y: the measurement, followed by prior knowledge of the robot.
 
-    `shares` (rows, n) are each joint's shares of y, zero for what is known; `measured` counts the
-    rows that were measured, `kept` are the unknowns behind the payload's that are told apart.
+    `shares` (rows, n) are each joint's parts of y, zero for prior knowledge. `measured` is the
+    number of measured rows. `kept` are the independent unknowns after the payload's.
     """
 
     matrix: FloatArray
@@ -293,13 +295,15 @@ class _System:
         )
 
     def subspace(self) -> IdentifiableSubspace:
-        """Say what is seen of the payload."""
+        """Return the directions of the payload's parameters that are determined."""
         ten = PARAMETERS_PER_LINK
         payload = self.matrix[:, :ten]
         size = np.linalg.norm(payload, axis=0)
         if not size.any():
             raise EstimationError(
-                "no run carried the payload: nothing tells of it", code="RID-PAYLOAD-NOT-LOADED"
+                "no run carried the payload, so it cannot be estimated: name the runs that"
+                " carried it",
+                code="RID-PAYLOAD-NOT-LOADED",
             )
         size = np.where(size > 0.0, size, size.max())
         basis = np.linalg.qr(self.matrix[:, self.kept])[0]
@@ -316,7 +320,7 @@ class _System:
         )
 
     def columns(self, subspace: IdentifiableSubspace) -> FloatArray:
-        """Return A in coordinates of what is seen, and of the other unknowns told apart."""
+        """Return A in coordinates of the determined directions and independent unknowns."""
         payload = self.matrix[:, :PARAMETERS_PER_LINK] @ subspace.seen
         return np.hstack([payload, self.matrix[:, self.kept]])
 
@@ -327,14 +331,15 @@ class _System:
         upper = triangular_factor(np.hstack([matrix, self.side[:, np.newaxis]]))
         if len(upper) < width:
             raise EstimationError(
-                "there are fewer equations than unknowns: record longer", code="RID-RECORDING-SHORT"
+                "there are fewer equations than unknowns: record for longer",
+                code="RID-RECORDING-SHORT",
             )
         return np.asarray(
             np.linalg.solve(upper[:width, :width], upper[:width, width]), dtype=np.float64
         )
 
     def given(self, payload: FloatArray) -> FloatArray:
-        """Return all unknowns, shape (p,), that fit best with the payload's ten as they are."""
+        """Return all unknowns, shape (p,), that fit best for fixed payload parameters."""
         rest = self.side - self.matrix[:, :PARAMETERS_PER_LINK] @ payload
         others: FloatArray = np.asarray(
             np.linalg.lstsq(self.matrix[:, self.kept], rest, rcond=None)[0], dtype=np.float64
@@ -342,7 +347,7 @@ class _System:
         return self.all_unknowns(np.concatenate([payload, others]))
 
     def all_unknowns(self, values: FloatArray) -> FloatArray:
-        """Return all unknowns, shape (p,), those that depend on others zero."""
+        """Return all unknowns, shape (p,); those that depend on others are zero."""
         unknowns = np.zeros(self.matrix.shape[1])
         unknowns[:PARAMETERS_PER_LINK] = values[:PARAMETERS_PER_LINK]
         unknowns[self.kept] = values[PARAMETERS_PER_LINK:]

@@ -1,4 +1,4 @@
-"""Whether a payload's estimate is good enough to be given to a controller, and repeats of it."""
+"""Verdict on a payload's estimate before it is used in a controller, and repeated estimates."""
 
 from __future__ import annotations
 
@@ -22,35 +22,35 @@ from identification.payload.rating import HeaviestPayload
 LARGEST_SCATTER: Final = 3.0
 LARGEST_CONTRADICTION: Final = 4.0
 BAD_FIT: Final = (
-    "An axis whose torque is not explained carries no payload that can be trusted: look for torques"
-    " of two axes that are swapped, a sign, a torque constant, or a robot file of another robot."
+    "The model does not explain the torque of this axis, so the payload is not reliable: look for"
+    " swapped torques of two axes, a wrong sign or torque constant, or a wrong robot file."
 )
 CONTRADICTED: Final = (
-    "What is known is held to, and the recordings contradict it: look for grams given as kilograms,"
-    " millimetres as metres, or another payload on the scales than on the flange."
+    "The recordings contradict this known value: look for grams given as kilograms, millimetres as"
+    " metres, or a different payload on the scales and on the flange."
 )
 LEFT_ON: Final = (
-    "By the model of the robot, something hung on the flange in the runs without payload: it is"
-    " missing from the payload. Take it off and record them again."
+    "According to the model of the robot, something was on the flange in the runs without payload,"
+    " and is missing from the payload. Remove it and record these runs again."
 )
 NO_BODY: Final = (
-    "What hung on the flange in the unloaded runs is subtracted from the payload, and leaves a body"
-    " that cannot exist where it was heavy: look there first, then for a wrong torque constant."
+    "A heavy object on the flange in the unloaded runs is subtracted from the payload, and the rest"
+    " may be physically impossible: check the flange first, then the torque constants."
 )
 
 
 HEAVY: Final = (
-    "A robot carries less than its rating, and than it weighs: look for a wrong torque constant,"
-    " for currents taken as torques, or for a wrong gear. State rated_payload_kg in the robot file"
-    " if it is right."
+    "A payload should be lighter than the robot's rated payload and than the robot itself: look"
+    " for a wrong torque constant, currents used as torques, or a wrong gear ratio. If the mass is"
+    " right, set rated_payload_kg in the robot file."
 )
 
 
 @dataclass(frozen=True)
 class PayloadCheck:
-    """One line of a verdict: what was reached, how it must stand to its limit.
+    """One line of a verdict: a value, a limit, and their required relation.
 
-    `advice` says what to look for where it fails; it is not kept in files.
+    `advice` is the advice if the check fails; it is not stored in files.
     """
 
     text: str
@@ -62,7 +62,7 @@ class PayloadCheck:
 
     @property
     def passed(self) -> bool:
-        """Whether the limit is kept."""
+        """True if the limit is satisfied."""
         kept = self.value <= self.limit if self.relation == "≤" else self.value >= self.limit
         return bool(kept)
 
@@ -73,7 +73,7 @@ class PayloadResult:
 
     Attributes:
         estimate: The payload.
-        checks: What it was held against.
+        checks: The checks of the verdict.
     """
 
     estimate: PayloadEstimate
@@ -81,18 +81,18 @@ class PayloadResult:
 
     @property
     def passed(self) -> bool:
-        """Whether every limit was kept, and there was one."""
+        """True if every limit is satisfied, and there is at least one."""
         return bool(self.checks) and all(line.passed for line in self.checks)
 
     @property
     def fits(self) -> bool:
-        """Whether the residual of every axis kept its limit."""
+        """True if the residual of every axis satisfies its limit."""
         return all(line.passed for line in self.checks if line.advice == BAD_FIT)
 
 
 @dataclass(frozen=True, eq=False)
 class Repeats:
-    """The same payload from each run that carried it alone.
+    """Estimates of the same payload from each run separately.
 
     Attributes:
         values, sigma: Shape (runs, 10). `REPORTED` and their standard deviations, run by run.
@@ -108,9 +108,9 @@ class Repeats:
 
     @property
     def ratio(self) -> float:
-        """Scatter over quoted standard deviation, all together; near 1 where these hold.
+        """Scatter over reported standard deviation for all values together; near 1 if they agree.
 
-        Values that are held do not scatter, and do not count; 0 where all are held.
+        Values that are fixed do not scatter and are not counted; 0 if all are fixed.
         """
         free = (self.sigma > 0.0).all(axis=0)
         deviation = (self.values - self.values.mean(axis=0))[:, free] / self.sigma[:, free]
@@ -124,16 +124,16 @@ def checks(
     repeats: Repeats | None = None,
     left_on: tuple[float, float] | None = None,
 ) -> tuple[PayloadCheck, ...]:
-    """Hold an estimate against limits.
+    """Compare an estimate with limits.
 
     Args:
         estimate: The payload.
-        limits: What it must keep.
-        repeats: The same from each run alone, where there were several.
-        left_on: Mass and standard deviation of what `left_on_flange` finds.
+        limits: Limits of the verdict.
+        repeats: Estimates from each run separately, if there are several runs.
+        left_on: Mass and standard deviation from `left_on_flange`.
     """
     rank = PayloadCheck(
-        "independent parameters that the motion shows", estimate.rank, "≥", PARAMETERS_PER_LINK
+        "independent parameters that the motion determines", estimate.rank, "≥", PARAMETERS_PER_LINK
     )
     names, shares = estimate.robot.joint_names, estimate.residual_share.tolist()
     fit = [
@@ -150,7 +150,7 @@ def checks(
     agreed = [
         PayloadCheck(
             f"{known.name} = {known.value:g} {REPORTED_UNITS[REPORTED.index(known.name)]} as known,"
-            " from what the recordings say",
+            " distance from the recordings' result",
             off,
             "≤",
             LARGEST_CONTRADICTION,
@@ -161,7 +161,7 @@ def checks(
     ]
     if left_on is not None:
         mass, sigma = left_on
-        said = "mass on the flange in the runs without payload, by the model"
+        said = "mass on the flange in the runs without payload, according to the model"
         limit = LARGEST_CONTRADICTION * sigma
         agreed.append(PayloadCheck(said, abs(mass), "≤", limit, "kg", LEFT_ON))
     if not rank.passed:
@@ -170,7 +170,7 @@ def checks(
     heaviest = HeaviestPayload.of(estimate.robot)
     if heaviest is not None:
         share = 100.0 * float(estimate.reported[0] - two_sigma[0]) / heaviest.mass_kg
-        said = f"mass of the payload, as a share of {heaviest.source} ({heaviest.mass_kg:.4g} kg)"
+        said = f"mass of the payload, relative to {heaviest.source} ({heaviest.mass_kg:.4g} kg)"
         agreed.append(PayloadCheck(said, share, "≤", 100.0, "%", HEAVY))
     lines = [
         rank,
@@ -191,14 +191,14 @@ def checks(
             "mm",
         ),
         PayloadCheck(
-            "interval of the inertia (2σ, worst, of the largest about the flange)",
+            "interval of the inertia (2σ, worst, relative to the largest about the flange)",
             100.0 * float(two_sigma[4:].max()) / largest_moment(estimate),
             "≤",
             limits.inertia_percent,
             "%",
         ),
         PayloadCheck(
-            "probability that a body that can exist explains the data",
+            "probability that a physically consistent body explains the data",
             estimate.consistent[1],
             "≥",
             SMALLEST_P,
@@ -208,7 +208,7 @@ def checks(
     if repeats is not None:
         lines.append(
             PayloadCheck(
-                f"scatter between {len(repeats.values)} runs over the quoted standard deviation",
+                f"scatter between {len(repeats.values)} runs over the reported standard deviation",
                 repeats.ratio,
                 "≤",
                 LARGEST_SCATTER,
@@ -218,10 +218,10 @@ def checks(
 
 
 def repeated(robot: RobotDescription, runs: MeasuredRuns, how: PayloadOptions) -> Repeats | None:
-    """Estimate the payload from each run that carried it alone; None where there is only one.
+    """Estimate the payload from each loaded run separately; None if there is only one.
 
     Raises:
-        EstimationError: A run alone does not tell the payload.
+        EstimationError: A single run does not determine the payload.
     """
     loaded = [i for i, carried in enumerate(runs.loaded) if carried]
     if len(loaded) < 2:

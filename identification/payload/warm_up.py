@@ -1,4 +1,4 @@
-"""Whether a robot is warm: what friction takes in each period, and how much it still changes."""
+"""Detection of a warm robot: friction power per period, and its rate of change."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ LEAST_W: Final = 1e-9
 
 
 def period_powers(recording: Recording, start: int | None = None) -> FloatArray:
-    """Return the mean mechanical power of each joint in each whole period, (periods, n) [W].
+    """Return the mean mechanical power of each joint in each complete period, (periods, n) [W].
 
-    `start` is the row of the motion at which the first period begins, where that is known.
+    `start` is the row of the motion at which the first period begins, if it is known.
     """
     if recording.samples_per_period is None or recording.sample_period_s is None:
         raise DataQualityError(
-            "warming up is told from periods: the motion must be periodic",
+            "the warm-up is measured from period to period: use a periodic motion",
             code="RID-RECORDING-NOT-PERIODIC",
         )
     n = len(recording.joint_names)
@@ -37,13 +37,13 @@ def period_powers(recording: Recording, start: int | None = None) -> FloatArray:
 
 
 def power_change_percent(power_w: FloatArray) -> FloatArray:
-    """Return by how much each joint's power changes in a period, at the last one, (n,) [%].
+    """Return the change of each joint's power per period, at the last period, (n,) [%].
 
-    It is the slope of a line through the last `FITTED_PERIODS`, so that their noise does not
-    decide; negative where friction falls.
+    It is the slope of a line through the last `FITTED_PERIODS`, which reduces the effect of noise;
+    it is negative if friction falls.
 
     Args:
-        power_w: Shape (periods, n). As `period_powers` tells it, two periods at least [W].
+        power_w: Shape (periods, n). Result of `period_powers`, at least two periods [W].
     """
     last = power_w[-FITTED_PERIODS:]
     slope = np.polyfit(np.arange(len(last)), last, 1)[0]

@@ -170,7 +170,7 @@ def test_a_held_value_that_the_recordings_contradict_is_held_and_fails_the_verdi
     held = identify_payload(robot, both, how)
     assert held.reported[0] == mass_kg
     failed = [line for line in checks(held, PayloadLimits()) if not line.passed]
-    assert failed[0].text.endswith("kg as known, from what the recordings say")
+    assert failed[0].text.endswith("kg as known, distance from the recordings' result")
     assert failed[0].value > 20.0
 
 

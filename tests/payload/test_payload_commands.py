@@ -207,7 +207,7 @@ def test_a_session_with_the_currents_of_two_axes_swapped_does_not_pass(
     assert run([*words, "-o", str(workshop / "swapped.json")]) == 6
     said = " ".join(capsys.readouterr().out.split())
     assert "Failed: residual of joint2 (RMS, of its torque); residual of joint3" in said
-    assert "look for torques of two axes that are swapped" in said
+    assert "look for swapped torques of two axes" in said
 
 
 @pytest.mark.fault(34)
@@ -270,15 +270,15 @@ def test_a_payload_whose_mass_was_edited_is_refused(workshop: Path) -> None:
     ("words", "said"),
     [
         (["--unloaded", "loaded", "--loaded", "loaded"], "named twice"),
-        (["--loaded", "loaded"], "cannot be told from the robot"),
+        (["--loaded", "loaded"], "cannot be distinguished from the robot"),
         (["--loaded", "loaded", "--procedure", "model"], "--model MODEL"),
         (
             ["--unloaded", "other motion", "--loaded", "loaded", "--procedure", "difference"],
-            "torques cannot be subtracted; use the procedure `together`",
+            "torques cannot be subtracted: use the procedure `together`",
         ),
-        (["--unloaded", "unloaded", "--loaded", "loaded", "--known", "mass=1"], "no quantity"),
+        (["--unloaded", "unloaded", "--loaded", "loaded", "--known", "mass=1"], "not a payload quantity"),
         (["--unloaded", "unloaded", "--loaded", "loaded", "--known", "m"], "NAME=VALUE"),
-        (["--unloaded", "loaded", "--loaded", "unloaded"], "named as loaded carry it"),
+        (["--unloaded", "loaded", "--loaded", "unloaded"], "check which runs carried the payload"),
     ],
 )
 def test_what_cannot_be_meant_is_refused_in_words(
@@ -367,8 +367,8 @@ def test_what_was_left_on_the_flange_shows_where_a_model_of_the_robot_is_given(
     capsys.readouterr()
     assert run([*words, "--unloaded", "left on", "--model", model]) == 1
     said = " ".join(capsys.readouterr().out.split())
-    assert "Failed: mass on the flange in the runs without payload, by the model" in said
-    assert "Take it off and record them again." in said
+    assert "Failed: mass on the flange in the runs without payload, according to the model" in said
+    assert "Remove it and record these runs again." in said
 
 
 def test_a_heavy_body_left_on_the_flange_is_named_as_the_likely_mistake(
@@ -378,8 +378,8 @@ def test_a_heavy_body_left_on_the_flange_is_named_as_the_likely_mistake(
     capsys.readouterr()
     assert run([*words, "--loaded", "first", "--runs", str(imported / "runs")]) == 1
     said = " ".join(capsys.readouterr().out.split())
-    assert "Failed: probability that a body that can exist explains the data" in said
-    assert "What hung on the flange in the unloaded runs is subtracted from the payload" in said
+    assert "Failed: probability that a physically consistent body explains the data" in said
+    assert "A heavy object on the flange in the unloaded runs is subtracted from the payload" in said
 
 
 def test_a_payload_file_of_another_format_is_refused(workshop: Path, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Load data as robot controllers write them, and back.
+"""Load data in the formats of robot controllers, written and read.
 
-Formats and frames of makers alone. Begin with `formats.py`.
+This folder contains only formats and frames of robot makers. Start with `formats.py`.
 """

@@ -1,4 +1,4 @@
-"""Load data that tell inertia by elements of its matrix: FANUC, UR, Franka, Staubli, URDF."""
+"""Load data with the inertia as elements of its matrix: FANUC, UR, Franka, Staubli, URDF."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def to_fanuc(body: PayloadBody, origin: tuple[str, ...], digits: Digits) -> str:
 
 
 def from_fanuc(text: str) -> PayloadBody:
-    """Read a FANUC payload schedule; ValueError where the text is none."""
+    """Read a FANUC payload schedule; raise ValueError for any other text."""
     values = np.array(
         [
             float(found(rf"(?m)^{re.escape(name)}\s+{NUMBER}\s*$", text, name).group(1))
@@ -66,8 +66,8 @@ def to_ur(body: PayloadBody, origin: tuple[str, ...], digits: Digits) -> str:
     elements = body.reported[4:]
     if np.max(np.abs(elements)) > LARGEST_UR_KG_M2:
         raise EstimationError(
-            f"an inertia of {np.max(np.abs(elements)):.4g} kg m^2 is more than the controller takes"
-            f" ({LARGEST_UR_KG_M2:g})",
+            f"an inertia of {np.max(np.abs(elements)):.4g} kg m^2 exceeds the controller's"
+            f" largest value ({LARGEST_UR_KG_M2:g} kg m^2)",
             code="RID-LOAD-DATA-RANGE",
         )
     head = (
@@ -85,7 +85,7 @@ def to_ur(body: PayloadBody, origin: tuple[str, ...], digits: Digits) -> str:
 
 
 def from_ur(text: str) -> PayloadBody:
-    """Read Universal Robots' set_target_payload; ValueError where the text is none."""
+    """Read Universal Robots' set_target_payload; raise ValueError for any other text."""
     further = rf"\s*,\s*{NUMBER}"
     pattern = (
         rf"(?m)^\s*set_target_payload\(\s*{NUMBER}\s*,\s*\[\s*{NUMBER}{2 * further}\s*\]\s*,"
@@ -105,8 +105,8 @@ def to_franka(body: PayloadBody, origin: tuple[str, ...], digits: Digits) -> str
             *origin,
             "setLoad(load_mass, F_x_Cload, load_inertia): load_mass [kg]; F_x_Cload [m], centre of"
             " gravity from the flange; load_inertia [kg m^2], 3 x 3 column by column, about the"
-            " centre of gravity in the flange's axes. It comes on top of what Desk holds as the"
-            " end effector.",
+            " centre of gravity in the flange's axes. The controller adds this load to the end"
+            " effector that is configured in Desk.",
         ],
         "load_mass": float(digits(body.mass_kg)),
         "F_x_Cload": [float(digits(x)) for x in body.centre_m],
@@ -116,11 +116,11 @@ def to_franka(body: PayloadBody, origin: tuple[str, ...], digits: Digits) -> str
 
 
 def from_franka(text: str) -> PayloadBody:
-    """Read Franka's setLoad; ValueError where the text is none."""
+    """Read Franka's setLoad; raise ValueError for any other text."""
     document = json.loads(text)
     inertia = np.array(document["load_inertia"], dtype=float)
     if inertia.shape != (9,):
-        raise ValueError("load_inertia has not nine elements")
+        raise ValueError("load_inertia does not have nine elements")
     return PayloadBody(
         float(document["load_mass"]),
         np.array(document["F_x_Cload"], dtype=float),
@@ -128,7 +128,7 @@ def from_franka(text: str) -> PayloadBody:
     )
 
 
-# Staubli: what the tool's load wants, as a table to be entered.
+# Staubli: values of the tool's load, as a table to be entered by hand.
 
 _STAUBLI_LINES: Final = (
     "mass_kg",
@@ -152,15 +152,15 @@ def to_staubli(body: PayloadBody, origin: tuple[str, ...], digits: Digits) -> st
         *origin,
         "Load of the tool, to be entered by hand: mass [kg]; centre of gravity [mm] from the",
         "flange; inertia [kg m^2] about the centre of gravity in the flange's axes, as elements of",
-        "the matrix (Ixy = -integral of x y dm). NOT VERIFIED with a controller: the names are",
-        "ours; what it takes, and the sign of its products of inertia, stand in its manual.",
+        "the matrix (Ixy = -integral of x y dm). NOT VERIFIED with a controller: these names are",
+        "not Staubli's; see the controller's manual for its values and the signs of its products.",
     )
     lines = (f"{name} = {digits(v)}\n" for name, v in zip(_STAUBLI_LINES, values, strict=True))
     return comments("//", head) + "".join(lines)
 
 
 def from_staubli(text: str) -> PayloadBody:
-    """Read a Staubli tool's load; ValueError where the text is none."""
+    """Read a Staubli tool's load; raise ValueError for any other text."""
     values = np.array(
         [
             float(found(rf"(?m)^{name}\s*=\s*{NUMBER}\s*$", text, name).group(1))
@@ -171,7 +171,7 @@ def from_staubli(text: str) -> PayloadBody:
     return PayloadBody.of_reported(values)
 
 
-# URDF: a link of its own, its inertia about the centre of gravity in the frame of <inertial>.
+# URDF: a separate link; its inertia is about the centre of gravity, in the frame of <inertial>.
 
 
 def to_urdf(body: PayloadBody, origin: tuple[str, ...], digits: Digits) -> str:
@@ -206,7 +206,7 @@ def to_urdf(body: PayloadBody, origin: tuple[str, ...], digits: Digits) -> str:
 
 
 def from_urdf(text: str) -> PayloadBody:
-    """Read a URDF link; ValueError where the text is none."""
+    """Read a URDF link; raise ValueError for any other text."""
     inside = found(
         r'(?s)<link name="payload">\s*<inertial>(.*?)</inertial>', text, "link payload"
     ).group(1)

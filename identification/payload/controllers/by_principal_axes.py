@@ -1,4 +1,4 @@
-"""Load data that tell inertia by principal moments and where their axes point: KUKA, ABB."""
+"""Load data with the inertia as principal moments and axes: KUKA, ABB."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from identification.payload.controllers.text import NUMBER, Digits, comments, fo
 
 
 def _about(mass: float, centre: FloatArray, moments: FloatArray, axes: FloatArray) -> PayloadBody:
-    """Return a body of principal moments about axes that are a rotation's columns."""
+    """Return a body with principal moments about axes that are the columns of a rotation."""
     inertia = axes @ np.diag(moments) @ axes.T
     return PayloadBody(mass, centre, (inertia + inertia.T) / 2.0)
 
@@ -39,7 +39,7 @@ def to_kuka(body: PayloadBody, origin: tuple[str, ...], digits: Digits) -> str:
 
 
 def from_kuka(text: str) -> PayloadBody:
-    """Read KUKA's LOAD_DATA; ValueError where the text is none."""
+    """Read KUKA's LOAD_DATA; raise ValueError for any other text."""
     s = r"\s*"
     pattern = (
         rf"\{{{s}M\s+{NUMBER}{s},{s}CM{s}\{{{s}X\s+{NUMBER}{s},{s}Y\s+{NUMBER}{s},{s}Z\s+{NUMBER}"
@@ -64,8 +64,8 @@ def to_abb(body: PayloadBody, origin: tuple[str, ...], digits: Digits) -> str:
         *origin,
         "loaddata: mass [kg]; cog x, y, z [mm]; aom q1..q4: principal axes as a quaternion, scalar",
         "first; ix, iy, iz [kg m^2]: principal moments about the centre of gravity.",
-        "Frame: the wrist (tool0). It is right as the load in a tooldata, and in GripLoad with",
-        "tool0; for a payload that a tool holds, ABB wants the frame of that tool instead.",
+        "Frame: the wrist (tool0). Use it as the load in a tooldata, or in GripLoad with tool0;",
+        "for a payload that a tool holds, ABB requires the frame of that tool instead.",
     )
     return (
         comments("!", head)
@@ -74,7 +74,7 @@ def to_abb(body: PayloadBody, origin: tuple[str, ...], digits: Digits) -> str:
 
 
 def from_abb(text: str) -> PayloadBody:
-    """Read ABB's loaddata; ValueError where the text is none."""
+    """Read ABB's loaddata; raise ValueError for any other text."""
     further = rf"\s*,\s*{NUMBER}"
     pattern = (
         rf":=\s*\[\s*{NUMBER}\s*,\s*\[\s*{NUMBER}{2 * further}\s*\]\s*,"
@@ -87,7 +87,7 @@ def from_abb(text: str) -> PayloadBody:
 
 def _quaternion(rotation: FloatArray) -> FloatArray:
     """Return the unit quaternion of a rotation, scalar first and not negative."""
-    # The largest of four squares is taken the root of, so that nothing small is divided by.
+    # The root is taken of the largest of four squares, to avoid division by small values.
     trace = float(np.trace(rotation))
     squares = np.array([trace, *np.diagonal(rotation)])
     largest = int(np.argmax(squares))
@@ -111,7 +111,7 @@ def _quaternion(rotation: FloatArray) -> FloatArray:
 def _rotation(quaternion: FloatArray) -> FloatArray:
     size = float(np.linalg.norm(quaternion))
     if abs(size - 1.0) > 1e-3:
-        raise ValueError(f"the quaternion has the length {size:.4g}, not 1")
+        raise ValueError(f"the quaternion has the length {size:.4g} instead of 1")
     w, x, y, z = quaternion / size
     return np.array(
         [

@@ -1,8 +1,8 @@
-"""A payload as each maker's controller wants it: units, axes and order are where tools go wrong.
+"""Load data in the format of each controller, with the right units, axes and order.
 
-Every format is a pair of functions, body to text and text to body, so that what was written can be
-read back and compared. All are about the centre of gravity, from the flange (the robot file's tool
-frame); each text says its units and its frame at its top.
+Every format is a pair of functions, body to text and text to body, so that a written text can be
+read back and compared. Inertia is about the centre of gravity, and positions are relative to the
+flange (the robot file's tool frame). Each text states its units and its frame at its top.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ LARGEST_TEXT: Final = 1_000_000
 
 @dataclass(frozen=True)
 class _Codec:
-    """How one format is written and read, and whether it holds products of inertia."""
+    """Writer and reader of one format; `whole_inertia` is True if it has products of inertia."""
 
     write: Callable[[PayloadBody, tuple[str, ...], Digits], str]
     read: Callable[[str], PayloadBody]
@@ -57,22 +57,22 @@ class _Codec:
 def load_data(
     body: PayloadBody, to: LoadFormat, origin: tuple[str, ...] = (), sure: float = 0.0
 ) -> str:
-    """Return a payload in a maker's format, with no more digits than are known.
+    """Return a payload in a maker's format, with only as many digits as are known.
 
     Args:
-        body: The payload, from the flange.
+        body: The payload, relative to the flange.
         to: The format.
-        origin: Lines about where the numbers come from; control characters are left out.
-        sure: How far the text may differ from the body, as `deviation` has it: `rounding` of its
-            interval. All digits are written where it is 0.
+        origin: Lines on the origin of the values; control characters are removed.
+        sure: Largest allowed `deviation` of the text from the body, from `rounding`; with 0, all
+            digits are written.
 
     Raises:
-        EstimationError: No body can have these values, or the controller would refuse them.
+        EstimationError: The body is not physically consistent, or the controller would refuse it.
     """
     if not body.can_exist:
         raise EstimationError(
-            "no body can have this mass and inertia (principal moments must be positive, none"
-            " larger than the other two together): no controller gets it",
+            "no body can have this mass and inertia: the principal moments must be positive, and"
+            " none may exceed the sum of the other two; the load data are not written",
             code="RID-PAYLOAD-IMPOSSIBLE",
         )
     lines = tuple("".join(c for c in line if c.isprintable()) for line in origin)
@@ -81,26 +81,27 @@ def load_data(
         text = _CODECS[to].write(body, lines, significant(count))
         try:
             found = read_load_data(text, to)
-        except ConfigError:  # so short that it is none
+        except ConfigError:  # with so few digits the text is not valid
             continue
         worst = deviation(body, found, to)
         if worst <= max(sure, PRECISION) and (found.can_exist or count == MOST_DIGITS):
             return text
     raise EstimationError(
-        f"what was written for {to.value} reads back different by {worst:.1e}: nothing is kept",
+        f"load data written for {to.value} differ by {worst:.1e} when read back: the text is"
+        " discarded",
         code="RID-INTERNAL-ERROR",
     )
 
 
 def rounding(body: PayloadBody, sigma: FloatArray) -> float:
-    """Return how far a text may differ from a body, as `deviation` has it.
+    """Return the largest allowed `deviation` of a text from a body.
 
-    It is a twentieth of the interval of what is known best, at most half of what `read-back`
-    tolerates.
+    It is a twentieth of the interval of the best-known value, and at most half of the tolerance of
+    `read-back`.
 
     Args:
         body: The payload.
-        sigma: Shape (10,). Standard deviations of `REPORTED`; 0 of what was known before.
+        sigma: Shape (10,). Standard deviations of `REPORTED`; 0 for values that were known before.
     """
     sizes = np.array(
         [
@@ -126,14 +127,15 @@ _UNREADABLE: Final = (
 
 
 def read_load_data(text: str, form: LoadFormat) -> PayloadBody:
-    """Return the payload that stands in a text of a maker's format.
+    """Return the payload in a text of a maker's format.
 
     Raises:
-        ConfigError: The text is not of this format.
+        ConfigError: The text is not in this format.
     """
     if len(text) > LARGEST_TEXT:
         raise ConfigError(
-            "larger than any load data: give the file of payload export", code="RID-FILE-SIZE"
+            "the text is too large for load data: use a file of `payload export`",
+            code="RID-FILE-SIZE",
         )
     try:
         return _CODECS[form].read(text)
@@ -144,10 +146,10 @@ def read_load_data(text: str, form: LoadFormat) -> PayloadBody:
 
 
 def deviation(wanted: PayloadBody, found: PayloadBody, form: LoadFormat) -> float:
-    """Return the largest difference of two payloads, as a share of the first one's size.
+    """Return the largest difference of two payloads, relative to the size of the first one.
 
-    Of the mass; of the centre's distance, at least 1 mm; of the largest principal moment. Products
-    of inertia count where the format holds them.
+    Mass is relative to the mass, the centre to its distance (at least 1 mm), inertia to the largest
+    principal moment. Products of inertia are compared if the format has them.
     """
     reach = max(float(np.linalg.norm(wanted.centre_m)), 1e-3)
     moment = float(np.linalg.eigvalsh(wanted.inertia_kg_m2)[-1])

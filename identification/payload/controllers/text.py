@@ -1,4 +1,4 @@
-"""Words and numbers of load data: how they are written, and found again."""
+"""Functions that write and find the numbers of load data."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ import numpy as np
 from config.arrays import FloatArray
 
 NUMBER: Final = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
-"""What a number looks like in a text."""
+"""Regular expression of a number."""
 
 
 SMALLEST: Final = 1e-15
-"""What is written as 0: what a computer leaves of a sum that is none."""
+"""Magnitude below which a number is written as 0: rounding error of a sum."""
 
 Digits = Callable[[float], str]
-"""How the numbers of a text are written."""
+"""Function that writes a number of a text."""
 
 
 def significant(count: int) -> Digits:
-    """Return what writes a number with so many significant digits, never as minus zero."""
+    """Return a function that writes numbers with `count` significant digits, never minus zero."""
 
     def digits(value: float) -> str:
         text = f"{float(value):.{count}g}"
-        if "e" in text and 1e-9 < abs(value) < 1e9:  # no pendant has an exponent
+        if "e" in text and 1e-9 < abs(value) < 1e9:  # no teach pendant shows an exponent
             decimals = max(count - 1 - math.floor(math.log10(abs(value))), 0)
             text = f"{float(text):.{decimals}f}"
             text = text.rstrip("0").rstrip(".") if "." in text else text
@@ -37,15 +37,15 @@ def significant(count: int) -> Digits:
 
 
 def comments(mark: str, lines: tuple[str, ...]) -> str:
-    """Return lines as comments behind a mark."""
+    """Return lines as comments that start with a mark."""
     return "".join(f"{mark} {line}\n" for line in lines)
 
 
 def found(pattern: str, text: str, what: str) -> re.Match[str]:
-    """Return where a pattern is in a text; ValueError where it is not."""
+    """Return the first match of a pattern in a text; raise ValueError if there is no match."""
     match = re.search(pattern, text)
     if match is None:
-        raise ValueError(f"no {what} in it")
+        raise ValueError(f"the text contains no {what}")
     return match
 
 

@@ -45,7 +45,7 @@ def export_payload(request: PayloadExportRequest) -> PayloadExportResult:
     refuse_output(request.output, request.overwrite, made_file.LOAD_DATA)
     path = payload_file(request.runs, request.payload)
     judged = read_payload(path)
-    refuse_failed(path, judged, "no controller gets it")
+    refuse_failed(path, judged, "it is not exported")
     estimate = judged.estimate
     notes = _behind_the_flange(estimate) if request.to in ALONG_Z else ()
     text = load_data(

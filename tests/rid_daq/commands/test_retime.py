@@ -63,7 +63,7 @@ MASS_KG, CENTRE_M, INERTIA_KG_M2 = 12.0, (0.10, 0.02, -0.05), (0.3, 0.2, 0.25)
 def tool(folder: Path) -> Path:
     body = PayloadBody(MASS_KG, np.array(CENTRE_M), np.diag(INERTIA_KG_M2))
     estimate = replace(estimate_of(load_cell("ir361"), ()), values=body.parameters)
-    enough = (PayloadCheck("independent parameters that the motion shows", 10, "≥", 10),)
+    enough = (PayloadCheck("independent parameters that the motion determines", 10, "≥", 10),)
     write_payload(folder / "payload.json", PayloadResult(estimate, enough))
     return folder / "payload.json"
 
