@@ -1,4 +1,4 @@
-"""How well what is known is known: identifiable directions, goals, what a plate adds.
+"""Accuracy of estimates: identifiable directions, accuracy goals, benefit of a force plate.
 
-Judgement of estimates, no new ones. Begin with `identifiability.py`.
+This folder assesses estimates and makes no new ones. Start with `identifiability.py`.
 """

@@ -1,4 +1,4 @@
-"""`Goal`: an accuracy that a measurement shall reach, and whether an estimate has it."""
+"""`Goal`: an accuracy that a measurement must reach, and its state for an estimate."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ _GOAL = re.compile(r"\s*([A-Za-z]\w*)\s*<\s*([0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?
 
 @dataclass(frozen=True)
 class Goal:
-    """A standard deviation not to be exceeded.
+    """Largest allowed standard deviation of a quantity.
 
     Attributes:
         name: A base parameter's name, or `torque`: the predicted torque's RMS over the motion.
-        limit: Largest standard deviation, in the parameter's unit (N m for torque), or a share of
-            it.
-        relative: Whether `limit` is a share of the value.
-        text: As it was asked for.
+        limit: Largest standard deviation, in the parameter's unit (N m for torque), or relative to
+            its value.
+        relative: True if `limit` is relative to the value.
+        text: The goal as the user wrote it.
     """
 
     name: str
@@ -44,11 +44,11 @@ class Goal:
 
 @dataclass(frozen=True)
 class GoalState:
-    """How far a goal is reached.
+    """State of a goal.
 
     Attributes:
-        sigma, limit: Standard deviation reached and allowed, in the unit.
-        noise: The part of `sigma` that falls with more periods; None where it is not known.
+        sigma, limit: Current and allowed standard deviation, in the unit.
+        noise: Part of `sigma` that falls with more periods; None if it is not known.
     """
 
     goal: Goal
@@ -59,11 +59,11 @@ class GoalState:
 
     @property
     def reached(self) -> bool:
-        """Whether the standard deviation is small enough."""
+        """True if the standard deviation is within the limit."""
         return self.sigma <= self.limit
 
     def sentence(self, periods: int) -> str:
-        """Say how far it is, and what would help, after some averaged periods."""
+        """Return the state after some averaged periods, and the remedy, in one sentence."""
         so_far = f"{self.goal.text}: σ is {self.sigma:.3g} {self.unit} after {periods} periods"
         if self.reached:
             return f"{so_far}, reached"
@@ -72,22 +72,24 @@ class GoalState:
         model_part = math.sqrt(max(self.sigma**2 - self.noise**2, 0.0))
         if model_part >= self.limit:
             return (
-                f"{so_far}; {model_part:.3g} {self.unit} of it is the model's error, which more"
-                " periods do not reduce: choose a better model (identify --choose) or move more"
+                f"{so_far}; {model_part:.3g} {self.unit} are due to model error, which more"
+                " periods do not reduce: choose a better model (identify --choose) or a larger"
+                " motion"
             )
         share = self.noise**2 / (self.limit**2 - model_part**2)
-        return f"{so_far}; about {math.ceil(periods * share)} periods in all would do"
+        return f"{so_far}; about {math.ceil(periods * share)} periods in total are enough"
 
 
 def parse_goals(texts: Sequence[str], model: RobotModel, base: BaseParameters) -> tuple[Goal, ...]:
-    """Read goals such as `sx3<0.01kgm`, `fv_axis1<5%` or `torque<1.5Nm`.
+    """Parse goals such as `sx3<0.01kgm`, `fv_axis1<5%` or `torque<1.5Nm`.
 
     Args:
-        texts: One a goal; the unit may be left out, and is the parameter's own.
-        model, base: The model, and what of it can be identified.
+        texts: Texts of the goals; without a unit, the parameter's own unit is used.
+        model: The robot model.
+        base: Its base parameters.
 
     Raises:
-        ConfigError: A goal cannot be read, or names what cannot be identified.
+        ConfigError: A goal has a syntax error, or names a parameter that cannot be identified.
     """
     return tuple(_parse(text, model, base) for text in texts)
 
@@ -95,11 +97,11 @@ def parse_goals(texts: Sequence[str], model: RobotModel, base: BaseParameters) -
 def goal_states(
     goals: Sequence[Goal], estimate: Estimate, motion: tuple[FloatArray, FloatArray, FloatArray]
 ) -> tuple[GoalState, ...]:
-    """Hold an estimate against goals.
+    """Compare an estimate with goals.
 
     Args:
-        estimate: The estimate so far.
-        motion: Tuple of (samples, n) arrays. q, v, a on which a torque goal is judged.
+        estimate: The current estimate.
+        motion: Tuple of (samples, n) arrays. q, v, a at which a torque goal is evaluated.
     """
     return tuple(_state(goal, estimate, motion) for goal in goals)
 
@@ -108,8 +110,8 @@ def _parse(text: str, model: RobotModel, base: BaseParameters) -> Goal:
     match = _GOAL.fullmatch(text)
     if match is None:
         raise ConfigError(
-            f"--until {text}: write a parameter, <, a number and a unit or %, such as sx3<0.01kgm,"
-            " fv_axis1<5% or torque<1.5Nm",
+            f"--until {text}: write a parameter, <, a number, and a unit or %, such as"
+            " sx3<0.01kgm, fv_axis1<5% or torque<1.5Nm",
             code="RID-OPTION-SYNTAX",
         )
     name, number, unit = match[1], float(match[2]), (match[3] or "").replace(" ", "")
@@ -126,20 +128,27 @@ def _parse(text: str, model: RobotModel, base: BaseParameters) -> Goal:
         inside = [
             w for w, row in zip(base.expressions, base.combination, strict=True) if row[index]
         ]
-        where = f"it is seen only as part of {inside[0]!r}" if inside else "it has no effect at all"
+        where = (
+            f"it affects the torques only as part of {inside[0]!r}"
+            if inside
+            else "it has no effect on torques"
+        )
         raise ConfigError(
-            f"--until {text}: {name} cannot be identified by itself: {where}",
+            f"--until {text}: {name} cannot be identified separately: {where}",
             code="RID-OPTION-NAME",
         )
     else:
         raise ConfigError(
-            f"--until {text}: {name} is no parameter of this robot; they are {TORQUE},"
+            f"--until {text}: {name} is not a parameter of this robot; use one of {TORQUE},"
             f" {', '.join(base.names)}",
             code="RID-OPTION-NAME",
         )
     if unit == "%":
         if name == TORQUE:
-            raise ConfigError(f"--until {text}: state the torque in Nm", code="RID-OPTION-SYNTAX")
+            raise ConfigError(
+                f"--until {text}: a torque goal needs a value in Nm, not %",
+                code="RID-OPTION-SYNTAX",
+            )
         return Goal(name, number / 100.0, True, text)
     if unit not in ("", own):
         raise ConfigError(f"--until {text}: the unit of {name} is {own}", code="RID-OPTION-SYNTAX")

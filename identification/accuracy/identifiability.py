@@ -1,4 +1,4 @@
-"""Parameters that the data hardly see, and the motion that would show them."""
+"""Parameters that the data hardly determine, and the motions that would determine them."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ SAMPLES: Final = 80
 LIMIT_SHARE: Final = 0.8
 SMALLEST_GAIN: Final = 1.5
 NOISELESS_SHARE: Final = 5e-4
-"""Residual over torque below which no torque noise is left: encoder steps are all there is."""
+"""Residual over torque below which only encoder quantisation remains, without torque noise."""
 
 
 @dataclass(frozen=True)
 class WeakParameter:
-    """A base parameter that cannot be told from zero.
+    """A base parameter that is not distinct from zero.
 
     Attributes:
         expression, unit: The parameter.
         value, sigma: Its estimate and cluster-robust standard deviation.
-        motion: The motion that would show it best, in words; empty where none of those tried does.
-        gain: How many times smaller the standard deviation would be with that motion added.
+        motion: The motion that would determine it best, in words; empty if no tried motion does.
+        gain: Factor by which the standard deviation would fall if this motion were added.
     """
 
     expression: str
@@ -45,11 +45,11 @@ class WeakParameter:
 
     @property
     def sentence(self) -> str:
-        """The finding in words."""
+        """The finding in one sentence."""
         interval = plus_minus(self.value, 2.0 * self.sigma, self.unit)
         text = f"{self.expression} = {interval} is poorly determined"
         if not self.motion:
-            return f"{text}; it is small, and no motion of one or two joints would show it better."
+            return f"{text}; it is small, and no motion of one or two joints would improve it."
         return (
             f"{text}; {self.motion} for as long again would make its interval {self.gain:.1f} times"
             " smaller."
@@ -57,13 +57,13 @@ class WeakParameter:
 
 
 def weak_parameters(estimate: Estimate, most: int = 5) -> tuple[WeakParameter, ...]:
-    """Return the rigid-body parameters that are not told from zero, the worst seen first.
+    """Return the rigid-body parameters that are not distinct from zero, the least certain first.
 
-    For each, motions of one joint or two at their limits are tried: their information is added to
-    the estimate's own, as that of one more run of the same length and colour of residuals.
+    For each, motions of one joint or two joints at their limits are tried. Their information is
+    added to that of the estimate, as one more run of the same length and colour of residuals.
 
     Args:
-        most: How many are returned.
+        most: Largest number of parameters returned.
     """
     sigma = estimate.sigma
     weak = [
@@ -77,14 +77,16 @@ def weak_parameters(estimate: Estimate, most: int = 5) -> tuple[WeakParameter, .
     whitening = np.linalg.inv(sigma[:, np.newaxis] * factor)
     information = whitening.T @ whitening
     noise = np.maximum(estimate.residual_nm, 1e-6 * estimate.residual_nm.max())
-    # Coloured residuals are worth fewer values than there are rows.
+    # Coloured residuals contain fewer independent values than rows.
     white = np.diagonal(estimate.covariance_residual)
     clustered = np.diagonal(estimate.covariance_jackknife)
     colour = min(1.0, float(np.median(white / clustered)))
     tried: list[tuple[str, FloatArray]] = []
     still = {estimate.robot.joint_names.index(s.joint): s.positions[0] for s in estimate.still}
     for words, motion in joint_motions(estimate.robot):
-        if np.any(motion[1][:, list(still)] != 0.0):  # it would show other parameters, too
+        if np.any(
+            motion[1][:, list(still)] != 0.0
+        ):  # such a motion would change the base parameters
             continue
         motion[0][:, list(still)] = list(still.values())
         tried.append((words, _information(estimate, motion, noise)))
@@ -95,7 +97,9 @@ def weak_parameters(estimate: Estimate, most: int = 5) -> tuple[WeakParameter, .
             weight = colour * estimate.equations / len(more)
             covariance = np.linalg.inv(information + weight * (more.T @ more))
             better = float(sigma[i] / np.sqrt(covariance[i, i]))
-            if better > gain * 1.05:  # the simpler motion comes first, and stays unless beaten
+            if (
+                better > gain * 1.05
+            ):  # simpler motions come first; a later one must be clearly better
                 best, gain = words, better
         found.append(
             WeakParameter(
@@ -120,24 +124,24 @@ _OF_TERMS: Final = {
 
 
 def few_findings(estimate: Estimate) -> tuple[str, ...]:
-    """Say of intervals that rest on few stretches of the recording that they are rough."""
+    """Return a warning if the intervals come from few clusters of the recording."""
     clusters = estimate.clusters
     if clusters is None or clusters >= FEW_CLUSTERS:
         return ()
     parts = "bins of the spectrum" if estimate.method == "periodic" else "seconds of motion"
     wider = widening(clusters)
-    told = f"{wider:.2g} times wider for that, and rough" if wider >= 1.05 else "rough"
+    told = f"{wider:.2g} times wider for this reason, and rough" if wider >= 1.05 else "rough"
     return (
-        f"The intervals rest on {clusters} {parts} only. They are {told}: record longer"
+        f"The intervals are computed from only {clusters} {parts}. They are {told}: record longer"
         f" ({FEW_CLUSTERS} are enough).",
     )
 
 
 def noiseless_findings(estimate: Estimate) -> tuple[str, ...]:
-    """Warn of intervals that rest on a residual without torque noise.
+    """Return a warning if the residual contains no torque noise.
 
-    What the steps of an encoder leave is not independent from second to second, so that intervals
-    of rigid-body parameters are too narrow.
+    The residual then consists of encoder quantisation, which is not independent from second to
+    second, so that intervals of rigid-body parameters are too narrow.
     """
     if estimate.method != "smoothed" or estimate.torque_nm is None:
         return ()
@@ -152,33 +156,34 @@ def noiseless_findings(estimate: Estimate) -> tuple[str, ...]:
     if not names:
         return ()
     return (
-        f"The model leaves less than {100.0 * NOISELESS_SHARE:g} % of the torque of"
-        f" {', '.join(names)}: there is no torque noise. The steps of the position encoders are"
-        " what is left, they are not independent, and the intervals can be too narrow. Recorded"
-        " torques of a real robot have noise: check whether these are computed.",
+        f"The residual of {', '.join(names)} is less than {100.0 * NOISELESS_SHARE:g} % of the"
+        " torque, so the torque contains no noise. The residual comes from the resolution of the"
+        " position encoders; it is not independent, and the intervals can be too narrow."
+        " Recorded torques of a real robot contain noise: check whether these torques were"
+        " computed.",
     )
 
 
 def still_findings(estimate: Estimate) -> tuple[str, ...]:
-    """Say what is left out of joints that no run moved."""
+    """Report the parameters that are left out for joints that no run moved."""
     return tuple(
-        f"{each.words} stood still: its own friction and inertia are not shown and left out"
-        f" ({', '.join(_of_joint(estimate, each.joint)) or 'none in the model'}), and the other"
-        f" parameters hold only with {each.joint} there. To identify it, record a motion that moves"
-        f" {each.joint} and identify both runs together."
+        f"{each.words} was at rest. Its own friction and inertia are not identified and are left"
+        f" out ({', '.join(_of_joint(estimate, each.joint)) or 'none in the model'}). The other"
+        f" parameters hold only with {each.joint} at this position. To identify it, record a"
+        f" motion that moves {each.joint} and identify both runs together."
         for each in estimate.still
     )
 
 
 def _of_joint(estimate: Estimate, joint: str) -> list[str]:
-    """Return the unseen friction and motor parameters of a joint."""
+    """Return the friction and motor parameters of a joint that are not identified."""
     number = estimate.robot.joint_names.index(joint) + 1
     motor = (f"Im{number}", f"Ia{number}")
     return [name for name in estimate.base.unseen if name.endswith(f"_{joint}") or name in motor]
 
 
 def unseen_findings(estimate: Estimate) -> tuple[str, ...]:
-    """Say of nonlinear parameters that the data do not show that they are no estimates."""
+    """Report nonlinear parameters that the data do not determine."""
     model = estimate.model
     found = []
     for name, unit, value, (low, high) in zip(
@@ -195,11 +200,11 @@ def unseen_findings(estimate: Estimate) -> tuple[str, ...]:
         nothing_gives_way = symbol == "sp" and value < 0.5
         term = _OF_TERMS["dp" if nothing_gives_way else symbol]
         why = (
-            f"is at a bound of its range ({low:.3g} to {high:.3g}): the runs do not show it, and"
-            " its interval means nothing"
+            f"is at a bound of its range ({low:.3g} to {high:.3g}): the runs do not determine it,"
+            " and its interval is meaningless"
             if name in model.nonlinear_at_bound
-            else f"is not shown by the data: its interval is as wide as its range ({low:.3g} to"
-            f" {high:.3g}), and its value depends on the start of the fit"
+            else f"is not determined by the data: its interval is as wide as its range ({low:.3g}"
+            f" to {high:.3g}), and its value depends on the start of the fit"
         )
         found.append(
             f"{name} = {value:.3g}{of_unit} {why}. Leave `{term}` of {joint} out of the model."
@@ -214,7 +219,7 @@ def _information(
     model: RobotModel = estimate.model
     warm = Conditions(temperature_k=np.full(model.chain.n, 300.0))
     columns = torque_columns(model, estimate.base, motion, warm)
-    for each in estimate.still:  # the torque of a joint at rest shows nothing
+    for each in estimate.still:  # the torque of a joint at rest contains no information
         columns[:, model.joint_names.index(each.joint)] = 0.0
     return np.asarray((columns / noise[:, np.newaxis]).reshape(-1, len(estimate.base)))
 
@@ -222,7 +227,7 @@ def _information(
 def joint_motions(
     robot: RobotDescription,
 ) -> list[tuple[str, tuple[FloatArray, FloatArray, FloatArray]]]:
-    """Return motions in words and as q, v, a: joints by one, then by two; wide, then fast."""
+    """Return motions in words and as q, v, a: of one joint, then of two; wide, then fast."""
     names = robot.joint_names
     motions = []
     for moved in (*((j,) for j in range(len(names))), *combinations(range(len(names)), 2)):
@@ -237,7 +242,7 @@ def joint_motions(
 def _swing(
     robot: RobotDescription, moved: tuple[int, ...], fast: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return sines at some joints' limits, the others at the middle of their range."""
+    """Return sine motions at the limits of some joints; other joints at mid-range."""
     q, v, a = np.zeros((3, SAMPLES, len(robot.joints)))
     phase = 2.0 * np.pi * np.arange(SAMPLES) / SAMPLES
     for j, joint in enumerate(robot.joints):
@@ -245,7 +250,7 @@ def _swing(
         q[:, j] = (limits.position_max + limits.position_min) / 2.0
         if j not in moved:
             continue
-        turns = 1 + moved.index(j)  # two joints at two frequencies, so that all poses are met
+        turns = 1 + moved.index(j)  # two joints at two frequencies, to reach all combinations
         amplitude, omega = _amplitude(joint, fast)
         angle = turns * phase + 0.7 * j
         q[:, j] += amplitude * np.sin(angle)
@@ -255,7 +260,7 @@ def _swing(
 
 
 def _amplitude(joint: Joint, fast: bool) -> tuple[float, float]:
-    """Return amplitude and angular frequency of a swing that keeps to the joint's limits."""
+    """Return amplitude and angular frequency of a sine within the joint's limits."""
     limits = joint.limits
     reach = LIMIT_SHARE * min((limits.position_max - limits.position_min) / 2.0, np.pi)
     if not fast:

@@ -1,8 +1,8 @@
-"""`Improvement`: what a force plate adds to the torques, parameter by parameter (table 4.1).
+"""`Improvement`: additional information of a force plate, parameter by parameter (table 4.1).
 
-All three models are judged by the same equations and weights: the internal model is the combined
-one without the plate's outputs, the external one without the joints'. Leaving out equations can
-only lose information, so that the combined model is never less certain.
+All three models use the same equations and weights. The internal model is the combined one without
+the plate's outputs, and the external model is the combined one without the joints' outputs. Leaving
+out equations can only reduce information, so that the combined model is never less certain.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ RANK: float = 1e-10
 
 @dataclass(frozen=True)
 class ParameterGain:
-    """One combination of parameters, and how well each model knows it.
+    """One combination of parameters, and its uncertainty in each model.
 
     Attributes:
         expression, unit: The combination.
-        value: Its estimate by the combined model.
-        sigma_internal, sigma_external: Standard deviation by the measured noise, with the joints'
-            or the plate's outputs alone; None where they do not show it.
-        sigma_combined: The same with both.
+        value: Its estimate in the combined model.
+        sigma_internal, sigma_external: Standard deviation from the measured noise, with only the
+            joints' or only the plate's outputs; None if they do not determine the combination.
+        sigma_combined: Standard deviation from the measured noise with both.
     """
 
     expression: str
@@ -46,19 +46,19 @@ class ParameterGain:
 
     @property
     def gain(self) -> float | None:
-        """By what the plate divides the internal model's standard deviation."""
+        """Ratio of the standard deviations without and with the plate, or None."""
         return None if self.sigma_internal is None else self.sigma_internal / self.sigma_combined
 
 
 @dataclass(frozen=True)
 class Improvement:
-    """How much a force plate improved an estimate.
+    """Improvement of an estimate by a force plate.
 
     Attributes:
-        parameters: The internal model's base parameters, then those that only the plate shows.
-        shared: The parameters that both show.
-        determinant_ratio: Determinant of the covariance of the shared ones, internal over combined
-            model.
+        parameters: The internal model's base parameters, then those that only the plate determines.
+        shared: The parameters that both determine.
+        determinant_ratio: Determinant of the covariance of the shared parameters, internal over
+            combined model.
     """
 
     parameters: tuple[ParameterGain, ...]
@@ -67,29 +67,32 @@ class Improvement:
 
     @property
     def sentence(self) -> str:
-        """The finding in words."""
+        """The finding in one sentence."""
         gains = sorted(p.gain for p in self.parameters if p.gain is not None)
         return (
             f"The force plate divides the standard deviations of the {len(gains)} parameters that"
-            f" the torques show by {gains[len(gains) // 2]:.2g} (median; {gains[0]:.2g} to"
-            f" {gains[-1]:.2g}), the determinant of the {len(self.shared)} shared ones by"
-            f" {self.determinant_ratio:.2g}, and shows {len(self.parameters) - len(gains)} more."
+            f" the torques determine by {gains[len(gains) // 2]:.2g} (median; {gains[0]:.2g} to"
+            f" {gains[-1]:.2g}). It divides the determinant of the {len(self.shared)} shared ones"
+            f" by {self.determinant_ratio:.2g}, and determines"
+            f" {len(self.parameters) - len(gains)} more."
         )
 
 
 def improvement(fitted: FittedPeriods) -> Improvement:
-    """Compare what is known with the plate, without it, and by the plate alone.
+    """Compare the uncertainty with the plate, without it, and with the plate alone.
 
     Args:
         fitted: A fit of the combined model.
 
     Raises:
-        EstimationError: It is of another model, or the motion does not show the internal model's
-            parameters.
+        EstimationError: The fit is of another model, or the motion does not determine the
+            parameters of the internal and the external model.
     """
     if fitted.options.kind != "combined":
         raise EstimationError(
-            "only the combined model tells what the plate improved", code="RID-MODEL-NOT-COMBINED"
+            "the improvement by the plate can be computed only for the combined model: identify"
+            " the combined model",
+            code="RID-MODEL-NOT-COMBINED",
         )
     n = len(fitted.robot.joints)
     white = fitted.fit.white
@@ -107,8 +110,8 @@ def improvement(fitted: FittedPeriods) -> Improvement:
     wide = np.hstack([functionals, np.zeros((len(rows), steps))])
     of_both = _covariance(both, np.eye(wide.shape[1]), wide)
     s = fitted.fit.nonlinear
-    # What a model alone has no say in is left out of its unknowns: shapes of the gears and friction
-    # belong to the joints, delays to the plates.
+    # Unknowns that do not affect a model are left out: the plate does not depend on nonlinear
+    # parameters of gears and friction, nor do the joints on delays of the plate.
     of_joints = _covariance(joints, _unknowns(internal, fitted, range(s)), wide)
     of_plates = _covariance(plates, _unknowns(external, fitted, range(s, steps)), wide)
     shared = np.flatnonzero(np.isfinite(np.diagonal(of_joints) + np.diagonal(of_plates)))
@@ -152,10 +155,10 @@ def _covariance(
 ) -> FloatArray:
     """Return the covariance of functionals (any, p) of unknowns spanned by a basis (p, any).
 
-    A functional that the outputs do not show has infinite variance (and no covariances).
+    A functional that the outputs do not determine has infinite variance, and no covariances.
 
     Raises:
-        EstimationError: The motion does not show an unknown at all.
+        EstimationError: The motion does not determine an unknown.
     """
     factor = np.zeros((0, basis.shape[1]))
     for part in outputs:
@@ -163,8 +166,9 @@ def _covariance(
     size = np.linalg.norm(factor, axis=0)
     if (size == 0.0).any() or np.linalg.cond(factor / size) > 1.0 / RANK:
         raise EstimationError(
-            "the motion does not show all parameters of the internal and of the external model:"
-            " what the plate improves cannot be told",
+            "the motion does not determine all parameters of the internal and the external"
+            " model, so the improvement by the plate cannot be computed: use a motion that moves"
+            " every joint more",
             code="RID-MOTION-UNINFORMATIVE",
         )
     seen = functionals @ basis

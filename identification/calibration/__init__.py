@@ -1,4 +1,4 @@
-"""Scales that a model cannot tell from its parameters: torque constants, the plate's load.
+"""Calibration of scales that a robot model alone cannot determine: torque constants and plate.
 
-What needs a load that was weighed, or a plate. Begin with `drive_gains.py`.
+The calibrations need a weighed load or a force plate. Start with `drive_gains.py`.
 """

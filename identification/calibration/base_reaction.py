@@ -1,4 +1,4 @@
-"""`BaseLoad`: what a motion would do to the floor, against what the floor may see."""
+"""`BaseLoad`: predicted base wrench of a motion, compared with the limits of the base."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ BLOCK_ROWS = 4096
 
 @dataclass(frozen=True, eq=False)
 class BaseLoad:
-    """The largest reaction of a motion, component by component.
+    """Largest base wrench of a motion, component by component.
 
     Attributes:
         peak: Shape (6,). Largest magnitude of the wrench that the base exerts on the robot [N, N
             m].
-        sigma: Shape (6,). Standard deviation of the prediction there.
-        at_s: Shape (6,). When it is reached [s].
-        limit: Shape (6,). What the floor may see.
-        weight_known: Whether the robot's standing weight is in it; a plate cannot tell it from its
-            offset.
+        sigma: Shape (6,). Standard deviation of the prediction at the peak [N, N m].
+        at_s: Shape (6,). Time of the peak [s].
+        limit: Shape (6,). Limits of the base [N, N m].
+        weight_known: True if the prediction contains the robot's static weight; a plate cannot
+            distinguish this weight from its offset.
     """
 
     peak: FloatArray
@@ -46,7 +46,7 @@ class BaseLoad:
 
     @property
     def held(self) -> tuple[bool, ...]:
-        """Whether each component stays within its limit, two standard deviations included."""
+        """For each component: True if the peak plus two standard deviations is within its limit."""
         return tuple((self.peak + SIGMAS * self.sigma <= self.limit).tolist())
 
     @property
@@ -54,14 +54,15 @@ class BaseLoad:
         """The result in words."""
         broken = [
             f"{WRENCH_NAMES[k]} reaches {self.peak[k]:.4g} ± {SIGMAS * self.sigma[k]:.2g}"
-            f" {WRENCH_UNITS[k]} at {self.at_s[k]:.3g} s, its limit is {self.limit[k]:.4g}"
+            f" {WRENCH_UNITS[k]} at {self.at_s[k]:.3g} s, but its limit is {self.limit[k]:.4g}"
+            f" {WRENCH_UNITS[k]}"
             for k, held in enumerate(self.held)
             if not held
         ]
         share = 100.0 * float(np.max((self.peak + SIGMAS * self.sigma) / self.limit))
-        words = "; ".join(broken) or f"every limit on the base is held, {share:.0f} % used"
+        words = "; ".join(broken) or f"all base limits are satisfied, {share:.0f} % used"
         weight = (
-            "" if self.weight_known else ". The robot's standing weight is not known, nor in it"
+            "" if self.weight_known else ". The robot's static weight is unknown and not included"
         )
         return f"{words}{weight}."
 
@@ -81,15 +82,14 @@ def base_load(
     *,
     mass_kg: float | None = None,
 ) -> BaseLoad:
-    """Predict the largest reaction of a motion, and hold it against limits.
+    """Predict the largest base wrench of a motion, and compare it with limits.
 
     Args:
-        estimate: Of the external or the combined model.
+        estimate: Estimate of the external or the combined model.
         time_s: Shape (samples,). Times [s].
         q, v, a: Shape (samples, n). The motion [rad or m, per s, per s^2].
-        limits: What the floor may see.
-        mass_kg: Mass of everything that the base carries; by the robot's drawings where it is not
-            given.
+        limits: Limits of the base.
+        mass_kg: Total mass on the base; from the robot's drawings if it is not given.
 
     Raises:
         EstimationError: The estimate is of the internal model.
@@ -116,23 +116,23 @@ def base_load(
 def with_known_mass(
     estimate: Estimate, mass_kg: float | None = None
 ) -> tuple[FloatArray, FloatArray, bool]:
-    """Return an estimate's values and covariance with the weight from elsewhere.
+    """Return an estimate's values and covariance, with the weight from another source.
 
-    What adds a constant wrench whatever the motion, a plate cannot tell from its offset: the mass
-    of everything. It is `mass_kg`, else by the robot's drawings, else zero.
+    The total mass adds a constant wrench for any motion, which a plate cannot distinguish from its
+    offset. It is `mass_kg`, or else the mass in the robot's drawings, or else zero.
 
     Returns:
         `values`, shape (b,). Base parameters.
-        `covariance`, shape (b, b). The cluster-robust covariance of the others.
-        `known`. Whether the mass is known from either.
+        `covariance`, shape (b, b). The cluster-robust covariance of the other parameters.
+        `known`. True if the mass is known from either source.
 
     Raises:
         EstimationError: The estimate is of the internal model.
     """
     if estimate.options.kind == "internal":
         raise EstimationError(
-            "the internal model does not know the reaction on the base: identify the combined"
-            " model, from a run with a force plate",
+            "an estimate of the internal model does not determine the base wrench: identify the"
+            " combined model, from a run with a force plate",
             code="RID-MODEL-NOT-COMBINED",
         )
     model, base = estimate.model, estimate.base
@@ -150,7 +150,7 @@ def with_known_mass(
 
 
 def weight_parameters(estimate: Estimate) -> IntArray:
-    """Return which base parameters add a constant wrench whatever the motion, shape (any,)."""
+    """Return the indices of base parameters that add a constant wrench for any motion, (any,)."""
     model, base = estimate.model, estimate.base
     random = np.random.default_rng(0)
     phi = base.columns(base_wrench_regressor(model, *random.normal(size=(3, 20, model.chain.n))))
@@ -160,10 +160,10 @@ def weight_parameters(estimate: Estimate) -> IntArray:
 
 
 def weight_words(estimate: Estimate) -> tuple[str, ...]:
-    """Return the parameters that only the standing weight shows, in words.
+    """Return the expressions of the parameters that only the static weight shows.
 
     Args:
-        estimate: Of any model; without a force plate there are none.
+        estimate: Estimate of any model; empty for the internal model.
     """
     if estimate.options.kind == "internal":
         return ()

@@ -1,14 +1,14 @@
-"""`DriveGains`: how much torque a drive really makes, found with a load of known mass.
+"""`DriveGains`: ratio of true to measured torque of each drive, from a load of known mass.
 
-Torques that are all too large by one factor fit a robot that is too heavy by it, just as well; a
-load that was weighed decides. What joints disagree about, one joint against another, the shared
-parameters decide.
+Torques that are all too large by one factor fit a robot that is too heavy by this factor equally
+well. A weighed load determines the common factor. Differences between the joints follow from the
+parameters that their equations share.
 
-The usual equation g tau - Phi beta = Phi_L theta_L puts the measured torque, noise and all, among
-the regressors: least squares then makes the gains too small down to negative, and total least
-squares gives the unmodelled torque the same freedom (Gautier and Briot 2014 need long and clean
-recordings for it). Here the noise stays where it is, on the torque, tau = (Phi beta + Phi_L
-theta_L) / g + noise, which is bilinear and solved by Gauss-Newton.
+The usual equation g tau - Phi beta = Phi_L theta_L contains the measured torque, with its noise,
+among the regressors. Least squares then underestimates the gains, and can make them negative. Total
+least squares gives the unmodelled torque the same freedom; Gautier and Briot 2014 need long and
+clean recordings for it. Here the noise remains on the torque, tau = (Phi beta + Phi_L theta_L) / g
++ noise, which is bilinear and solved by Gauss-Newton.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ COMMON_FACTORS: Final = {
     0.001: "tonnes were given as kilograms",
     9.81: "newtons were given as kilograms",
     2.2: "pounds were given as kilograms",
-    2.0: "the load weighs half of that",
-    0.5: "the load weighs twice that",
+    2.0: "the load has half of that mass",
+    0.5: "the load has twice that mass",
 }
 
 
@@ -48,9 +48,9 @@ class DriveGains:
 
     Attributes:
         joint_names: The joints.
-        values, sigma: Shape (n,). Gains and their cluster-robust standard deviations; 1 where the
+        values, sigma: Shape (n,). Gains and their cluster-robust standard deviations; 1 if the
             torque constant is right.
-        covariance: Shape (n, n). Of the gains, which share the error of the load.
+        covariance: Shape (n, n). Covariance of the gains, which share the error of the load.
     """
 
     joint_names: tuple[str, ...]
@@ -69,16 +69,16 @@ class DriveGains:
 
     @property
     def wrong(self) -> tuple[bool, ...]:
-        """Whether each gain differs from 1 by more than chance (Bonferroni)."""
+        """For each joint: True if its gain differs from 1 by more than chance (Bonferroni)."""
         deviation = np.abs(self.values - 1.0) / self.sigma
         chance = 2.0 * len(self.values) * ndtr(-deviation)
         return tuple((chance < SIGNIFICANT_P).tolist())
 
     def require_plausible(self, mass_kg: float) -> None:
-        """Refuse gains that no drive has, and name the likely mistake.
+        """Refuse implausible gains, and name the probable mistake.
 
         Args:
-            mass_kg: The mass of the load as it was given.
+            mass_kg: The mass of the load as stated by the user.
 
         Raises:
             EstimationError: A gain is not within `PLAUSIBLE_GAINS`.
@@ -94,15 +94,15 @@ class DriveGains:
             factor = min(COMMON_FACTORS, key=lambda each: abs(np.log(common / each)))
             near = abs(np.log(common / factor)) < np.log(ALIKE)
             mistake = (
-                f"all by one factor, as if the load had {mass_kg / common:.3g} kg in place of"
+                f"all by the same factor, as if the load had {mass_kg / common:.3g} kg instead of"
                 f" {mass_kg:g} kg"
                 + (f" ({COMMON_FACTORS[factor]})" if near else "")
-                + ": give its mass in kg (--load-mass), or correct all torque constants by the"
+                + ": state its mass in kg (--load-mass), or correct all torque constants by this"
                 " factor"
             )
         else:
             mistake = (
-                "not all by one factor, so that the load's mass is not the reason: correct the"
+                "not all by the same factor, so the load's mass is not the cause: correct the"
                 " torque constant or gear ratio of these joints, or move them more"
             )
         raise EstimationError(
@@ -110,7 +110,7 @@ class DriveGains:
         )
 
     def sentences(self) -> list[str]:
-        """Say of each joint what it is."""
+        """Return one sentence for each joint."""
         found = []
         for name, value, sigma, wrong in zip(
             self.joint_names, self.values, self.sigma, self.wrong, strict=True
@@ -126,30 +126,33 @@ def drive_gains(
     """Estimate the gains of all drives from runs with and without a weighed load.
 
     Args:
-        estimate: From the same runs; its model has a payload, of which only the mass is known.
+        estimate: Estimate from the same runs; its model has a payload, of which only the mass is
+            known.
         runs: The recordings, some with the load.
-        mass_kg, mass_sigma_kg: Its mass, and the scales' standard deviation.
+        mass_kg, mass_sigma_kg: Mass of the load, and the scales' standard deviation.
 
     Raises:
-        EstimationError: The model has no payload or loses torque in its gears, or the motion does
-            not tell a gain.
+        EstimationError: The model has no payload or has gear losses, or the motion does not
+            determine a gain.
     """
     base, model = estimate.base, estimate.model
     if MASS not in base.names:
         raise EstimationError(
-            "drive gains need runs with and without the weighed load: name those with it"
-            " (--loaded)",
+            "drive gains need runs with and without the weighed load: name the runs with the"
+            " load (--loaded)",
             code="RID-PAYLOAD-RUNS",
         )
     if model.transmission.losses:
         raise EstimationError(
-            "drive gains need friction that does not depend on load: leave the friction term `load`"
-            " and efficiencies out",
+            "drive gains need friction that does not depend on the load: remove the friction"
+            " term `load` and the gear efficiencies from the model",
             code="RID-MODEL-LOAD-FRICTION",
         )
     if mass_kg <= 0.0 or mass_sigma_kg <= 0.0:
         raise EstimationError(
-            "a weighed load has a positive mass, and scales have an error", code="RID-OPTION-RANGE"
+            f"the mass of the load ({mass_kg:g} kg) and its standard deviation ({mass_sigma_kg:g}"
+            " kg) must be positive",
+            code="RID-OPTION-RANGE",
         )
     n, b, standstill = model.chain.n, len(base), estimate.standstill_rad_s
     triangles = [Triangle.empty(b) for _ in range(n)]
@@ -176,7 +179,7 @@ def drive_gains(
 
     stretches = joint_equations(model, base, runs, standstill)
     covariance = jackknife(solution.information, (cluster(rows) for rows in stretches)).quoted
-    # The load's weight is no stretch of time: its part comes beside what the stretches show.
+    # The load's mass is not part of a cluster: its uncertainty is added to the cluster-robust one.
     to_mass = solution.covariance[b:, scales.mass] / mass_sigma_kg
     of_shares = covariance[b:, b:] + np.outer(to_mass, to_mass)
     gains = 1.0 / shares
@@ -189,7 +192,7 @@ def drive_gains(
 
 @dataclass(frozen=True, eq=False)
 class _Scales:
-    """tau_j = s_j Phi_j x + noise with an x of which one element was weighed; s = 1 / gain."""
+    """Equations tau_j = s_j Phi_j x + noise, in which one element of x is known; s = 1 / gain."""
 
     names: tuple[str, ...]
     factors: tuple[FloatArray, ...]
@@ -206,7 +209,7 @@ class _Scales:
         )
         if s[0] <= 0.0:
             raise EstimationError(
-                "the load shows no positive mass: were the loaded runs the others?",
+                "the estimated mass of the load is not positive: check which runs carried the load",
                 code="RID-PAYLOAD-RUNS",
             )
         n, b = len(self.factors), len(x)
@@ -227,20 +230,20 @@ class _Scales:
             if (s <= 0.0).any():
                 worst = self.names[b + int(np.argmin(s))]
                 raise EstimationError(
-                    f"the motion does not tell {worst}: move more, with more load",
+                    f"the motion does not determine {worst}: use a larger motion or a heavier load",
                     code="RID-MOTION-UNINFORMATIVE",
                 )
             if np.all(np.abs(step[b:]) < SETTLED):
                 return x, s, solution, np.array(sigma)
         raise EstimationError(
-            "the drive gains do not settle: move more, with more load",
+            "the drive gains do not converge: use a larger motion or a heavier load",
             code="RID-MOTION-UNINFORMATIVE",
         )
 
     def rows_of(
         self, joint: int, matrix: FloatArray, rhs: FloatArray, x: FloatArray, s: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return some rows of a joint, linear in steps of x and s, and their misfit."""
+        """Return some rows of a joint, linear in steps of x and s, and their residual."""
         predicted = matrix @ x
         slopes = np.zeros((len(rhs), len(x) + len(s)))
         slopes[:, : len(x)] = s[joint] * matrix

@@ -1,7 +1,7 @@
-"""`PlateEquations`: the base wrench of some runs, condensed so that many wrench matrices are tried.
+"""`PlateEquations`: the base wrench of some runs, condensed for fast trials of wrench matrices.
 
-A wrench is a matrix (6, 8) times the channels' readings. All that least squares needs of the rows
-are the products of columns and channels: a trial costs one small solution, whatever the runs' size.
+A wrench is a matrix (6, 8) times the channels' readings. Least squares needs only the products of
+columns and channels. A trial therefore costs one small solution, independent of the runs' length.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class PlateEquations:
     """Products of the base wrench's columns and the channels, without their constant parts.
 
     Attributes:
-        columns: Shape (6, b, b). For each component Phi^T Phi of its columns.
+        columns: Shape (6, b, b). Phi^T Phi of the columns of each component.
         crossed: Shape (6, b, 8). Phi^T y of the channels' readings y.
         channels: Shape (8, 8). y^T y [N^2].
     """
@@ -49,8 +49,8 @@ class PlateEquations:
 
         Args:
             averages: The runs' mean periods.
-            equations: Their equations, of the external or the combined model.
-            delays_s: By how much the plate's signals were late in each run [s].
+            equations: Equations of the mean periods, of the external or the combined model.
+            delays_s: Delay of the plate's signals in each run [s].
         """
         columns, channels = [], []
         for each, average, delay_s in zip(equations, averages, delays_s, strict=True):
@@ -71,9 +71,9 @@ class PlateEquations:
         return cls(phi.swapaxes(1, 2) @ phi, phi.swapaxes(1, 2) @ y.T, y @ y.T)
 
     def shares(self, matrix: FloatArray) -> FloatArray:
-        """Return the residual of each component over its size, by a wrench matrix (6, 8).
+        """Return the residual of each component relative to its size, for a wrench matrix (6, 8).
 
-        A share below `SMALLEST_SHARE` counts as that.
+        Values below `SMALLEST_SHARE` are replaced by it.
         """
         power, size = self._sized(matrix)
         crossed = np.einsum("wbc,wc->wb", self.crossed, matrix)
@@ -83,7 +83,7 @@ class PlateEquations:
         return np.asarray(np.maximum(np.sqrt(np.maximum(left, 0.0)) / size, SMALLEST_SHARE))
 
     def free(self, matrix: FloatArray, slopes: FloatArray) -> FloatArray:
-        """Return the best theta (k,) of a wrench matrix plus theta times slopes (k, 6, 8)."""
+        """Return the best theta (k,) for a wrench matrix plus theta times slopes (k, 6, 8)."""
         _, size = self._sized(matrix)
         weight, k = 1.0 / size**2, len(slopes)
         mixed = -np.einsum("w,wbc,kwc->bk", weight, self.crossed, slopes)
@@ -94,14 +94,14 @@ class PlateEquations:
         return _solved(gram, np.concatenate([of_columns, of_slopes]))[-k:]
 
     def weight(self, matrix: FloatArray, drawn: FloatArray) -> float:
-        """Return the wrench by a matrix (6, 8) over that of drawn parameters (b,), projected."""
+        """Return the measured wrench relative to that of drawn parameters (b,), by projection."""
         _, size = self._sized(matrix)
         power = self.columns @ drawn @ drawn
         measured = np.einsum("wbc,wc,b->w", self.crossed, matrix, drawn)
         return float(np.sum(measured / size**2) / max(float(np.sum(power / size**2)), 1e-300))
 
     def _sized(self, matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the components' squares, (6,), and their sizes: small ones count as larger."""
+        """Return the components' squares, (6,), and their sizes; small ones count as larger."""
         power = np.einsum("wc,cd,wd->w", matrix, self.channels, matrix)
         size = np.sqrt(np.maximum(power, 0.0))
         for part in (slice(0, 3), slice(3, 6)):

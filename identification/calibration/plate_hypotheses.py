@@ -1,7 +1,7 @@
-"""`plate_hypotheses`: mistakes in a plate's description, and the wrench without each of them.
+"""`plate_hypotheses`: mistakes in a plate's description, and the wrench without each mistake.
 
-The wrench is linear in sizes, in the position and in each channel's sensitivity, which are solved
-for together with the parameters; turned plates, reversed and permuted channels are tried.
+The wrench is linear in sizes, in the position and in each channel's sensitivity, so that these are
+solved for together with the parameters. Rotations, reversed and permuted channels are tried.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from identification.calibration.plate_mistake import PlateKind
 
 SENSITIVITY_KEY: Final = "amplifier.sensitivity_pc_n"
 LEAST_CHANGE: Final = 0.1
-"""Smaller changes of sizes and sensitivities can be errors of calibration."""
+"""Smallest relative change that counts as a mistake; smaller ones can be calibration errors."""
 LEAST_SHIFT_M: Final = 0.01
 YAW_STEP_DEG: Final = 15
 LEAST_YAW_DEG: Final = 3.0
@@ -34,15 +34,15 @@ GROUPS: Final = ((0, 1), (2, 3), (0, 1, 2, 3), (4, 5, 6, 7))
 
 @dataclass(frozen=True, eq=False)
 class PlateHypothesis:
-    """A mistake in a plate's description.
+    """A possible mistake in a plate's description.
 
     Attributes:
-        kind: What is wrong.
-        key: The key of the cell file's `plate` that states it.
-        stated, right: As `PlateMistake` has them.
-        words: What is wrong, in words.
+        kind: Kind of the mistake.
+        key: The wrong key of the cell file's `plate`.
+        stated, right: As in `PlateMistake`.
+        words: The mistake in words.
         matrix: Shape (6, 8). The wrench matrix without the mistake.
-        free: How many numbers were fitted for it.
+        free: Number of values that were fitted.
     """
 
     kind: PlateKind
@@ -55,11 +55,11 @@ class PlateHypothesis:
 
 
 def plate_hypotheses(equations: PlateEquations, plate: PlateConfig) -> Iterator[PlateHypothesis]:
-    """Yield the mistakes, those that are solved for with their best value.
+    """Yield possible mistakes; fitted ones with their best value.
 
     Args:
-        equations: The wrench.
-        plate: The plate as its cell file describes it.
+        equations: Condensed equations of the wrench.
+        plate: The plate as described in its cell file.
     """
     matrix = wrench_matrix(plate)
     yield from _sizes(equations, plate, matrix)
@@ -85,7 +85,7 @@ def _sizes(
         right = stated + float(equations.free(matrix, slope[np.newaxis])[0])
         possible = right <= 0.0 if key == "az0_m" else right > 0.0
         if possible and abs(right - stated) >= max(LEAST_CHANGE * abs(stated), LEAST_SHIFT_M):
-            words = f"`{key}` is {stated:.4g} m, the recording shows {right:.4g} m"
+            words = f"`{key}` is {stated:.4g} m, but the recording shows {right:.4g} m"
             wrench = wrench_matrix(plate, **{key: right})
             yield PlateHypothesis(PlateKind.SIZE, key, (stated,), (right,), words, wrench, 1)
     a_m, b_m = plate.a_m, plate.b_m
@@ -105,14 +105,14 @@ def _positions(
     right = stated + sum(shift * unit for shift, unit in zip(theta, units, strict=True))
     if np.max(np.abs(right - stated)) >= LEAST_SHIFT_M:
         before, after = (", ".join(f"{x:.3g}" for x in place) for place in (stated, right))
-        words = f"its position is [{before}] m, the recording shows [{after}] m"
+        words = f"its position is [{before}] m, but the recording shows [{after}] m"
         values = (tuple(stated.tolist()), tuple(right.tolist()))
         wrench = wrench_matrix(plate, position_m=values[1])
         yield PlateHypothesis(PlateKind.POSITION, "position_m", *values, words, wrench, len(axes))
 
 
 def _rotations(equations: PlateEquations, plate: PlateConfig) -> Iterator[PlateHypothesis]:
-    """Yield the plate in every way that a cube can lie, and upright or upside down at any yaw."""
+    """Yield all rotations by multiples of 90°, and any yaw of an upright or inverted plate."""
     stated = rotation_of(plate)
 
     def turned(turn: FloatArray, free: int) -> PlateHypothesis:
@@ -158,7 +158,7 @@ def _sensitivities(equations: PlateEquations, matrix: FloatArray) -> Iterator[Pl
 
 
 def _signs(matrix: FloatArray) -> Iterator[PlateHypothesis]:
-    """Yield reversed readings of every set of channels that is not all of them."""
+    """Yield reversed readings of every set of channels except all channels."""
     for size in range(1, CHANNELS):
         for channels in combinations(range(CHANNELS), size):
             yield _scaled(matrix, channels, (-1.0,) * size, 0)
@@ -174,7 +174,7 @@ def _scaled(
     words = (
         f"the readings of {names} have the wrong sign"
         if set(factors) == {-1.0}
-        else f"the readings of {names} must be {shown} times what they are"
+        else f"the readings of {names} must be multiplied by {shown}"
     )
     key, stated, kind = SENSITIVITY_KEY, (1.0,) * len(channels), PlateKind.SENSITIVITY
     return PlateHypothesis(kind, key, stated, factors, words, scale * matrix, free)
@@ -212,7 +212,7 @@ def _swapped(order: tuple[int, ...], first: int, second: int) -> tuple[int, ...]
 
 
 def _reordered(matrix: FloatArray, order: tuple[int, ...]) -> PlateHypothesis:
-    """Return the hypothesis that the reading stated as channel i's is that of `order[i]`."""
+    """Return the hypothesis that the reading of channel i is that of channel `order[i]`."""
     moved = [i for i, other in enumerate(order) if i != other]
     names = [CHANNEL_NAMES[i] for i in moved]
     right = [CHANNEL_NAMES[order[i]] for i in moved]
@@ -241,7 +241,7 @@ def rotation_of(plate: PlateConfig) -> FloatArray:
 def angles_of(rotation: FloatArray) -> tuple[float, float, float]:
     """Return roll, pitch and yaw of a rotation Rz(yaw) Ry(pitch) Rx(roll)."""
     pitch = math.asin(max(-1.0, min(1.0, -float(rotation[2, 0]))))
-    if abs(rotation[2, 0]) > 1.0 - 1e-9:  # roll and yaw turn about one axis: roll takes it all
+    if abs(rotation[2, 0]) > 1.0 - 1e-9:  # roll and yaw have the same axis: yaw is set to zero
         roll = math.copysign(1.0, pitch) * math.atan2(rotation[0, 1], rotation[1, 1])
         yaw = 0.0
     else:

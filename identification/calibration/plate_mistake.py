@@ -1,4 +1,4 @@
-"""`PlateMistake`: what is wrong in the description of a force plate, and what is right."""
+"""`PlateMistake`: a mistake in the description of a force plate, and its correction."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from config.model import ConfigModel
 
 
 class PlateKind(StrEnum):
-    """What kind of mistake it is."""
+    """Kind of a mistake."""
 
     SIZE = "plate size"
     POSITION = "plate position"
@@ -21,15 +21,15 @@ class PlateKind(StrEnum):
 
 
 class PlateMistake(ConfigModel):
-    """What is probably wrong in the plate's description.
+    """A probable mistake in the plate's description.
 
     Attributes:
-        kind: What is wrong.
-        key: The key of the cell file's `plate` that states it.
-        stated, right: Its value, and the value that explains the plate; of sensitivities the
-            factors, of an order the channels' numbers.
-        times_better: By which factor the residual falls where it falls most; 1 if the arm's weight
-            tells the mistake and no residual does.
+        kind: Kind of the mistake.
+        key: The wrong key of the cell file's `plate`.
+        stated, right: The stated value, and the value that explains the measurement; for
+            sensitivities the factors, for an order the channels' numbers.
+        times_better: Largest factor by which a residual falls; 1 if only the arm's weight reveals
+            the mistake.
         sentence: The finding in words.
     """
 

@@ -1,8 +1,8 @@
-"""`find_plate_mistake`: what may be wrong in the description of a force plate.
+"""`find_plate_mistake`: search for a mistake in the description of a force plate.
 
 A plate's wrench must be that of some robot, whatever its motors measure: its six components share
-the links' parameters. A wrong size, place, direction or sensitivity contradicts that, but for a
-factor that all channels have in common: the drawn weight of the arm tells that.
+the links' parameters. A wrong size, position, direction or sensitivity contradicts this. The
+exception is a factor common to all channels, which the drawn weight of the arm reveals.
 """
 
 from __future__ import annotations
@@ -46,13 +46,13 @@ def find_plate_mistake(
     model: RobotModel,
     base: BaseParameters,
 ) -> PlateMistake | None:
-    """Return the mistake in a plate's description that explains its wrench far better, if any.
+    """Return the mistake that explains the plate's wrench far better, or None.
 
     Args:
         averages: The runs' mean periods.
-        equations: Their equations, of the external or the combined model.
-        delays_s: By how much the plate's signals were late in each run [s].
-        plate: The plate as its cell file describes it.
+        equations: Equations of the mean periods, of the external or the combined model.
+        delays_s: Delay of the plate's signals in each run [s].
+        plate: The plate as described in its cell file.
         robot: The robot, for its drawings.
         base: The parameters of the equations.
     """
@@ -69,13 +69,13 @@ def best_mistake(
     drawn: FloatArray,
     plausible: tuple[float, float],
 ) -> PlateMistake | None:
-    """Return the mistake in a plate's description that explains condensed equations far better.
+    """Return the mistake whose correction explains condensed equations far better, or None.
 
     Args:
-        equations: The wrench.
-        plate: The plate as its cell file describes it.
-        drawn: Shape (b,). The parameters by the robot's drawings.
-        plausible: Smallest and largest weight of a real arm over the drawn one.
+        equations: Condensed equations of the wrench.
+        plate: The plate as described in its cell file.
+        drawn: Shape (b,). The parameters from the robot's drawings.
+        plausible: Smallest and largest ratio of a real arm's weight to the drawn one.
     """
     matrix = wrench_matrix(plate)
     before = equations.shares(matrix)
@@ -90,7 +90,7 @@ def best_mistake(
             tried.append((gain - ONE_MORE_FREE * each.free, float(times.max()), each))
     if tried:
         _, times_better, best = max(tried, key=lambda each: each[0])
-        why = f"That explains its wrench up to {times_better:.2g} times better"
+        why = f"This reduces the residual of the wrench by a factor of up to {times_better:.2g}"
         return _mistake(best.kind, best.key, best.stated, best.right, times_better, best.words, why)
     if np.any(before > EXPLAINED_SHARE):
         return None
@@ -98,9 +98,9 @@ def best_mistake(
 
 
 def _of_all_channels(weight: float, plausible: tuple[float, float]) -> PlateMistake | None:
-    """Return the mistake of a sign or a factor that all channels have in common.
+    """Return the mistake of a sign or a factor that is common to all channels.
 
-    Another arm explains such a wrench as well: the drawn one tells it.
+    A wrench with such a mistake is that of another arm; only the drawn arm reveals it.
     """
     low, high = plausible
     if low <= weight <= high:
@@ -110,9 +110,9 @@ def _of_all_channels(weight: float, plausible: tuple[float, float]) -> PlateMist
     words = (
         reversed_
         if factor == -1.0
-        else f"the readings of all channels must be about {factor:.2g} times what they are"
+        else f"the readings of all channels must be multiplied by about {factor:.2g}"
     )
-    why = f"By them the arm has {weight:.2g} times the weight that `cad` or its size tells"
+    why = f"As stated, the arm has {weight:.2g} times the weight expected from `cad` or its size"
     key, stated, right = SENSITIVITY_KEY, (1.0,) * CHANNELS, (factor,) * CHANNELS
     return _mistake(PlateKind.SENSITIVITY, key, stated, right, 1.0, words, why)
 
@@ -127,8 +127,9 @@ def _mistake(
     why: str,
 ) -> PlateMistake:
     sentence = (
-        f"The force plate is probably described wrongly: {words}. {why}; correct `plate.{key}` in"
-        " the cell file. Torque constants are not compared with the plate until then."
+        f"The description of the force plate is probably wrong: {words}. {why}. Correct"
+        f" `plate.{key}` in the cell file. Until then, torque constants are not compared with the"
+        " plate."
     )
     return PlateMistake(
         kind=kind,

@@ -1,8 +1,9 @@
-"""`TorqueScale`: whether an axis's torque constant agrees with the force plate.
+"""`TorqueScale`: agreement of an axis's torque constant with the force plate.
 
-The plate measures newtons without any motor. With a factor of its own on each axis's torques the
-combined equations tell how far every torque constant is off, with an interval; friction does not
-count, since the plate does not feel it and each axis's takes up the factor.
+The plate measures forces independently of any motor. With one additional factor on each axis's
+torques, the combined equations determine the error of every torque constant, with an interval.
+Friction has no effect on the result: the plate does not measure it, and each axis's friction
+parameters absorb the factor.
 """
 
 from __future__ import annotations
@@ -30,13 +31,13 @@ WORTH_TELLING: Final = 0.02
 
 @dataclass(frozen=True)
 class TorqueScale:
-    """How the torques of one axis compare with the force plate.
+    """Torques of one axis compared with the force plate.
 
     Attributes:
         joint: The axis.
-        ratio: Torque as measured over torque as the plate has it.
+        ratio: Measured torque over the torque according to the plate.
         sigma: Standard deviation of the ratio, cluster-robust.
-        p_value: Probability of such a deviation from 1 on any axis where all agree (Holm).
+        p_value: Probability of such a deviation from 1 on any axis if all agree (Holm).
     """
 
     joint: str
@@ -46,17 +47,17 @@ class TorqueScale:
 
     @property
     def wrong(self) -> bool:
-        """Whether the axis does not agree with the plate."""
+        """True if the axis does not agree with the plate."""
         return self.p_value < SIGNIFICANT_P and abs(self.ratio - 1.0) >= WORTH_TELLING
 
 
 @dataclass(frozen=True)
 class TorqueConsistency:
-    """The consistency test of all axes.
+    """Result of the consistency test of all axes.
 
     Attributes:
-        axes: One an axis.
-        p_value: Probability of deviations like these where torque constants and plate agree.
+        axes: Result of each axis.
+        p_value: Probability of such deviations if torque constants and plate agree.
     """
 
     axes: tuple[TorqueScale, ...]
@@ -68,7 +69,7 @@ class TorqueConsistency:
         wrong = [axis for axis in self.axes if axis.wrong]
         if not wrong:
             ratios = ", ".join(f"{a.ratio:.4f} ± {2.0 * a.sigma:.4f}" for a in self.axes)
-            small = "; so little, a gear's friction under load can do"
+            small = "; load-dependent friction can cause such small deviations"
             return (
                 "Torque constants and force plate agree: measured over expected torque is"
                 f" {ratios} (p = {self.p_value:.2g}"
@@ -82,11 +83,11 @@ class TorqueConsistency:
         )
         if len(wrong) == len(self.axes) > 1 and self._alike():
             return (
-                f"Against the force plate, all torques are off by the same factor: {words}. More"
-                " likely than every torque constant the plate's sensitivity is wrong."
+                f"Compared with the force plate, all torques differ by the same factor: {words}."
+                " The plate's sensitivity is probably wrong, rather than every torque constant."
             )
         return (
-            f"Against the force plate, {words}: check the torque constant and the gear ratio"
+            f"Compared with the force plate, {words}: check the torque constant and the gear ratio"
             f" of {' and of '.join(axis.joint for axis in wrong)}."
         )
 
@@ -105,11 +106,12 @@ def torque_consistency(fitted: FittedPeriods) -> TorqueConsistency:
         fitted: A fit of the combined model.
 
     Raises:
-        EstimationError: It is of another model, or the motion does not tell the factors.
+        EstimationError: The fit is of another model, or the motion does not determine the factors.
     """
     if fitted.options.kind != "combined":
         raise EstimationError(
-            "only the combined model tells whether torques and plate agree",
+            "torques and plate can be compared only in the combined model: identify the combined"
+            " model",
             code="RID-MODEL-NOT-COMBINED",
         )
     joints = fitted.robot.joint_names
@@ -153,7 +155,7 @@ def torque_consistency(fitted: FittedPeriods) -> TorqueConsistency:
 def _scaled(
     parts: tuple[WhitenedEquations, ...], near: FloatArray, scale: FloatArray
 ) -> Iterator[WhitenedEquations]:
-    """Yield outputs linearised in the factors of the joints' torques, which come first."""
+    """Yield outputs linearised in the factors of the joints' torques; joints come first."""
     for j, part in enumerate(parts):
         columns = np.zeros((len(part.rhs), len(scale)))
         if j < len(scale):

@@ -1,4 +1,5 @@
-"""Whether a robot with such parameters can exist, and the closest one that can.
+"""Physical consistency of parameters, and the closest physically consistent robot.
 
-Physics of rigid bodies alone: no data. Begin with `pseudo_inertia.py`; decision 0013 says why.
+This folder contains only rigid-body physics, no data. Start with `pseudo_inertia.py`; decision 0013
+gives the reasons.
 """

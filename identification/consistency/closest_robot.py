@@ -1,10 +1,10 @@
 """`ConsistentEstimate`: the physically consistent standard parameters closest to an estimate.
 
-Base parameters are what the torques show: sums over several links. Noise can make them such that no
-robot has them. Here every link's pseudo-inertia is positive definite (Wensing, Kim and Slotine
-2018, "Linear matrix inequalities for physically consistent inertial parameter identification"), no
-rotor's inertia and no friction that brakes is negative, and of all such robots the one is taken
-whose base parameters are closest to the estimate, in its own sigmas.
+Torques determine base parameters, which are sums over several links. Because of noise there may be
+no robot with the estimated sums. Here every link's pseudo-inertia is positive definite (Wensing,
+Kim and Slotine 2018, "Linear matrix inequalities for physically consistent inertial parameter
+identification"), no rotor's inertia and no braking friction is negative. Of all such robots, the
+one is computed whose base parameters are closest to the estimate, in its own standard deviations.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ class ConsistentEstimate:
     """Standard parameters of a physically consistent robot.
 
     Attributes:
-        estimate: The estimate that they come from.
+        estimate: The estimate from which they were computed.
         standard_values: Shape (p,). Values of `estimate.model.parameter_names`.
-        base_values: Shape (b,). Their base parameters.
+        base_values: Shape (b,). The corresponding base parameters.
     """
 
     estimate: Estimate
@@ -63,12 +63,12 @@ class ConsistentEstimate:
 
     @property
     def moved_sigmas(self) -> FloatArray:
-        """Distance of each base parameter from the estimate, in its sigmas, shape (b,)."""
+        """Distance of each base parameter from the estimate [sigma], shape (b,)."""
         return (self.base_values - self.estimate.values) / self.estimate.sigma
 
     @property
     def sentence(self) -> str:
-        """Result of the test, and the parameter that was moved most."""
+        """Result of the test, and the parameter with the largest distance."""
         moved = self.moved_sigmas
         worst = int(np.argmax(np.abs(moved)))
         most = abs(float(moved[worst]))
@@ -76,7 +76,7 @@ class ConsistentEstimate:
             f"The nearest consistent robot differs most in {self.estimate.base.names[worst]}, by"
             f" {most:.2g} σ."
             if most >= UNMOVED_SIGMAS
-            else "The nearest consistent robot is the one that was identified."
+            else "The nearest consistent robot is the estimate itself."
         )
         return f"{self.test.sentence} {how_far}"
 
@@ -91,15 +91,17 @@ class ConsistentEstimate:
 def consistent(estimate: Estimate) -> ConsistentEstimate:
     """Find the physically consistent robot that is closest to an estimate.
 
-    The distance is chi-square in the metric of `jackknife_metric`. What the measurement cannot see
-    is picked by a weak pull, a thousandth of a chi-square each, towards the drawings' values in
-    their sigmas, or without drawings those of a plausible robot (`nominal_parameters`).
-    Positive definite means: at least a hundredth of the nominal body. A friction of Coulomb and
-    viscous terms has no negative coefficient; any other brakes at every speed from 2 % to 100 % of
-    the joint's limit. Stiffness and preload of a spring are not negative.
+    The squared distance has the metric of `jackknife_metric`, like a chi-squared statistic.
+    Directions that the measurement does not determine are set by a small cost, a thousandth of a
+    chi-squared each, towards the drawings' values in their sigmas, or without drawings towards a
+    plausible robot (`nominal_parameters`).
+
+    Positive definite means at least a hundredth of the nominal body. Friction of Coulomb and
+    viscous terms has no negative coefficient. Any other friction brakes at every speed from 2 % to
+    100 % of the joint's limit. Stiffness and preload of a spring are not negative.
 
     Raises:
-        EstimationError: The solver found none, or a term's constraints are not known.
+        EstimationError: The solver found no solution, or a term's constraints are not known.
     """
     standard = programme(estimate).solve(whiten_parameters(estimate, estimate.values))
     return ConsistentEstimate(estimate, standard, estimate.base.from_standard(standard))

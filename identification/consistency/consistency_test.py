@@ -1,18 +1,22 @@
 """`ConsistencyTest`: test whether identified parameters can be those of a real robot.
 
-Two statistics, each with the law that it has for a consistent robot; the smaller p-value counts
-twice (Bonferroni):
+There are two statistics, each with its distribution for a consistent robot. The smaller p-value is
+doubled (Bonferroni).
 
-- The largest violation of a single parameter that no robot has below zero: one-sided, corrected for
-  the number of such parameters (Holm 1979). It keeps its power with many parameters.
-- The distance d2 to the cone of consistent robots, in the estimate's own metric. Its law is a
-  mixture of chi-squares (Shapiro 1988), which is simulated: estimates of a robot near the estimate
-  are drawn and projected until enough of them lie as far away (Besag and Clifford 1991).
+The first statistic is the largest violation by a single parameter that cannot be negative. The test
+is one-sided, and corrected for the number of such parameters (Holm 1979). It keeps its power with
+many parameters.
 
-The law of d2 depends on how many constraints the true robot meets with equality. The nearest
-consistent robot has everything within `BORDER_SIGMAS` of the border moved onto it (Andrews and
-Soares 2010). Moving a robot towards the cone's apex never makes the law too narrow: the cone is
-convex, so that the distance of beta + k + e is at most that of beta + e for every k in the cone.
+The second statistic is the distance d2 to the cone of consistent robots, in the estimate's own
+metric. Its distribution is a mixture of chi-squares (Shapiro 1988), which is simulated. Estimates
+of a robot near the estimate are drawn and projected until enough estimates have at least this
+distance (Besag and Clifford 1991).
+
+The distribution of d2 depends on the number of constraints that are active for the true robot. For
+the simulation, everything of the nearest consistent robot within `BORDER_SIGMAS` of the border is
+moved to the border (Andrews and Soares 2010). Moving a robot towards the cone's apex never makes
+the distribution too narrow. The cone is convex, so that the distance of beta + k + e is at most
+that of beta + e for every k in the cone.
 """
 
 from __future__ import annotations
@@ -37,19 +41,19 @@ MOST_NAMED: Final = 3
 DRAWS: Final = 120
 ENOUGH: Final = 10
 SEED: Final = 20130013
-NO_DISTANCE: Final = 1e-2  # the pull to the nominal robot costs as much
+NO_DISTANCE: Final = 1e-2  # the cost towards the nominal robot is of this size
 ROUNDING_SHARE: Final = 1e-7
 
 
 @dataclass(frozen=True)
 class Violation:
-    """A parameter that no real robot has below zero, and that was identified there.
+    """A parameter that cannot be negative, but was identified below zero.
 
     Attributes:
-        name, expression: Its name, and the combination of standard parameters that it is.
+        name, expression: Its name, and its combination of standard parameters.
         sigmas: Its distance below zero [standard deviations].
         p_value: Probability of a value as low or lower if the true one is zero, corrected for the
-            number of parameters that were tested.
+            number of tested parameters.
     """
 
     name: str
@@ -63,13 +67,14 @@ class ConsistencyTest:
     """Result of the test.
 
     Attributes:
-        p_value: Of both statistics together.
-        single_p_value: Of the largest single violation.
-        distance_p_value, distance: Of the squared distance from the nearest consistent robot, and
-            that distance in decorrelated standard deviations; None if the single violation refutes
-            already.
+        p_value: P-value of both statistics together.
+        single_p_value: P-value of the largest single violation.
+        distance_p_value, distance: P-value of the squared distance from the nearest consistent
+            robot, and this squared distance in decorrelated standard deviations; None if the single
+            violation is already significant.
         tested: Number of parameters that cannot be negative.
-        violations: Those of them that were identified below zero, the largest first.
+        violations: The tested parameters that were identified below zero, the largest violation
+            first.
     """
 
     p_value: float
@@ -81,17 +86,17 @@ class ConsistencyTest:
 
     @property
     def is_consistent(self) -> bool:
-        """False if every consistent robot is refuted at `SMALLEST_P`."""
+        """False if every consistent robot is rejected at `SMALLEST_P`."""
         return self.p_value >= SMALLEST_P
 
     @property
     def largest(self) -> Violation | None:
-        """The largest single violation; None if no such parameter is below zero."""
+        """The largest single violation; None if no tested parameter is below zero."""
         return self.violations[0] if self.violations else None
 
     @property
     def refuted(self) -> tuple[Violation, ...]:
-        """The violations that are significant each."""
+        """The violations that are individually significant."""
         return tuple(each for each in self.violations if 2.0 * each.p_value < SMALLEST_P)
 
     @property
@@ -104,11 +109,11 @@ class ConsistencyTest:
             parts = [f"{v.expression} is {v.sigmas:.1f} σ below zero" for v in self.refuted]
             more = len(parts) - MOST_NAMED
             named = "; ".join(parts[:MOST_NAMED]) + (f"; and {more} more" if more > 0 else "")
-            why = f"{named}. No robot has these below zero"
+            why = f"{named}. In a real robot these are not negative"
         else:
             far = 0.0 if self.distance is None else self.distance
             why = (
-                f"together they lie {np.sqrt(far):.1f} σ from the nearest consistent robot;"
+                f"together they are {np.sqrt(far):.1f} σ away from the nearest consistent robot;"
                 f" {self._largest}"
             )
         return f"The parameters are NOT physically consistent ({p}): {why}."
@@ -132,7 +137,7 @@ class JudgedParameters:
         names, expressions: Names, and the combinations of standard parameters.
         values, sigma: Shape (b,). Values and standard deviations.
         factor: Shape (b, b). Lower Cholesky factor of their correlations.
-        clusters: Parts of the data that the standard deviations rest on; None if they are known.
+        clusters: Number of clusters of the standard deviations; None if these are exact.
     """
 
     names: tuple[str, ...]
@@ -148,8 +153,8 @@ def judge_consistency(parameters: JudgedParameters, cone: ConsistencyProgramme) 
 
     Args:
         parameters: The estimate.
-        cone: The consistent robots, without floors and with a weak pull; its targets are the
-            parameters in decorrelated standard deviations.
+        cone: The programme of consistent robots, without floors and with a small weight of the
+            nominal robot; its targets are the parameters in decorrelated standard deviations.
 
     Raises:
         EstimationError: The solver found no nearest robot.
@@ -177,7 +182,7 @@ def judge_consistency(parameters: JudgedParameters, cone: ConsistencyProgramme) 
 def _violations(
     parameters: JudgedParameters, cone: ConsistencyProgramme
 ) -> tuple[tuple[Violation, ...], int]:
-    """Return the parameters below zero that cannot be, the largest first, and how many cannot."""
+    """Return the violations, the largest first, and the number of tested parameters."""
     tested = np.flatnonzero(cannot_be_negative(parameters, cone))
     z = (parameters.values / parameters.sigma)[tested]
     if parameters.clusters is None:
@@ -194,11 +199,11 @@ def _violations(
 
 
 def cannot_be_negative(parameters: JudgedParameters, cone: ConsistencyProgramme) -> BoolArray:
-    """Return the parameters that no consistent robot has below zero, shape (b,).
+    """Return a mask of the parameters that are not negative in any consistent robot, shape (b,).
 
     A parameter is a sum over the bodies <Y, P> of coefficients Y with pseudo-inertias P, and over
-    scalars. It cannot be negative exactly if every Y is positive semidefinite, no scalar has a
-    negative coefficient, and none that may be negative has one at all.
+    scalars. It cannot be negative if and only if every Y is positive semidefinite, no scalar has a
+    negative coefficient, and no scalar that may be negative has a coefficient other than zero.
     """
     rows = (parameters.sigma[:, np.newaxis] * parameters.factor) @ cone.effects
     alone, _ = _constrained(cone)
@@ -215,7 +220,7 @@ def cannot_be_negative(parameters: JudgedParameters, cone: ConsistencyProgramme)
 
 
 def _constrained(cone: ConsistencyProgramme) -> tuple[BoolArray, BoolArray]:
-    """Return the parameters that must not be negative alone, and those together, each (p,)."""
+    """Return masks of parameters constrained individually and only jointly, each (p,)."""
     involved = cone.not_negative != 0.0
     single = np.count_nonzero(involved, axis=1) == 1
     alone = np.any(involved[single], axis=0)
@@ -223,11 +228,11 @@ def _constrained(cone: ConsistencyProgramme) -> tuple[BoolArray, BoolArray]:
 
 
 def _towards_apex(cone: ConsistencyProgramme, y: FloatArray) -> FloatArray:
-    """Return a robot with everything within `BORDER_SIGMAS` of the border moved onto it.
+    """Return a robot with everything within `BORDER_SIGMAS` of the border moved to the border.
 
-    Of each body, each eigenvalue of its pseudo-inertia becomes zero if that moves the base
-    parameters by less; so does each scalar. Curved friction, whose terms brake together, becomes
-    zero as a whole in any case.
+    Each eigenvalue of a body's pseudo-inertia becomes zero if this moves the base parameters by
+    less than this distance; so does each scalar. Friction with several joint constraints always
+    becomes zero as a whole.
     """
     out = y.copy()
     for body in cone.bodies:
@@ -247,12 +252,12 @@ def _towards_apex(cone: ConsistencyProgramme, y: FloatArray) -> FloatArray:
 def _simulated_tail(
     cone: ConsistencyProgramme, centre: FloatArray, distance: float, clusters: int | None
 ) -> float:
-    """Return the probability that an estimate of a robot lies as far away as `distance`."""
+    """Return the probability that an estimate of a robot has at least this `distance`."""
     random = np.random.default_rng(SEED)
     exceeded = 0
     for draw in range(1, DRAWS + 1):
         error = random.normal(size=len(centre))
-        if clusters is not None:  # their standard deviations are uncertain: Student's t
+        if clusters is not None:  # the standard deviations are uncertain: Student's t
             freedom = clusters - 1
             error *= np.sqrt(freedom / random.chisquare(freedom)) / widening(clusters)
         target = centre + error
@@ -263,7 +268,7 @@ def _simulated_tail(
 
 
 def _widest_tail(distance: float, count: int, clusters: int | None) -> float:
-    """Return an upper bound of that probability: that of a robot without any freedom."""
+    """Return an upper bound of this probability: that of a robot without any freedom."""
     if clusters is None:
         return float(chdtrc(count, distance))
     return float(fdtrc(count, clusters - 1, distance * widening(clusters) ** 2 / count))

@@ -24,7 +24,7 @@ SPEEDS: Final = 40
 
 
 def bodies(model: RobotModel) -> tuple[slice, ...]:
-    """Return the places of the ten parameters of each link, and of a payload."""
+    """Return the indices of the ten parameters of each link, and of a payload."""
     return tuple(
         slice(start, start + PARAMETERS_PER_LINK)
         for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True)
@@ -36,11 +36,10 @@ def bodies(model: RobotModel) -> tuple[slice, ...]:
 def not_negative(model: RobotModel, robot: RobotDescription) -> FloatArray:
     """Return rows G, shape (k, p), of G theta >= 0: rotors, springs, and friction that brakes.
 
-    Offsets of friction, its change with temperature and the Fourier form of a spring are free.
+    Friction offsets, temperature coefficients and the Fourier form of a spring are unconstrained.
 
     Raises:
-        EstimationError: The model has a term or a friction function whose constraints are not
-            known.
+        EstimationError: The constraints of a term or a friction function are not known.
     """
     names, identity = model.parameter_names, np.eye(len(model.parameter_names))
     rows: list[FloatArray] = []
@@ -64,8 +63,9 @@ def not_negative(model: RobotModel, robot: RobotDescription) -> FloatArray:
                     )
             case _:
                 raise EstimationError(
-                    f"physical consistency is not known of the model's term {term.name}: state its"
-                    " constraints in identification/consistency/constraints.py, or leave it out",
+                    f"the physical constraints of the model's term {term.name} are not known:"
+                    " define them in identification/consistency/constraints.py, or leave the"
+                    " term out",
                     code="RID-MODEL-TERM",
                 )
     return np.array(rows).reshape(-1, len(names))

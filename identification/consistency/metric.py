@@ -1,4 +1,4 @@
-"""The metric of distances from an estimate: its covariance, made to have full rank."""
+"""Metric of distances from an estimate: its covariance, modified to have full rank."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ from identification.estimation.estimate import Estimate
 def jackknife_metric(estimate: Estimate) -> tuple[FloatArray, FloatArray]:
     """Return the estimate's sigmas and the Cholesky factor of its correlations.
 
-    The cluster-robust covariance of a short recording is singular: it has a direction for each
-    second of it. Its sigmas are taken, and correlations half its own, half those of white
-    residuals, which have full rank (shrinkage towards a target, Ledoit and Wolf 2004).
+    The cluster-robust covariance of a short recording is singular, because its rank is at most the
+    number of clusters. Therefore its sigmas are used with averaged correlations: half its own, half
+    those of white residuals, which have full rank (shrinkage towards a target, Ledoit and Wolf
+    2004).
 
     Returns:
         `sigma`, shape (b,). Standard deviations.
         `factor`, shape (b, b). Lower triangular.
 
     Raises:
-        EstimationError: The covariances are not positive.
+        EstimationError: The covariances are not positive definite.
     """
     try:
         correlation = sum(
@@ -32,8 +33,8 @@ def jackknife_metric(estimate: Estimate) -> tuple[FloatArray, FloatArray]:
         return estimate.sigma, np.array(np.linalg.cholesky(correlation), dtype=float)
     except (np.linalg.LinAlgError, FloatingPointError):
         raise EstimationError(
-            "the estimate's covariances are not positive definite, so that no distance from it can"
-            " be told: estimate again from the recordings",
+            "the estimate's covariances are not positive definite, so distances from it cannot"
+            " be computed: estimate again from the recordings",
             code="RID-MODEL-UNSOUND",
         ) from None
 
@@ -46,7 +47,7 @@ def full_rank_covariance(estimate: Estimate) -> FloatArray:
 
 
 def whiten_parameters(estimate: Estimate, values: FloatArray) -> FloatArray:
-    """Return base parameters, (b, ...), in standard deviations and decorrelated."""
+    """Return base parameters, (b, ...), in decorrelated standard deviations."""
     sigma, factor = jackknife_metric(estimate)
     scaled = values / sigma.reshape(-1, *(1,) * (values.ndim - 1))
     return np.asarray(solve_triangular(factor, scaled, lower=True))

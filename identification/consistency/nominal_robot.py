@@ -1,4 +1,4 @@
-"""What a robot is like before anything is measured: from its drawings, or from its geometry."""
+"""Nominal parameters of a robot before any measurement: from its drawings or its geometry."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ MOTIONS: Final = 200
 
 
 def nominal_parameters(model: RobotModel, robot: RobotDescription) -> tuple[FloatArray, FloatArray]:
-    """Return a plausible value for every standard parameter, and how far it may be off.
+    """Return a plausible value for every standard parameter, and its uncertainty.
 
-    Links are as the drawings say. Without drawings each is a nominal cylinder, give or take all of
-    it. All other parameters are zero, give or take what makes torques as large as the links do.
+    Links are as drawn. Without drawings each link is a nominal cylinder with a relative uncertainty
+    of 1. All other parameters are zero, with an uncertainty that causes torques as large as those
+    of the links.
 
     Returns:
         `values, sigmas`, shape (p,). Values and standard deviations, all sigmas finite and
@@ -42,7 +43,7 @@ def nominal_parameters(model: RobotModel, robot: RobotDescription) -> tuple[Floa
 
 
 def _column_sizes(model: RobotModel, robot: RobotDescription) -> FloatArray:
-    """Return the RMS torque per unit of each parameter on lively motions, shape (p,)."""
+    """Return the RMS torque per unit of each parameter on fast random motions, shape (p,)."""
     random = np.random.default_rng(0)
     shape = (MOTIONS, len(robot.joints))
     speed = np.array([joint.limits.velocity for joint in robot.joints])

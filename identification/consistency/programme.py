@@ -30,15 +30,15 @@ _STACKED_BASIS: Final = np.array([_stacked(element) for element in BASIS]).T
 
 @dataclass(frozen=True, eq=False)
 class ConsistencyProgramme:
-    """Least |A theta - target|^2 + weight |(theta - centre) / scale|^2 over consistent robots.
+    """Minimise |A theta - target|^2 + weight |(theta - centre) / scale|^2 over consistent robots.
 
-    A robot is consistent if the pseudo-inertia of every body is at least its floor, and
-    G theta >= 0.
+    A robot is consistent if the pseudo-inertia of every body is at least its floor, and G theta >=
+    0.
 
     Attributes:
-        matrix: Shape (b, p). A, of full row rank: A theta are the base parameters in standard
-            deviations, decorrelated.
-        weight: Of the distance from `centre`.
+        matrix: Shape (b, p). A, of full row rank: A theta are the base parameters in decorrelated
+            standard deviations.
+        weight: Weight of the distance from `centre`.
         centre, scale: Shape (p,). Nominal parameters, and their uncertainty.
         bodies: The ten parameters of each body.
         nominal: Shape (bodies, 4, 4). Pseudo-inertias of the bodies' size, positive definite.
@@ -65,8 +65,9 @@ class ConsistencyProgramme:
     def units(self) -> FloatArray:
         """The matrix S of theta = S y, (p, p).
 
-        y has of each body the ten parameters whose pseudo-inertia is L^-1 P L^-T, with L L^T the
-        nominal one, and of other parameters values in `scale`: numbers of one size.
+        For each body, y contains the ten parameters of the pseudo-inertia L^-1 P L^-T, with L L^T
+        the nominal one. For other parameters it contains values divided by `scale`. Thus all
+        elements of y are of similar size.
         """
         units = np.diag(self.scale)
         for body, nominal in zip(self.bodies, self.nominal, strict=True):
@@ -81,10 +82,10 @@ class ConsistencyProgramme:
 
     @cached_property
     def _directions(self) -> FloatArray:
-        """D of y = start + D (r, z), (p, p): residuals r, and z that change none.
+        """D of y = start + D (r, z), (p, p): residuals r, and z that changes no residual.
 
-        In these coordinates the programme's numbers are of one size, however precise the
-        measurement is.
+        In these coordinates the programme's numbers are of similar size for any precision of the
+        measurement.
         """
         b = len(self.matrix)
         left, size, right = np.linalg.svd(self.effects)
@@ -119,7 +120,7 @@ class ConsistencyProgramme:
         """Return the standard parameters theta, shape (p,).
 
         Args:
-            target: Shape (b,). Base parameters in standard deviations, decorrelated.
+            target: Shape (b,). Base parameters in decorrelated standard deviations.
 
         Raises:
             EstimationError: The solver found no solution.
@@ -138,7 +139,7 @@ class ConsistencyProgramme:
         settings.max_threads = 1
         settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = TOLERANCE
         statuses: list[str] = []
-        for unit in UNITS_SIGMAS:  # far from every consistent robot the solver needs a larger one
+        for unit in UNITS_SIGMAS:  # far from all consistent robots the solver needs a larger unit
             solution = DefaultSolver(
                 self._quadratic,
                 linear / unit,
@@ -152,7 +153,7 @@ class ConsistencyProgramme:
                 x = unit * np.array(solution.x)
                 return np.asarray(self.units @ (start + directions @ x))
         raise EstimationError(
-            f"no physically consistent parameters were found (Clarabel: {', '.join(statuses)});"
-            " look for parameters with senseless values or standard deviations in the estimate",
+            f"no physically consistent parameters were found (Clarabel: {', '.join(statuses)}):"
+            " check the estimate for implausible values or standard deviations",
             code="RID-MODEL-UNSOUND",
         )

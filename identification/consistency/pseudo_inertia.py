@@ -1,4 +1,4 @@
-"""The pseudo-inertia of a body: the matrix that says whether a body can exist."""
+"""Pseudo-inertia of a body: the matrix that determines its physical consistency."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SMALLEST_BODY: Final = (0.01, 0.0, 0.0, 0.0, 4e-7, 0.0, 0.0, 4e-7, 0.0, 4e-7)
 
 
 def _basis() -> FloatArray:
-    """Return the pseudo-inertia of each of the ten parameters alone, (10, 4, 4)."""
+    """Return the pseudo-inertia per unit of each of the ten parameters, (10, 4, 4)."""
     basis = np.zeros((PARAMETERS_PER_LINK, SIZE, SIZE))
     basis[0, 3, 3] = 1.0
     for axis in range(3):
@@ -34,7 +34,7 @@ BASIS: Final = _basis()
 def pseudo_inertia(body: FloatArray) -> FloatArray:
     """Return the 4 x 4 matrix of density moments of a body (Wensing, Kim and Slotine 2018).
 
-    The body can be made of positive mass exactly where this matrix is positive definite.
+    A body of positive mass exists if and only if this matrix is positive definite.
 
     Args:
         body: Shape (..., 10). Mass, first moment and inertia about the frame's origin, as in

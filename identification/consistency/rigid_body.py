@@ -1,4 +1,4 @@
-"""`LinkBody`: a link as people and simulators know it, about its centre of gravity."""
+"""`LinkBody`: a link by mass, centre of gravity and inertia, as simulators describe it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class LinkBody:
 
     @classmethod
     def of(cls, parameters: FloatArray) -> LinkBody:
-        """Take a link's ten parameters about its origin apart (parallel-axis theorem)."""
+        """Return the body of a link's ten parameters about its origin (parallel-axis theorem)."""
         mass, centre = float(parameters[0]), parameters[1:4] / parameters[0]
         inertia = np.zeros((3, 3))
         inertia[np.triu_indices(3)] = parameters[4:]
@@ -34,7 +34,10 @@ class LinkBody:
 
     @property
     def can_exist(self) -> bool:
-        """Whether some distribution of positive mass has these values (Traversaro 2016)."""
+        """True if the link is physically consistent (Traversaro 2016).
+
+        Some distribution of positive mass must have these values.
+        """
         if self.mass_kg <= 0.0:
             return False
         moments = self.principal_moments_kg_m2

@@ -1,4 +1,4 @@
-"""Three other methods on the same data, to be told whether they agree.
+"""Three other estimation methods on the same data, and their agreement with the estimate.
 
-Each solves the same equations in its own way. Begin with `agreement.py`.
+Each method solves the robot's equations in a different form. Start with `agreement.py`.
 """

@@ -1,8 +1,8 @@
-"""`CrossCheck`: the same parameters by another way of thinking, held against an estimate.
+"""`CrossCheck`: the same parameters from another method, compared with an estimate.
 
 Each of the other methods (energies, joint after joint, a Kalman filter) is less precise, but makes
-other mistakes. Where one contradicts the estimate, something that both take for granted differently
-is wrong, and which method it is tells what.
+different assumptions. If a method contradicts the estimate, an assumption in which the two differ
+is wrong; the method indicates which assumption.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ SIGNIFICANT_P: Final = 0.01
 
 
 class CrossMethod(StrEnum):
-    """A way to estimate that differs from the estimate's own."""
+    """An estimation method that differs from the estimate's own."""
 
     ENERGY = "energies"
     LINK_BY_LINK = "joint after joint"
@@ -41,38 +41,39 @@ _FUNCTIONS: Final[dict[CrossMethod, Callable[..., tuple[FloatArray, FloatArray]]
 }
 _SUSPECTS: Final = {
     CrossMethod.ENERGY: (
-        "look at what it does without: accelerations (delays, filters, the band) and"
-        " forces that a motion there and back takes twice"
+        "check what this method does not use, the accelerations (delays, filters, the band),"
+        " and forces whose work does not cancel over a motion in both directions"
     ),
     CrossMethod.LINK_BY_LINK: (
-        "some joint's torque or geometry is off: torque constants, gear ratios and"
-        " the rows of the robot file, or friction that the model lacks"
+        "the torque or geometry of a joint is wrong: check torque constants, gear ratios, the"
+        " rows of the robot file, and friction that the model lacks"
     ),
     CrossMethod.KALMAN: (
-        "the simulated robot moves otherwise than the real one: something that moves is"
-        " missing in the model, or positions and torques are not of the same instant"
+        "the simulated robot moves differently from the real one: the model lacks a moving part,"
+        " or positions and torques are not sampled at the same instant"
     ),
 }
 
 
 _BY_EQUATIONS: Final = frozenset({CrossMethod.LINK_BY_LINK})
-"""Methods with the joints' torque equations, whose columns pass the channel of the torque.
+"""Methods that use the joints' torque equations, whose columns pass the channel of the torque.
 
-A work or a simulation needs the torque that acted, and the recorded torque is never deconvolved.
+The other methods, by energy or by simulation, need the torque that acted, and the recorded torque
+is never deconvolved.
 """
 
 
 @dataclass(frozen=True, eq=False)
 class CrossCheck:
-    """What one other method finds.
+    """Result of one other method.
 
     Attributes:
-        values, sigma: Shape (b,). Its base parameters and their standard deviations; empty where it
+        values, sigma: Shape (b,). Its base parameters and their standard deviations; empty if it
             cannot be used.
-        difference: Shape (b,). Its values less the estimate's, over both standard deviations
-            together.
-        worst: The parameter that differs most, in words.
-        trouble: Why the method cannot be used here; empty where it can.
+        difference: Shape (b,). Its values minus the estimate's, divided by the combined standard
+            deviation.
+        worst: Expression of the parameter that differs most.
+        trouble: Reason why the method cannot be used; empty if it can.
     """
 
     method: CrossMethod
@@ -97,12 +98,12 @@ class CrossCheck:
 
     @property
     def agrees(self) -> bool | None:
-        """Whether it agrees with the estimate; None where it cannot be used."""
+        """True if the method agrees with the estimate; None if it cannot be used."""
         return None if self.trouble else self.p_value >= SIGNIFICANT_P
 
     @property
     def sentence(self) -> str:
-        """The finding in words."""
+        """The finding in one sentence."""
         name = f"{self.method[0].upper()}{self.method[1:]}"
         if self.trouble:
             return f"{name}: not checked: {self.trouble}"
@@ -117,7 +118,7 @@ def cross_checks(estimate: Estimate, runs: tuple[TimeRun, ...]) -> Iterator[Cros
 
     Args:
         estimate: The estimate to check.
-        runs: The recordings that it comes from.
+        runs: The recordings of the estimate.
     """
     for method in CrossMethod:
         yield check(method, estimate, runs)
@@ -126,8 +127,9 @@ def cross_checks(estimate: Estimate, runs: tuple[TimeRun, ...]) -> Iterator[Cros
 def check(method: CrossMethod, estimate: Estimate, runs: tuple[TimeRun, ...]) -> CrossCheck:
     """Estimate by one other method.
 
-    The two estimates come from the same data, so their difference scatters less than the sum of
-    the variances says: the test is on the safe side of agreement.
+    Both estimates come from the same data, so that their difference scatters less than the sum of
+    the variances suggests. The test therefore reports false contradictions less often than its
+    level.
     """
     try:
         if method not in _BY_EQUATIONS:
@@ -144,13 +146,13 @@ def check(method: CrossMethod, estimate: Estimate, runs: tuple[TimeRun, ...]) ->
 
 
 def _refuse_channels(runs: tuple[TimeRun, ...]) -> None:
-    """Refuse recordings whose torque is late or was filtered."""
+    """Refuse recordings whose torque was delayed or filtered."""
     for run in runs:
         channel = run.signals.channel
         if channel is not None and channel.changes:
             raise EstimationError(
-                f"the recorded torque passed a channel ({channel.kind}), and this method needs the"
-                " torque that acted: switch the filter of the drives off, or correct the time of"
-                " the torques in the recording",
+                f"the recorded torque passed a channel ({channel.kind}), but this method needs"
+                " the torque that acted: switch off the filter of the drives, or correct the"
+                " time of the torques in the recording",
                 code="RID-CROSS-CHECK-CHANNEL",
             )

@@ -1,9 +1,9 @@
-"""Base parameters by the energy theorem, which needs no acceleration (2.1, 2.2).
+"""Base parameters from the energy theorem, which needs no acceleration (2.1, 2.2).
 
-The work of the actuators over an interval is the change of kinetic energy, what gravity and springs
-take, and what friction takes. It is one equation an interval for the whole robot, so it says less
-than the torques do; as it shares with them neither the second derivative nor the equations of
-motion, it tells whether those are right (Gautier and Khalil 1988, Kozlowski 1998).
+The work of the actuators over an interval is the change of kinetic energy, plus the work against
+gravity and springs, plus the work of friction. This gives one equation per interval for the whole
+robot, which is less information than the torques contain. It uses neither the second derivative nor
+the equations of motion, and therefore tests both (Gautier and Khalil 1988, Kozlowski 1998).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ INTERVAL_S = 0.1
 def estimate_by_energy(
     estimate: Estimate, runs: tuple[TimeRun, ...]
 ) -> tuple[FloatArray, FloatArray]:
-    """Estimate the base parameters of a model from works and energies.
+    """Estimate the base parameters of a model from work and energy.
 
     Args:
         estimate: The model, and the size of each joint's residuals, which weights the intervals.
@@ -36,17 +36,17 @@ def estimate_by_energy(
 
     Returns:
         `values`, shape (b,). Base parameters.
-        `covariance`, shape (b, b). From residuals of whatever colour; see
-            `identification.regression.intervals`.
+        `covariance`, shape (b, b). Cluster-robust covariance from residuals of any colour; see
+        `identification.regression.intervals`.
 
     Raises:
-        EstimationError: The motion does not show the parameters this way, or the gears lose a share
-            of their load, which the theorem does not know.
+        EstimationError: The motion does not determine the parameters this way, or the gears have
+            losses, which the theorem does not contain.
     """
     if estimate.model.transmission.losses:
         raise EstimationError(
-            "energies say nothing of gears that lose a share of their load: leave the friction term"
-            " `load` and efficiencies out",
+            "the energy method does not model gear losses: remove the friction term `load` and"
+            " the gear efficiencies from the model",
             code="RID-MODEL-LOAD-FRICTION",
         )
     triangle = Triangle.empty(len(estimate.base))
@@ -66,7 +66,7 @@ def _intervals(
 ) -> Iterator[tuple[FloatArray, FloatArray, IntArray]]:
     """Yield matrix (intervals, b), work (intervals,) over its noise, and event, segment by segment.
 
-    An interval belongs to the stretch of time that it starts in.
+    An interval belongs to the event in which it starts.
     """
     for run in runs:
         event, signals = run.event, run.signals
@@ -92,12 +92,12 @@ def _intervals(
 def _energies(
     estimate: Estimate, run: TimeRun, rows: slice
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return energy stored and lost per unit parameter, work done, and noise power, up to a time.
+    """Return stored and lost energy per unit parameter, work done, and noise power, over time.
 
-    Kinetic energy is half the product of velocity and momentum; the momentum M v is the torque at
-    rest with acceleration v, less the one with none.
+    Kinetic energy is half the product of velocity and momentum. The momentum M v is the torque at
+    standstill with the acceleration v, minus the torque without acceleration.
     """
-    from scipy.integrate import cumulative_simpson  # large, and few estimates are checked
+    from scipy.integrate import cumulative_simpson  # a large import, which few estimates need
 
     model, base, signals = estimate.model, estimate.base, run.signals
     q, v = signals.position[rows], signals.velocity[rows]

@@ -1,9 +1,9 @@
-"""Base parameters by an extended Kalman filter that simulates the robot and corrects itself.
+"""Base parameters from an extended Kalman filter that simulates the robot and corrects itself.
 
-The measured torques drive a simulation of the robot; where the measured positions contradict it,
-positions, speeds and base parameters are corrected together (Gautier and Poignet 2001). No signal
-is differentiated, forward dynamics stands where the other methods have inverse dynamics, and the
-parameters are followed sample by sample.
+The measured torques drive a simulation of the robot. If the measured positions differ, positions,
+speeds and base parameters are corrected together (Gautier and Poignet 2001). The method
+differentiates no signal, uses forward dynamics instead of inverse dynamics, and updates the
+parameters sample by sample.
 """
 
 from __future__ import annotations
@@ -34,27 +34,28 @@ def estimate_by_kalman_filter(
 ) -> tuple[FloatArray, FloatArray]:
     """Estimate the base parameters of a model with an extended Kalman filter.
 
-    The filter starts at the estimate with a tenth of its information, and goes through the
-    recordings twice, the second time with a tenth of its own: the start tells it little. From
-    further away it need not find back: light wrists with friction make a simulation stiff.
+    The filter starts at the estimate with a tenth of its information. It processes the recordings
+    twice, the second time with a tenth of its own information, so that the start has little effect.
+    It may not converge from a more distant start, because light wrists with friction make the
+    simulation stiff.
 
     Args:
         estimate: The model, and the size of each joint's residuals, which is the torques' noise.
-        runs: The recordings; of their motion the positions are used.
+        runs: The recordings; only the positions of their motion are used.
 
     Returns:
         `values`, shape (b,). Base parameters.
-        `covariance`, shape (b, b). The filter's own, which takes noise for white, times what colour
-            makes of the estimate's.
+        `covariance`, shape (b, b). The filter's own covariance, which assumes white noise,
+        multiplied by the ratio of cluster-robust to white covariance of the estimate.
 
     Raises:
-        EstimationError: The gears lose a share of their load, or the simulated robot runs away from
-            the measured.
+        EstimationError: The gears have losses, or the simulated robot diverges from the measured
+            motion.
     """
     if estimate.model.transmission.losses:
         raise EstimationError(
-            "the Kalman filter does not simulate gears that lose a share of their load: leave the"
-            " friction term `load` and efficiencies out",
+            "the Kalman filter does not model gear losses: remove the friction term `load` and"
+            " the gear efficiencies from the model",
             code="RID-MODEL-LOAD-FRICTION",
         )
     values = estimate.values
@@ -85,9 +86,9 @@ class _Simulation:
     def through(
         self, rows: np.ndarray, values: FloatArray, covariance: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Go through one segment; return the parameters and their covariance at its end."""
+        """Process one segment; return the parameters and their covariance at its end."""
         signals, n, b = self.run.signals, self.estimate.model.chain.n, len(values)
-        # Noise of this size at every sample says as much as the noise inside the band.
+        # White noise per sample with the same information as the noise inside the band.
         per_sample = 1.0 / (2.0 * signals.cutoff_hz * signals.sample_period_s)
         noise = per_sample * POSITION_SIGMA**2 * np.eye(n)
         state = np.concatenate([signals.position[rows[0]], signals.velocity[rows[0]], values])
@@ -102,7 +103,7 @@ class _Simulation:
                 gain = np.linalg.solve(spread[:n, :n] + noise, spread[:n]).T
             except (np.linalg.LinAlgError, FloatingPointError):
                 raise EstimationError(
-                    f"the robot that the Kalman filter simulates runs away at"
+                    "the robot that the Kalman filter simulates diverges at"
                     f" {signals.time_s[row]:.3g} s: the model does not fit the recording",
                     code="RID-MODEL-MISFIT",
                 ) from None
@@ -116,7 +117,7 @@ class _Simulation:
     def _ahead(
         self, row: int, following: int, state: FloatArray, loudest: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the next state (Heun), its slope by this one, and how torque noise enters it."""
+        """Return the next state (Heun), its derivative, and the torque noise's effect."""
         signals, model = self.run.signals, self.estimate.model
         n, step_s = model.chain.n, signals.sample_period_s
         q, v, beta = state[:n], state[n : 2 * n], state[2 * n :]
@@ -133,7 +134,7 @@ class _Simulation:
                 beta,
             ]
         )
-        # Near standstill friction is as steep as one likes: what counts is its slope outside.
+        # Near standstill the slope of friction is unbounded: use the slope at the standstill speed.
         standstill = standstill_of(model, self.estimate.standstill_rad_s)
         lively = np.copysign(np.maximum(np.abs(v), standstill), v)
         motion = (q[np.newaxis], lively[np.newaxis], a[np.newaxis])
@@ -144,7 +145,7 @@ class _Simulation:
         slope[:n, n : 2 * n] += step_s * np.eye(n)
         slope[:n] += 0.5 * step_s**2 * by_state
         slope[n : 2 * n] += step_s * by_state
-        # A joint that stands may be held by any friction: its torque says next to nothing.
+        # At standstill friction can have any value, so the joint's torque has a large uncertainty.
         slow = np.abs(model.actuator_speed(v[np.newaxis])[0]) < standstill
         sigma = np.where(slow, loudest, 0.0)
         sigma = np.maximum(sigma, self.estimate.residual_nm)

@@ -1,9 +1,10 @@
-"""Base parameters joint after joint, from the last one inward.
+"""Base parameters estimated joint after joint, from the last one inward.
 
-A joint feels the links behind it alone, so the last joint's torques are explained by the last link,
-the next ones' by one link more, and so on (Atkeson, An and Hollerbach 1986; Olsen and Bekey 1986).
-What outer joints have settled is taken as true further in. Where the joints' torques contradict
-each other, by a wrong scale or a wrong geometry, this differs from the fit of all at once.
+Only the links beyond a joint affect its torque. The last link therefore explains the torque of the
+last joint, the last two links that of the joint before, and so on (Atkeson, An and Hollerbach 1986;
+Olsen and Bekey 1986). Parameters from outer joints are treated as exact for inner joints. If the
+joints' torques contradict each other, because of a wrong scale or geometry, the result differs from
+that of a common fit.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ def estimate_link_by_link(
 ) -> tuple[FloatArray, FloatArray]:
     """Estimate the base parameters of a model, joint after joint.
 
-    Each joint's equations are solved for the directions of parameter space that no joint behind it
-    has seen; those that it does not see either wait for the next.
+    Each joint's equations are solved for those parameter directions that no joint beyond it has
+    determined. Directions that the joint does not determine either are left to the next joint.
 
     Args:
         estimate: The model.
@@ -36,12 +37,12 @@ def estimate_link_by_link(
 
     Returns:
         `values`, shape (b,). Base parameters.
-        `covariance`, shape (b, b). From residuals of whatever colour
-            (`identification.regression.intervals`), with what the errors of outer joints do to
-            inner ones.
+        `covariance`, shape (b, b). From residuals of any colour
+        (`identification.regression.intervals`), including the effect of outer joints' errors on
+        inner joints.
 
     Raises:
-        EstimationError: The motion does not show the parameters.
+        EstimationError: The motion does not determine the parameters.
     """
     b, n = len(estimate.base), estimate.model.chain.n
     triangles = [Triangle.empty(b) for _ in range(n)]
@@ -52,7 +53,7 @@ def estimate_link_by_link(
     if not size.all():
         hidden = [name for name, s in zip(estimate.base.names, size, strict=True) if s == 0.0]
         raise EstimationError(
-            f"the motion does not show {', '.join(hidden)}", code="RID-MOTION-UNINFORMATIVE"
+            f"the motion does not determine {', '.join(hidden)}", code="RID-MOTION-UNINFORMATIVE"
         )
 
     scaled, steps = np.zeros(b), [np.zeros((b, 0)) for _ in range(n)]
@@ -68,7 +69,7 @@ def estimate_link_by_link(
         worst = np.argsort(-np.linalg.norm(unseen, axis=1))[:3]
         names = ", ".join(estimate.base.names[k] for k in worst)
         raise EstimationError(
-            f"the motion does not tell {names} from one another joint by joint",
+            f"joint by joint, the motion does not distinguish {names} from each other",
             code="RID-MOTION-UNINFORMATIVE",
         )
 
@@ -86,7 +87,7 @@ def _condensed(
     basis: FloatArray,
     values: FloatArray,
 ) -> Cluster:
-    """Return what some rows of each joint say of the directions that this joint settles."""
+    """Return the information of some rows of each joint on the directions that it determines."""
     gram, score = [], []
     for (matrix, rhs), directions in zip(rows, own, strict=True):
         seen = (matrix @ directions).T

@@ -83,7 +83,7 @@ def test_without_a_mass_the_weight_is_left_out_and_that_is_said(
     found = base_load(replace(estimate, values=shifted), *motion, WIDE)
     heavy = base_load(estimate, *motion, WIDE, mass_kg=99.0)
     assert not found.weight_known
-    assert "weight is not known" in found.sentence
+    assert "static weight is unknown" in found.sentence
     assert found.peak[2] < 400.0 < 900.0 < heavy.peak[2]
 
 

@@ -72,7 +72,7 @@ def test_it_says_so_to_people(
     assert run(["identify", "excitation", "--model", "combined", *output, *runs]) == 0
     text = " ".join(capsys.readouterr().out.split())
     assert "The force plate divides the standard deviations" in text
-    assert "measured over expected torque" in text or "Against the force plate" in text
+    assert "measured over expected torque" in text or "Compared with the force plate" in text
     assert "m1 + m2 + m3 is the standing weight" in text
 
 

@@ -134,7 +134,7 @@ def test_a_report_is_of_one_model_however_many_were_made(workshop: Path) -> None
     [
         ("2805", 2, "2805 g would be 2.805 kg"),
         ("2400", 6, "grams were given as kilograms"),
-        ("1.4", 6, "weighs twice that"),
+        ("1.4", 6, "has twice that mass"),
     ],
 )
 def test_a_load_mass_that_no_drive_gain_explains_is_refused(
