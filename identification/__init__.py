@@ -1,5 +1,6 @@
 """Base parameters, experiment design, estimators, validation and payloads.
 
-The science of the program: no device, no terminal. Its rooms build on one another, `regression`
-first; begin with `regression/least_squares.py`, then `estimation/periodic_fit.py`.
+This package contains the computations of the program, without devices and terminals. Its folders
+build on one another, starting with `regression`. Start with `regression/least_squares.py`, then
+`estimation/periodic_fit.py`.
 """

@@ -1,6 +1,6 @@
-"""What a person may choose about an estimate, and what holds where nothing is chosen.
+"""Options of an estimate, with their ranges and default values.
 
-The command line's help is made from these, so nothing here imports numerics.
+The command line's help is generated from these, so this module does not import numerical libraries.
 """
 
 from __future__ import annotations
@@ -16,50 +16,51 @@ from config.ranges import Ranged
 
 BAND_HZ: Final = 10.0
 BandHz = Annotated[float, Field(ge=0.01), Plausible(0.1, 1e3, "Hz")]
-"""A highest frequency [Hz]."""
+"""Highest frequency that is used [Hz]."""
 
 STANDSTILL_RAD_S: Final = 0.02
 StandstillRadS = Annotated[float, Field(ge=0.0), Plausible(1e-4, 1.0, "rad/s")]
-"""A lowest speed of friction that is used [rad/s or m/s]."""
+"""Lowest speed at which friction is used [rad/s or m/s]."""
 
 BaseMassKg = Annotated[float, Field(ge=0.0), Plausible(0.1, 1e5, "kg")]
-"""Mass of all that a base carries [kg]."""
+"""Total mass on the base [kg]."""
 
 LoadMassKg = Annotated[float, Field(ge=1e-3), Plausible(1e-3, 2.5e3, "kg")]
-"""A weighed mass [kg]."""
+"""Mass of a weighed load [kg]."""
 
 LoadMassSigmaKg = Annotated[float, Field(ge=1e-6), Plausible(1e-6, 20.0, "kg")]
-"""What scales leave open (1 σ) [kg]."""
+"""Standard deviation of scales (1 σ) [kg]."""
 
 TorqueConstantSigma = Annotated[float, Field(ge=0.0), Plausible(5e-4, 0.5, "")]
-"""What is not known of a torque constant (1 σ), as a share."""
+"""Relative standard deviation of a torque constant (1 σ)."""
 
 UntilMassKg = Annotated[float, Field(ge=1e-4), Plausible(1e-4, 20.0, "kg")]
-"""2 σ of a mass that end a run [kg]."""
+"""Uncertainty of the mass (2 σ) at which a run ends [kg]."""
 
 RehearsalPercent = Annotated[float, Field(ge=0.0), Plausible(1.0, 100.0, "%")]
-"""Speed of a rehearsal [%]."""
+"""Speed of a rehearsal relative to the motion [%]."""
 
 WarmUpPercent = Annotated[float, Field(ge=0.0), Plausible(0.02, 500.0, "%")]
-"""Change of friction in a period that is warm [%]."""
+"""Largest change of friction per period of a warm robot [%]."""
 
 Share = Annotated[float, Field(ge=0.0), Plausible(0.1, 1e3, "%")]
-"""A largest share [%]."""
+"""Limit relative to a reference value [%]."""
 
 Millimetres = Annotated[float, Field(ge=0.0), Plausible(0.05, 500.0, "mm")]
-"""A largest length [mm]."""
+"""Largest length [mm]."""
 
 
 @dataclass(frozen=True)
 class PayloadLimits(Ranged):
-    """How sure a payload must be: 2 sigma at most.
+    """Limits of a payload's uncertainty, each for two standard deviations.
 
     Attributes:
-        mass_percent: Of the mass.
-        centre_mm: Of each coordinate of the centre of gravity.
-        inertia_percent: Of each moment and product of inertia, of the largest moment about the
-            flange.
-        residual_percent: What the fit may leave of each axis' torque (RMS).
+        mass_percent: Limit for the mass [%].
+        centre_mm: Limit for each coordinate of the centre of gravity [mm].
+        inertia_percent: Limit for each moment and product of inertia, relative to the largest
+            moment about the flange [%].
+        residual_percent: Limit for the RMS residual of each axis' torque, relative to the torque
+            [%].
     """
 
     mass_percent: Share = 5.0
@@ -69,7 +70,7 @@ class PayloadLimits(Ranged):
 
 
 class LoadFormat(StrEnum):
-    """Whose controller the payload is for."""
+    """Robot controller for which load data are written."""
 
     KUKA = "kuka"
     ABB = "abb"
@@ -81,4 +82,4 @@ class LoadFormat(StrEnum):
 
 
 REPORTED: Final = ("m", "cx", "cy", "cz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
-"""What people and controllers want: inertia about the centre of gravity."""
+"""Reported quantities of a payload; inertia about the centre of gravity."""

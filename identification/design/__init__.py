@@ -1,5 +1,5 @@
-"""Experiment design: which motion tells the parameters best, within every limit.
+"""Experiment design: motions that determine the parameters best, within every limit.
 
-Earlier estimates count, so that it stands above them. Motions are computed here and planned in
-`acquisition`. Begin with `task.py`, then `problem.py`, then `search.py`.
+Designs can use earlier estimates, so this folder depends on `estimation`. Motions are computed here
+and planned in `acquisition`. Start with `task.py`, then `problem.py`, then `search.py`.
 """

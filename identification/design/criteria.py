@@ -1,8 +1,8 @@
-"""What makes an excitation good: functions of the information about the base parameters.
+"""Criteria of an excitation trajectory: functions of the information about the base parameters.
 
-The information is the inverse of the covariance that an estimate would have, for one sample of
-noise one. Each criterion gives its objective, the smaller the better, and a smooth stand-in with
-its exact gradient for the search.
+The information is the inverse of the covariance that an estimate would have, for one sample with
+unit noise. Each criterion provides its objective, which is minimised, and a smooth approximation
+with its exact gradient for the search.
 """
 
 from __future__ import annotations
@@ -22,30 +22,30 @@ _SMALLEST_EIGENVALUE = 1e-14
 
 
 class Criterion(Protocol):
-    """What a search makes small."""
+    """Quantity that a search minimises."""
 
     @abstractmethod
     def objective(self, information: FloatArray) -> float:
-        """Return the criterion itself of an information matrix (b, b)."""
+        """Return the criterion of an information matrix (b, b)."""
 
     @abstractmethod
     def smooth(self, information: FloatArray) -> tuple[float, FloatArray]:
-        """Return what stands for it in the search, and the derivatives by the elements."""
+        """Return the smooth approximation of the criterion, and its derivatives by the elements."""
 
     @abstractmethod
     def describe(self, objective: float) -> str:
-        """Say what the criterion's value means."""
+        """Return a value of the criterion in words."""
 
 
 @dataclass(frozen=True)
 class DOptimal:
-    """Minus the log determinant of the information, per parameter (D-optimality).
+    """Negative log determinant of the information, per parameter (D-optimality).
 
-    The volume of the confidence ellipsoid, whatever the parameters' units.
+    It measures the volume of the confidence ellipsoid, independent of the parameters' units.
     """
 
     def objective(self, information: FloatArray) -> float:
-        """Return the criterion itself of an information matrix (b, b)."""
+        """Return the criterion of an information matrix (b, b)."""
         return self.smooth(information)[0]
 
     def smooth(self, information: FloatArray) -> tuple[float, FloatArray]:
@@ -54,17 +54,18 @@ class DOptimal:
         return -log_det / len(information), -inverse / len(information)
 
     def describe(self, objective: float) -> str:
-        """Say what the criterion's value means."""
+        """Return a value of the criterion in words."""
         return f"log determinant {-objective:.4g} (per parameter)"
 
 
 @dataclass(frozen=True, eq=False)
 class Condition:
-    """The condition number of the weighted base regressor (2.25, 2.26).
+    """Condition number of the weighted base regressor (2.25, 2.26).
 
-    By default each column is scaled to length one, so that units do not count. The number then
-    does not mind how small a motion is, and a share of the log determinant joins the search.
-    Where `parameter_size` (b,) is given, the columns are multiplied by it instead.
+    By default each column is scaled to length one, so that units have no effect. The condition
+    number then does not depend on the size of a motion, so that the search also uses a fraction of
+    the log determinant. If `parameter_size` (b,) is given, the columns are multiplied by it
+    instead.
     """
 
     parameter_size: FloatArray | None = None
@@ -94,7 +95,7 @@ class Condition:
         return objective, gradient
 
     def describe(self, objective: float) -> str:
-        """Say what the criterion's value means."""
+        """Return a value of the criterion in words."""
         return f"condition number {objective:.4g}"
 
     def _size(self, information: FloatArray) -> FloatArray:
@@ -105,7 +106,7 @@ class Condition:
 
 @dataclass(frozen=True, eq=False)
 class Goals:
-    """The mean log standard deviation of chosen combinations, the rows of `wanted` (k, b).
+    """Mean log standard deviation of chosen combinations, the rows of `wanted` (k, b).
 
     A row with a single one is a parameter; rows of a regressor are predicted torques.
     """
@@ -113,7 +114,7 @@ class Goals:
     wanted: FloatArray
 
     def objective(self, information: FloatArray) -> float:
-        """Return the criterion itself of an information matrix (b, b)."""
+        """Return the criterion of an information matrix (b, b)."""
         return self.smooth(information)[0]
 
     def smooth(self, information: FloatArray) -> tuple[float, FloatArray]:
@@ -126,18 +127,18 @@ class Goals:
         return objective, gradient
 
     def describe(self, objective: float) -> str:
-        """Say what the criterion's value means."""
+        """Return a value of the criterion in words."""
         return f"mean log deviation {objective:.4g}"
 
 
 def column_sizes(information: FloatArray) -> FloatArray:
-    """Return the lengths of the columns behind an information matrix, none of them zero."""
+    """Return the lengths of the columns of an information matrix, all positive."""
     size = np.sqrt(np.maximum(np.diagonal(information), 0.0))
     return np.asarray(np.maximum(size, 1e-9 * max(float(size.max()), 1e-300)))
 
 
 def _log_det(information: FloatArray) -> tuple[float, FloatArray]:
-    """Return the log determinant and the inverse, through the scaled information."""
+    """Return the log determinant and the inverse, computed from the scaled information."""
     size = column_sizes(information)
     eigenvalues, vectors = _eigen(information, size)
     inverse = (vectors / eigenvalues) @ vectors.T / np.outer(size, size)
@@ -145,6 +146,6 @@ def _log_det(information: FloatArray) -> tuple[float, FloatArray]:
 
 
 def _eigen(information: FloatArray, size: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return eigenvalues, ascending and never zero, and vectors of the scaled information."""
+    """Return eigenvalues, ascending and positive, and eigenvectors of the scaled information."""
     eigenvalues, vectors = np.linalg.eigh(information / np.outer(size, size))
     return np.maximum(eigenvalues, _SMALLEST_EIGENVALUE * eigenvalues[-1]), vectors

@@ -1,4 +1,4 @@
-"""`easier_problems`: what is tried where a motion as it was asked for has no room."""
+"""`easier_problems`: easier design tasks to try if a requested motion has no solution."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ SLOWER: Final = (2, 4)
 
 
 def easier_problems(problem: ExcitationProblem) -> Iterator[tuple[str, ExcitationProblem]]:
-    """Yield easier tasks, each with what it is in words: fewer harmonics, then longer periods too.
+    """Yield easier tasks with a description: first fewer harmonics, then also longer periods.
 
-    A period that is longer by a whole factor is a whole number of cycles, as the first one was.
+    A period multiplied by an integer remains a whole number of cycles.
     """
     fewer = max(FEWEST_HARMONICS, problem.harmonics // 2)
     if fewer < problem.harmonics:

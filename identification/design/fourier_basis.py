@@ -15,11 +15,11 @@ def fourier_basis(period_s: float, harmonics: int, points_per_harmonic: int) -> 
     Args:
         period_s: The period [s].
         harmonics: The highest harmonic, N.
-        points_per_harmonic: How many points there are to each of the N harmonics.
+        points_per_harmonic: Number of points per period of the highest harmonic.
 
     Returns:
-        Shape (3, points_per_harmonic N, 2 N + 1). What q, its rate [1/s] and the rate of that
-        [1/s^2] are made of.
+        Shape (3, points_per_harmonic N, 2 N + 1). Basis of q, of its rate [1/s] and of the second
+        derivative [1/s^2].
     """
     points = points_per_harmonic * harmonics
     omega = 2.0 * math.pi / period_s * np.arange(1, harmonics + 1)

@@ -1,4 +1,4 @@
-"""`design_model`: the model that a motion is designed for."""
+"""`design_model`: the model that is used for the design of a motion."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from dynamics.model.transmission import Transmission
 
 
 def design_model(robot: RobotDescription, sign_smoothing_rad_s: float = 0.0) -> RobotModel:
-    """Return the model whose columns count in a design: those that the motion has a say in.
+    """Return the model for a design, with only the terms on which the motion has an influence.
 
-    Friction's dependence on temperature and the gears' losses are left out.
+    The temperature dependence of friction and the gear losses are left out.
     """
     joints = tuple(
         joint.model_copy(

@@ -1,9 +1,10 @@
-"""`ExcitationProblem`: how good a periodic motion is and by how much it breaks limits.
+"""`ExcitationProblem`: criterion of a periodic motion, and the amount by which it violates limits.
 
-The motion of joint j is q0 + sum_k a_k sin(k w t) + b_k cos(k w t) (2.30). All that is asked of it
-is a smooth function of these coefficients: the criterion through the exact gradient of the
-regressor, the limits as squared violations. The criterion is sampled at a handful of points per
-highest harmonic (theory: section 10), the limits at more; `motion_check` verifies the result.
+The motion of joint j is q0 + sum_k a_k sin(k w t) + b_k cos(k w t) (2.30). The criterion and the
+limits are smooth functions of these coefficients: the criterion with the exact gradient of the
+regressor, the limits as squared violations. The criterion is sampled at a few points per period of
+the highest harmonic (theory: section 10), the limits at more points; `check_motion` verifies the
+result.
 """
 
 from __future__ import annotations
@@ -42,26 +43,25 @@ Shifts = tuple[FloatArray, ...]
 
 @dataclass(frozen=True, eq=False)
 class ExcitationProblem:
-    """One design task.
+    """A design task.
 
     Attributes:
-        robot: The robot with its limits and bodies. Gears count as lossless, at reference
+        robot: The robot with its limits and bodies. Gears are assumed lossless, at the reference
             temperature.
         period_s: The period [s].
         harmonics: The highest harmonic of every joint, N.
-        criterion: What is made small.
-        limit_fraction: Share of the position, velocity, acceleration and torque limits that is
-            planned with.
-        expected_noise_nm: Shape (n,). Standard deviation of a torque sample; the rows' weights.
+        criterion: Criterion to minimise.
+        limit_fraction: Usable fraction of the position, velocity, acceleration and torque limits.
+        expected_noise_nm: Shape (n,). Standard deviation of a torque sample, for the rows' weights
+            [N m or N].
         parameters: Shape (parameters,). A-priori standard parameters of `model` for the torque
-            limits; None leaves torque out.
-        given: Shape (b, b). Information about the base parameters that earlier runs hold already,
-            per sample.
-        workspace: Where the robot may be.
+            limits; with None, torque limits are not used.
+        given: Shape (b, b). Information about the base parameters from earlier runs, per sample.
+        workspace: Region in which the robot may be.
         base_limits: Shape (6,). Largest forces [N] and moments [N m] that the base may exert on the
             robot.
-        torque_share: Share of the torque limits that `parameters` may use up: what they leave out
-            takes the rest.
+        torque_share: Fraction of the torque limits for the torques of `parameters`; the rest is for
+            torques that they do not contain.
     """
 
     robot: RobotDescription
@@ -80,41 +80,42 @@ class ExcitationProblem:
         n, b = len(self.robot.joints), len(self.base)
         if self.harmonics < 1 or not 0.0 < self.limit_fraction <= 1.0 or self.period_s <= 0.0:
             raise ConfigError(
-                f"excitation design: harmonics {self.harmonics} must be at least 1, limit_fraction"
-                f" {self.limit_fraction:g} above 0 and at most 1, period_s {self.period_s:g}"
-                " positive",
+                f"excitation design: harmonics is {self.harmonics}, but must be at least 1;"
+                f" limit_fraction is {self.limit_fraction:g}, but must be above 0 and at most 1;"
+                f" period_s is {self.period_s:g}, but must be positive",
                 code="RID-DESIGN-OPTIONS",
             )
         if np.shape(self.expected_noise_nm) != (n,) or np.min(self.expected_noise_nm) <= 0.0:
             raise ConfigError(
-                "excitation design: expected_noise_nm needs a positive value a joint",
+                "excitation design: expected_noise_nm needs one positive value for each joint",
                 code="RID-DESIGN-OPTIONS",
             )
         if self.given is not None and self.given.shape != (b, b):
             raise ConfigError(
-                f"excitation design: the earlier information has the shape {self.given.shape}, the"
-                f" model {b} base parameters: give models of the same robot and terms",
+                f"excitation design: the earlier information has the shape {self.given.shape},"
+                f" but the model has {b} base parameters: use models of the same robot with the"
+                " same terms",
                 code="RID-ROBOT-OTHER",
             )
         if self.base_limits is not None and (
             self.parameters is None or self.base_limits.shape != (6,)
         ):
             raise ConfigError(
-                "excitation design: limits on the base are six, and need a-priori parameters: give"
+                "excitation design: base limits need six values and a-priori parameters: provide"
                 " a model, or `cad` in the robot file",
                 code="RID-ROBOT-CAD",
             )
         names = self.model.parameter_names
         if self.parameters is not None and self.parameters.shape != (len(names),):
             raise ConfigError(
-                f"excitation design: {self.parameters.shape} a-priori values for the"
-                f" {len(names)} parameters of robot {self.robot.name!r}",
+                f"excitation design: the a-priori values have the shape {self.parameters.shape},"
+                f" but robot {self.robot.name!r} has {len(names)} parameters",
                 code="RID-API-ARGUMENT",
             )
 
     @cached_property
     def model(self) -> RobotModel:
-        """The model, whose sign of the speed is hard."""
+        """The model, with the discontinuous sign of the speed."""
         return design_model(self.robot)
 
     @cached_property
@@ -125,7 +126,7 @@ class ExcitationProblem:
 
     @cached_property
     def base(self) -> BaseParameters:
-        """What of the model can be identified at all."""
+        """The base parameters of the model."""
         return base_parameters(self.model)
 
     @cached_property
@@ -140,23 +141,23 @@ class ExcitationProblem:
         return replace(self, workspace=workspace)
 
     def information(self, rows: FloatArray) -> FloatArray:
-        """Return the information per sample of weighted base rows (points, n, b), and `given`."""
+        """Return the information per sample of weighted base rows (points, n, b), plus `given`."""
         flat = rows.reshape(-1, rows.shape[2])
         information = flat.T @ flat / len(rows)
         return information if self.given is None else information + self.given
 
     def weighted_rows(self, standard_regressor: FloatArray) -> FloatArray:
-        """Return base rows over the expected noise, (points, n, b)."""
+        """Return base rows divided by the expected noise, (points, n, b)."""
         return self.base.columns(standard_regressor) / self.expected_noise_nm[:, np.newaxis]
 
     @property
     def size(self) -> int:
-        """The number of variables: offset, sines and cosines of every joint."""
+        """Number of variables: offset, sines and cosines of every joint."""
         return len(self.robot.joints) * (2 * self.harmonics + 1)
 
     @cached_property
     def _scales(self) -> FloatArray:
-        """What a variable of one stands for, (n, 2 N + 1): half range, largest amplitudes."""
+        """Scale of each variable, (n, 2 N + 1): half range, then largest amplitudes."""
         omega = 2.0 * math.pi / self.period_s * np.arange(1, self.harmonics + 1)
         half, velocity, acceleration = self._sizes[:, :, np.newaxis]
         largest = np.minimum(half, np.minimum(velocity / omega, acceleration / omega**2))
@@ -176,7 +177,7 @@ class ExcitationProblem:
         return fourier_basis(self.period_s, self.harmonics, LIMIT_POINTS_PER_HARMONIC)
 
     def motion(self, x: FloatArray, basis: FloatArray) -> FloatArray:
-        """Return q, v, a, (3, points, n), of variables of shape (size,)."""
+        """Return q, v, a, (3, points, n), for variables of shape (size,)."""
         moved = basis @ self._coefficients(x).T
         moved[0] += self._middle
         return np.asarray(moved)
@@ -185,9 +186,9 @@ class ExcitationProblem:
         return np.asarray(x.reshape(self._scales.shape) * self._scales)
 
     def within(self, x: FloatArray) -> FloatArray:
-        """Return variables of the same motion, made smaller where it breaks planned limits.
+        """Return variables of the same motion, scaled down if it violates planned limits.
 
-        All amplitudes shrink by one share, about the motion's middle pose.
+        All amplitudes are multiplied by the same factor; the motion's middle pose does not change.
         """
         q, v, a = self.motion(x, self._fine)
         planned = self.limit_fraction * self._sizes
@@ -203,19 +204,19 @@ class ExcitationProblem:
         return self.shrunk(x, min(1.0, max(0.0, float(share.min()))))
 
     def shrunk(self, x: FloatArray, share: float) -> FloatArray:
-        """Return variables of the same motion with its amplitudes made smaller."""
+        """Return variables of the same motion with its amplitudes multiplied by `share`."""
         smaller = x.reshape(self._scales.shape).copy()
         smaller[:, 1:] *= share
         return smaller.ravel()
 
     def about(self, x: FloatArray, pose_of: FloatArray) -> FloatArray:
-        """Return variables of the same motion about the middle pose of another."""
+        """Return variables of the same motion about the middle pose of another motion."""
         moved = x.reshape(self._scales.shape).copy()
         moved[:, 0] = pose_of.reshape(self._scales.shape)[:, 0]
         return moved.ravel()
 
     def to_fourier(self, x: FloatArray, periods: int) -> FourierMotion:
-        """Return variables as a motion file has them."""
+        """Return variables in the form of a motion file."""
         coefficients = np.round(self._coefficients(x), DECIMALS)
         n = self.harmonics
         return FourierMotion(
@@ -237,10 +238,10 @@ class ExcitationProblem:
         )
 
     def start(self, seed: int) -> FloatArray:
-        """Draw variables to start from: a pose to rest in, moved about a little.
+        """Draw start variables: a small motion about a resting pose.
 
         Raises:
-            ConfigError: No such pose is found, `RestingPoses.draw`.
+            ConfigError: No resting pose is found, from `RestingPoses.draw`.
         """
         random = np.random.default_rng(seed)
         x = START_AMPLITUDE * random.normal(size=self._scales.shape)
@@ -259,12 +260,12 @@ class ExcitationProblem:
         return np.asarray(x.ravel())
 
     def value(self, x: FloatArray, penalty: float, shifts: Shifts) -> tuple[float, FloatArray]:
-        """Return criterion plus penalties for broken limits, and the gradient.
+        """Return criterion plus penalties for violated limits, and the gradient.
 
         Args:
             x: Shape (size,). The variables.
-            penalty: What the mean squared violations, in shares of the limits, are multiplied by.
-            shifts: By how much each limit is moved inwards at each point, in shares: `next_shifts`.
+            penalty: Factor of the mean squared violations, which are relative to the limits.
+            shifts: Relative inward shift of each limit at each point, from `next_shifts`.
         """
         q, v, a = self.motion(x, self._coarse)
         phi = regressor(self._smooth_model, q, v, a)
@@ -309,7 +310,7 @@ class ExcitationProblem:
         return objective, np.asarray((gradient * self._scales).ravel())
 
     def no_shifts(self) -> Shifts:
-        """Return shifts of zero, to start with."""
+        """Return zero shifts for the start."""
         n, fine, coarse = len(self.robot.joints), len(self._fine[0]), len(self._coarse[0])
         rows = [(fine, n)] * 3 + [(coarse, n)]
         rows += [(fine, n)] * (self._to_motors is not None)
@@ -317,9 +318,9 @@ class ExcitationProblem:
         return tuple(np.zeros((2, *shape)) for shape in rows)
 
     def next_shifts(self, x: FloatArray, shifts: Shifts) -> Shifts:
-        """Move each limit further inwards by what it is broken by, or back as far as it may.
+        """Shift each limit inwards by its violation, or back if it is satisfied.
 
-        These are the multipliers of the augmented Lagrangian over the penalty (Hestenes 1969,
+        The shifts are the multipliers of the augmented Lagrangian over the penalty (Hestenes 1969,
         Powell 1969; Rockafellar 1973 for inequalities).
         """
         coarse = self.motion(x, self._coarse)
@@ -329,10 +330,10 @@ class ExcitationProblem:
     def _excess(
         self, fine: FloatArray, coarse: FloatArray, phi: FloatArray, shifts: Shifts
     ) -> list[FloatArray]:
-        """Return by what q, v, a, torques and base wrench leave the shifted limits, in shares.
+        """Return the relative violation of the shifted limits by q, v, a, torques and base wrench.
 
         The arrays have the shape (2, points, n or 6): above the upper limit, below the lower one.
-        Without a coupled wrist and limits on the base there are four.
+        Without a coupled wrist and base limits there are four arrays.
         """
         offsets = [fine[0] - self._middle, fine[1], fine[2], phi @ self._prior]
         sizes = [*self._sizes, self._torques]
@@ -349,16 +350,17 @@ class ExcitationProblem:
 
     @cached_property
     def _to_motors(self) -> FloatArray | None:
-        """Turns the joints' speeds into the motors' over their gears, (n, n); None where uncoupled.
+        """Matrix from the joints' speeds to the motors' over their gears, (n, n).
 
-        A motor may turn as fast as its joint may where nothing couples them.
+        It is None without coupling. The speed limit of a motor is that of its joint without
+        coupling.
         """
         coupling = WristCoupling.of_robot(self.robot)
         return None if coupling is None else coupling.motors_by_joints
 
     @cached_property
     def _prior(self) -> FloatArray:
-        """The a-priori parameters; zeros, and so no torque, where there are none."""
+        """The a-priori parameters; zeros, and therefore zero torque, without any."""
         if self.parameters is None:
             return np.zeros(len(self.model.parameter_names))
         return self.parameters

@@ -1,4 +1,4 @@
-"""`RestingPoses`: where the robot may stand still: clear of everything, and held by its motors."""
+"""`RestingPoses`: search for poses in which the robot can rest, clear of obstacles."""
 
 from __future__ import annotations
 
@@ -23,15 +23,14 @@ MOST_SAID: Final = 4
 
 @dataclass(frozen=True, eq=False)
 class RestingPoses:
-    """What a robot at rest must keep.
+    """Requirements of a resting pose.
 
     Attributes:
         model: The robot's model.
-        parameters: Shape (parameters,). A-priori values; zeros where nothing is known, and then
-            nothing weighs.
-        torque_limits: Shape (n,). What the motors may be asked to hold [N m or N].
-        clearances: What must stay apart.
-        low, high: Shape (n,). Where poses are drawn from [rad or m].
+        parameters: Shape (parameters,). A-priori values; with zeros, gravity has no effect.
+        torque_limits: Shape (n,). Largest holding torques of the motors [N m or N].
+        clearances: Bodies that must stay apart.
+        low, high: Shape (n,). Range of the random poses [rad or m].
     """
 
     model: RobotModel
@@ -42,13 +41,14 @@ class RestingPoses:
     high: FloatArray
 
     def draw(self, random: np.random.Generator, robot: str) -> FloatArray:
-        """Draw a pose (n,) in which the robot may rest.
+        """Draw a pose (n,) in which the robot can rest.
 
-        Where none of `DRAWS` random poses is one, the nearest to it are led to where it is.
+        If none of `DRAWS` random poses is suitable, the poses closest to suitable ones are
+        optimised.
 
         Raises:
-            ConfigError: None is found; the message says what stands in the way, with numbers.
-                `robot` is named.
+            ConfigError: No pose is found; the message names `robot` and the violated requirements,
+                with numbers.
         """
         drawn: list[FloatArray] = []
         for _ in range(DRAWS):
@@ -63,7 +63,7 @@ class RestingPoses:
             if self._may_rest(led):
                 return np.asarray(led)
         raise ConfigError(
-            f"in none of {DRAWS} random poses may robot {robot!r} rest:"
+            f"robot {robot!r} can rest in none of {DRAWS} random poses:"
             f" {'; '.join(self._in_the_way(np.array(drawn))[:MOST_SAID])}",
             code="RID-DESIGN-NONE",
         )
@@ -78,7 +78,7 @@ class RestingPoses:
         return bool((np.abs(self._torque(pose)) <= self.torque_limits).all())
 
     def _excess(self, pose: FloatArray) -> tuple[float, FloatArray]:
-        """Return by how much a pose is none to rest in, as squares, and the gradient."""
+        """Return the squared violation of the requirements by a pose, and its gradient."""
         rest = np.zeros((1, len(pose)))
         share = self._torque(pose) / self.torque_limits
         over = np.sign(share) * np.maximum(np.abs(share) - 0.98, 0.0)
@@ -95,7 +95,7 @@ class RestingPoses:
         return squares, np.asarray(gradient)
 
     def _in_the_way(self, poses: FloatArray) -> list[str]:
-        """Say what no pose keeps, or else what the best of them breaks."""
+        """Return the requirements that no pose satisfies, or those that the best one violates."""
         names = self.model.joint_names
         held = np.abs([self._torque(pose) for pose in poses])
         gaps = np.array([self.clearances.nearest(pose[np.newaxis]) for pose in poses])
@@ -107,13 +107,14 @@ class RestingPoses:
             never_clear = self.clearances.nearest(best[np.newaxis]) < self.clearances.margin_m
             held, gaps = held[:1], gaps[:1]
         said = [
-            f"{names[j]} takes {held[:, j].min():.3g} where {self.torque_limits[j]:.3g} of its"
-            " torque limit may be planned with: raise it, or correct `cad`"
+            f"{names[j]} needs a holding torque of {held[:, j].min():.3g}, but only"
+            f" {self.torque_limits[j]:.3g} of its torque limit may be used: raise the limit, or"
+            " correct `cad`"
             for j in np.flatnonzero(never_held)
         ]
         return said + [
-            f"{self.clearances.names[pair]} are {gaps[:, pair].max():.3f} m apart at most, where"
-            f" {self.clearances.margin_m:g} m must be kept: check `bodies` in the robot file and"
-            " `workspace` in the cell file"
+            f"{self.clearances.names[pair]} are at most {gaps[:, pair].max():.3f} m apart, but"
+            f" the required clearance is {self.clearances.margin_m:g} m: check `bodies` in the"
+            " robot file and `workspace` in the cell file"
             for pair in np.flatnonzero(never_clear)
         ]

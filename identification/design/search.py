@@ -1,4 +1,4 @@
-"""Optimal excitation: many starts, each refined by gradients, each verified on a dense grid."""
+"""Optimal excitation: many random starts, refined by gradients and verified on a dense grid."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ITERATIONS = 200
 LATER_SHARE = 0.3
 SHRINKING = (0.98, 0.95, 0.9, 0.8, 0.65, 0.5)
 SMALLER_STILL = (0.8, 0.6, 0.45, 0.35, 0.25, 0.18, 0.12, 0.08)
-"""Shares of the amplitudes: about the motion's own middle pose, then about the pose to rest in."""
+"""Factors of the amplitudes: about the motion's middle pose, then about the resting pose."""
 PLANNED_MARGIN_M = 0.005
 SCHEDULER_TIMEOUT_S = 10.0
 
@@ -33,9 +33,9 @@ class Candidate:
     """One refined motion.
 
     Attributes:
-        seed: What its start was drawn from.
-        check: What a check said of it.
-        amplitude: Which share of the refined amplitudes is left, so that it breaks no limit.
+        seed: Seed of its start.
+        check: Result of its verification.
+        amplitude: Factor of the refined amplitudes that was needed to satisfy the limits.
     """
 
     seed: int
@@ -52,17 +52,18 @@ def refine_start(
     iterations: int = ITERATIONS,
     periods: int = 16,
 ) -> Candidate:
-    """Refine one start by an augmented Lagrangian and L-BFGS, and check the result densely.
+    """Refine one start by an augmented Lagrangian and L-BFGS, and verify it on a dense grid.
 
-    Where the result breaks a limit, it is drawn together about its middle pose until it breaks
-    none; and where it breaks one at half its size still, about the pose that it started from, in
-    which the robot may rest.
+    If the result violates a limit, its amplitudes are reduced about its middle pose until it
+    violates none. If it still violates one at half its size, it is reduced about the start's pose,
+    in which the robot can rest.
 
     Args:
-        problem: What is asked of the motion.
-        seed: Where the start is drawn from; the same seed gives the same motion.
+        problem: The design task.
+        seed: Seed of the start; the same seed gives the same motion.
         sample_period_s: The cell's cycle time [s].
-        iterations: Most iterations of the first minimisation; the later ones have a share of it.
+        iterations: Largest number of iterations of the first minimisation; later minimisations have
+            a fraction of it.
         periods: Periods of the motion file.
     """
     planned = problem.with_clearance(PLANNED_MARGIN_M)
@@ -110,13 +111,12 @@ def candidates(
     jobs: int = -1,
     scheduler: str | None = None,
 ) -> Generator[Candidate]:
-    """Refine many starts side by side, and yield each as it is ready.
+    """Refine many starts in parallel, and yield each as soon as it is finished.
 
     Args:
         problem, sample_period_s, iterations, periods: As for `refine_start`.
-        seeds: One start each. All of them give the same set of candidates wherever they are
-            computed.
-        jobs: Processes; -1 for one a core.
+        seeds: Seed of each start. The set of candidates does not depend on the machines.
+        jobs: Number of processes; -1 for one per core.
         scheduler: Address of a Dask scheduler; its workers need this program installed.
 
     Raises:
@@ -128,7 +128,7 @@ def candidates(
         for seed in seeds
     )
     with backend(scheduler, jobs), warnings.catch_warnings():
-        # A caller that has seen enough closes this generator, which is no reason for a warning.
+        # A caller may close this generator early: suppress the warning.
         warnings.filterwarnings("ignore", ".*have been cancelled", UserWarning)
         parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
         yield from cast(Generator[Candidate], parallel(tasks))
@@ -136,9 +136,9 @@ def candidates(
 
 @contextmanager
 def backend(scheduler: str | None, jobs: int) -> Iterator[None]:
-    """Let joblib compute on this machine, or on a Dask cluster."""
+    """Select the joblib backend: this machine, or a Dask cluster."""
     if scheduler is None:
-        # One thread a process: rounding must not depend on how many cores share a sum.
+        # One thread per process: rounding must not depend on the number of cores of a sum.
         with joblib.parallel_config(backend="loky", inner_max_num_threads=1):
             with signals_blocked():
                 joblib.Parallel(n_jobs=jobs)([joblib.delayed(int)()])
@@ -148,16 +148,16 @@ def backend(scheduler: str | None, jobs: int) -> Iterator[None]:
         from dask.distributed import Client
     except ImportError as error:
         raise ConfigError(
-            "--scheduler needs Dask, which is not installed: install rid-daq with its extra"
-            " `cluster`, or leave the option out",
+            "--scheduler needs Dask, which is not installed: install rid-daq with the extra"
+            " `cluster`, or omit the option",
             code="RID-INSTALL-LIBRARY",
         ) from error
     try:
         client = Client(scheduler, timeout=SCHEDULER_TIMEOUT_S)  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
         raise ConfigError(
-            f"no Dask scheduler answers at {scheduler}: {error}. Start one with `dask scheduler`,"
-            " or leave the option out to use this machine",
+            f"no Dask scheduler responds at {scheduler}: {error}. Start one with `dask"
+            " scheduler`, or omit the option to use this machine",
             code="RID-DESIGN-SCHEDULER",
         ) from error
     with client, joblib.parallel_config(backend="dask"):

@@ -1,4 +1,4 @@
-"""`excitation_problem`: a design task, put together from a cell and what is known of its robot."""
+"""`excitation_problem`: a design task from a cell and the existing knowledge of its robot."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from identification.model.base_parameters import BaseParameters, base_parameters
 EXPECTED_NOISE_SHARE: Final = 0.01
 LIMIT_FRACTION: Final = 0.95
 CAD_TORQUE_SHARE: Final = 0.8
-"""Share of the torque limits that drawings may use up: they tell neither friction nor rotors."""
+"""Fraction of the torque limits for torques from drawings, which lack friction and rotors."""
 TORQUE: Final = "torque"
 TORQUE_POSES: Final = 50
 FRICTION_POSES: Final = 500
@@ -33,15 +33,14 @@ ROUNDING: Final = 1e-6
 
 
 def chosen_criterion(robot: RobotDescription, name: str, wanted: Sequence[str]) -> Criterion:
-    """Return the criterion of a command's words.
+    """Return the criterion for the options of a command.
 
     Args:
-        name: "condition" or "d-optimal", where nothing is wanted in particular.
-        wanted: Base parameters by name, or `torque` for what the model predicts all over the
-            limits.
+        name: "condition" or "d-optimal", used if `wanted` is empty.
+        wanted: Base parameters by name, or `torque` for the predicted torques within all limits.
 
     Raises:
-        ConfigError: A name is none of the base parameters.
+        ConfigError: A name is not a base parameter.
     """
     if not wanted:
         return Condition() if name == "condition" else DOptimal()
@@ -55,8 +54,8 @@ def chosen_criterion(robot: RobotDescription, name: str, wanted: Sequence[str]) 
             rows.append(np.eye(len(base))[base.names.index(parameter)])
         else:
             raise ConfigError(
-                f"--for {parameter}: is not one of the parameters that torques can tell, which are"
-                f" {TORQUE}, {', '.join(base.names)}",
+                f"--for {parameter}: the torques do not determine a parameter of this name; use"
+                f" one of {TORQUE}, {', '.join(base.names)}",
                 code="RID-OPTION-NAME",
             )
     return Goals(np.array(rows))
@@ -72,20 +71,21 @@ def excitation_problem(
     model: Estimate | None = None,
     given: Sequence[Estimate] = (),
 ) -> ExcitationProblem:
-    """Put a design task together from a cell and what is known of its robot.
+    """Set up a design task from a cell and the existing knowledge of its robot.
 
-    Torque limits are held by `model`, else by the robot file's `cad`, else not at all. What the
-    friction of `model` that the robot file does not name may take is kept free. The noise to expect
-    is what `model` or an earlier estimate left over, else a share of the torque limits.
+    Torque limits are checked with `model`, or else with the robot file's `cad`, or else not at all.
+    A reserve is kept for friction terms of `model` that the robot file does not have. The expected
+    noise is the residual of `model` or of an earlier estimate, or else a fraction of the torque
+    limits.
 
     Raises:
-        ConfigError: A model is of another robot or has friction that leaves nothing of a torque
-            limit, or the period does not suit the cell.
+        ConfigError: A model is of another robot, its friction exceeds a torque limit, or the period
+            does not fit the cell.
     """
     samples = samples_of_period(period_s, cell.cycle_time_s)
     if 2 * harmonics >= samples:
         raise ConfigError(
-            f"harmonic {harmonics} of a period of {samples} cycles is beyond half the sampling"
+            f"harmonic {harmonics} of a period of {samples} cycles is above half the sampling"
             " frequency: use fewer harmonics or a longer period",
             code="RID-MOTION-BAND",
         )
@@ -95,8 +95,8 @@ def excitation_problem(
     for estimate in known:
         if estimate.robot.joint_names != robot.joint_names:
             raise ConfigError(
-                f"a model is of robot {estimate.robot.name!r}, the cell's is {robot.name!r}: give"
-                " models of this robot",
+                f"a model is of robot {estimate.robot.name!r}, but the cell's robot is"
+                f" {robot.name!r}: use models of this robot",
                 code="RID-ROBOT-OTHER",
             )
     if known:
@@ -124,7 +124,7 @@ def excitation_problem(
 def _base_limits(
     cell: CellConfig, parameters: FloatArray | None, model: Estimate | None
 ) -> FloatArray | None:
-    """Return what the base may see, where the cell says so and a model can tell."""
+    """Return the base limits if the cell has any and a model can predict the base wrench."""
     if cell.plate is None or cell.plate.limits is None or parameters is None:
         return None
     if model is not None and model.options.kind == "internal":
@@ -133,7 +133,7 @@ def _base_limits(
 
 
 def _torque_share(robot: RobotDescription, planned: RobotModel, model: Estimate) -> float:
-    """Return what friction that only the model has leaves of the torque limits."""
+    """Return the fraction of the torque limits that friction of the model alone leaves."""
     if model.options.kind == "external":
         return 1.0
     motion = _random_motion(robot, FRICTION_POSES)
@@ -146,22 +146,23 @@ def _torque_share(robot: RobotDescription, planned: RobotModel, model: Estimate)
     worst = int(np.argmax(taken))
     if taken[worst] >= LIMIT_FRACTION:
         raise ConfigError(
-            f"the model of robot {model.robot.name!r} has friction beyond the robot file's terms,"
-            f" of up to {taken[worst]:.0%} of the torque limit of {robot.joint_names[worst]}: write"
-            " its terms into the robot file, or correct the limit",
+            f"the model of robot {model.robot.name!r} has friction terms that the robot file"
+            f" lacks, with up to {taken[worst]:.0%} of the torque limit of"
+            f" {robot.joint_names[worst]}: add these terms to the robot file, or correct the"
+            " limit",
             code="RID-MODEL-TERMS-DIFFER",
         )
     return 1.0 if taken[worst] < ROUNDING else 1.0 - float(taken[worst])
 
 
 def _predictions(robot: RobotDescription, model: RobotModel, base: BaseParameters) -> FloatArray:
-    """Return what predicts the torques of random motions within the limits, (rows, b)."""
+    """Return regressor rows of the torques of random motions within the limits, (rows, b)."""
     motion = _random_motion(robot, TORQUE_POSES)
     return base.columns(regressor(model, *motion)).reshape(-1, len(base))
 
 
 def _random_motion(robot: RobotDescription, rows: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return positions, velocities and accelerations within the limits."""
+    """Return random positions, velocities and accelerations within the limits."""
     random = np.random.default_rng(0)
     limits = [joint.limits for joint in robot.joints]
     shape = (rows, len(limits))
@@ -173,7 +174,7 @@ def _random_motion(robot: RobotDescription, rows: int) -> tuple[FloatArray, Floa
 
 
 def _standard_values(planned: RobotModel, estimate: Estimate) -> FloatArray:
-    """Return an estimate's parameters in the order of the planned model, 0 where it has none."""
+    """Return an estimate's parameters in the order of the planned model, 0 for missing ones."""
     standard = estimate.standard_values
     if estimate.options.kind != "internal":
         standard = estimate.base.to_standard(with_known_mass(estimate)[0])
@@ -182,7 +183,7 @@ def _standard_values(planned: RobotModel, estimate: Estimate) -> FloatArray:
 
 
 def _information(base: BaseParameters, given: Sequence[Estimate]) -> FloatArray:
-    """Return what earlier estimates know, for one sample of a run worth as many equations.
+    """Return the information of earlier estimates, per sample of a run with as many equations.
 
     Friction is left out: it changes from day to day, and is estimated anew (theory: section 4).
     """
@@ -193,8 +194,9 @@ def _information(base: BaseParameters, given: Sequence[Estimate]) -> FloatArray:
         missing = [text for text in words if text not in base.expressions]
         if missing:
             raise ConfigError(
-                f"the model of robot {estimate.robot.name!r} knows {missing[0]}, which this cell's"
-                " robot has not: give models of the same robot file with all its terms",
+                f"the model of robot {estimate.robot.name!r} has the parameter {missing[0]},"
+                " which this cell's robot does not have: use models of the same robot file with"
+                " all its terms",
                 code="RID-MODEL-TERMS-DIFFER",
             )
         places = [base.expressions.index(text) for text in words]
@@ -205,7 +207,7 @@ def _information(base: BaseParameters, given: Sequence[Estimate]) -> FloatArray:
 
 
 def _carried(estimate: Estimate) -> list[bool]:
-    """Return which base parameters are worth as much tomorrow: all but friction's."""
+    """Return for each base parameter True unless it is friction, which changes over time."""
     friction = estimate.model.parameter_groups.get("friction", slice(0, 0))
     changing = set(range(*friction.indices(len(estimate.model.parameter_names))))
     return [head not in changing for head in estimate.base.kept]

@@ -1,8 +1,9 @@
 """Excitation by the two-harmonic heuristic (3.22): one low and one high harmonic per axis.
 
-The low harmonic sweeps the joint through its range, the high one gives accelerations. Harmonics,
-amplitude shares, offsets and phases are drawn from a seed; of all draws, each within the limits by
-construction, the one is kept whose regressor has the smallest condition number (2.25, 2.26).
+The low harmonic moves the joint through its range, and the high one causes accelerations.
+Harmonics, amplitude fractions, offsets and phases are drawn from a seed. Each draw is within the
+limits by construction. The draw whose regressor has the smallest condition number (2.25, 2.26) is
+used.
 """
 
 from __future__ import annotations
@@ -29,15 +30,14 @@ DECIMALS = 6
 
 @dataclass(frozen=True)
 class TwoHarmonicOptions(Ranged):
-    """What is drawn, and how often.
+    """Options of the random draws.
 
     Attributes:
         period_s: The period [s], a whole number of the cell's cycles.
         highest_harmonic: The highest harmonic of the period that may be used, at least 2.
-        limit_fraction: Share of the position, velocity and acceleration limits that the motion may
-            use.
-        tries, seed: How many draws are compared, and the seed they come from.
-        periods: Periods of the motion that count.
+        limit_fraction: Usable fraction of the position, velocity and acceleration limits.
+        tries, seed: Number of draws that are compared, and their random seed.
+        periods: Number of recorded periods of the motion.
     """
 
     period_s: PeriodS
@@ -55,16 +55,16 @@ def design_two_harmonic(
     *,
     workspace: Workspace | None = None,
 ) -> FourierMotion:
-    """Design a periodic excitation and verify it, ramps included.
+    """Design a periodic excitation and verify it, including its ramps.
 
     Args:
         robot: The robot with its limits.
-        options: What is drawn.
+        options: Options of the draws.
         sample_period_s: The cell's cycle time [s].
-        workspace: What is around the robot; its own bodies are in its description.
+        workspace: Surroundings of the robot; its own bodies are in its description.
 
     Raises:
-        ConfigError: The period is no whole number of cycles, or no draw passes the verification.
+        ConfigError: The period is not a whole number of cycles, or no draw passes the verification.
     """
     model = RobotModel.from_description(robot)
     base = base_parameters(model)
@@ -78,8 +78,8 @@ def design_two_harmonic(
         if clearances.is_clear(samples.position):
             return motion
     raise ConfigError(
-        f"none of {options.tries} draws keeps clear of the robot's own bodies and of the workspace:"
-        " take more --tries, or the method `optimal`, which goes around them",
+        f"none of {options.tries} draws stays clear of the robot's own bodies and of the"
+        " workspace: use more --tries, or the method `optimal`, which avoids obstacles",
         code="RID-DESIGN-NONE",
     )
 
@@ -87,7 +87,7 @@ def design_two_harmonic(
 def two_harmonic_draws(
     robot: RobotDescription, options: TwoHarmonicOptions
 ) -> Iterator[FourierMotion]:
-    """Draw motions without end; `options.tries` has no say."""
+    """Yield random motions without end; `options.tries` is not used."""
     random = np.random.default_rng(options.seed)
     while True:
         yield FourierMotion(
@@ -133,7 +133,7 @@ def _condition_number(
 
 
 def _draw(joint: Joint, options: TwoHarmonicOptions, random: np.random.Generator) -> FourierJoint:
-    """Draw one joint's motion: each harmonic takes its share of every limit, so both fit."""
+    """Draw one joint's motion; each harmonic uses its fraction of every limit, so that both fit."""
     limits, limit_fraction = joint.limits, options.limit_fraction
     highest_harmonic = options.highest_harmonic
     half_range = (limits.position_max - limits.position_min) / 2.0

@@ -1,4 +1,4 @@
-"""`MotionCheck`: the objective of a periodic motion, and every limit held against it densely."""
+"""`MotionCheck`: the objective of a periodic motion, and the check of all limits on a dense grid."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ ACTIVE_DISTANCE_M = 0.01
 
 @dataclass(frozen=True)
 class LimitUse:
-    """How much of one limit a motion uses.
+    """Use of one limit by a motion.
 
     Attributes:
         what: The quantity, such as "torque of joint2".
-        used, limit: Largest magnitude (of a position: from the middle of the range), or least
+        used, limit: Largest magnitude (for a position: from the middle of the range), or smallest
             distance.
-        unit: Of both.
-        held: Whether the motion stays within it.
-        active: Whether it is what kept the motion from being larger.
+        unit: Unit of both.
+        held: True if the motion satisfies the limit.
+        active: True if the motion (nearly) reaches the limit.
     """
 
     what: str
@@ -46,15 +46,15 @@ class LimitUse:
 
 @dataclass(frozen=True)
 class MotionCheck:
-    """What came of checking a motion.
+    """Result of the check of a motion.
 
     Attributes:
-        objective: The criterion, the smaller the better.
-        condition_number: Of the model with its hard sign (2.25, 2.26), columns scaled, rows over
-            the expected noise.
+        objective: The criterion; smaller is better.
+        condition_number: Condition number of the model with its discontinuous sign (2.25, 2.26),
+            with scaled columns and rows divided by the expected noise.
         log_det: Log determinant of the information about the base parameters, per parameter.
-        uses: Positions, speeds, accelerations, torques, base wrench and distances, ramps included.
-        broken: What the motion breaks, in words; empty where it may be driven.
+        uses: Positions, speeds, accelerations, torques, base wrench and distances, including ramps.
+        broken: Violated limits in words; empty if the motion may be executed.
     """
 
     objective: float
@@ -73,17 +73,17 @@ class _Rows(NamedTuple):
 def check_motion(
     problem: ExcitationProblem, motion: FourierMotion, sample_period_s: float
 ) -> MotionCheck:
-    """Check a motion against every limit of a design task, ramps included.
+    """Check a motion against every limit of a design task, including its ramps.
 
-    Position, speed and acceleration are checked between the cell's samples too, torque and
-    distances on a grid of its own over the period and at the samples of the ramps.
+    Position, speed and acceleration are also checked between the cell's samples. Torque and
+    distances are checked on a separate grid over the period, and at the samples of the ramps.
 
     Args:
         problem: The design task.
         sample_period_s: The cell's cycle time [s].
 
     Raises:
-        ConfigError: The motion is not one of the robot's joints.
+        ConfigError: The motion is not for the robot's joints.
     """
     points = DENSE_POINTS_PER_HARMONIC * max(len(joint.sine) for joint in motion.joints)
     grid = motion.trajectory(problem.robot, motion.period_s / points)
@@ -98,7 +98,7 @@ def check_motion(
     uses = (*_motion_uses(problem, rows), *_torque_uses(problem, rows))
     uses += (*_base_uses(problem, rows), *_distance_uses(problem, rows))
     broken += [
-        f"{use.what}: {use.used:.4g} {use.unit} where {use.limit:.4g} {use.unit} is allowed"
+        f"{use.what}: {use.used:.4g} {use.unit}, but the limit is {use.limit:.4g} {use.unit}"
         for use in uses
         if not use.held
     ]
@@ -116,7 +116,7 @@ def check_motion(
 def _with_ramps(
     problem: ExcitationProblem, motion: FourierMotion, sample_period_s: float, period: _Rows
 ) -> _Rows:
-    """Return a period and the ramps, as the cell would run them."""
+    """Return a period and the ramps, as the cell would execute them."""
     once = motion.model_copy(update={"periods": 1, "transient_periods": 0})
     plan = once.plan(problem.robot, sample_period_s)
     ramps = np.isin(plan.phase, (Phase.RUN_IN, Phase.RUN_OUT))

@@ -230,7 +230,8 @@ def predict(
             well, unless it is given.
 
     Raises:
-        EstimationError: A joint that stood still during the identification is at another position.
+        EstimationError: A joint that did not move during the identification is at another
+            position.
     """
     model, torque = estimate.model, np.empty(np.shape(q))
     if isinstance(estimate, Estimate):

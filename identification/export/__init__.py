@@ -1,4 +1,5 @@
-"""Models for other programs: robot descriptions, tables, functions.
+"""Export of models for other programs: robot descriptions, tables, functions.
 
-Writing, with a refusal of what cannot exist. Begin with `description.py`.
+Models that are not physically consistent are refused if the format needs them. Start with
+`description.py`.
 """

@@ -1,7 +1,8 @@
-"""A robot with identified inertias as URDF, SDF and as a Python file that builds it in Pinocchio.
+"""A robot with identified inertias as URDF, SDF and a Python file that builds it in Pinocchio.
 
-All three refuse links that no body can have. Friction is a line through the model's; rotors,
-spring and what else a format cannot say is listed at the top of the file.
+All three refuse links that are not physically consistent. Friction is approximated by a straight
+line. Rotors, spring and other properties that a format cannot represent are listed at the top of
+the file.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from identification.export.text import head, nested, numbers, plain, render, sou
 
 @dataclass(frozen=True, eq=False)
 class _Place:
-    """A frame in the one before, as the formats write it."""
+    """A frame relative to the previous one, as text for the formats."""
 
     frame: FloatArray
 
@@ -44,7 +45,7 @@ class _Place:
 
 @dataclass(frozen=True, eq=False)
 class _Link:
-    """A link and the joint that moves it, as the formats write them."""
+    """A link and the joint that moves it, as text for the formats."""
 
     name: str
     parent: str
@@ -79,11 +80,11 @@ class _Link:
 def urdf(model: ExportModel) -> str:
     """Return a URDF of the robot.
 
-    The links are `base`, `link1` to the last, and `tool`; where gravity does not point along -z of
-    the base, `world` stands below it with z up.
+    The links are `base`, `link1` to the last, and `tool`. If gravity does not point along -z of the
+    base, a link `world` with z up is added below the base.
 
     Raises:
-        EstimationError: If a link cannot exist.
+        EstimationError: A link is not physically consistent.
     """
     return _render("robot.urdf.j2", model)
 
@@ -92,16 +93,16 @@ def sdf(model: ExportModel) -> str:
     """Return an SDF model (version 1.7), fixed to the world.
 
     Raises:
-        EstimationError: If a link cannot exist.
+        EstimationError: A link is not physically consistent.
     """
     return _render("robot.sdf.j2", model)
 
 
 def pinocchio_model(model: ExportModel) -> str:
-    """Return a Python file whose `build_model()` makes the robot in Pinocchio.
+    """Return a Python file whose `build_model()` creates the robot in Pinocchio.
 
     Raises:
-        EstimationError: If a link cannot exist.
+        EstimationError: A link is not physically consistent.
     """
     return _render("pinocchio_model.py.j2", model)
 
@@ -145,7 +146,7 @@ def _tool(model: ExportModel) -> FloatArray:
     frame[:3, 3] = chain.tool_m
     frame[:3, :3] = rotation_of_rpy(*model.robot.tool_rpy_rad)
     kinematics = model.robot.kinematics
-    if kinematics.convention == "standard_dh":  # its last frame is turned against axis n's
+    if kinematics.convention == "standard_dh":  # its last frame is rotated relative to axis n's
         twist = rotation_of_rpy(kinematics.calibrated_rows[-1].alpha_rad, 0.0, 0.0)
         frame[:3, :3] = twist @ frame[:3, :3]
     return frame

@@ -1,4 +1,4 @@
-"""Inverse dynamics as a C99 or Python file that needs nothing else: every term of the model.
+"""Inverse dynamics as a self-contained C99 or Python file, with every term of the model.
 
 The recursion is that of appendix B; the numbers are those of the standard parameters.
 """
@@ -165,7 +165,7 @@ def _friction(model: ExportModel, language: Language) -> list[_Line]:
 
 
 def _friction_function(term: Friction, column: FrictionColumn, language: Language) -> str:
-    """Return the function that a coefficient multiplies, as `Friction` has it."""
+    """Return the function that a coefficient multiplies, as in `Friction`."""
     f, u = _names(language), _at("va", column.joint, language)
     warmth = (
         f"({_at('temperature_k', column.joint, language)} - {column.reference_temperature_k!r})"

@@ -1,4 +1,4 @@
-"""`ExportModel`: one value for every standard parameter, as other programs want a robot."""
+"""`ExportModel`: one value for every standard parameter, in the form for other programs."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ SLOWEST_SHARE = 0.02
 
 @dataclass(frozen=True)
 class StraightFriction:
-    """Friction as other formats know it: friction + damping |speed|, and a constant offset."""
+    """Friction in the form of other formats: friction + damping |speed|, and a constant offset."""
 
     friction: float
     damping: float
@@ -48,15 +48,15 @@ class ExportModel:
     """A robot's model with a value for every standard parameter.
 
     Attributes:
-        model: Its model; the friction's speeds and the gears' losses are in it.
+        model: The model; it contains the speeds of friction and the gear losses.
         parameters: Shape (p,). Values of `model.parameter_names`.
-        origin: Where they come from, a line each.
-        warming: How joints warm up, where their friction depends on a temperature that no one
-            measured.
-        test: The test behind physically consistent parameters; None of other parameters.
+        origin: Lines on the origin of the values.
+        warming: Model of the joints' warming, if their friction depends on a temperature that was
+            not measured.
+        test: The consistency test of physically consistent parameters; None for other parameters.
 
     Raises:
-        EstimationError: The parameters do not fit the model, or it has a term that no export knows.
+        EstimationError: The parameters do not fit the model, or the exports do not support a term.
     """
 
     robot: RobotDescription
@@ -72,22 +72,22 @@ class ExportModel:
         unknown = [term.name for term in self.model.terms if not isinstance(term, KNOWN_TERMS)]
         if unknown:
             raise EstimationError(
-                f"the exports do not know the model's terms {', '.join(unknown)}: leave them out of"
-                " the model, or teach `identification/export` to write them",
+                f"the exports do not support the model's terms {', '.join(unknown)}: leave them"
+                " out of the model, or add them to `identification/export`",
                 code="RID-MODEL-TERM",
             )
 
     @classmethod
     def identified(cls, estimate: Estimate) -> ExportModel:
-        """Return an estimate's own parameters, which no robot need have."""
-        line = "Parameters as identified: torques are those of the model file."
+        """Return an estimate's own parameters; they can be physically inconsistent."""
+        line = "Parameters as identified; they give the torques of the model file."
         origin = _origin(estimate, line)
         values = estimate.standard_values
         return cls(estimate.robot, estimate.model, values, origin, estimate.warming)
 
     @classmethod
     def consistent(cls, found: ConsistentEstimate) -> ExportModel:
-        """Return the closest parameters that a robot can have."""
+        """Return the closest physically consistent parameters."""
         estimate = found.estimate
         origin = _origin(estimate, found.sentence)
         values = found.standard_values
@@ -95,33 +95,34 @@ class ExportModel:
 
     @cached_property
     def links(self) -> tuple[LinkBody, ...]:
-        """The links about their centres, base to flange.
+        """The links about their centres of gravity, base to flange.
 
         Raises:
-            EstimationError: If a link has no mass.
+            EstimationError: A link has no mass.
         """
         bodies = self.parameters[: PARAMETERS_PER_LINK * self.model.chain.n]
         if np.any(bodies[::PARAMETERS_PER_LINK] == 0.0):
             raise EstimationError(
-                "the identified parameters alone say no link's mass: export the physically"
-                " consistent ones",
+                "the identified parameters do not contain the links' masses: export the"
+                " physically consistent parameters",
                 code="RID-EXPORT-LINKS",
             )
         return tuple(LinkBody.of(body) for body in bodies.reshape(-1, PARAMETERS_PER_LINK))
 
     def require_links_that_exist(self) -> None:
-        """Refuse links that no body can have.
+        """Refuse links that are not physically consistent.
 
         Raises:
-            EstimationError: If a mass is not positive, or an inertia not that of any body.
+            EstimationError: A mass is not positive, or an inertia is impossible.
         """
         for number, link in enumerate(self.links, start=1):
             if not link.can_exist:
                 moments = ", ".join(f"{m:.4g}" for m in link.principal_moments_kg_m2)
                 raise EstimationError(
-                    f"link {number} cannot exist: mass {link.mass_kg:.4g} kg, principal moments"
-                    f" {moments} kg m^2. A simulator would diverge with it; export the physically"
-                    " consistent parameters, or measure with a motion that shows this link",
+                    f"link {number} is physically impossible: mass {link.mass_kg:.4g} kg,"
+                    f" principal moments {moments} kg m^2. A simulator would diverge; export the"
+                    " physically consistent parameters, or measure with a motion that moves this"
+                    " link",
                     code="RID-EXPORT-LINKS",
                 )
 
@@ -134,13 +135,13 @@ class ExportModel:
         return None
 
     def of(self, parameter: str) -> float:
-        """Return one parameter's value, 0 where the model does not have it."""
+        """Return one parameter's value; 0 if the model does not have it."""
         names = self.model.parameter_names
         return float(self.parameters[names.index(parameter)]) if parameter in names else 0.0
 
     @cached_property
     def placements(self) -> FloatArray:
-        """Where every link's frame is in the one before at position zero, (n, 4, 4)."""
+        """Pose of every link's frame in the previous one at position zero, (n, 4, 4)."""
         chain = self.model.chain
         out = np.zeros((chain.n, 4, 4))
         for i, (_, _, theta, a, d) in enumerate(chain.rows):
@@ -162,7 +163,7 @@ class ExportModel:
         return _turn_onto_z(up)
 
     def couples(self, joint: int) -> bool:
-        """Whether a joint's actuator moves other joints too, or other actuators this joint."""
+        """Return True if a joint's actuator moves other joints, or other actuators this joint."""
         if self.model.coupling is None:
             return False
         coupling = self.model.coupling.joints_by_motors
@@ -170,9 +171,9 @@ class ExportModel:
         return bool(np.any(coupling[joint, others]) or np.any(coupling[others, joint]))
 
     def straight_friction(self, joint: int) -> StraightFriction:
-        """Return the straight line closest to a joint's friction, neither part negative.
+        """Return the straight line closest to a joint's friction, without negative coefficients.
 
-        With classical friction it is that friction. Temperatures are the reference's.
+        For classical friction the line is exact. Temperatures are the reference temperatures.
         """
         found = self.term(Friction)
         if found is None or self.couples(joint):
@@ -187,10 +188,10 @@ class ExportModel:
         return StraightFriction(float(line[0]), float(line[1]), offset)
 
     def armature(self, joint: int) -> float:
-        """Return what a rotor adds to its own joint's inertia, link side.
+        """Return the contribution of a rotor to its own joint's inertia, link side.
 
-        mu^2 I, and 2 mu e.z I more for a motor that rides on the link that it moves: the same as
-        (1 + mu)^2 I where the lumped part is counted in (D.27).
+        It is mu^2 I, plus 2 mu e.z I for a motor that is mounted on the link that it moves. This
+        equals (1 + mu)^2 I if the lumped part is included (D.27).
         """
         if self.couples(joint):
             return 0.0
@@ -204,7 +205,7 @@ class ExportModel:
         return plain + inertia * (ratio**2 + 2.0 * ratio * along)
 
     def left_out(self, *, armatures: bool) -> tuple[str, ...]:
-        """Return, in words, what formats of plain bodies and joints cannot say of this model."""
+        """Return, in words, properties that simple formats cannot represent."""
         lines: list[str] = []
         for j, joint in enumerate(self.robot.joints):
             lines += self._left_out_of(j, joint, armatures=armatures)
@@ -219,10 +220,10 @@ class ExportModel:
             )
             lines.append(f"the spring across {spring.joint} ({words})")
         if self.term(Payload) is not None:
-            lines.append("the payload: the last link is the robot's own")
+            lines.append("the payload: the last link is that of the robot alone")
         gravity = float(np.linalg.norm(self.model.chain.gravity_m_s2))
         if abs(gravity - 9.81) > 1e-6:
-            lines.append(f"gravity: identified with {gravity:.6g} m/s^2")
+            lines.append(f"gravity: the identification used {gravity:.6g} m/s^2")
         return tuple(lines)
 
     def _left_out_of(self, j: int, joint: Joint, *, armatures: bool) -> list[str]:
@@ -237,8 +238,8 @@ class ExportModel:
             )
         if inertia != 0.0:
             lines.append(
-                f"what the rotor of {joint.name} ({inertia:.6g} kg m^2, ratio"
-                f" {joint.gear_ratio:g}) does to other joints"
+                f"the effect of the rotor of {joint.name} ({inertia:.6g} kg m^2, ratio"
+                f" {joint.gear_ratio:g}) on other joints"
             )
         straight = self.straight_friction(j)
         if abs(straight.offset) > 1e-9 * max(straight.friction, 1e-9):
@@ -255,20 +256,20 @@ class ExportModel:
         if f"fcT_{joint.name}" in self.model.parameter_names:
             lines.append(self._warmth_left_out(j, joint))
         lines += [
-            f"{loss.parameter.name} = {loss.parameter.value:.6g}: what the gear loses of its load"
+            f"{loss.parameter.name} = {loss.parameter.value:.6g}: the loss of the gear"
             for loss in self.model.transmission.losses
             if loss.joint == j
         ]
         return lines
 
     def _warmth_left_out(self, j: int, joint: Joint) -> str:
-        what = f"how the friction of {joint.name} changes"
+        what = f"the change of the friction of {joint.name}"
         if self.warming is None:
             cold_k = joint.reference_temperature_k
-            return f"{what} with its drive's temperature: written is that at {cold_k:g} K"
+            return f"{what} with its drive's temperature: the file has that at {cold_k:g} K"
         constant_s = self.warming.time_constant_s[j]
         return (
-            f"{what} as it warms up (time constant {constant_s:.3g} s): written is that of a cold"
+            f"{what} as it warms up (time constant {constant_s:.3g} s): the file has that of a cold"
             " robot"
         )
 
@@ -280,7 +281,7 @@ def _origin(estimate: Estimate, sentence: str) -> tuple[str, str]:
 
 
 def _turn_onto_z(up: FloatArray) -> FloatArray:
-    """Return the smallest rotation R with R up = z; half a turn about x where up is -z."""
+    """Return the smallest rotation R with R up = z; half a turn about x if up is -z."""
     z = np.array([0.0, 0.0, 1.0])
     cosine = float(up @ z)
     if cosine > 1.0 - 1e-15:

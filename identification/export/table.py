@@ -1,4 +1,4 @@
-"""Identified parameters as tables for other programs: CSV with a row a value, JSON."""
+"""Identified parameters as tables for other programs: CSV with one row per value, and JSON."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Kind = Literal["identified", "shape", "warming", "consistent", "link"]
 
 _HEAT = (
     "T in T x' = P - x with P = (fc_heat + fv_heat |v|) |v|, v the speed of the joint (of its"
-    " actuator where a wrist couples), x = 0 of a cold robot; fcT and fvT multiply x, 1 K a watt"
+    " actuator in a coupled wrist), x = 0 for a cold robot; fcT and fvT multiply x, 1 K per watt"
 )
 
 
@@ -29,11 +29,11 @@ _HEAT = (
 class TableRow:
     """One value.
 
-    `kind` is "identified" for a base parameter, "shape" for a nonlinear one (Stribeck speed,
-    efficiency), "warming" for what a joint's temperature follows from where no one measured it,
-    "consistent" for a standard parameter of the physically consistent estimate, and "link" for
-    what follows from those of a link, about its centre of gravity. `words` says which combination
-    of standard parameters it is; sigmas are standard deviations, None where unknown.
+    `kind` is "identified" for a base parameter and "shape" for a nonlinear parameter (Stribeck
+    speed, efficiency). It is "warming" for a parameter of a joint's temperature that was not
+    measured. It is "consistent" for a standard parameter of the physically consistent estimate, and
+    "link" for a property of a link about its centre of gravity. `words` is the combination of
+    standard parameters. Sigmas are standard deviations, None if unknown.
     """
 
     kind: Kind
@@ -49,7 +49,7 @@ class TableRow:
 def parameter_rows(
     estimate: Estimate, consistent: ExportModel | None = None
 ) -> tuple[TableRow, ...]:
-    """Return every identified value and, where given, the physically consistent ones.
+    """Return every identified value and, if given, the physically consistent ones.
 
     Args:
         estimate: The identified parameters.
@@ -95,7 +95,7 @@ def parameter_rows(
 
 
 def csv_table(estimate: Estimate, consistent: ExportModel | None = None) -> str:
-    """Return the table as CSV (RFC 4180), one head row, decimal points, empty where unknown."""
+    """Return the table as CSV (RFC 4180): one header row, decimal points, empty if unknown."""
     text = io.StringIO()
     names = list(TableRow.__dataclass_fields__)
     writer = csv.DictWriter(text, names, lineterminator="\r\n")
@@ -109,15 +109,15 @@ def csv_table(estimate: Estimate, consistent: ExportModel | None = None) -> str:
 
 
 def _text(value: str | None) -> str | None:
-    """Return a text that no spreadsheet takes for a formula."""
+    """Return a text that spreadsheets do not interpret as a formula."""
     return f"'{value}" if value and value[0] in "=+-@\t\r" else value
 
 
 def json_table(estimate: Estimate, consistent: ExportModel | None = None) -> str:
-    """Return the table as JSON, with the robot, where the values come from, and how good they are.
+    """Return the table as JSON, with the robot, the origin of the values and their quality.
 
-    Not the model file that other commands read: that one is complete, this one is for people and
-    programs that only want the numbers.
+    It is not the model file that other commands read, which is complete. This table is for users
+    and programs that need only the numbers.
     """
     document: dict[str, Any] = {
         "kind": "rid-daq parameters",
@@ -138,7 +138,7 @@ def json_table(estimate: Estimate, consistent: ExportModel | None = None) -> str
 
 
 def _warming_rows(estimate: Estimate) -> list[TableRow]:
-    """Return what the temperatures that `fcT` and `fvT` multiply follow from."""
+    """Return the parameters of the temperatures that `fcT` and `fvT` multiply."""
     warming = estimate.warming
     if warming is None:
         return []

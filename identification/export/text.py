@@ -1,4 +1,4 @@
-"""What all exported files have in common: the head that tells where they come from, templates."""
+"""Common parts of all exported files: the header with their origin, and templates."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from identification.export.model import ExportModel
 
 
 def head(model: ExportModel) -> tuple[str, ...]:
-    """Return who wrote a file and from what, a line each, safe in any comment."""
+    """Return the lines of a file's header, safe in any comment: program and origin."""
     lines = (
-        f"Robot {model.robot.name}, identified, written by rid-daq {version('rid-daq')}.",
+        f"Robot {model.robot.name}, identified; written by rid-daq {version('rid-daq')}.",
         *model.origin,
         *_memory(model),
     )
@@ -27,7 +27,7 @@ def head(model: ExportModel) -> tuple[str, ...]:
 
 
 def _memory(model: ExportModel) -> tuple[str, ...]:
-    """Say of friction with memory what a file without states cannot hold."""
+    """Return a note on presliding, which a file without states cannot represent."""
     numbers = [
         number
         for each in presliding(model.model)
@@ -41,13 +41,13 @@ def _memory(model: ExportModel) -> tuple[str, ...]:
     if not own:
         return ()
     return (
-        f"Left out: presliding ({own}). Here friction slides by the sign of the speed, which says"
-        " nothing of a joint at rest or turning round.",
+        f"Left out: presliding ({own}). In this file friction depends on the sign of the speed,"
+        " which is not valid at standstill and at reversals.",
     )
 
 
 def temperatures(model: ExportModel) -> tuple[str, ...]:
-    """Say what a function's argument `temperature_k` is, a line each."""
+    """Return the lines that explain a function's argument `temperature_k`."""
     warming = model.warming
     if warming is None:
         return ("temperature_k: measured temperatures of the joints' drives in K.",)
@@ -55,11 +55,11 @@ def temperatures(model: ExportModel) -> tuple[str, ...]:
     if model.model.coupling is not None:
         speed = "v the speed of the actuator"
     lines = [
-        "temperature_k is not what a thermometer shows. It follows from the motion since the robot",
-        f"was cold (x = 0), with {speed}; x is counted as 1 K a watt:",
+        "temperature_k is not a measured temperature. It is computed from the motion since the robot",
+        f"was cold (x = 0), with {speed}; x is counted as 1 K per watt:",
         "  T x' = P - x,  P = (f_C + f_v |v|) |v|,  temperature_k = T0 + x.",
-        "Over a time step dt: x becomes P + exp(-dt / T) (x - P). Joints that are not listed do not"
-        " use it.",
+        "Over a time step dt: x becomes P + exp(-dt / T) (x - P). Joints that are not listed do"
+        " not use it.",
     ]
     for j in np.flatnonzero(warming.joints):
         joint = model.robot.joints[j]
@@ -81,25 +81,25 @@ def friction_units(joint: Joint) -> tuple[str, str]:
 
 
 def plain(text: str) -> str:
-    """Return a line that ends no comment of XML, C or Python, and has no control characters."""
+    """Return a line that does not end a comment of XML, C or Python, without control characters."""
     visible = "".join(c if c.isprintable() else " " for c in text)
     return visible.replace("*/", "* /").replace("--", "- -").replace('"""', "'''").rstrip("\\")
 
 
 def source_name(name: str) -> str:
-    """Return a robot's name as C and Python take one."""
+    """Return a robot's name as an identifier of C and Python."""
     text = re.sub(r"[^A-Za-z0-9_]", "_", name)
     return text if text[:1].isalpha() else f"robot_{text}"
 
 
 def numbers(values: FloatArray | tuple[float, ...], separator: str = ", ") -> str:
-    """Return numbers with every digit that they have, less rounding's dust about zero."""
+    """Return numbers with all their digits, rounding errors near zero replaced by zero."""
     clean = (0.0 if abs(value) < 1e-15 else float(value) for value in values)
     return separator.join(map(repr, clean))
 
 
 def nested(matrix: FloatArray, left: str = "(", right: str = ")") -> str:
-    """Return a matrix or a table as nested tuples, or as another language's braces."""
+    """Return a matrix or a table as nested tuples, or with other brackets."""
     if matrix.ndim == 1:
         comma = "," if len(matrix) == 1 and left == "(" else ""
         return f"{left}{numbers(matrix)}{comma}{right}"
@@ -109,7 +109,7 @@ def nested(matrix: FloatArray, left: str = "(", right: str = ")") -> str:
 
 
 def render(template: str, **values: Any) -> str:
-    """Fill in a template of `identification/templates`."""
+    """Render a template of `identification/templates`."""
     text = (resources.files("identification") / "templates" / template).read_text(encoding="utf-8")
     environment = jinja2.Environment(
         undefined=jinja2.StrictUndefined,

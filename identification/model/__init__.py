@@ -1,4 +1,4 @@
-"""What can be identified of a model: its options, its base parameters, its columns.
+"""Identifiable parameters of a model: its options, its base parameters, its columns.
 
-No data yet. Begin with `base_parameters.py`.
+This folder uses no data. Start with `base_parameters.py`.
 """

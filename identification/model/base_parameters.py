@@ -1,8 +1,8 @@
-"""`BaseParameters`: what a motion can tell of a robot's parameters, in words and as a matrix.
+"""`BaseParameters`: the identifiable combinations of a robot's parameters, as text and matrix.
 
-Not every standard parameter can be seen in the torques. The base set is found by a rank-revealing
-QR factorisation of the regressor stacked over random samples (theory: section 2): the columns are
-taken in an order that keeps readable parameters, and what depends on columns already taken is
+Not every standard parameter affects the torques. The base parameters are found by a rank-revealing
+QR factorisation of the regressor stacked over random samples (theory: section 2). Columns are
+processed in an order that keeps readable parameters, and a column that depends on the kept ones is
 merged into them.
 """
 
@@ -25,10 +25,10 @@ from identification.model.still_joints import StillJoint
 from identification.regression.least_squares import triangular_factor
 
 ModelKind = Literal["internal", "external", "combined"]
-"""What is measured: joint torques, the reaction on the base, or both (4.1-4.3)."""
+"""Measured quantities: joint torques, the base wrench, or both (4.1-4.3)."""
 
 _RIGID = re.compile(r"(m|s[xyz]|I[xyz]{2})(\d+|L)")
-# First kept to first merged away: Iyy, sz and m of a link merge into others (Khalil's choice).
+# The first are kept first: Iyy, sz and m of a link merge into others (Khalil's choice).
 _KEEP_ORDER = ("Izz", "Ixx", "Ixy", "Ixz", "Iyz", "sx", "sy", "Iyy", "sz", "m")
 _ROUNDING = 1e-10
 
@@ -38,9 +38,9 @@ class BaseParameters:
     """The linear combinations of standard parameters that can be identified.
 
     Attributes:
-        names: Length b. The standard parameter that heads each combination.
+        names: Length b. The first standard parameter (head) of each combination.
         expressions: Length b. Each combination in full, such as "Izz1 + Iyy2 + 0.2304 m3".
-        units: Length b. Unit of each base parameter (its head's unit).
+        units: Length b. Unit of each base parameter (that of its head).
         standard_names: Length p. The model's parameters, in its order.
         kept: Length b. Index of each head among the standard parameters.
         combination: Shape (b, p). Matrix K of beta = K theta.
@@ -60,8 +60,8 @@ class BaseParameters:
         freeze(self, EstimationError, shape, "combination")
         if not len(self.names) == len(self.expressions) == len(self.units) == len(self.kept):
             raise EstimationError(
-                f"base parameters: {len(self.names)} names, {len(self.expressions)} expressions and"
-                f" {len(self.units)} units for {len(self.kept)} parameters",
+                f"base parameters: {len(self.names)} names, {len(self.expressions)} expressions"
+                f" and {len(self.units)} units were given for {len(self.kept)} parameters",
                 code="RID-API-ARGUMENT",
             )
 
@@ -70,11 +70,11 @@ class BaseParameters:
 
     @property
     def rigid_body(self) -> tuple[bool, ...]:
-        """Whether each base parameter is headed by a link's mass, moment or inertia."""
+        """For each base parameter: True if its head is a link's mass, moment or inertia."""
         return tuple(_RIGID.fullmatch(name) is not None for name in self.names)
 
     def columns(self, standard_regressor: FloatArray) -> FloatArray:
-        """Return the base regressor (..., b) out of a standard regressor (..., p)."""
+        """Return the base regressor (..., b) of a standard regressor (..., p)."""
         return standard_regressor[..., list(self.kept)]
 
     def to_standard(self, values: FloatArray) -> FloatArray:
@@ -88,8 +88,8 @@ class BaseParameters:
         theta = np.asarray(parameters, dtype=float)
         if theta.shape != (len(self.standard_names),):
             raise EstimationError(
-                f"{len(self.standard_names)} standard parameters are expected"
-                f" ({', '.join(self.standard_names)}), an array of shape {theta.shape} was given",
+                f"an array of shape {theta.shape} was given, but {len(self.standard_names)}"
+                f" standard parameters are required ({', '.join(self.standard_names)})",
                 code="RID-API-ARGUMENT",
             )
         return np.asarray(self.combination @ theta)
@@ -104,23 +104,23 @@ def base_parameters(
     samples: int = 300,
     seed: int = 0,
 ) -> BaseParameters:
-    """Find the base parameters of a robot model over random, generously exciting samples.
+    """Find the base parameters of a robot model, from random samples with large excitation.
 
     Args:
         model: The robot.
-        kind: What is measured: joint torques (the internal model), the six components of the
-            reaction on the base plate (external), or both. Gears count as lossless; a payload as
-            measured both with and without it.
-        still: Joints that stand still, whose torques count as not measured: friction at rest may be
-            anything.
-        tolerance: A column whose part independent of the columns kept is smaller than this fraction
-            of it counts as dependent.
-        samples: Random samples; positions in -pi..pi rad (or -1..1 m), so that the result belongs
-            to the structure and not to one motion.
+        kind: Measured quantities: joint torques (the internal model), the six components of the
+            base wrench (external), or both. Gears count as lossless; a payload as measured both
+            with and without it.
+        still: Joints that stand still, whose torques count as not measured, because friction at
+            standstill can have any value.
+        tolerance: A column counts as dependent if its part that is independent of the kept columns
+            is smaller than this fraction of the column.
+        samples: Number of random samples; positions are in -pi..pi rad (or -1..1 m), so that the
+            result is a property of the structure and not of one motion.
         seed: Seed of the samples.
 
     Raises:
-        EstimationError: The rank is not clear at this tolerance.
+        EstimationError: The rank is ambiguous at this tolerance.
     """
     stacked = random_regressor(model, kind=kind, still=still, samples=samples, seed=seed)
     return independent_columns(stacked, model.parameter_names, model.parameter_units, tolerance)
@@ -134,7 +134,7 @@ def random_regressor(
     samples: int = 300,
     seed: int = 0,
 ) -> FloatArray:
-    """Return the regressor that `base_parameters` looks at, shape (rows, p)."""
+    """Return the regressor for `base_parameters`, shape (rows, p)."""
     random = np.random.default_rng(seed)
     shape = (samples, len(model.joint_names))
     q = random.uniform(-np.pi, np.pi, shape)
@@ -145,7 +145,7 @@ def random_regressor(
     measured = np.any(model.actuator_speed(v) != 0.0, axis=0)
     if not measured.any():
         raise EstimationError(
-            "every joint stands still: record a motion that moves them",
+            "every joint stands still in the runs: record a motion that moves the joints",
             code="RID-MOTION-UNINFORMATIVE",
         )
     lossless = replace(model, transmission=Transmission())
@@ -176,7 +176,7 @@ def independent_columns(
     kept = _greedy(triangle, tolerance)
     _check_rank(triangle, len(kept), tolerance)
 
-    # Back to the model's own order: heads ascending, as a person would list them.
+    # Sort the heads in the model's order.
     heads = sorted(order[k] for k in kept)
     merged = [j for j in order if j not in heads]
     position = {j: place for place, j in enumerate(order)}
@@ -209,12 +209,12 @@ def _priority(name: str) -> tuple[int, int, int]:
 
 
 def _greedy(triangle: FloatArray, tolerance: float) -> list[int]:
-    """Return the columns (of unit norm) independent of all kept before them."""
+    """Return the columns (of unit norm) that are independent of all previously kept ones."""
     basis = np.zeros((len(triangle), 0))
     kept: list[int] = []
     for j in range(triangle.shape[1]):
         rest = triangle[:, j]
-        for _ in range(2):  # the second pass removes what rounding left of the first
+        for _ in range(2):  # the second pass removes the rounding error of the first
             rest = rest - basis @ (basis.T @ rest)
         length = float(np.linalg.norm(rest))
         if length > tolerance:
@@ -224,31 +224,33 @@ def _greedy(triangle: FloatArray, tolerance: float) -> list[int]:
 
 
 def _check_rank(triangle: FloatArray, rank: int, tolerance: float) -> None:
-    """Hold the rank against column-pivoted QR, whose diagonal must show a gap."""
+    """Compare the rank with column-pivoted QR, whose diagonal must have a gap."""
     diagonal = np.abs(np.diagonal(qr(triangle, mode="r", pivoting=True)[0]))
     pivoted = int(np.count_nonzero(diagonal > tolerance))
     if pivoted != rank:
         raise EstimationError(
-            f"the number of base parameters is not clear at tolerance {tolerance:g}: {rank} columns"
-            f" are independent one by one, {pivoted} by pivoted QR; nearly parallel axes do this:"
-            " choose a tolerance on one side of the small pivots"
+            f"the number of base parameters is ambiguous at the tolerance {tolerance:g}: {rank}"
+            f" columns are independent one by one, but {pivoted} by pivoted QR. Nearly parallel"
+            " axes cause this: choose a tolerance clearly above or below the small pivots"
             f" {', '.join(f'{d:.1e}' for d in diagonal[min(rank, pivoted) - 1 :][:4])}",
             code="RID-MODEL-RANK",
         )
 
 
 def _expression(row: FloatArray, names: tuple[str, ...], head: int) -> str:
-    """Write one combination: its head first, then the rest in the model's order."""
+    """Return one combination as text: its head first, then the rest in the model's order."""
     text = names[head]
     for j in np.flatnonzero(row):
         if j == head:
             continue
-        coefficient = float(f"{float(f'{row[j]:.10g}'):.5g}")  # 10 first: no coin-flip at a tie
+        coefficient = float(
+            f"{float(f'{row[j]:.10g}'):.5g}"
+        )  # round to 10 digits first, for reproducible rounding of ties
         factor = "" if abs(coefficient) == 1.0 else f"{_plain(abs(coefficient))} "
         text += f" {'-' if coefficient < 0.0 else '+'} {factor}{names[j]}"
     return text
 
 
 def _plain(value: float) -> str:
-    """Write five significant digits, without an exponent where that stays short."""
+    """Return a number with five significant digits, without an exponent if this is short."""
     return f"{value:.0f}" if 1e4 <= value < 1e7 else f"{value:.5g}"

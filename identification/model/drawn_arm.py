@@ -1,4 +1,4 @@
-"""`drawn_parameters`: the arm of `cad`, or one of its size, and how heavy the real one may be."""
+"""`drawn_parameters`: parameters of an arm from its `cad` or its size; its range of weights."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ UNCERTAINTIES: Final = 2.0
 
 
 def drawn_parameters(model: RobotModel, robot: RobotDescription) -> FloatArray:
-    """Return a model's standard parameters by `cad`, or by cylinders of the arm's size."""
+    """Return a model's standard parameters from `cad`, or from cylinders of the arm's size."""
     if not robot.is_drawn:
         chain = Chain.from_description(robot)
         robot = robot.model_copy(update={"cad": nominal_links(chain.rows, chain.tool_m)})
@@ -26,7 +26,7 @@ def drawn_parameters(model: RobotModel, robot: RobotDescription) -> FloatArray:
 
 
 def plausible_weight(robot: RobotDescription) -> tuple[float, float]:
-    """Return the smallest and the largest weight of a real arm, over that of the drawn one."""
+    """Return the smallest and the largest weight of a real arm, relative to the drawn one."""
     if not robot.is_drawn or robot.cad is None:
         return NOMINAL_RANGE
     unsure = UNCERTAINTIES * max(link.uncertainty or 0.0 for link in robot.cad)

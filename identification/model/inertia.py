@@ -1,4 +1,4 @@
-"""The size of the joint-space inertia over a motion, out of an estimate's values."""
+"""Magnitude of the joint-space inertia over a motion, from an estimate's values."""
 
 from __future__ import annotations
 
@@ -21,9 +21,10 @@ def inertia_size(
     """Return the RMS over some positions of each element of the inertia, shape (n, n).
 
     Args:
-        model, base: The model and what of it can be identified.
+        model: The robot model.
+        base: Its base parameters.
         position: Shape (samples, n). Joint positions [rad or m].
-        values: Shape (b,). Base parameters.
+        values: Shape (b,). Values of the base parameters.
     """
     columns = _per_acceleration(model, base, position, values, torque_columns)
     return np.asarray(np.sqrt(np.mean(np.square(columns), axis=1)).T)
@@ -34,7 +35,7 @@ def base_inertia_squares(
 ) -> FloatArray:
     """Return the mean over some positions of g g^T, shape (n, 6, 6).
 
-    g is the base wrench per unit acceleration of a joint. Parameters as for `inertia_size`.
+    g is the base wrench per unit acceleration of a joint. Parameters are as for `inertia_size`.
     """
     columns = _per_acceleration(model, base, position, values, wrench_columns)
     return np.asarray(np.einsum("jpr,jps->jrs", columns, columns) / columns.shape[1])

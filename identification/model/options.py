@@ -1,4 +1,4 @@
-"""`ModelOptions`: which terms an estimate's model has."""
+"""`ModelOptions`: the terms of an estimate's model."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from identification.model.base_parameters import ModelKind
 
 @dataclass(frozen=True)
 class ModelOptions(Ranged):
-    """Which terms the model has; see `RobotModel.from_description`.
+    """Terms of the model; see `RobotModel.from_description`.
 
-    `kind` says what is measured of it: the external and the combined model need a force plate.
-    `friction_terms` replaces the terms of every joint where it is given, `nonlinear` the values of
+    `kind` selects the measured quantities: the external and the combined model need a force plate.
+    `friction_terms` replaces the terms of every joint if it is given, and `nonlinear` the values of
     the model's nonlinear parameters (`RobotModel.nonlinear_names`).
     """
 
@@ -36,8 +36,8 @@ class ModelOptions(Ranged):
         """Build the model of a robot with these terms.
 
         Raises:
-            EstimationError: If `nonlinear` has not as many values as the model has nonlinear
-                parameters, or the friction terms contradict each other or a joint.
+            EstimationError: `nonlinear` does not have one value for each nonlinear parameter of the
+                model, or the friction terms contradict each other or a joint.
         """
         if self.friction_terms is not None:
             joints = tuple(_with_friction(joint, self.friction_terms) for joint in robot.joints)

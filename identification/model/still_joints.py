@@ -1,7 +1,8 @@
 """`StillJoint`: a joint that no run of an identification moves.
 
-Its own friction and inertia do not show, and its link is one body with the link that carries it:
-only what the other joints show is identified, and it holds at the joint's position alone.
+Its own friction and inertia are not identifiable, and its link is one body with the link that
+carries it. Only the parameters that affect the other joints are identified, and they are valid only
+at this joint's position.
 """
 
 from __future__ import annotations
@@ -18,10 +19,10 @@ from dynamics.model.robot_model import RobotModel
 from dynamics.model.standstill import standstill_speed
 
 SAME_POSITION: Final = 0.01
-"""Positions so close are one [rad or m]."""
+"""Largest difference of positions that count as equal [rad or m]."""
 
 JERK_SHARE: Final = 0.01
-"""Share of its samples in which a joint that stands still may be moved by the jerks of others."""
+"""Fraction of samples in which other joints' jerks may move a joint that stands still."""
 
 STILL_MODEL: Final = "RID-MODEL-STILL"
 
@@ -32,20 +33,20 @@ class StillJoint:
 
     Attributes:
         joint: Its name.
-        positions: Where it stood, a position a run at most [rad or m].
+        positions: Its positions in the runs, at most one per run [rad or m].
     """
 
     joint: str
     positions: tuple[float, ...]
 
     def stands_there(self, position: FloatArray) -> bool:
-        """Return whether positions, (samples,), are one of those at which it stood."""
+        """Return True if all positions, (samples,), are close to those of the identification."""
         near = np.abs(np.subtract.outer(position, np.array(self.positions))).min(axis=1)
         return bool(np.all(near <= SAME_POSITION))
 
     @property
     def words(self) -> str:
-        """Its name and where it stood."""
+        """Name and positions of the joint."""
         return f"{self.joint} (at {', '.join(f'{p:.3g}' for p in self.positions)})"
 
 
@@ -61,9 +62,9 @@ def still_joints(
         model: The robot.
         motions: Iterable of (ndarray, ndarray). Positions and velocities of each run, (samples, n)
             [rad or m, per s].
-        standstill_rad_s: Speed from which on a joint moves.
-        moving_share: Share of a run's samples in which it may be faster all the same, such as when
-            another joint starts with a jerk.
+        standstill_rad_s: Speed above which a joint counts as moving [rad/s or m/s].
+        moving_share: Fraction of a run's samples in which the joint may nevertheless be faster, for
+            example because another joint starts abruptly.
     """
     slowest = standstill_speed(model, standstill_rad_s)
     still = np.ones(model.chain.n, dtype=bool)
@@ -80,15 +81,15 @@ def still_joints(
 
 
 def refuse_still(still: Sequence[StillJoint], of: str) -> None:
-    """Refuse to use a model for motions of joints that stood still when it was identified.
+    """Refuse to use a model for motions of joints that did not move in its identification.
 
     Raises:
         EstimationError: There are such joints.
     """
     if still:
         raise EstimationError(
-            f"{of}: {', '.join(each.words for each in still)} stood still in the runs, which show"
-            " neither its friction nor its inertia: record a motion that moves every joint, and"
-            " identify it with them",
+            f"{of}: {', '.join(each.words for each in still)} did not move in the runs of the"
+            " identification, so its friction and inertia are unknown: record a motion that"
+            " moves every joint, and include it in the identification",
             code=STILL_MODEL,
         )

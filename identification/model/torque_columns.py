@@ -1,4 +1,4 @@
-"""Columns of the torque equations: base parameters, and slopes of the nonlinear ones."""
+"""Columns of the torque equations: base parameters, and derivatives of the nonlinear ones."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ def torque_columns(
     conditions: Conditions | None = None,
     standard: FloatArray | None = None,
 ) -> FloatArray:
-    """Return the base regressor, and behind it how torque changes with the nonlinear parameters.
+    """Return the base regressor, followed by derivatives by the nonlinear parameters.
 
     Near nonlinear parameters xi0 and standard parameters theta0 the torque is, to first order,
     Phi(xi0) theta + S (xi - xi0) with S = d(Phi theta0)/d xi: Gauss-Newton's equations.
 
     Args:
         model: The model, at xi0.
-        base: What of it can be identified.
+        base: Its base parameters.
         motion: Tuple of (samples, n) arrays. q, v, a.
         conditions: Temperature and payload.
-        standard: Shape (parameters,). theta0. Without it there are no slopes, and gears lose
-            nothing yet.
+        standard: Shape (parameters,). theta0. Without it there are no derivatives, and gears are
+            lossless.
 
     Returns:
         (samples, n, b) array, or (samples, n, b + s) with theta0.
@@ -56,9 +56,9 @@ def torque_columns(
 
 
 def changing_columns(model: RobotModel, base: BaseParameters) -> BoolArray | None:
-    """Return which base columns change with the nonlinear parameters, (b,); None where all may.
+    """Return a mask of the base columns that depend on nonlinear parameters, (b,), or None.
 
-    Gears that lose something change all that they transmit.
+    None means that all columns may depend on them: gear losses change all transmitted torques.
     """
     if not model.nonlinear_names or model.transmission.losses:
         return None
@@ -76,9 +76,9 @@ def changing_torque_columns(
     conditions: Conditions | None = None,
     standard: FloatArray | None = None,
 ) -> FloatArray:
-    """Return those of `torque_columns` that `changing_columns` names, and the slopes behind them.
+    """Return the columns of `torque_columns` in `changing_columns`, followed by the derivatives.
 
-    Gears lose nothing here.
+    Gears are lossless here.
     """
     some = replace(
         model,
@@ -102,9 +102,9 @@ def wrench_columns(
     conditions: Conditions | None = None,
     standard: FloatArray | None = None,
 ) -> FloatArray:
-    """Return the same of the base wrench, (samples, 6, b or b + s).
+    """Return the columns of the base wrench as `torque_columns` does, (samples, 6, b or b + s).
 
-    Gears are inside the robot: the base feels none of the nonlinear parameters.
+    The nonlinear parameters act inside the robot and have no effect on the base wrench.
     """
     columns = base.columns(base_wrench_regressor(model, *motion, conditions))
     if standard is None or not model.nonlinear_names:
@@ -115,9 +115,9 @@ def wrench_columns(
 
 
 def torque_structure(model: RobotModel, base: BaseParameters, slopes: bool) -> tuple[IntArray, ...]:
-    """Return which columns of `torque_columns` each joint's torque can depend on at all.
+    """Return for each joint the indices of `torque_columns` on which its torque can depend.
 
-    A joint does not feel the links before it; the zeros are found on random motions.
+    Preceding links do not affect a joint's torque; the zero columns are found on random motions.
     """
     random = np.random.default_rng(0)
     motion = tuple(random.normal(size=(3, 20, model.chain.n)))

@@ -1,4 +1,5 @@
-"""Least squares, Huber weights and cluster-robust intervals, whatever the equations.
+"""Least squares, Huber weights and cluster-robust intervals for any equations.
 
-No robot: matrices in, estimates and covariances out. Begin with `least_squares.py`.
+This folder contains no robots: its inputs are matrices, its outputs estimates and covariances.
+Start with `least_squares.py`.
 """

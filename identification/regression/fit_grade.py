@@ -1,4 +1,4 @@
-"""`FitGrade`: how well a model explains a joint's torque, and what decides it."""
+"""`FitGrade`: grade of a model's fit to a joint's torque, and its reason."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ BAD_SHARE: Final = 0.3
 
 
 class Grade(StrEnum):
-    """How far a fit can be trusted."""
+    """Reliability of a fit."""
 
     GOOD = "good"
     DOUBTFUL = "doubtful"
@@ -26,20 +26,20 @@ class Grade(StrEnum):
 
 @dataclass(frozen=True)
 class FitGrade:
-    """The residual of one joint in every measure that a person needs, and the grade.
+    """Residual of one joint in several measures, and the grade.
 
-    What is graded is the residual that noise does not explain, as a share of the torque: up to 10 %
-    is good, more than 30 % is bad. Recordings of industrial robots with the usual friction terms
-    come out at 3 to 10 %, the small joints of a wrist at up to 20 %. What is doubtful so is bad
-    where parts of the recording that were left out of a fit leave more than 30 %: then the
-    parameters follow those torques only, as of a robot with other lengths or axes.
+    The grade depends on the part of the residual that noise does not explain, relative to the
+    torque: up to 10 % is good, more than 30 % is bad. Recordings of industrial robots with the
+    usual friction terms have 3 to 10 %, and the small joints of a wrist up to 20 %. A doubtful fit
+    becomes bad if the residual on held-out parts of the recording is more than 30 %. Then the
+    parameters explain only the fitted torques, as for a robot with other lengths or axes.
 
     Attributes:
         residual_nm, torque_nm: RMS of measured minus predicted torque, and of the measured torque
             [N m or N].
-        noise_nm: RMS that the measured noise alone leaves; None where it is not known.
+        noise_nm: RMS of the residual due to measured noise alone; None if it is not known.
         grade: None for a joint that does not move, or whose torque is not known.
-        reason: What decides it, in words.
+        reason: Reason of the grade, in words.
     """
 
     joint: str
@@ -57,7 +57,7 @@ class FitGrade:
 
     @property
     def over_noise(self) -> float | None:
-        """The residual over what noise alone leaves."""
+        """The residual relative to that of noise alone."""
         return self.residual_nm / self.noise_nm if self.noise_nm else None
 
 
@@ -73,13 +73,13 @@ def grade_fit(
     """Grade the fit of every joint.
 
     Args:
-        joint_names: Base to flange.
+        joint_names: Joints from base to flange.
         residual_nm, torque_nm: Shape (n,). RMS of measured minus predicted torque, and of the
             measured torque [N m or N]; NaN for a joint that does not move.
-        noise_nm: Shape (n,). RMS that the measured noise alone leaves.
-        of: What the fit explains, in words.
-        held_out_share: Shape (n,). The residual's share of the torque on parts of the recording
-            that were left out of a fit.
+        noise_nm: Shape (n,). RMS of the residual due to measured noise alone [N m or N].
+        of: The quantity that the fit explains, in words.
+        held_out_share: Shape (n,). Residual relative to the torque on held-out parts of the
+            recording.
     """
     grades = []
     for j, joint in enumerate(joint_names):
@@ -91,25 +91,25 @@ def grade_fit(
             grade = Grade.BAD
             reason += (
                 f"; on parts of the recording that were left out of the fit it is"
-                f" {100.0 * share:.0f} %, as with a robot file whose lengths or axes are wrong, or"
-                " of another robot"
+                f" {100.0 * share:.0f} %, as if the lengths or axes in the robot file were wrong,"
+                " or those of another robot"
             )
         grades.append(FitGrade(joint, residual, torque, noise, grade, reason))
     return tuple(grades)
 
 
 def worst(grades: Sequence[FitGrade]) -> Grade | None:
-    """Return the worst grade; None where no joint has one."""
+    """Return the worst grade; None if no joint has a grade."""
     known = [each.grade for each in grades if each.grade is not None]
     return max(known, key=list(Grade).index, default=None)
 
 
 def limit_share(torque_nm: FloatArray, noise_nm: FloatArray | None) -> FloatArray:
-    """Return the residual's share of the torque above which a fit is bad, shape (n,).
+    """Return the residual relative to the torque above which a fit is bad, shape (n,).
 
     Args:
         torque_nm: Shape (n,). RMS of the measured torque [N m or N].
-        noise_nm: Shape (n,). RMS that the measured noise alone leaves.
+        noise_nm: Shape (n,). RMS of the residual due to measured noise alone [N m or N].
     """
     share = np.zeros_like(torque_nm)
     if noise_nm is not None:
@@ -123,7 +123,7 @@ def _grade(residual: float, torque: float, noise: float, of: str) -> tuple[Grade
     share = math.sqrt(max(residual**2 - noise**2, 0.0)) / torque
     if share <= GOOD_SHARE:
         if residual > GOOD_SHARE * torque:
-            return Grade.GOOD, "the residual is the noise of the measurement"
+            return Grade.GOOD, "the residual is explained by the measurement noise"
         return Grade.GOOD, f"the residual is at most {100.0 * GOOD_SHARE:g} % of the {of}"
     beyond = " beyond the noise" if noise > 0.1 * residual else ""
     grade = Grade.BAD if share > BAD_SHARE else Grade.DOUBTFUL

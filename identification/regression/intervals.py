@@ -1,10 +1,10 @@
-"""Intervals that hold although the residuals are coloured: model error is not white noise.
+"""Intervals that are valid for coloured residuals, because model error is not white noise.
 
-What a model does not have shows in the residuals as something correlated from row to row and joint
-to joint. Rows are therefore put into clusters, a bin of the spectrum or a stretch of time, and the
-estimate's scatter is what leaving out one cluster after the other does to it: the cluster jackknife
-(MacKinnon, Nielsen and Webb 2023, CV3). Unlike the sandwich of plain residuals it does not take a
-residual for small because the fit bent towards it.
+Effects that a model lacks cause residuals that are correlated between rows and joints. Rows are
+therefore grouped into clusters, such as a bin of the spectrum or an interval of time. The
+estimate's covariance follows from the changes when one cluster after the other is left out: the
+cluster jackknife (MacKinnon, Nielsen and Webb 2023, CV3). Unlike the sandwich estimator, it does
+not underestimate residuals that the fit has adapted to.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Cluster:
 
     Attributes:
         gram: Shape (p, p). A^T W A of its rows.
-        score: Shape (p,). A^T W r of its rows, r the residuals.
+        score: Shape (p,). A^T W r of its rows, with the residuals r.
     """
 
     gram: FloatArray
@@ -42,11 +42,11 @@ class Cluster:
 
 @dataclass(frozen=True, eq=False)
 class Scatter:
-    """What leaving out one cluster after the other shows.
+    """Result of leaving out one cluster after the other.
 
     Attributes:
         covariance: Shape (p, p). Covariance of the estimate.
-        clusters: How many it rests on.
+        clusters: Number of clusters.
     """
 
     covariance: FloatArray
@@ -54,16 +54,16 @@ class Scatter:
 
     @property
     def quoted(self) -> FloatArray:
-        """The covariance to quote, shape (p, p): two sigma of it hold with few clusters, too."""
+        """Covariance to report, shape (p, p); two-sigma intervals also hold for few clusters."""
         return self.covariance * widening(self.clusters) ** 2
 
 
 def widening(clusters: int) -> float:
-    """Return how many times wider two-sigma intervals are for resting on few clusters.
+    """Return the factor by which two-sigma intervals are wider because of few clusters.
 
-    A scatter of G clusters is itself uncertain, so intervals follow Student's t with G - 1 degrees
-    of freedom (Cameron and Miller 2015, VI.D). From `FEW_CLUSTERS` on the difference, 4 %, is left
-    out.
+    A covariance from G clusters is itself uncertain, so that intervals follow Student's t with G -
+    1 degrees of freedom (Cameron and Miller 2015, VI.D). From `FEW_CLUSTERS` on the difference, 4
+    %, is neglected.
     """
     if clusters >= FEW_CLUSTERS:
         return 1.0
@@ -80,11 +80,11 @@ def at_least(clustered: FloatArray, other: FloatArray) -> FloatArray:
 
 
 def changes(information: FloatArray, clusters: Iterable[Cluster]) -> Iterator[FloatArray]:
-    """Yield by how much the estimate of all rows differs from that without each cluster, (p,).
+    """Yield the difference of the estimate of all rows from that without each cluster, (p,).
 
     Args:
-        information: Shape (p, p). A^T W A of all rows, a prior's included.
-        clusters: They are gone through once.
+        information: Shape (p, p). A^T W A of all rows, including a prior.
+        clusters: The clusters; the iterable is used once.
     """
     scale = np.sqrt(np.diagonal(information))
     scales = np.outer(scale, scale)
@@ -95,17 +95,17 @@ def changes(information: FloatArray, clusters: Iterable[Cluster]) -> Iterator[Fl
 
 
 def jackknife(information: FloatArray, clusters: Iterable[Cluster]) -> Scatter:
-    """Return how the estimate scatters when one cluster after the other is left out.
+    """Return the scatter of the estimate when one cluster after the other is left out.
 
     Args:
-        information: Shape (p, p). A^T W A of all rows, a prior's included.
-        clusters: They are gone through once.
+        information: Shape (p, p). A^T W A of all rows, including a prior.
+        clusters: The clusters; the iterable is used once.
 
     Returns:
         The covariance of the estimate, and the number of clusters.
 
     Raises:
-        EstimationError: Fewer than two clusters.
+        EstimationError: There are fewer than two clusters.
     """
     spread = np.zeros_like(information)
     count = 0
@@ -114,7 +114,8 @@ def jackknife(information: FloatArray, clusters: Iterable[Cluster]) -> Scatter:
         spread += np.outer(change, change)
     if count < 2:
         raise EstimationError(
-            "the intervals need at least two stretches of the recording that differ: record longer",
+            "intervals can be computed only from at least two different parts of the recording:"
+            " record longer",
             code="RID-RECORDING-SHORT",
         )
     return Scatter(np.asarray((count - 1) / count * spread), count)

@@ -1,6 +1,6 @@
-"""Weighted least squares by QR, fed block by block, with both covariances (theory: section 9).
+"""Weighted least squares by QR, block by block, with the solution's covariance (theory: section 9).
 
-Huber's weights hold rows with large residuals down (Huber 1964).
+Huber's weights reduce the effect of rows with large residuals (Huber 1964).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import EstimationError
 
 HUBER_LIMIT: Final = 1.345
-"""In standard deviations; 95 % as efficient as least squares where the noise is Gaussian."""
+"""Limit in standard deviations; 95 % as efficient as least squares for Gaussian noise."""
 
 _NORMAL_MAD: Final = 0.6744897501960817
 _SINGULAR: Final = 1e-10
@@ -31,7 +31,7 @@ def triangular_factor(matrix: FloatArray) -> FloatArray:
 
 
 def _factor_in_place(work: FloatArray) -> FloatArray:
-    """Return R of a Fortran-ordered matrix that may be overwritten."""
+    """Return R of a Fortran-ordered matrix; the matrix is overwritten."""
     rows, columns = work.shape
     if rows == 0:
         return work
@@ -39,7 +39,8 @@ def _factor_in_place(work: FloatArray) -> FloatArray:
     factor, _, _, info = dgeqrf(work, lwork=size, overwrite_a=1)
     if info != 0 or not np.isfinite(factor[: min(rows, columns)]).all():
         raise EstimationError(
-            "the equations hold a value that is not finite: check the recording",
+            "the equations contain a value that is not finite: check the recording for invalid"
+            " values",
             code="RID-RECORDING-DAMAGED",
         )
     upper = factor[: min(rows, columns)]
@@ -48,13 +49,13 @@ def _factor_in_place(work: FloatArray) -> FloatArray:
 
 @lru_cache(maxsize=256)
 def _below(rows: int, columns: int) -> BoolArray:
-    """Return where a matrix of this shape is below its diagonal."""
+    """Return a mask of the elements below the diagonal of a matrix of this shape."""
     return np.tri(rows, columns, -1, dtype=np.bool_)
 
 
 @dataclass(frozen=True, eq=False)
 class Triangle:
-    """The R factor of [A y] for all rows seen so far: all that least squares needs of them.
+    """The R factor of [A y] for all rows so far, which is all information that least squares needs.
 
     Attributes:
         factor: Shape (at most c + 1, c + 1). R of the QR factorisation of [A y]; the last column
@@ -62,7 +63,7 @@ class Triangle:
         columns: Shape (c,). The parameters that these rows depend on; their other columns are zero
             and left out.
         parameters: The number of all parameters, p.
-        rows: Rows behind it.
+        rows: Number of rows that were added.
     """
 
     factor: FloatArray
@@ -72,14 +73,15 @@ class Triangle:
 
     @classmethod
     def empty(cls, parameters: int, columns: IntArray | None = None) -> Triangle:
-        """Return the triangle of no rows at all."""
+        """Return a triangle without rows."""
         columns = np.arange(parameters) if columns is None else columns
         return cls(np.zeros((0, len(columns) + 1)), columns, parameters)
 
     def add(self, matrix: FloatArray, rhs: FloatArray, rows: int | None = None) -> Triangle:
         """Return the triangle with a block added: `matrix` (rows, c), `rhs` (rows,).
 
-        `rows` says how many equations the block is worth, where some of it is projected out.
+        `rows` is the number of independent equations of the block, if free torque was projected
+        out.
         """
         if len(rhs) == 0:
             return self
@@ -111,7 +113,7 @@ class Solution:
 
     Attributes:
         values: Shape (p,). The minimiser.
-        rows: Equations used.
+        rows: Number of equations used.
         factor: Shape (p + 1, p + 1). R of the QR factorisation of the weighted [A y].
     """
 
@@ -121,14 +123,14 @@ class Solution:
 
     @cached_property
     def covariance(self) -> FloatArray:
-        """(A^T W A)^-1, shape (p, p): the covariance where weights are one over the variance."""
+        """(A^T W A)^-1, shape (p, p): the covariance if weights are one over the variance."""
         p = len(self.values)
         inverse = solve_triangular(self.factor[:p, :p], np.eye(p))
         return np.asarray(inverse @ inverse.T)
 
     @cached_property
     def condition_number(self) -> float:
-        """Of the weighted matrix with its columns scaled to length one (2.25, 2.26)."""
+        """Condition number of the weighted matrix, columns scaled to length one (2.25, 2.26)."""
         p = len(self.values)
         upper = self.factor[:p, :p]
         singular = np.linalg.svd(upper / np.linalg.norm(upper, axis=0), compute_uv=False)
@@ -141,9 +143,9 @@ class Solution:
         return np.asarray(upper.T @ upper)
 
     def leading(self, count: int) -> tuple[FloatArray, float]:
-        """Return the minimiser with the first `count` parameters alone, and its cost.
+        """Return the minimiser with only the first `count` parameters, and its cost.
 
-        The others are zero; the cost is the weighted sum of squares that is left.
+        The other parameters are zero; the cost is the remaining weighted sum of squares.
         """
         values = solve_triangular(self.factor[:count, :count], self.factor[:count, -1])
         return values, float(np.sum(self.factor[count:, -1] ** 2))
@@ -155,20 +157,20 @@ def solve(
     """Solve the equations of several channels together, each weighted by 1 / sigma.
 
     Args:
-        triangles: One a channel.
+        triangles: Triangle of each channel.
         weights: One over the standard deviation of each channel's rows.
-        names: The parameters, for the message where one is not seen.
+        names: The parameters' names, for error messages.
 
     Raises:
-        EstimationError: Fewer equations than parameters, or a parameter that this motion does not
-            show.
+        EstimationError: There are fewer equations than parameters, or the motion does not determine
+            a parameter.
     """
     parts = list(triangles)
     rows = sum(part.rows for part in parts)
     p = len(names)
     if rows <= p:
         raise EstimationError(
-            f"{rows} equations are left for {p} parameters: record longer, or leave out fewer"
+            f"only {rows} equations remain for {p} parameters: record longer, or leave out fewer"
             " samples",
             code="RID-RECORDING-SHORT",
         )
@@ -179,7 +181,8 @@ def solve(
     if upper.shape != (p, p) or (size == 0.0).any():
         hidden = [name for name, s in zip(names, size, strict=True) if s == 0.0]
         raise EstimationError(
-            f"the motion does not show {', '.join(hidden) or 'all parameters'}",
+            f"the motion does not determine {', '.join(hidden) or 'all parameters'}: use a motion"
+            " that moves more axes",
             code="RID-MOTION-UNINFORMATIVE",
         )
     _check_condition(upper / size, names)
@@ -187,16 +190,19 @@ def solve(
 
 
 def _check_condition(upper: FloatArray, names: tuple[str, ...]) -> None:
-    """Refuse a triangle, with columns of length one, whose parameters cannot be told apart."""
+    """Refuse a triangle, with columns of length one, with nearly dependent parameters."""
     reciprocal, _ = dtrcon(upper)
-    if reciprocal > _NEARLY_SINGULAR:  # an estimate, to which singular values need not be known
+    if (
+        reciprocal > _NEARLY_SINGULAR
+    ):  # a fast estimate; singular values are not needed in this case
         return
     _, singular, right = np.linalg.svd(upper)
     if singular[-1] < _SINGULAR * singular[0]:
         culprits = [names[j] for j in np.argsort(-np.abs(right[-1]))[:3]]
         raise EstimationError(
-            f"the motion does not tell {', '.join(culprits)} from one another (condition number"
-            f" {singular[0] / max(singular[-1], 1e-300):.1e}): move more axes, or further",
+            f"the motion does not distinguish {', '.join(culprits)} from each other (condition"
+            f" number {singular[0] / max(singular[-1], 1e-300):.1e}): move more axes, or move"
+            " them further",
             code="RID-MOTION-UNINFORMATIVE",
         )
 
@@ -205,7 +211,7 @@ def huber_weights(residual: FloatArray) -> FloatArray:
     """Return weights min(1, 1.345 s / |r|), with s the residuals' robust standard deviation.
 
     Args:
-        residual: Shape (rows,). Residuals of one kind; s is their median size over 0.6745.
+        residual: Shape (rows,). Residuals of one kind; s is their median magnitude over 0.6745.
     """
     size = np.abs(residual)
     if size.size == 0:

@@ -11,7 +11,7 @@ def holm(p_values: FloatArray) -> FloatArray:
     """Return p-values adjusted for testing several hypotheses at once (Holm 1979).
 
     Args:
-        p_values: Shape (k,). Each hypothesis' own.
+        p_values: Shape (k,). P-value of each single hypothesis.
     """
     order = np.argsort(p_values)
     factors = len(p_values) - np.arange(len(p_values))

@@ -1,4 +1,4 @@
-"""How accurate a payload session would be, by simulating many.
+"""Accuracy of a payload session before it is executed, from simulations.
 
-Answers before anything is driven. Begin with `monte_carlo.py`.
+Start with `monte_carlo.py`.
 """

@@ -1,4 +1,4 @@
-"""The rows of the thesis's table 5.3: which assumption is wrong, and by how much."""
+"""Rows of the thesis's table 5.3: a wrong assumption and its size."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ class SensitivityCase:
     """One row of the table.
 
     Attributes:
-        number, words: What stands in front of it.
-        assumed: What is assumed wrongly.
-        motion: Which axes move: 3 to the last, or all.
-        against: Where the row means something: a wrong torque constant scales the unloaded robot's
-            torques too, so that a model of it that was identified with the same constant is no
-            better than a second run; wrong links and rotors cancel between two runs.
+        number, words: Number and description of the row.
+        assumed: The wrong assumption.
+        motion: Moving axes: 3 to the last, or all.
+        against: Comparison for which the row is meaningful. A wrong torque constant also scales the
+            unloaded robot's torques. A model of it that was identified with the same constant is
+            then no better than a second run. Errors of links and rotors cancel between two runs.
     """
 
     number: int
@@ -61,7 +61,7 @@ def thesis_motion(robot: RobotDescription, axes: Sequence[int]) -> SampledMotion
 
     Args:
         robot: The robot, for its limits.
-        axes: The axes that move, from 0.
+        axes: The moving axes, from 0.
     """
     random = np.random.default_rng(PHASES)
     time_s = np.arange(SAMPLES) * (PERIOD_S / SAMPLES)
@@ -88,13 +88,13 @@ def thesis_motion(robot: RobotDescription, axes: Sequence[int]) -> SampledMotion
 def thesis_cases(axes: int, share: float = SHARE, bias_nm: float = -12.0) -> list[SensitivityCase]:
     """Return the rows of table 5.3 for an arm of `axes` axes.
 
-    Torque constants, links and coupling count as `share` too large; on arms that have not six axes,
-    axis 3 stands for the first that lifts, and groups end with the last axis.
+    Torque constants, links and coupling are wrong by the relative error `share`. For arms without
+    six axes, axis 3 is the first that lifts, and groups end with the last axis.
 
     Args:
         axes: Number of axes, at least 3.
-        share: How wrong what is known is.
-        bias_nm: Bias of the torque of axis 3.
+        share: Relative error of the assumptions.
+        bias_nm: Bias of the torque of axis 3 [N m].
     """
 
     def gains(*numbers: int) -> tuple[float, ...]:
@@ -150,12 +150,12 @@ def sensitivity_row(
     """Return a row of the table.
 
     Args:
-        problems: The robot with its payload, on the motion of the wrist's side and on that of all
+        problems: The robot with its payload, on the motion of the axes from 3 on and on that of all
             axes.
-        against: How the robot is told from the payload; as the case says if not given.
+        against: Comparison that separates the payload from the robot; that of the case by default.
 
     Raises:
-        EstimationError: The motion does not show all ten parameters.
+        EstimationError: The motion does not determine all ten parameters.
     """
     problem, against = problems[case.motion], against or case.against
     percent = deviation_percent(problem, estimated(problem, case.assumed, against))

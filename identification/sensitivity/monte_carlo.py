@@ -1,4 +1,4 @@
-"""Monte Carlo: how a payload's estimate scatters with noise, and with beliefs wrong by chance."""
+"""Monte Carlo simulation of a payload's estimate, with noise and random errors of assumptions."""
 
 from __future__ import annotations
 
@@ -25,13 +25,14 @@ BATCH: Final = 250
 
 @dataclass(frozen=True)
 class PriorUncertainty:
-    """Standard deviations of what is assumed, each independent of all others.
+    """Standard deviations of the assumptions, all independent.
 
     Attributes:
-        torque_constants: Share of each axis's torque constant.
-        links: Share of each link's mass, first moment and inertia.
-        rotors: Share of each rotor's inertia.
-        bias: Share of each axis's noise that its torque is off by as a constant, times 100.
+        torque_constants: Relative standard deviation of each axis's torque constant.
+        links: Relative standard deviation of each link's mass, first moment and inertia.
+        rotors: Relative standard deviation of each rotor's inertia.
+        bias: Standard deviation of each axis's constant torque error, in units of 100 times its
+            noise.
     """
 
     torque_constants: float = 0.0
@@ -42,7 +43,7 @@ class PriorUncertainty:
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """Some estimates: values (draws, 10) of `REPORTED`, and which batch they are."""
+    """Estimates of one batch: values (draws, 10) of `REPORTED`, and the number of the batch."""
 
     batch: int
     values: FloatArray
@@ -56,15 +57,15 @@ def draw_batch(
     count: int,
     seed: int,
 ) -> Draws:
-    """Estimate a payload `count` times, each time with other noise and other wrong beliefs.
+    """Estimate a payload `count` times, each time with other noise and other wrong assumptions.
 
-    A batch costs one set-up of the equations and `count` products with it: batches are large enough
-    that sending one to another machine pays.
+    A batch costs one set-up of the equations and `count` products with it. Batches are large enough
+    to be sent to another machine efficiently.
 
     Args:
         problem: The robot, its payload, its motion, the noise of every sample.
-        prior: How sure what is assumed is.
-        against: How the robot is told from the payload.
+        prior: Uncertainty of the assumptions.
+        against: Comparison that separates the payload from the robot.
         batch, count, seed: Number of the batch, its draws, and the seed of all batches.
     """
     random = np.random.default_rng([seed, batch])
@@ -107,19 +108,19 @@ def monte_carlo(
     jobs: int = -1,
     scheduler: str | None = None,
 ) -> Generator[Draws]:
-    """Draw in batches side by side, and yield each batch as it is ready.
+    """Draw in batches in parallel, and yield each batch as soon as it is finished.
 
     The same seed gives the same draws, wherever they are computed.
 
     Args:
         problem, prior, against, seed: As for `draw_batch`.
-        draws: How many in all.
-        jobs: Processes; -1 for one a core.
+        draws: Total number of draws.
+        jobs: Number of processes; -1 for one per core.
         scheduler: Address of a Dask scheduler; its workers need this program installed.
 
     Raises:
         ConfigError: The scheduler cannot be reached, or Dask is not installed.
-        EstimationError: The motion does not show all ten parameters.
+        EstimationError: The motion does not determine all ten parameters.
     """
     work = joblib.delayed(draw_batch)
     tasks = [

@@ -1,9 +1,9 @@
-"""What wrong knowledge of a robot does to a payload's estimate: chapter 5's table, as numbers.
+"""Effect of wrong assumptions about a robot on a payload's estimate, as in chapter 5's table.
 
-A robot with a payload is simulated with one thing different from what is assumed of it, and the
-payload is estimated as if all assumptions were right. Nothing is measured here and no noise is in
-it: what is left is the error that this wrong assumption makes.
-`identification.sensitivity.monte_carlo` adds noise and beliefs that are wrong by chance.
+A robot with a payload is simulated with one difference from the assumptions, and the payload is
+estimated as if all assumptions were right. There is no measurement and no noise, so that the error
+of the estimate is due to this wrong assumption. `identification.sensitivity.monte_carlo` adds noise
+and random errors of assumptions.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.payload.body import PayloadBody, flange_pose, reported, to_link
 
 Comparison = Literal["model", "difference"]
-"""Less a model of the unloaded robot, or less a second run without the payload."""
+"""Subtraction of a model of the unloaded robot, or of a second run without the payload."""
 
 MOVING: Final = 1e-9
 RANK: Final = 1e-8
@@ -32,17 +32,18 @@ RANK: Final = 1e-8
 
 @dataclass(frozen=True)
 class Assumptions:
-    """How what is assumed differs from what is; by default nothing does.
+    """Differences between assumptions and reality; none by default.
 
     Attributes:
         gains: Length n, or empty. Assumed over true torque constant of each axis.
         links: Assumed over true inertial parameters of the robot's links.
         rotors: Assumed over true rotor inertias; 0 neglects them.
         coupling: Assumed over true coupling of the wrist; 0 neglects it.
-        efficiency: True efficiency of every gear, assumed to be 1.
-        joint_friction: Share of the friction that is in the joints and assumed to be in the motors.
-        bias: Length n, or empty. Constant torque that each axis measures too much [N m].
-        known_mass: Held mass over true mass; None estimates it.
+        efficiency: True efficiency of every gear, which is assumed to be 1.
+        joint_friction: Fraction of the friction that acts in the joints but is assumed to act in
+            the motors.
+        bias: Length n, or empty. Constant error of each axis's measured torque [N m].
+        known_mass: Assumed over true mass; None estimates it.
     """
 
     gains: tuple[float, ...] = ()
@@ -57,7 +58,7 @@ class Assumptions:
 
 @dataclass(frozen=True, eq=False)
 class SampledMotion:
-    """A motion, sampled: q, v, a of shape (samples, n)."""
+    """A sampled motion: q, v, a of shape (samples, n)."""
 
     q: FloatArray
     v: FloatArray
@@ -70,19 +71,20 @@ class SampledMotion:
 
     @cached_property
     def moving(self) -> IntArray:
-        """Which axes move at all."""
+        """Indices of the axes that move."""
         return np.flatnonzero(np.abs(self.v).max(axis=0) > MOVING)
 
 
 @dataclass(frozen=True, eq=False)
 class SensitivityProblem:
-    """A robot that is known exactly, what it carries, and how it moves.
+    """A robot with known parameters, its payload and its motion.
 
     Attributes:
         parameters: Shape (p,). True standard parameters of `RobotModel.from_description(robot)`.
         payload: The true payload, in the flange's frame.
-        motion: How it moves.
-        noise_nm: Shape (n,). Standard deviation of each axis's torque; weights the axes [N m or N].
+        motion: The motion of the robot.
+        noise_nm: Shape (n,). Standard deviation of each axis's torque, for the axes' weights [N m
+            or N].
     """
 
     robot: RobotDescription
@@ -100,7 +102,8 @@ class SensitivityProblem:
         object.__setattr__(self, "noise_nm", noise)
         if self.motion.q.shape[1] != n or not (noise > 0.0).all():
             raise EstimationError(
-                "the motion and the noise must be of this robot, noise positive",
+                f"the motion and the noise must have {n} axes, as the robot, and the noise must"
+                " be positive",
                 code="RID-ROBOT-OTHER",
             )
 
@@ -111,12 +114,12 @@ class SensitivityProblem:
 
     @property
     def coupling(self) -> FloatArray:
-        """C of q = C alpha, the identity where there is none."""
+        """C of q = C alpha; the identity without coupling."""
         n = len(self.robot.joints)
         return np.eye(n) if self.robot.coupling is None else np.array(self.robot.coupling)
 
     def torque(self, assumed: Assumptions, loaded: bool) -> FloatArray:
-        """Return what the drives would tell of the true robot, (samples, n) [N m or N]."""
+        """Return the measured torques of the true robot, (samples, n) [N m or N]."""
         robot, motion = self.robot, self.motion
         if assumed.efficiency != 1.0:
             lossy = tuple(
@@ -132,7 +135,7 @@ class SensitivityProblem:
         friction = model.parameter_groups.get("friction", slice(0, 0))
         in_joints = np.zeros_like(motion.q)
         if assumed.joint_friction:
-            # The same coefficients, but of the joints' speeds and on the joints' torques.
+            # The same coefficients, applied to the joints' speeds and torques.
             uncoupled = replace(model, coupling=None)
             only = np.zeros_like(values)
             only[friction] = values[friction]
@@ -147,12 +150,12 @@ class SensitivityProblem:
         return tau + (np.array(assumed.bias) if assumed.bias else 0.0)
 
     def conditions(self, loaded: bool) -> Conditions:
-        """Return the circumstances: drives at their reference temperature."""
+        """Return the conditions: drives at their reference temperature."""
         warm = np.array([joint.reference_temperature_k for joint in self.robot.joints])
         return Conditions(temperature_k=warm, payload=loaded)
 
     def assumed(self, assumed: Assumptions) -> RobotModel:
-        """Return the model as it is assumed to be."""
+        """Return the assumed model."""
         if assumed.coupling == 1.0 or self.robot.coupling is None:
             return self.model
         n = len(self.robot.joints)
@@ -162,14 +165,14 @@ class SensitivityProblem:
 
 @dataclass(frozen=True, eq=False)
 class MotionEstimator:
-    """Least squares of payload and friction on one motion, ready for many right sides.
+    """Least squares of payload and friction on one motion, for many right-hand sides.
 
     Attributes:
         matrix: Shape (samples n, 10 + any). Weighted columns of the payload, in the flange's frame,
-            and of the friction that is seen.
-        weights: Shape (n,). One over each axis's noise; 0 for one that stands still (5.20).
-        offset: Shape (samples, n). What the robot as assumed takes of the torque.
-        mass: The held mass [kg].
+            and of the identifiable friction.
+        weights: Shape (n,). One over each axis's noise; 0 for an axis that stands still (5.20).
+        offset: Shape (samples, n). Torque of the assumed robot without payload [N m or N].
+        mass: The fixed mass [kg]; None if the mass is estimated.
     """
 
     matrix: FloatArray
@@ -181,15 +184,15 @@ class MotionEstimator:
     def of(
         cls, problem: SensitivityProblem, assumed: Assumptions, against: Comparison
     ) -> MotionEstimator:
-        """Set up an estimator that assumes what `assumed` says.
+        """Set up an estimator with the assumptions `assumed`.
 
         Raises:
-            EstimationError: The motion does not show all ten parameters of a payload.
+            EstimationError: The motion does not determine all ten parameters of a payload.
         """
         model, motion = problem.assumed(assumed), problem.motion
         phi = regressor(model, motion.q, motion.v, motion.a, problem.conditions(True))
         groups, ten = model.parameter_groups, PARAMETERS_PER_LINK
-        # An axis at rest is held by friction too, nobody knows by how much: it tells nothing.
+        # An axis at rest is also held by an unknown friction torque, so it is not used.
         weights = np.zeros_like(problem.noise_nm)
         weights[motion.moving] = 1.0 / problem.noise_nm[motion.moving]
         payload = phi[:, :, groups["payload"]] @ to_link(flange_pose(problem.robot))
@@ -204,7 +207,7 @@ class MotionEstimator:
         singular = np.linalg.svd(scaled, compute_uv=False)
         if not np.isfinite(singular).all() or singular[-1] < RANK * singular[0]:
             raise EstimationError(
-                "this motion does not show all ten parameters of a payload: move more axes",
+                "this motion does not determine all ten parameters of a payload: move more axes",
                 code="RID-MOTION-UNINFORMATIVE",
             )
         offset = np.zeros_like(motion.q)
@@ -224,13 +227,13 @@ class MotionEstimator:
 
     @cached_property
     def inverse(self) -> FloatArray:
-        """The pseudo-inverse of what is estimated, shape (any, samples n)."""
+        """The pseudo-inverse for the estimated parameters, shape (any, samples n)."""
         free = self.matrix if self.mass is None else self.matrix[:, 1:]
         size = np.linalg.norm(free, axis=0)
         return np.asarray(np.linalg.pinv(free / size) / size[:, np.newaxis])
 
     def parameters(self, tau: FloatArray) -> FloatArray:
-        """Return the payload's ten parameters out of torques (samples, n)."""
+        """Return the payload's ten parameters from torques (samples, n)."""
         rhs = ((tau - self.offset) * self.weights).ravel()
         if self.mass is None:
             return np.asarray((self.inverse @ rhs)[:PARAMETERS_PER_LINK])
@@ -241,10 +244,10 @@ class MotionEstimator:
 def estimated(
     problem: SensitivityProblem, assumed: Assumptions, against: Comparison = "model"
 ) -> FloatArray:
-    """Return the payload that a wrong assumption leads to, ten values of `REPORTED`.
+    """Return the payload estimate that results from a wrong assumption, ten values of `REPORTED`.
 
     Raises:
-        EstimationError: The motion does not show all ten parameters.
+        EstimationError: The motion does not determine all ten parameters.
     """
     tau = problem.torque(assumed, True)
     if against == "difference":
@@ -253,10 +256,10 @@ def estimated(
 
 
 def deviation_percent(problem: SensitivityProblem, values: FloatArray) -> FloatArray:
-    """Return how far estimates (..., 10) are off, as in table 5.3: in percent of the true value.
+    """Return the deviation of estimates (..., 10) as in table 5.3: in percent of the true value.
 
-    Percent of a negative value are positive where the estimate is larger in size. Not a number
-    where the true value is zero.
+    For a negative true value, a positive deviation means a larger magnitude. NaN if the true value
+    is zero.
     """
     truth = problem.payload.reported
     with np.errstate(divide="ignore", invalid="ignore"):

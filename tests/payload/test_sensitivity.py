@@ -194,7 +194,7 @@ def test_the_command_writes_the_table(tmp_path: Path, capsys: pytest.CaptureFixt
         (["--payload", "huge"], "neither a file nor a payload of cell kr15 (small, medium, large)"),
         (["--motion", "nowhere.yaml"], "nowhere.yaml"),
         (["--draws", "1"], "RID-OPTION-RANGE"),
-        (["--draws", "5", "--scheduler", "tcp://127.0.0.1:9"], "no Dask scheduler answers"),
+        (["--draws", "5", "--scheduler", "tcp://127.0.0.1:9"], "no Dask scheduler responds"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(

@@ -87,7 +87,7 @@ def test_a_pose_that_no_draw_hits_is_led_to() -> None:
 def test_an_arm_that_its_motor_never_holds_is_told_with_the_torques() -> None:
     robot = swing(0.3 * WEIGHT_NM, low=-0.5, high=0.5)
     least = WEIGHT_NM * np.cos(0.5 * 0.8 * 0.95)
-    with raises_code(ConfigError, "RID-DESIGN-NONE", "5.59", f"takes {least:.2g}"[:-1]):
+    with raises_code(ConfigError, "RID-DESIGN-NONE", "5.59", f"torque of {least:.2g}"[:-1]):
         problem(robot).start(0)
 
 

@@ -312,7 +312,7 @@ def test_a_coupled_actuators_friction_is_left_out_and_said() -> None:
     [
         ((0, -1.0), ("link 1", "mass -1 kg")),
         ((4, -90.0), ("link 1", "moments -90.4, ")),
-        ((0, 0.0), ("no link's",)),
+        ((0, 0.0), ("links' masses",)),
     ],
 )
 @pytest.mark.parametrize("form", [urdf, sdf, pinocchio_model])

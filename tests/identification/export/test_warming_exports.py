@@ -86,7 +86,7 @@ def test_a_functions_head_says_that_no_thermometer_gives_its_temperatures(
 ) -> None:
     for write in (python_function, c_function):
         text = " ".join(write(ExportModel.consistent(consistent(warming))).split())
-        assert "temperature_k is not what a thermometer shows" in text
+        assert "temperature_k is not a measured temperature" in text
         assert "T x' = P - x, P = (f_C + f_v |v|) |v|, temperature_k = T0 + x" in text
         assert [found[0] for found in LINE.findall(text)] == ["1", "2"]
 

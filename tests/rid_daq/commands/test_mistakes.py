@@ -66,10 +66,10 @@ def test_a_few_seconds_give_wide_intervals_and_it_is_said(identify: Identify, so
     rate = 1.0 / float(np.median(np.diff(sound.time_s)))
     code, document = identify(RIGHT, "--rows", f"1-{round(8.5 * rate)}")
     assert code in (0, 6)
-    said = [each for each in document["estimate"]["findings"] if "seconds of motion only" in each]
+    said = [each for each in document["estimate"]["findings"] if "only 9 seconds of motion" in each]
     assert said == [
-        "The intervals rest on 9 seconds of motion only. They are 1.2 times wider for that, and"
-        " rough: record longer (30 are enough)."
+        "The intervals are computed from only 9 seconds of motion. They are 1.2 times wider for this"
+        " reason, and rough: record longer (30 are enough)."
     ]
 
 
