@@ -1,4 +1,4 @@
-"""`MotionCheck`: the objective of a periodic motion, and the check of all limits on a dense grid."""
+"""`MotionCheck`: the objective of a periodic motion, and the check of its limits on a dense grid."""
 
 from __future__ import annotations
 

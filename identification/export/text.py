@@ -41,8 +41,8 @@ def _memory(model: ExportModel) -> tuple[str, ...]:
     if not own:
         return ()
     return (
-        f"Left out: presliding ({own}). In this file friction depends on the sign of the speed,"
-        " which is not valid at standstill and at reversals.",
+        f"Left out: presliding ({own}). In this file friction depends on the sign of the"
+        " speed, which is not valid at standstill and at reversals.",
     )
 
 

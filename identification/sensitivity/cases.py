@@ -36,7 +36,7 @@ class SensitivityCase:
         assumed: The wrong assumption.
         motion: Moving axes: 3 to the last, or all.
         against: Comparison for which the row is meaningful. A wrong torque constant also scales the
-            unloaded robot's torques. A model of it that was identified with the same constant is
+            unloaded robot's torques. A robot model that was identified with the same constant is
             then no better than a second run. Errors of links and rotors cancel between two runs.
     """
 

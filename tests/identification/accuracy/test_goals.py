@@ -104,7 +104,7 @@ class TestWhatWouldHelp:
 
     def test_more_periods_where_noise_is_left(self) -> None:
         state = GoalState(self.goal, sigma=0.2, limit=0.1, noise=0.2, unit="N m")
-        assert "about 16 periods in all would do" in state.sentence(4)
+        assert "about 16 periods in total" in state.sentence(4)
 
     def test_another_model_where_its_error_is_left(self) -> None:
         state = GoalState(self.goal, sigma=0.2, limit=0.1, noise=0.01, unit="N m")

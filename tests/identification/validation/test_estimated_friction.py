@@ -52,7 +52,8 @@ def test_what_load_adds_is_left_out_and_told() -> None:
     np.testing.assert_allclose(
         friction.torque(1, SPEED), EstimatedFriction(estimate).torque(1, SPEED)
     )
-    assert [friction.circumstances(j) for j in range(3)] == ["", "without load-dependent friction", ""]
+    words = "without load-dependent friction"
+    assert [friction.circumstances(j) for j in range(3)] == ["", words, ""]
     both = EstimatedFriction(loaded(by_temperature(CELL, measured=True), 1))
     assert both.circumstances(1) == "at 25 °C and without load-dependent friction"
 

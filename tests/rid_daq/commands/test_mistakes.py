@@ -68,8 +68,8 @@ def test_a_few_seconds_give_wide_intervals_and_it_is_said(identify: Identify, so
     assert code in (0, 6)
     said = [each for each in document["estimate"]["findings"] if "only 9 seconds of motion" in each]
     assert said == [
-        "The intervals are computed from only 9 seconds of motion. They are 1.2 times wider for this"
-        " reason, and rough: record longer (30 are enough)."
+        "The intervals are computed from only 9 seconds of motion. They are 1.2 times wider for"
+        " this reason, and rough: record longer (30 are enough)."
     ]
 
 
