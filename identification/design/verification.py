@@ -1,4 +1,4 @@
-"""`MotionCheck`: the objective of a periodic motion, and the check of its limits on a dense grid."""
+"""`MotionCheck`: objective of a periodic motion, and the check of its limits on a dense grid."""
 
 from __future__ import annotations
 

@@ -55,8 +55,8 @@ def temperatures(model: ExportModel) -> tuple[str, ...]:
     if model.model.coupling is not None:
         speed = "v the speed of the actuator"
     lines = [
-        "temperature_k is not a measured temperature. It is computed from the motion since the robot",
-        f"was cold (x = 0), with {speed}; x is counted as 1 K per watt:",
+        "temperature_k is not a measured temperature. It is computed from the motion since the",
+        f"robot was cold (x = 0), with {speed}; x is counted as 1 K per watt:",
         "  T x' = P - x,  P = (f_C + f_v |v|) |v|,  temperature_k = T0 + x.",
         "Over a time step dt: x becomes P + exp(-dt / T) (x - P). Joints that are not listed do"
         " not use it.",

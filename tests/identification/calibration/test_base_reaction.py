@@ -56,7 +56,7 @@ def test_the_peak_of_a_motion_is_the_robots(
     np.testing.assert_allclose(found.peak, true.max(axis=0), rtol=5e-3)
     np.testing.assert_allclose(found.at_s, at[true.argmax(axis=0)], atol=0.02)
     assert all(found.held)
-    assert "every limit on the base is held" in found.sentence
+    assert "all base limits are satisfied" in found.sentence
 
 
 def test_a_limit_that_is_broken_is_named(estimate: Estimate, motion: Motion) -> None:

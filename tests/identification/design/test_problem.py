@@ -137,8 +137,8 @@ def test_no_clear_pose_is_told_with_the_two_that_meet(problem) -> None:
 @pytest.mark.parametrize(
     ("change", "code", "details"),
     [
-        ({"harmonics": 0}, "RID-DESIGN-OPTIONS", ("harmonics 0",)),
-        ({"limit_fraction": 1.5}, "RID-DESIGN-OPTIONS", ("limit_fraction 1.5",)),
+        ({"harmonics": 0}, "RID-DESIGN-OPTIONS", ("harmonics is 0",)),
+        ({"limit_fraction": 1.5}, "RID-DESIGN-OPTIONS", ("limit_fraction is 1.5",)),
         ({"expected_noise_nm": np.zeros(6)}, "RID-DESIGN-OPTIONS", ("expected_noise_nm",)),
         ({"given": np.eye(3)}, "RID-ROBOT-OTHER", ("(3, 3)", "58")),
         ({"parameters": np.zeros(3)}, "RID-API-ARGUMENT", ("(3,)", "84 parameters")),

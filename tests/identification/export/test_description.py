@@ -291,7 +291,7 @@ def test_what_a_urdf_cannot_say_is_said_in_it() -> None:
     model = with_bodies(load_robot("ir361"))
     head = urdf(model).partition("<robot")[0]
     assert "the spring across axis2 (k_spring = " in head
-    assert "what the rotor of axis3" in head
+    assert "the effect of the rotor of axis3" in head
     ElementTree.fromstring(urdf(model))
     ElementTree.fromstring(sdf(model))
 

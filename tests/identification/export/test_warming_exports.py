@@ -124,13 +124,13 @@ def test_descriptions_say_that_their_friction_is_a_cold_robots(
 ) -> None:
     text = write(ExportModel.consistent(consistent(warming)))
     assert (
-        "how the friction of axis1 changes as it warms up (time constant 60 s): written is that of"
-        " a cold robot" in text
+        "the change of the friction of axis1 as it warms up (time constant 60 s): the file has that"
+        " of a cold robot" in text
     )
     measured = consistent(by_temperature(cell, measured=True))
     text = write(ExportModel.consistent(measured))
     assert (
-        "how the friction of axis1 changes with its drive's temperature: written is that at"
+        "the change of the friction of axis1 with its drive's temperature: the file has that at"
         " 298.15 K" in text
     )
     assert "a line through the model's temperature" not in text
