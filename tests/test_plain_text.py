@@ -20,7 +20,7 @@ HITS_PER_1000_WORDS = {
     "dynamics": 1.0,
     "drivers": 1.0,
     "acquisition": 11.0,
-    "identification": 12.5,
+    "identification": 0.5,
     "compensation": 1.0,
     "mock_hw": 15.0,
     "rid_daq": 16.0,
