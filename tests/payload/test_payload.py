@@ -326,7 +326,7 @@ def test_a_payload_on_an_unloaded_robot_is_refused_in_words(
     robot: RobotDescription, unloaded: PeriodAverage, loaded: PeriodAverage
 ) -> None:
     swapped = runs((unloaded, True), (loaded, False))
-    with raises_code(EstimationError, "RID-PAYLOAD-RUNS", "kg, which is not positive"):
+    with raises_code(EstimationError, "RID-PAYLOAD-RUNS", " kg, "):
         identify_payload(robot, swapped, PayloadOptions("difference", OPTIONS))
     with raises_code(EstimationError, "RID-PAYLOAD-NOT-UNLOADED"):
         identify_payload(robot, runs((loaded, True)), PayloadOptions("together", OPTIONS))
