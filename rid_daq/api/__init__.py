@@ -28,8 +28,12 @@ if hidden := hidden_package():
     raise ImportError(hidden)
 
 from config.errors import RidDaqError
+from rid_daq.api.compensation import Feedforward, compensate
 from rid_daq.api.estimation import identify, validate
 from rid_daq.api.model import Model, Parameter
+from rid_daq.api.motion import Motion, design, retime
+from rid_daq.api.payload import Payload, identify_payload
+from rid_daq.api.plotting import plot
 from rid_daq.api.recording import Recording, read_recording
 from rid_daq.api.robot import Robot
 from rid_daq.api.validation import Validation
@@ -38,13 +42,21 @@ API_VERSION = "1.0"
 
 __all__ = [
     "API_VERSION",
+    "Feedforward",
     "Model",
+    "Motion",
     "Parameter",
+    "Payload",
     "Recording",
     "RidDaqError",
     "Robot",
     "Validation",
+    "compensate",
+    "design",
     "identify",
+    "identify_payload",
+    "plot",
     "read_recording",
+    "retime",
     "validate",
 ]

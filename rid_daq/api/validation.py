@@ -9,7 +9,6 @@ from config.arrays import BoolArray, FloatArray
 from config.robot.robot import RobotDescription
 from rid_daq.api.console import text_of
 from rid_daq.blocks.block import AnyBlock, Verdict
-from rid_daq.blocks.plot import Plot
 from rid_daq.operations.identify.model_validation import JudgedTorques
 from rid_daq.report.section_blocks.curves import torque_plot
 from rid_daq.report.section_blocks.validation import validation_blocks
@@ -71,13 +70,10 @@ class Validation:
         """What the errors follow; one sentence each."""
         return self.judged.section.diagnosis or ()
 
-    def plots(self) -> Iterator[Plot]:
-        """Yield the plot of measured and predicted torque."""
-        yield torque_plot(TorqueCurves.of(self.judged.validation, self.robot))
-
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield the errors, what they follow, and the verdict."""
+        """Yield the errors, what they follow, the torques over time, and the verdict."""
         yield from validation_blocks(self.judged.section)
+        yield torque_plot(TorqueCurves.of(self.judged.validation, self.robot))
         yield Verdict(passed=self.judged.verdict.passed, text=self.judged.verdict.headline)
 
     def __str__(self) -> str:

@@ -19,6 +19,7 @@ from identification.payload.controllers.formats import (
 )
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.file import read_payload, refuse_failed
+from identification.payload.verdict import PayloadResult
 from rid_daq.blocks.formats import format_measured, number
 from rid_daq.operations.payload.payload_export import PayloadExportRequest, PayloadExportResult
 from rid_daq.operations.payload.payload_read_back import (
@@ -45,17 +46,27 @@ def export_payload(request: PayloadExportRequest) -> PayloadExportResult:
     refuse_output(request.output, request.overwrite, made_file.LOAD_DATA)
     path = payload_file(request.runs, request.payload)
     judged = read_payload(path)
+    text, notes = load_text(path, judged, request.to)
+    write_whole(request.output, text.encode())
+    return PayloadExportResult(request, judged.estimate, text, notes)
+
+
+def load_text(path: Path, judged: PayloadResult, form: LoadFormat) -> tuple[str, tuple[str, ...]]:
+    """Return load data of a payload, read back and compared, and what a person should look at.
+
+    Args:
+        path: The payload's file, for messages.
+        judged: The payload.
+        form: Maker of the controller.
+
+    Raises:
+        EstimationError: Its verdict is not passed, or no body can have these values.
+    """
     refuse_failed(path, judged, "it is not exported")
     estimate = judged.estimate
-    notes = _behind_the_flange(estimate) if request.to in ALONG_Z else ()
-    text = load_data(
-        estimate.body,
-        request.to,
-        (*_origin(estimate), *notes),
-        rounding(estimate.body, estimate.sigma),
-    )
-    write_whole(request.output, text.encode())
-    return PayloadExportResult(request, estimate, text, notes)
+    notes = _behind_the_flange(estimate) if form in ALONG_Z else ()
+    words = (*_origin(estimate), *notes)
+    return load_data(estimate.body, form, words, rounding(estimate.body, estimate.sigma)), notes
 
 
 def read_back_payload(request: PayloadReadBackRequest) -> PayloadReadBackResult:

@@ -21,6 +21,7 @@ from identification.payload.verdict import (
     HEAVY,
     PayloadCheck,
     PayloadResult,
+    Repeats,
     checks,
     repeated,
 )
@@ -130,6 +131,30 @@ def payload_from_runs(
         DataQualityError, EstimationError: The data do not show a payload.
         RecordingError: A file cannot be written.
     """
+    payload, repeats = judged_payload(data, loaded, payload_request)
+    output = output or folder.file(PAYLOAD)
+    write_payload(output, payload)
+    note_output(folder, output)
+    section = PayloadSection.of(payload, repeats, [*compared(data, loaded, payload), *findings])
+    verdict = payload_verdict(payload, empty)
+    report = write_result(folder, result.updated(payload=section, verdict=verdict))
+    return IdentifiedPayload(section, verdict, output, report, payload.fits)
+
+
+def judged_payload(
+    data: Sequence[RunData], loaded: Sequence[bool], payload_request: PayloadRequest
+) -> tuple[PayloadResult, Repeats | None]:
+    """Return a payload with its verdict, and the same from each run alone; nothing is written.
+
+    Args:
+        data: The runs.
+        loaded: Which of them carried the payload.
+        payload_request: How it is estimated.
+
+    Raises:
+        ConfigError: The runs are of different robots, or of both kinds.
+        DataQualityError, EstimationError: The data do not show a payload.
+    """
     how, robot = payload_request.how, data[0].robot
     runs = payload_runs(data, loaded, payload_request)
     estimate = identify_payload(
@@ -145,14 +170,7 @@ def payload_from_runs(
     left_on = left_on_flange(robot, runs.part(_compared(data, loaded, how)), how)
     held = checks(estimate, payload_request.limits, repeats, left_on)
     unloaded = [run for run, carried in zip(data, loaded, strict=True) if not carried]
-    payload = PayloadResult(estimate, (*held, *_arm_checks(unloaded, payload_request)))
-    output = output or folder.file(PAYLOAD)
-    write_payload(output, payload)
-    note_output(folder, output)
-    section = PayloadSection.of(payload, repeats, [*compared(data, loaded, payload), *findings])
-    verdict = payload_verdict(payload, empty)
-    report = write_result(folder, result.updated(payload=section, verdict=verdict))
-    return IdentifiedPayload(section, verdict, output, report, payload.fits)
+    return PayloadResult(estimate, (*held, *_arm_checks(unloaded, payload_request))), repeats
 
 
 def _arm_checks(

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from acquisition.runs.catalogue import find_runs
 from config.errors import ConfigError
+from identification.estimation.estimate import Estimate
 from identification.model.options import ModelOptions
 from identification.payload.procedures import TORQUE_CONSTANT_SIGMA, PayloadOptions
 from rid_daq.operations.cell_files import estimate_for
@@ -27,7 +28,6 @@ def identify_payload_runs(request: PayloadIdentifyRequest) -> IdentifiedPayload:
         RecordingError: A run cannot be read, or a file not be written.
     """
     refuse_output(request.output, request.overwrite, made_file.PAYLOAD)
-    known = tuple(each.known() for each in request.known)
     names = [*request.unloaded, *request.loaded]
     folders = find_runs(request.runs, names)
     data = [RunData.load(folder, unfinished=request.unfinished) for folder in folders]
@@ -35,6 +35,24 @@ def identify_payload_runs(request: PayloadIdentifyRequest) -> IdentifiedPayload:
     require_torques(data)
     flags = [False] * len(request.unloaded) + [True] * len(request.loaded)
     robot = None if request.model is None else estimate_for(request.model, data[0].robot)
+    asked = asked_payload(request, robot)
+    first = data[flags.index(True)]
+    result = result_of(first, notes).updated(title=f"Payload on {first.robot.name}")
+    folder, output = first.folder, request.output
+    found = payload_from_runs(data, flags, asked, folder=folder, result=result, output=output)
+    return replace(found, notes=tuple(notes))
+
+
+def asked_payload(request: PayloadIdentifyRequest, robot: Estimate | None) -> PayloadRequest:
+    """Return how a payload is estimated.
+
+    Args:
+        request: What is asked for.
+        robot: The robot without payload, if it is known.
+
+    Raises:
+        ConfigError: The procedure does not go with the model, or a known quantity is not possible.
+    """
     procedure = request.procedure or ("together" if robot is None else "model")
     if procedure == "model" and robot is None:
         raise ConfigError(
@@ -54,12 +72,7 @@ def identify_payload_runs(request: PayloadIdentifyRequest) -> IdentifiedPayload:
         procedure=procedure,
         options=options,
         robot=robot,
-        known=known,
+        known=tuple(each.known() for each in request.known),
         torque_constant_sigma=sigma,
     )
-    asked = PayloadRequest(how, request.limits.limits(), request.band_hz, request.standstill_rad_s)
-    first = data[flags.index(True)]
-    result = result_of(first, notes).updated(title=f"Payload on {first.robot.name}")
-    folder, output = first.folder, request.output
-    found = payload_from_runs(data, flags, asked, folder=folder, result=result, output=output)
-    return replace(found, notes=tuple(notes))
+    return PayloadRequest(how, request.limits.limits(), request.band_hz, request.standstill_rad_s)

@@ -48,6 +48,16 @@ def plot_svg(plot: Plot, name: str) -> Markup:
         return Markup().join(as_svg(_grid(part, 1), f"{name}-{i}") for i, part in parts)
 
 
+def plot_figure(plot: Plot) -> Figure:
+    """Return a declared plot as one figure of matplotlib, panels one under the other or in a grid.
+
+    Args:
+        plot: The declaration.
+    """
+    with mpl.rc_context({**STYLE, "figure.facecolor": "white"}):
+        return _grid(plot.panels, min(plot.columns, len(plot.panels)))
+
+
 def _drawings(panels: Sequence[Panel]) -> list[list[Panel]]:
     """Return the panels, grouped into drawings: each title begins a drawing."""
     drawings: list[list[Panel]] = []

@@ -1,0 +1,112 @@
+"""`Feedforward`: speeds that make a motion accurate; `compensate`."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from compensation.feedforward.file import LARGEST_FILE_BYTES, feedforward_content
+from config.arrays import FloatArray
+from config.formats.json_file import read_content
+from config.formats.whole_file import write_whole
+from config.load import to_yaml
+from rid_daq.api.console import text_of
+from rid_daq.api.model import Model
+from rid_daq.api.motion import MODEL, MOTION, Motion, cell_reference
+from rid_daq.blocks.block import AnyBlock, Next
+from rid_daq.operations.path.compensate import CompensateRequest, CompensateResult
+from rid_daq.operations.path.feedforward import compensate_motion
+from rid_daq.runs import made_file
+from rid_daq.runs.output_file import refuse_output
+
+MADE = "feedforward.json"
+
+
+@dataclass(frozen=True, eq=False)
+class Feedforward:
+    """Speeds that precompensate the drives' velocity loops along a motion.
+
+    Attributes:
+        motion: The motion.
+        velocity: Shape (samples, joints). Speeds to add the position loop's to [rad/s or m/s].
+        shown: What was computed.
+        content: The bytes of the feedforward file.
+    """
+
+    motion: Motion
+    velocity: FloatArray
+    shown: tuple[AnyBlock, ...]
+    content: bytes
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write the feedforward file, for `rid-daq record --feedforward`.
+
+        Args:
+            path: The file.
+            overwrite: Replace a feedforward file that is there.
+
+        Raises:
+            ConfigError: There is a file already (RID-OUTPUT-EXISTS).
+            RecordingError: The file cannot be written.
+        """
+        refuse_output(Path(path), overwrite, made_file.FEEDFORWARD)
+        write_whole(Path(path), self.content)
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield what was computed."""
+        yield from self.shown
+
+    def __str__(self) -> str:
+        return text_of(self.blocks())
+
+
+def compensate(
+    motion: Motion,
+    model: Model,
+    loops: str | Path,
+    *,
+    reference: str | Path | None = None,
+    temperature: str | None = None,
+) -> Feedforward:
+    """Compute the velocity feedforward with which the drives produce the torques of a motion.
+
+    The velocity loops are inverted for the torques tau = Y(q, v, a) beta of the motion
+    (docs/theory.md 13.2).
+
+    Args:
+        motion: The motion, of the cell that it is for.
+        model: The identified robot.
+        loops: File of velocity loops that `rid-daq loop` wrote.
+        reference: Run folder of a periodic motion, which tunes scale and delay of each joint.
+        temperature: Of the joints, if the friction of the model depends on it; as for
+            `Model.at_temperature`.
+
+    Raises:
+        ConfigError: Files do not belong together.
+        LimitError: The motion takes more than the limits allow.
+    """
+    with tempfile.TemporaryDirectory(prefix="rid-daq-") as name:
+        folder = Path(name)
+        (folder / MOTION).write_text(to_yaml(motion.description), encoding="utf-8")
+        model.save(folder / MODEL)
+        request = CompensateRequest.of(
+            {
+                "cell": cell_reference(motion.cell, folder),
+                "motion": folder / MOTION,
+                "model": folder / MODEL,
+                "loop": Path(loops),
+                "output": folder / MADE,
+                "reference": None if reference is None else str(reference),
+                "temperature": temperature,
+            },
+            shown="compensate",
+        )
+        result = CompensateResult(request, compensate_motion(request))
+        content = read_content(folder / MADE, LARGEST_FILE_BYTES)
+        rows = np.array(feedforward_content(content, folder / MADE).feedforward)
+        shown = tuple(each for each in result.blocks() if not isinstance(each, Next))
+    return Feedforward(motion, rows, shown, content)

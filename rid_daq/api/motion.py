@@ -1,0 +1,287 @@
+"""`Motion`: what a robot is to do, sampled at a cycle time; `design` and `retime`."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from acquisition.motion.kinds.joint_path import JointPathMotion
+from acquisition.motion.motion_file import AnyMotion, load_motion
+from acquisition.motion.samples import MotionSamples
+from config.arrays import FloatArray
+from config.errors import ConfigError
+from config.formats.whole_file import write_whole
+from config.load import LoadedCell, load_cell, to_yaml
+from rid_daq.api.console import ProgressCallback, SilentConsole, text_of
+from rid_daq.api.model import Model
+from rid_daq.api.payload import Payload
+from rid_daq.api.robot import Robot
+from rid_daq.blocks.block import AnyBlock, Next, Text
+from rid_daq.operations.experiment.design import DesignRequest
+from rid_daq.operations.experiment.design import run as run_design
+from rid_daq.operations.path.retime import RetimeRequest, RetimeResult
+from rid_daq.operations.path.retiming import retime_motion
+from rid_daq.operations.start.starting_cell import starting_cell
+from rid_daq.runs import made_file
+from rid_daq.runs.output_file import refuse_output
+
+CELL, MOTION, MODEL, PAYLOAD = "cell.yaml", "motion.yaml", "model.json", "payload.json"
+MADE = "made.yaml"
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A motion, planned within every limit of a robot, one row a cycle.
+
+    `print` shows how it was found; `plot` draws it. `save` writes a motion file for `rid-daq
+    record`.
+
+    Attributes:
+        description: What is asked for, as a motion file has it.
+        samples: The rows, as they are driven.
+        cell: The robot or cell that it is for.
+        shown: How it was found.
+    """
+
+    description: AnyMotion
+    samples: MotionSamples
+    cell: Robot | str | Path
+    shown: tuple[AnyBlock, ...] = ()
+
+    @classmethod
+    def load(cls, path: str | Path, *, cell: Robot | str | Path) -> Self:
+        """Return the motion of a motion file.
+
+        Args:
+            path: The file.
+            cell: A robot, or a cell for its cycle time and limits: a bundled name or a cell file.
+
+        Raises:
+            ConfigError: The file is no motion, or the motion does not keep a limit.
+        """
+        with tempfile.TemporaryDirectory(prefix="rid-daq-") as folder:
+            loaded = load_cell(cell_reference(cell, Path(folder)))
+        return cls._planned(load_motion(path), loaded, cell)
+
+    @classmethod
+    def through(
+        cls,
+        points: npt.ArrayLike,
+        *,
+        cell: Robot | str | Path,
+        speed_fraction: float = 0.5,
+    ) -> Self:
+        """Return a smooth curve through poses, from rest to rest.
+
+        Args:
+            points: Shape (poses, joints). Positions [rad or m].
+            cell: As for `load`.
+            speed_fraction: Share of the limits of velocity and acceleration.
+
+        Raises:
+            ConfigError: The curve does not keep a limit, or has other joints than the robot.
+        """
+        rows = np.asarray(points, dtype=np.float64)
+        if rows.ndim != 2:
+            raise ConfigError(
+                f"points of shape {rows.shape}: give (poses, joints)", code="RID-API-ARGUMENT"
+            )
+        with tempfile.TemporaryDirectory(prefix="rid-daq-") as folder:
+            loaded = load_cell(cell_reference(cell, Path(folder)))
+        motion = JointPathMotion(
+            kind="joint_path",
+            robot=loaded.robot.name,
+            points=tuple(map(tuple, rows.tolist())),
+            speed_fraction=speed_fraction,
+        )
+        return cls._planned(motion, loaded, cell)
+
+    @classmethod
+    def _planned(cls, motion: AnyMotion, loaded: LoadedCell, cell: Robot | str | Path) -> Self:
+        return cls(motion, motion.plan(loaded.robot, loaded.config.cycle_time_s).whole(), cell)
+
+    @property
+    def time_s(self) -> FloatArray:
+        """Shape (samples,). Times from the start [s]."""
+        return np.arange(len(self.samples), dtype=np.float64) * self.samples.sample_period_s
+
+    @property
+    def position(self) -> FloatArray:
+        """Shape (samples, joints). Positions [rad or m]."""
+        return self.samples.position
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Shape (samples, joints). Velocities [rad/s or m/s]."""
+        return self.samples.velocity
+
+    @property
+    def acceleration(self) -> FloatArray:
+        """Shape (samples, joints). Accelerations [rad/s² or m/s²]."""
+        return self.samples.acceleration
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first sample to the last [s]."""
+        return self.samples.duration_s
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write the motion file (YAML).
+
+        Args:
+            path: The file.
+            overwrite: Replace a motion file of rid-daq that is there.
+
+        Raises:
+            ConfigError: There is a file already (RID-OUTPUT-EXISTS).
+            RecordingError: The file cannot be written.
+        """
+        refuse_output(Path(path), overwrite, made_file.MOTION)
+        comment = f"By rid-daq, verified within its limits. {self.description.describe()}"
+        write_whole(Path(path), to_yaml(self.description, comment).encode())
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield how it was found, or what it is."""
+        if not self.shown:
+            yield Text(text=f"{self.description.describe()} {self.duration_s:.1f} s in all.")
+        yield from self.shown
+
+    def __str__(self) -> str:
+        return text_of(self.blocks())
+
+
+def design(
+    cell: Robot | str | Path,
+    *,
+    kind: str = "excitation",
+    period_s: float = 10.0,
+    periods: int = 16,
+    model: Model | None = None,
+    options: Mapping[str, object] | None = None,
+    progress: ProgressCallback | None = None,
+) -> Motion:
+    """Choose an excitation trajectory that makes the parameters identifiable, within every limit.
+
+    A Fourier series of each joint, found by exact gradients from many starts so that the
+    information about the base parameters is largest (docs/theory.md 10). Ramps, positions between
+    the samples, torques, workspace and self-collision are checked. Ctrl-C ends the search with the
+    best motion so far.
+
+    Args:
+        cell: A robot, or a cell for its cycle time, workspace and plate: a bundled name or a file.
+        kind: excitation; constant-velocity or reversed, for friction alone; multisine, for velocity
+            loops.
+        period_s: Period of an excitation [s].
+        periods: Periods to record.
+        model: An identified model, for the torque limits.
+        options: Further fields of the request `design` (docs/reference/openapi.json), such as
+            {"excitation": {"starts": 4, "seed": 1}}.
+        progress: Called with the step, the number of starts done, and their total.
+
+    Raises:
+        ConfigError: No motion keeps every limit (RID-DESIGN-NONE), or an option is none.
+        KeyboardInterrupt: Ctrl-C before any motion was found.
+    """
+    asked = dict(options or {})
+    if kind in ("excitation", "reversed"):
+        excitation = asked.get("excitation", {})
+        assert isinstance(excitation, Mapping)
+        asked["excitation"] = {"period_s": period_s, "periods": periods, **excitation}
+    with tempfile.TemporaryDirectory(prefix="rid-daq-") as name:
+        folder = Path(name)
+        asked |= {"cell": cell_reference(cell, folder), "output": folder / MADE, "kind": kind}
+        if model is not None:
+            model.save(folder / MODEL)
+            asked["model"] = folder / MODEL
+        request = DesignRequest.of(asked, shown="design")
+        try:
+            result = run_design(request, SilentConsole(callback=progress))
+        except SystemExit:
+            raise KeyboardInterrupt from None
+        shown = _shown(result.blocks(), folder)
+    return Motion(result.designed.motion, result.designed.samples.whole(), cell, shown)
+
+
+def retime(
+    motion: Motion,
+    model: Model,
+    *,
+    payload: Payload | None = None,
+    confidence: float = 0.95,
+    margin: float = 0.0,
+    options: Mapping[str, object] | None = None,
+) -> Motion:
+    """Drive the path of a motion as fast as the limits of speed, acceleration and torque allow.
+
+    Time-optimal timing along the path under tau = Y(q, v, a) beta within each torque limit, with
+    the uncertainty of the model as margin (docs/theory.md 13.6).
+
+    Args:
+        motion: A motion along a path, such as `Motion.through`.
+        model: The identified robot.
+        payload: What hangs on the flange.
+        confidence: Probability with which each torque keeps its limit; 0 uses the model without a
+            margin.
+        margin: Share of the torques to keep free besides.
+        options: Further fields of the request `retime`, such as {"jerk": (80.0,)}.
+
+    Raises:
+        ConfigError: The motion has no path (RID-MOTION-KIND), or is of another robot.
+        EstimationError: The payload did not pass its verdict.
+        LimitError: A limit cannot be kept; the text names the joint and the pose.
+    """
+    with tempfile.TemporaryDirectory(prefix="rid-daq-") as name:
+        folder = Path(name)
+        (folder / MOTION).write_text(to_yaml(motion.description), encoding="utf-8")
+        model.save(folder / MODEL)
+        if payload is not None:
+            payload.save(folder / PAYLOAD)
+        request = RetimeRequest.of(
+            {
+                **(options or {}),
+                "cell": cell_reference(motion.cell, folder),
+                "motion": folder / MOTION,
+                "model": folder / MODEL,
+                "output": folder / MADE,
+                "payload": None if payload is None else folder / PAYLOAD,
+                "confidence": confidence,
+                "margin": margin,
+            },
+            shown="retime",
+        )
+        result = RetimeResult(request, retime_motion(request))
+        loaded, shown = load_cell(request.cell), _shown(result.blocks(), folder)
+    planned = Motion._planned(result.made.timed.motion, loaded, motion.cell)
+    return replace(planned, shown=shown)
+
+
+def cell_reference(cell: Robot | str | Path, folder: Path) -> str:
+    """Return a cell as the operations take it; that of a robot is written into a folder.
+
+    The cell of a robot has a cycle of 8 ms and no workspace, as that of `rid-daq init`.
+    """
+    if isinstance(cell, str | Path):
+        return str(cell)
+    config = starting_cell(cell.description)
+    config = config.model_copy(update={"simulated": False, "plant": None})
+    cell.save(folder / "robot.yaml")
+    (folder / CELL).write_text(to_yaml(config), encoding="utf-8")
+    return str(folder / CELL)
+
+
+def _shown(blocks: Iterator[AnyBlock], folder: Path) -> tuple[AnyBlock, ...]:
+    """Return what an operation shows, without files of a temporary folder and next commands."""
+    place = f"{folder}/"
+    return tuple(
+        each.model_copy(update={"text": each.text.replace(place, "")})
+        if isinstance(each, Text)
+        else each
+        for each in blocks
+        if not isinstance(each, Next)
+    )

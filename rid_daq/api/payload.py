@@ -1,0 +1,177 @@
+"""`Payload`: mass, centre of gravity and inertia of what a robot carries; `identify_payload`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+from config.arrays import FloatArray
+from config.errors import ConfigError
+from identification.choices import REPORTED, LoadFormat
+from identification.payload.body import REPORTED_UNITS
+from identification.payload.file import read_payload, write_payload
+from identification.payload.verdict import PayloadResult
+from rid_daq.api.console import text_of
+from rid_daq.api.model import Model, Parameter
+from rid_daq.api.recording import Recording
+from rid_daq.blocks.block import AnyBlock, Text, Verdict
+from rid_daq.operations.cell_files import require_robot
+from rid_daq.operations.payload.load_data import load_text
+from rid_daq.operations.payload.payload_estimate import judged_payload
+from rid_daq.operations.payload.payload_from_files import asked_payload
+from rid_daq.operations.payload.payload_identify import PayloadIdentifyRequest
+from rid_daq.report.section_blocks.payload import payload_blocks
+from rid_daq.report.sections.payload import PayloadSection, payload_verdict
+from rid_daq.runs import made_file
+from rid_daq.runs.measured_torques import require_torques
+from rid_daq.runs.output_file import refuse_output
+
+
+@dataclass(frozen=True, eq=False)
+class Payload:
+    """A payload with 95 % intervals and the verdict on it, in the frame of the flange.
+
+    `print` shows it with its verdict.
+
+    Attributes:
+        result: The payload as the operations have it.
+        section: The same as reports show it.
+    """
+
+    result: PayloadResult
+    section: PayloadSection
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Return the payload of a file that `save` or `rid-daq payload` wrote.
+
+        Raises:
+            ConfigError: The file cannot be read, is not a payload, or was edited.
+        """
+        result = read_payload(Path(path))
+        return cls(result, PayloadSection.of(result, None))
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write the payload file (JSON).
+
+        Args:
+            path: The file.
+            overwrite: Replace a payload file that is there.
+
+        Raises:
+            ConfigError: There is a file already (RID-OUTPUT-EXISTS).
+            RecordingError: The file cannot be written.
+        """
+        refuse_output(Path(path), overwrite, made_file.PAYLOAD)
+        write_payload(Path(path), self.result)
+
+    @property
+    def passed(self) -> bool:
+        """True if the payload is as certain as was asked for, and explains the torques."""
+        return self.result.passed
+
+    @property
+    def mass_kg(self) -> float:
+        """Mass [kg]; NaN if the motion does not show it."""
+        return float(self.result.estimate.reported[0])
+
+    @property
+    def centre_m(self) -> FloatArray:
+        """Shape (3,). Centre of gravity from the flange's origin [m]; NaN if it is not shown."""
+        return self.result.estimate.reported[1:4]
+
+    @property
+    def inertia_kg_m2(self) -> FloatArray:
+        """Shape (3, 3). Inertia about the centre of gravity, of the closest body that can exist."""
+        return self.result.estimate.body.inertia_kg_m2
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Mass, centre and inertia with intervals; the inertia is about the centre of gravity."""
+        estimate = self.result.estimate
+        return tuple(
+            Parameter(name, name, unit, float(value), float(sigma), seen)
+            for name, unit, value, sigma, seen in zip(
+                REPORTED,
+                REPORTED_UNITS,
+                estimate.reported,
+                estimate.sigma,
+                estimate.seen,
+                strict=True,
+            )
+        )
+
+    def load_data(self, controller: str) -> str:
+        """Return the payload as a robot's controller takes it; it was read back and compared.
+
+        Args:
+            controller: kuka, abb, fanuc, ur, franka, staubli or urdf.
+
+        Raises:
+            ConfigError: There is no such controller (RID-REQUEST-INVALID).
+            EstimationError: The payload did not pass, or no body can have its values.
+        """
+        if controller not in set(LoadFormat):
+            raise ConfigError(
+                f"controller {controller!r}: give one of {', '.join(LoadFormat)}",
+                code="RID-REQUEST-INVALID",
+            )
+        name = Path(f"payload on {self.result.estimate.robot.name}")
+        return load_text(name, self.result, LoadFormat(controller))[0]
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield the payload and the verdict."""
+        verdict = payload_verdict(self.result)
+        yield from payload_blocks(self.section)
+        yield Verdict(passed=verdict.passed, text=verdict.headline)
+        yield Text(text=verdict.sentence)
+
+    def __str__(self) -> str:
+        return text_of(self.blocks())
+
+
+def identify_payload(
+    loaded: Recording | Sequence[Recording],
+    unloaded: Recording | Sequence[Recording] = (),
+    *,
+    model: Model | None = None,
+    known: Mapping[str, tuple[float, float]] | None = None,
+    options: Mapping[str, object] | None = None,
+) -> Payload:
+    """Identify a payload from recordings with it, and without it or with a model of the robot.
+
+    Robot and payload are estimated at once, with friction free in every recording; the payload is
+    ten more columns of tau = Y(q, v, a) beta (docs/theory.md 11).
+
+    Args:
+        loaded: Recordings with the payload.
+        unloaded: Recordings without it; not needed beside a model.
+        model: The robot without payload.
+        known: What was measured otherwise: value and standard deviation by name (m, cx, cy, cz,
+            Ixx, Iyy, Izz, Ixy, Ixz, Iyz) [kg, m, kg m²], such as {"m": (2.805, 0.005)}.
+        options: Further fields of the request `payload identify`, such as {"procedure": "apart"}.
+
+    Raises:
+        ConfigError: The recordings are of different robots (RID-ROBOT-OTHER), or an option is none.
+        DataQualityError, EstimationError: The recordings do not show a payload.
+    """
+    groups = [[each] if isinstance(each, Recording) else list(each) for each in (unloaded, loaded)]
+    names = [[each.run.folder.run_id for each in group] for group in groups]
+    quantities = [
+        {"name": name, "value": value, "sigma": sigma}
+        for name, (value, sigma) in (known or {}).items()
+    ]
+    request = PayloadIdentifyRequest.of(
+        {**(options or {}), "unloaded": names[0], "loaded": names[1], "known": quantities},
+        shown="identify_payload",
+    )
+    data = [each.run for group in groups for each in group]
+    flags = [carried for carried, group in enumerate(groups) for _ in group]
+    require_torques(data)
+    robot = None
+    if model is not None:
+        robot = require_robot(Path("the model"), model.estimate, data[0].robot)
+    result, repeats = judged_payload(data, list(map(bool, flags)), asked_payload(request, robot))
+    return Payload(result, PayloadSection.of(result, repeats))
