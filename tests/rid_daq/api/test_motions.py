@@ -86,7 +86,8 @@ def test_a_feedforward_changes_the_speeds_and_is_saved(
 def test_everything_is_drawn(
     path: Motion, model: Model, train: Recording, arm: Arm, tmp_path: Path
 ) -> None:
-    for number, result in enumerate((path, model, train, validate(model, arm.recording(2)))):
-        figure = plot(result)
+    validation = validate(model, arm.recording(2))
+    figures = (plot(path), plot(model), plot(train), plot(validation))
+    for number, figure in enumerate(figures):
         assert figure.axes
         figure.savefig(tmp_path / f"{number}.png", dpi=30)
