@@ -15,7 +15,7 @@ from rid_daq.api.motion import Motion
 from rid_daq.api.recording import Recording
 from rid_daq.blocks.block import AnyBlock
 from rid_daq.blocks.plot import Axis, Line, Panel, Plot
-from rid_daq.report_page.drawings.plot import plot_figure
+from rid_daq.report_page.drawings.plot import matplotlib_figure
 
 POINTS = 2000
 SPEEDS = 201
@@ -49,7 +49,7 @@ def plot(result: Recording | Shown) -> Figure:
         raise ConfigError(
             f"{type(result).__name__}: there is nothing to draw of it", code="RID-API-ARGUMENT"
         )
-    return plot_figure(found)
+    return matplotlib_figure(found)
 
 
 def _plots(result: Recording | Shown) -> Iterator[Plot]:

@@ -48,7 +48,7 @@ def plot_svg(plot: Plot, name: str) -> Markup:
         return Markup().join(as_svg(_grid(part, 1), f"{name}-{i}") for i, part in parts)
 
 
-def plot_figure(plot: Plot) -> Figure:
+def matplotlib_figure(plot: Plot) -> Figure:
     """Return a declared plot as one figure of matplotlib, panels one under the other or in a grid.
 
     Args:
