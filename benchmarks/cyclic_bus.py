@@ -20,7 +20,7 @@ from drivers.canopen.frames import SYNC_COB_ID, heartbeat_cob_id, rpdo_cob_id, t
 from mock_hw.bus.hub_client import HubClient
 from mock_hw.bus.hub_process import HubSettings, serve_hub
 from mock_hw.bus.hub_protocol import HubRole
-from mock_hw.host.device_process import keep_pace
+from mock_hw.host.device_process import request_exact_timing
 
 BITRATE = 1_000_000
 HEARTBEAT_S, DRIVE_HEARTBEAT_S, STATUS_S = 0.025, 0.05, 0.1
@@ -69,7 +69,7 @@ def play_drives(path: Path, pipe: Connection) -> None:
     client = HubClient(path, HubRole.DEVICE)
     gc.freeze()
     gc.disable()
-    keep_pace(realtime=True)
+    request_exact_timing(realtime=True)
     nodes = range(1, scenario.axes + 1)
     commands = {rpdo_cob_id(node) for node in nodes}
     beats, statuses = (round(s / scenario.cycle_time_s) for s in (DRIVE_HEARTBEAT_S, STATUS_S))

@@ -55,7 +55,7 @@ from drivers.cell import open_cell
 from mock_hw.bus.hub_client import HubClient
 from mock_hw.bus.hub_protocol import HubRole
 from mock_hw.cell import SimulatedCell
-from mock_hw.host.device_process import keep_pace
+from mock_hw.host.device_process import request_exact_timing
 from mock_hw.simulation import CellSimulation
 
 EVERY_S: Final = 9.0
@@ -247,7 +247,7 @@ def _logged(log: Path) -> Iterator[Frame]:
 def flood(channel: Path, pipe: Connection) -> None:
     """Send emergency messages of no error while told to; the main function of a process."""
     client = HubClient(channel, HubRole.DEVICE)
-    keep_pace(realtime=True)
+    request_exact_timing(realtime=True)
     step_ns = 10**9 // FLOOD_PER_S
     flooding = False
     pipe.send(None)

@@ -1,1 +1,1 @@
-"""Simulated hardware on real byte streams: plant, drives, CAN bus, processes."""
+"""Simulated hardware with real byte streams: robot, drives, CAN bus, force plate, processes."""

@@ -1,4 +1,4 @@
-"""`SimulatedCell`: a cell's drives and robot on a simulated bus, in processes of their own."""
+"""`SimulatedCell`: a cell's drives and robot on a simulated bus, in separate processes."""
 
 from __future__ import annotations
 
@@ -23,22 +23,23 @@ from mock_hw.simulation import CellSimulation, on_pseudo_terminal, with_address
 
 
 class SimulatedCell:
-    """A served simulated cell: ``with SimulatedCell(simulation) as simulated: ...``.
+    """A running simulated cell: ``with SimulatedCell(simulation) as simulated: ...``.
 
-    The cell's `can.interface` says on which bus: `rid_sim` is the hub, with wire time and both
-    clocks; `slcan` a simulated adapter on a pseudo-terminal; `virtual` is in this process, for the
-    drives alone; on any other of python-can's, such as `socketcan` or `udp_multicast`, the drives
-    are put on the bus that is there, in real time.
+    The cell's `can.interface` selects the bus. `rid_sim` is the hub, with transmission times and
+    both clocks. `slcan` is a simulated adapter on a pseudo-terminal. `virtual` is a bus within this
+    process, for the drives alone. On any other interface of python-can, such as `socketcan` or
+    `udp_multicast`, the drives join the existing bus in real time.
 
-    Entering starts the hub and the drives and returns when they are on the bus; leaving ends them
-    and removes what they left. They also end by themselves some seconds after the process that
-    started them has died - late enough for the drives to notice, and stop.
+    Entering the context starts the hub and the drives, and returns when they are on the bus.
+    Leaving it ends them and removes their files. They also end by themselves some seconds after the
+    process that started them has died. This delay lets the drives detect the loss of their master
+    and stop.
 
     Args:
-        simulation: What is simulated, and how.
+        simulation: The simulated cell and its settings.
 
     Raises:
-        ConfigError: On entering: the cell's bus cannot do what is asked of the simulation.
+        ConfigError: On entering: the cell's bus does not support a setting of the simulation.
         TransportError: On entering: the bus or the drives cannot be served.
     """
 
@@ -52,12 +53,12 @@ class SimulatedCell:
 
     @property
     def channel(self) -> str:
-        """What to put into the cell's `can.channel`."""
+        """Value for the cell's `can.channel`."""
         return self._channel
 
     @property
     def cell(self) -> CellConfig:
-        """The cell with the channel and the ports under which it is served."""
+        """The cell with the channel and the ports at which it is served."""
         described = self.simulation.cell
         can = described.can.model_copy(update={"channel": self._channel})
         update: dict[str, object] = {"can": can}
@@ -67,49 +68,49 @@ class SimulatedCell:
 
     @property
     def address(self) -> str:
-        """The path of the plate amplifier's serial port; empty where there is no plate."""
+        """Path of the plate amplifier's serial port; empty without a plate."""
         return self._address
 
     def axes(self) -> AxisSnapshot:
-        """Return where the axes really are, at most some milliseconds old.
+        """Return the true state of the axes, at most some milliseconds old.
 
         Raises:
             TransportError: The cell is not served.
         """
         if self._snapshots is None:
             raise TransportError(
-                "this simulated cell is not running; enter it with 'with' first",
+                "this simulated cell is not running: enter its context with 'with' first",
                 code="RID-MOCK-NOT-SERVED",
             )
         return self._snapshots.read()
 
     @property
     def payloads(self) -> tuple[str, ...]:
-        """The bodies that can be mounted on the flange."""
+        """Names of the payloads that can be mounted on the flange."""
         return tuple(self.simulation.plant.payloads)
 
     @property
     def attached(self) -> str | None:
-        """What hangs on the flange."""
+        """Name of the payload on the flange; None if the flange is empty."""
         return self.simulation.plant.attached
 
     def attach(self, payload: str | None) -> None:
-        """Mount a payload on the flange, or take off what hangs there (None), as a person would.
+        """Mount a payload on the flange, or remove the payload (None), as a person would.
 
         Raises:
             ConfigError: The plant has no such payload.
-            TransportError: The cell is not served, or a drive is powered: nobody may reach into the
-                cell then.
+            TransportError: The cell is not served, or a drive is powered, so that no person may enter
+                the cell.
         """
         changed = self.simulation.with_payload(payload)
         if self.axes().enabled.any():
             raise TransportError(
-                "a payload is mounted while the drives are without power only",
+                "a drive is powered: switch off the power of all drives before you mount a payload",
                 code="RID-DRIVE-POWERED",
             )
         assert self._snapshots is not None
         names = [None, *self.payloads]
-        self._snapshots.ask_for_payload(names.index(payload))
+        self._snapshots.request_payload(names.index(payload))
         self.simulation = changed
 
     def __enter__(self) -> SimulatedCell:
@@ -159,13 +160,13 @@ class SimulatedCell:
         self._snapshots = stack.enter_context(SnapshotReader(drives.snapshot))
         self._channel = str(socket) if bus is None else bus.channel
         self._address = "" if drives.plate is None else str(drives.plate.path)
-        self._monitor = _reachable(drives.registers, port)
+        self._monitor = _served_monitor(drives.registers, port)
         if simulation.faults.program:
             stack.enter_context(ProgramFaults(simulation.faults.program, drives_pipe))
 
 
-def _reachable(registers: RegisterSettings | None, port: int | None) -> MonitorConfig | None:
-    """Return the monitor with the address that its drives are served at."""
+def _served_monitor(registers: RegisterSettings | None, port: int | None) -> MonitorConfig | None:
+    """Return the monitor with the address at which its drives are served."""
     if registers is None:
         return None
     link = registers.monitor.link
@@ -175,7 +176,7 @@ def _reachable(registers: RegisterSettings | None, port: int | None) -> MonitorC
 
 
 def _launch_thread(stack: contextlib.ExitStack, settings: DrivesSettings) -> Connection:
-    """Start the drives in this process, on the only bus that does not leave it."""
+    """Start the drives in a thread of this process, for the bus that exists within one process."""
     ours, theirs = multiprocessing.Pipe()
     ended = threading.Event()
     thread = threading.Thread(

@@ -1,4 +1,4 @@
-"""The simulated drives and their robot as a process: between the bus and a `DriveRack`."""
+"""The process of the simulated drives and their robot: connects a `DriveRack` to the bus."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from mock_hw.bus.hub_process import LINGER_NS
 from mock_hw.bus.hub_protocol import HubRole
 from mock_hw.bus.lawicel_port import LawicelPort
 from mock_hw.bus.served_bus import adapter_path, hold_served_bus
-from mock_hw.host.device_process import keep_pace, leave_signals_to_parent
+from mock_hw.host.device_process import leave_signals_to_parent, request_exact_timing
 from mock_hw.host.runtime_directory import axes_path, folder_in_use
 from mock_hw.plant.snapshot import SnapshotReader, SnapshotWriter
 from mock_hw.plate_service import PlateService
@@ -42,22 +42,22 @@ _LOOK_S = 0.1
 _FAULT_PATIENCE_S = 5.0
 
 DeviceClient = HubClient | BusClient
-"""How the drives are on their bus."""
+"""Connection of the drives to their bus."""
 
 LONGEST_WAIT_S = 0.010
-"""How old the axes' snapshot may become while nothing happens on the bus [s]."""
+"""Largest age of the axes' snapshot while the bus is idle [s]."""
 
 
 @dataclass(frozen=True)
 class DrivesSettings:
-    """What the drives' process is told.
+    """Settings of the drives' process.
 
     Attributes:
-        simulation: What is simulated.
-        socket: Where the hub listens; the names of all other files begin with its name.
-        plate: The plate's amplifier.
-        registers: The drives' registers.
-        bus: The bus that the drives are on; None for the hub.
+        simulation: The simulated cell and its settings.
+        socket: Socket of the hub. The names of all other files begin with its name.
+        plate: Settings of the plate's amplifier.
+        registers: Settings of the drives' registers.
+        bus: Bus of the drives; None for the hub.
     """
 
     simulation: CellSimulation
@@ -68,15 +68,16 @@ class DrivesSettings:
 
     @property
     def snapshot(self) -> Path:
-        """Where the axes' true state is written."""
+        """File with the true state of the axes."""
         return axes_path(str(self.socket))
 
 
 def serve_drives(settings: DrivesSettings, pipe: Connection) -> None:
-    """Be a cell's drives until the hub is gone, or without a hub some seconds after the parent.
+    """Serve a cell's drives until the hub ends.
 
-    Waits at `pipe` until the hub is there; sends the TCP port of the drives' registers (0 for none)
-    once the drives are on the bus, or the text of what went wrong.
+    Without a hub, the drives end some seconds after the parent process. The function waits for a
+    message in `pipe` before it joins the bus. When the drives are on the bus, it sends the TCP port
+    of their registers (0 without registers). After an error it sends the error's text instead.
     """
     leave_signals_to_parent()
     signal.signal(signal.SIGTERM, _exit)
@@ -90,22 +91,28 @@ def serve_drives(settings: DrivesSettings, pipe: Connection) -> None:
         except (OSError, RidDaqError) as error:
             pipe.send(str(error))
             return
-        serve_until(settings, pipe, _after_the_parent())
+        serve_until(settings, pipe, _parent_ended())
 
 
 def serve_until(
     settings: DrivesSettings, pipe: Connection, ended: Callable[[], bool], *, alone: bool = True
 ) -> None:
-    """Do the same until `ended`, or the end of the hub; `alone` in the process, or in a thread."""
+    """Serve a cell's drives until `ended` returns True, or until the hub ends.
+
+    Args:
+        pipe: As for `serve_drives`.
+        ended: Called at every wait of a bus without a hub.
+        alone: True in a separate process; False in a thread.
+    """
     try:
         with (
             _rack_on_bus(settings, pipe, ended) as (rack, client),
-            _served(settings, rack, client) as plate,
-            _registers(settings) as port,
+            _plate_service(settings, rack, client) as plate,
+            _register_service(settings) as port,
         ):
             if alone:
                 gc.freeze()
-                keep_pace(settings.simulation.realtime)
+                request_exact_timing(settings.simulation.realtime)
             pipe.send(port)
             if not settings.simulation.faults.program:
                 pipe.close()
@@ -120,17 +127,17 @@ def serve_until(
 def _rack_on_bus(
     settings: DrivesSettings, pipe: Connection, ended: Callable[[], bool]
 ) -> Iterator[tuple[DriveRack, DeviceClient]]:
-    """Build the rack, its kernels compiled, and join the bus; the snapshot goes at the end."""
+    """Build the rack, compile its kernels and join the bus; remove the snapshot at the end."""
     simulation = settings.simulation
     cell, robot, plant, seed = simulation.cell, simulation.robot, simulation.truth, simulation.seed
-    with signals_deferred():  # an exception that a compiler's callback raises is lost
-        from mock_hw.rack import DriveRack  # it loads Pinocchio, which only this process needs
+    with signals_deferred():  # an exception in a compiler's callback would be lost
+        from mock_hw.rack import DriveRack  # imports Pinocchio, which only this process needs
 
         DriveRack(cell, robot, plant, seed).advance(LONGEST_WAIT_S)
     pipe.recv()
     snapshots = SnapshotWriter(settings.snapshot, len(robot.joints))
     try:
-        client = _client(settings, ended)
+        client = _join_bus(settings, ended)
         try:
             now_s = client.now_ns * 1e-9
             announce = _announcer(pipe, client)
@@ -144,13 +151,14 @@ def _rack_on_bus(
 
 
 def _announcer(pipe: Connection, client: DeviceClient) -> Callable[[int], None]:
-    """Return what tells the program's side that a fault of its own begins.
+    """Return a function that announces to the program's process that one of its faults begins.
 
-    In lock-step time stands until it has happened, so that it is in its cycle.
+    In lock-step, simulated time stands still until the fault has taken effect, so that it happens
+    in its cycle.
     """
 
     def announce(number: int) -> None:
-        with contextlib.suppress(EOFError, OSError):  # the program is gone
+        with contextlib.suppress(EOFError, OSError):  # the program has ended
             pipe.send(number)
             if client.lockstep and pipe.poll(_FAULT_PATIENCE_S):
                 pipe.recv()
@@ -158,7 +166,7 @@ def _announcer(pipe: Connection, client: DeviceClient) -> Callable[[int], None]:
     return announce
 
 
-def _client(settings: DrivesSettings, ended: Callable[[], bool]) -> DeviceClient:
+def _join_bus(settings: DrivesSettings, ended: Callable[[], bool]) -> DeviceClient:
     bus = settings.bus
     if bus is None:
         urgent = [NMT_COB_ID, SYNC_COB_ID]
@@ -169,8 +177,8 @@ def _client(settings: DrivesSettings, ended: Callable[[], bool]) -> DeviceClient
     return BusClient(open_can(bus, watch_errors=False), ended)
 
 
-def _after_the_parent() -> Callable[[], bool]:
-    """Return whether the process that started this one is gone for as long as drives need."""
+def _parent_ended() -> Callable[[], bool]:
+    """Return a function that returns True once the parent has been dead for `LINGER_NS`."""
     parent = multiprocessing.parent_process()
     asked_s = gone_s = 0.0
 
@@ -186,15 +194,15 @@ def _after_the_parent() -> Callable[[], bool]:
 
 
 @contextlib.contextmanager
-def _served(
+def _plate_service(
     settings: DrivesSettings, rack: DriveRack, client: DeviceClient
 ) -> Iterator[PlateService | None]:
-    """Serve the plate's amplifier, where there is a plate; the port goes at the end."""
+    """Serve the plate's amplifier, if there is a plate; remove its port at the end."""
     if settings.plate is None:
         yield None
         return
     if settings.plate.path.is_symlink():
-        settings.plate.path.unlink()  # of drives that were killed: this hub's name is ours alone
+        settings.plate.path.unlink()  # left by drives that were killed
     with signals_deferred():  # as in `_rack_on_bus`
         port = AmplifierPort(settings.plate, realtime=not client.lockstep, now_s=rack.time_s)
     service = PlateService(port, rack, client)
@@ -206,8 +214,8 @@ def _served(
 
 
 @contextlib.contextmanager
-def _registers(settings: DrivesSettings) -> Iterator[int]:
-    """Serve the drives' registers, where the cell has a monitor; yield their TCP port."""
+def _register_service(settings: DrivesSettings) -> Iterator[int]:
+    """Serve the drives' registers, if the cell has a monitor; yield their TCP port."""
     simulation = settings.simulation
     if settings.registers is None:
         yield 0
@@ -223,11 +231,11 @@ def _registers(settings: DrivesSettings) -> Iterator[int]:
 
 
 def run_rack(rack: DriveRack, client: DeviceClient, plate: PlateService | None = None) -> None:
-    """Serve the bus and the plate; ends with the `TransportError` of a hub that is gone."""
+    """Serve the bus and the plate until the hub ends, which raises `TransportError`."""
     wait = client.wait if plate is None else plate.wait
     while True:
         wake_s = min(rack.next_s, rack.time_s + LONGEST_WAIT_S)
-        # The first whole nanosecond that is surely not before it.
+        # Round up to a whole nanosecond, never before `wake_s`.
         frames = wait(int(wake_s * 1e9) + 1, rack.acts_on_arrival)
         for frame in frames:
             data = frame.data[: frame.length]
@@ -244,5 +252,5 @@ def run_rack(rack: DriveRack, client: DeviceClient, plate: PlateService | None =
 
 
 def _exit(_number: int, _frame: object) -> None:
-    """End on SIGTERM, tidily."""
+    """End the process on SIGTERM with all clean-up."""
     raise SystemExit(0)

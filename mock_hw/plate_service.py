@@ -1,7 +1,8 @@
-"""`PlateService`: serves the plate's amplifier from the drives' process, on the robot's own time.
+"""`PlateService`: serves the plate's amplifier in the drives' process, with the robot's time.
 
-In lock-step a command finds the simulated time where the drives have brought it, always at the same
-point of a run: the hub is heard first, and wakes the drives before any master.
+In lock-step, a command to the amplifier always arrives at the same simulated time of a run. The
+reason is the order: the service listens to the hub first, and the hub wakes the drives before any
+master.
 """
 
 from __future__ import annotations
@@ -22,14 +23,16 @@ if TYPE_CHECKING:
 
 LOCKSTEP_BATCH_S = 0.045
 IDLE_BATCH_S = 1.0
-"""How long the amplifier may fall behind the robot: while it works, and while it does not [s]."""
+"""Largest delay of the amplifier behind the robot, while it works and while it is idle [s]."""
 
 
 class PlateService:
-    """Between a rack, which moves the robot, and the port of the plate under it.
+    """Connects a rack, which moves the robot, with the port of the plate under the robot.
 
     Args:
-        port, rack, client: The amplifier, the robot with its drives, and the bus that both live by.
+        port: The amplifier.
+        rack: The robot with its drives.
+        client: Connection to the bus, which provides the time.
     """
 
     def __init__(self, port: AmplifierPort, rack: DriveRack, client: HubClient | BusClient) -> None:
@@ -43,11 +46,11 @@ class PlateService:
         self._epoll.register(client.fileno(), select.EPOLLIN)
 
     def note_sync(self, time_s: float) -> None:
-        """Remember an edge at the trigger input, where SYNC is wired to."""
+        """Store an edge of the trigger input, which is wired to SYNC."""
         self._edges.append(time_s)
 
     def keep_up(self) -> None:
-        """Bring the amplifier to where the robot is, if it has fallen behind far enough."""
+        """Advance the amplifier to the robot's time, if its delay exceeds the allowed one."""
         behind_s = self._rack.time_s - self._port.time_s
         if not self._port.works:
             allowed_s = IDLE_BATCH_S
@@ -57,10 +60,10 @@ class PlateService:
             self._catch_up()
 
     def wait(self, until_ns: int, on_frames: bool) -> Sequence[WireFrame]:
-        """Wait as the hub's client does, and meanwhile do what the port is told.
+        """Wait as the bus client does, and execute commands from the port meanwhile.
 
         Raises:
-            TransportError: The hub is gone.
+            TransportError: The hub has ended.
         """
         self._follow_port()
         if self._client.lockstep:
@@ -71,13 +74,13 @@ class PlateService:
         until_s = min(until_ns * 1e-9, self._port.next_s)
         self._poll(max(0.0, until_s - time.monotonic()))
         if self._commanded:
-            self._obey(time.monotonic())
+            self._execute_commands(time.monotonic())
         else:
             self._port.advance(time.monotonic())
         return self._client.wait(0)
 
     def close(self) -> None:
-        """Let go of the port."""
+        """Close the port."""
         self._epoll.close()
         self._port.close()
 
@@ -85,12 +88,12 @@ class PlateService:
         self._client.begin_wait(until_ns, on_frames)
         while True:
             if self._commanded:
-                self._obey(None)
+                self._execute_commands(None)
             if self._poll(-1.0):
                 return self._client.end_wait()
 
     def _poll(self, timeout_s: float) -> bool:
-        """Wait for the hub and the port; return whether the hub has something."""
+        """Wait for the hub and the port; return True if the hub has sent something."""
         heard = False
         for fd, _ in self._epoll.poll(timeout_s):
             if fd == self._port_fd:
@@ -99,10 +102,10 @@ class PlateService:
                 heard = True
         return heard
 
-    def _obey(self, now_s: float | None) -> None:
+    def _execute_commands(self, now_s: float | None) -> None:
         self._commanded = False
         data = self._port.read()
-        if not data:  # somebody came or went
+        if not data:  # a computer opened or closed the port
             return
         self._catch_up()
         self._port.receive(data, self._rack.base_wrench, now_s)
@@ -111,15 +114,18 @@ class PlateService:
     def _catch_up(self) -> None:
         edges, self._edges = self._edges, []
         ends_s, wrenches = self._rack.take_base_wrenches()
-        self._port.feel(self._rack.time_s, ends_s, wrenches, edges)
+        self._port.apply_loads(self._rack.time_s, ends_s, wrenches, edges)
 
     def _follow_port(self) -> None:
-        """Listen to the port that is there now; with edges, as nobody at it would wake for ever."""
+        """Register the present port in epoll.
+
+        The registration is edge-triggered, because a port without a listener is always ready.
+        """
         fd = self._port.fileno()
         if fd == self._port_fd:
             return
         if self._port_fd >= 0:
-            with contextlib.suppress(OSError):  # a closed one has left by itself
+            with contextlib.suppress(OSError):  # epoll has already removed a closed port
                 self._epoll.unregister(self._port_fd)
         if fd >= 0:
             self._epoll.register(fd, select.EPOLLIN | select.EPOLLET)

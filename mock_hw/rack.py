@@ -1,4 +1,4 @@
-"""`DriveRack`: the drives of a simulated robot and the robot, brought through time together."""
+"""`DriveRack`: the drives of a simulated robot and the robot, advanced in time together."""
 
 from __future__ import annotations
 
@@ -24,39 +24,39 @@ from mock_hw.plant.plant import Plant
 from mock_hw.plant.snapshot import SnapshotWriter
 
 CONTROL_PERIOD_S = 0.004
-"""How often the drives look at their axes between events [s]."""
+"""Time between two measurements of the axes by the drives, if no event occurs [s]."""
 
 
 class PlantAxis(AxisPort):
     """One axis of the plant as its drive measures it.
 
     Args:
-        measured: What the rack last read of all axes.
-        number: Which of them.
+        measured: Latest measurements of all axes.
+        number: Number of the axis.
         axis: Zero point and counting direction.
     """
 
-    def __init__(self, measured: Measured, number: int, axis: DriveAxis) -> None:
+    def __init__(self, measured: AxisMeasurements, number: int, axis: DriveAxis) -> None:
         self._measured = measured
         self._number = number
         self._direction = axis.direction
         self._zero_counts = axis.position_zero_counts
 
     def position_counts(self) -> int:
-        """Return the encoder's increments."""
+        """Return the encoder position [increments]."""
         return self._direction * self._measured.counts[self._number] + self._zero_counts
 
     def velocity_counts_s(self) -> float:
-        """Return their rate [1/s]."""
+        """Return the encoder velocity [increments/s]."""
         return self._direction * self._measured.counts_s[self._number]
 
     def torque_permille(self) -> int:
-        """Return the motor's torque in 0.1 % of its rated torque."""
+        """Return the motor torque [0.1 % of its rated torque]."""
         return self._direction * self._measured.permille[self._number]
 
 
-class Measured:
-    """Increments, their rates and torques of all axes, in the joints' own directions."""
+class AxisMeasurements:
+    """Encoder positions, velocities and torques of all axes, in the joints' directions."""
 
     def __init__(self, count: int) -> None:
         self.counts = [0] * count
@@ -65,22 +65,24 @@ class Measured:
 
 
 class DriveRack:
-    """Drives and plant on one clock, as one `SimulatedDevice`.
+    """Drives and plant with one clock, as one `SimulatedDevice`.
 
     Args:
-        cell, robot, plant: What is simulated.
-        seed: Of everything random.
-        snapshots: Where the axes' true state goes after every step; None for nowhere.
-        now_s: When everything is switched on [s].
-        faults: What goes wrong in drives.
+        cell: The cell.
+        robot: Description of the robot.
+        plant: True parameters of the robot.
+        seed: Random seed of all noise.
+        snapshots: Receives the true state of the axes after every step; None for no snapshots.
+        now_s: Switch-on time [s].
+        faults: Faults of the drives.
         announce: Called with the number of a fault of the program when it begins.
 
     Attributes:
-        drives: In the order of the robot's joints.
-        time_s: How far drives and plant have been brought [s].
+        drives: The drives in the order of the robot's joints.
+        time_s: Time up to which drives and plant have been advanced [s].
 
     Raises:
-        ConfigError: Cell and robot do not name the same joints.
+        ConfigError: Cell and robot have different joints.
     """
 
     def __init__(
@@ -107,7 +109,7 @@ class DriveRack:
         self._payload = self._payloads.index(plant.attached)
         if snapshots is not None:
             snapshots.payload = self._payload
-        self._measured = Measured(count)
+        self._measured = AxisMeasurements(count)
         self._snapshots = snapshots
         self.time_s = now_s
         self.drives: list[SimulatedDrive] = []
@@ -138,40 +140,40 @@ class DriveRack:
 
     @property
     def next_s(self) -> float:
-        """When one of the drives does something by itself [s]."""
+        """Time of the next action of a drive [s]."""
         due_s = min(drive.next_s for drive in self.drives)
         return due_s if self._faults is None else min(due_s, self._faults.next_s)
 
     @property
     def acts_on_arrival(self) -> bool:
-        """Whether a drive must be given its frames as they arrive."""
+        """True if a drive must receive its frames at once."""
         return any(drive.acts_on_arrival for drive in self.drives)
 
     @property
     def base_wrench(self) -> NDArray[np.float64]:
-        """What the base exerts on the robot now, (6,); see `Plant.base_wrench`."""
+        """Present wrench of the base on the robot, (6,); see `Plant.base_wrench`."""
         return self._plant.base_wrench
 
     def watch_base(self, watched: bool) -> None:
-        """Keep the base wrench of what comes, or stop keeping it."""
+        """Start or stop recording the base wrench."""
         self._plant.watch_base(watched)
 
     def take_base_wrenches(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return `Plant.take_base_wrenches` with times of this rack."""
+        """Return the result of `Plant.take_base_wrenches` with times of this rack."""
         end_s, wrenches = self._plant.take_base_wrenches()
         return end_s + (self.time_s - self._plant.time_s), wrenches
 
     def receive(self, frame: Frame, now_s: float) -> None:
         """Give every drive a frame that was on the bus at `now_s` [s]."""
-        if not all(drive.only_keeps(frame.cob_id) for drive in self.drives):
+        if not all(drive.only_stores(frame.cob_id) for drive in self.drives):
             self.advance(now_s)
         if self._faults is not None:
-            self._faults.see(frame, now_s)
+            self._faults.observe(frame, now_s)
         for drive in self.drives:
             drive.receive(frame, now_s)
 
     def advance(self, until_s: float) -> None:
-        """Bring drives and plant to `until_s` [s], doing on the way what is due."""
+        """Advance drives and plant to `until_s` [s], with all actions that are due before."""
         while True:
             due_s = max(self.next_s, self.time_s)
             if due_s > until_s:
@@ -185,7 +187,7 @@ class DriveRack:
         self._publish()
 
     def take_frames(self) -> Sequence[tuple[int, float, Frame]]:
-        """Return (drive's number, earliest time [s], frame) of everything to be sent."""
+        """Return (drive's number, earliest time [s], frame) of all frames to be sent."""
         return [
             (number, time_s, frame)
             for number, drive in enumerate(self.drives)
@@ -193,7 +195,7 @@ class DriveRack:
         ]
 
     def _move_to(self, end_s: float) -> None:
-        """Move the plant, looking at it every control period; stop where a drive takes action."""
+        """Move the plant in control periods; call the drives when an action is due."""
         while (left_s := end_s - self.time_s) > 0.0:
             steps = max(1, math.ceil(left_s / CONTROL_PERIOD_S - 1e-6))
             step_end_s = end_s if steps == 1 else self.time_s + CONTROL_PERIOD_S

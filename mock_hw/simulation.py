@@ -1,4 +1,4 @@
-"""`CellSimulation`: what of a cell is simulated and how, and the settings of each device of it."""
+"""`CellSimulation`: the simulated parts of a cell, and the settings of each simulated device."""
 
 from __future__ import annotations
 
@@ -17,38 +17,39 @@ from config.simulation.faults import NO_SCRIPT, FaultScript
 from config.simulation.plant import PlantConfig, SimulatedPlate
 from mock_hw.amplifier.port import PlateSettings
 from mock_hw.bus.hub_process import HubSettings
-from mock_hw.bus.served_bus import ONE_PROCESS, SIMULATED, as_served, served_name
+from mock_hw.bus.served_bus import ONE_PROCESS, SIMULATED, served_name, with_served_channel
 from mock_hw.host.fault_clock import refuse_unknown_joints
 from mock_hw.registers.server import RegisterSettings, ServerCertificates
 
 
 @dataclass(frozen=True)
 class CellSimulation:
-    """What is simulated, and how.
+    """The simulated parts of a cell, and the settings of the simulation.
 
     Attributes:
-        cell: Bus, drives, and what else hangs on the computer.
-        robot: What everybody knows of the robot.
-        plant: What is true of it.
-        realtime: Real time; otherwise lock-step, where the master's waits move time on.
-        pace: In lock-step on `rid_sim`, how many simulated seconds a second has at most; as many as
-            the computer can if None.
-        seed: Of everything random: in lock-step the same seed gives the same bytes on the bus.
-        directory: Where to serve the bus, under the name that the cell file gives its channel; None
+        cell: Bus, drives, and the other devices of the computer.
+        robot: Description of the robot, which all programs know.
+        plant: True parameters of the robot.
+        realtime: True for real time. False for lock-step, in which time advances while the master
+            waits.
+        pace: Largest number of simulated seconds per second, in lock-step on `rid_sim`; None for no
+            limit.
+        seed: Random seed of all noise. In lock-step, equal seeds give equal bytes on the bus.
+        directory: Folder in which the bus is served under the channel name of the cell file; None
             for a private folder that is removed at the end.
-        unmodelled: Whether the plant has the effects that no estimator's model has.
-        log: Where to write all frames, in candump's format; None for nowhere.
-        faults: What goes wrong, on every line of the cell. Its `program` part happens to the
-            process that enters the cell and to the processes that it starts.
-        amplifier_profile: What the plate's amplifier speaks; by default the bundled profile of the
-            cell's name.
-        amplifier_baud_rate: What the amplifier is set to, where that is not what the cell file says
-            [bit/s].
-        drive_profile: The drives' registers; by default the bundled profile of the cell's name.
-        certificates: What the drives show and want to see, where the cell's monitor uses TLS.
+        unmodelled: True if the plant has the unmodelled effects.
+        log: File to which all frames are written in candump's format; None for no file.
+        faults: Faults on all lines of the cell. The faults of its part `program` affect the process
+            that enters the cell, and the processes that it starts.
+        amplifier_profile: Profile of the plate's amplifier; None for the bundled profile that the
+            cell names.
+        amplifier_baud_rate: Baud rate of the amplifier, if it differs from the cell file [bit/s].
+        drive_profile: Profile of the drives' registers; None for the bundled profile that the cell
+            names.
+        certificates: TLS certificates of the drives, if the cell's monitor uses TLS.
 
     Raises:
-        ValueError: The faults are of joints that the robot does not have.
+        ValueError: The faults name joints that the robot does not have.
     """
 
     cell: CellConfig
@@ -76,16 +77,16 @@ class CellSimulation:
 
     @property
     def name(self) -> str:
-        """The name of the files that are served beside the bus."""
+        """Name of the files next to the bus."""
         return served_name(self.cell).rsplit("/", 1)[-1]
 
     @property
     def private(self) -> bool:
-        """Whether the folder is the simulation's own, to be removed at the end."""
+        """True if the simulation has a private folder, which is removed at the end."""
         return self.directory is None
 
     def with_payload(self, payload: str | None) -> CellSimulation:
-        """Return the simulation with another body of the plant on the flange, or none (None).
+        """Return the simulation with another payload on the flange; None for an empty flange.
 
         Raises:
             ConfigError: The plant has no such payload.
@@ -96,7 +97,7 @@ class CellSimulation:
         """Return the bus to be served, with its channel; None for the hub of `rid_sim`.
 
         Raises:
-            ConfigError: The bus cannot do what is asked of the simulation.
+            ConfigError: The bus does not support a setting of the simulation.
         """
         cell, can = self.cell, self.cell.can
         if can.interface == SIMULATED:
@@ -104,23 +105,23 @@ class CellSimulation:
         refusals = (
             (
                 not self.realtime,
-                f"on can.interface {can.interface} there is real time only;"
-                f" simulated (lock-step) time is of {SIMULATED}",
+                f"can.interface {can.interface} runs in real time only; for lock-step time use"
+                f" {SIMULATED}",
             ),
             (
                 self.log is not None,
-                f"frames are logged on {SIMULATED} only; on {can.interface} use candump or"
+                f"frames can be logged on {SIMULATED} only; on {can.interface} use candump or"
                 " can_logger",
             ),
             (
                 bool(self.faults.bus),
-                f"a fault script's bus part is for {SIMULATED} only, this is {can.interface};"
-                " leave it out",
+                f"the bus part of a fault script works on {SIMULATED} only, and can.interface is"
+                f" {can.interface}; remove it from the script",
             ),
             (
                 can.interface == ONE_PROCESS and bool(cell.plate or cell.monitor),
-                f"on can.interface {ONE_PROCESS} there are drives only; leave out plate and"
-                " monitor",
+                f"can.interface {ONE_PROCESS} supports drives only; remove plate and monitor from"
+                " the cell",
             ),
         )
         for refused, why in refusals:
@@ -128,7 +129,7 @@ class CellSimulation:
                 raise ConfigError(f"cell {cell.name}: {why}", code="RID-CELL-NOT-SIMULATED")
         if can.interface == "slcan" and self.private:
             return can.model_copy(update={"channel": str(folder / f"{self.name}.tty")})
-        return as_served(can)
+        return with_served_channel(can)
 
     def hub(self, socket: Path) -> HubSettings:
         """Return the settings of the hub that listens at `socket`."""
@@ -146,9 +147,9 @@ class CellSimulation:
         )
 
     def plate(self, path: Path) -> PlateSettings | None:
-        """Return the settings of the plate at a port; None where the cell has none.
+        """Return the settings of the plate at a port; None if the cell has no plate.
 
-        A plant without a plate has one that obeys its description.
+        If the plant has no plate, the simulated plate has exactly the values of the cell file.
         """
         plate = self.cell.plate
         if plate is None:
@@ -159,7 +160,7 @@ class CellSimulation:
         return PlateSettings(
             plate,
             profile,
-            self.plant.plate or _as_described(plate),
+            self.plant.plate or _plate_as_described(plate),
             path,
             self.seed,
             self.amplifier_baud_rate,
@@ -167,7 +168,7 @@ class CellSimulation:
         )
 
     def registers(self, path: Path) -> RegisterSettings | None:
-        """Return the settings of the drives' registers; None where the cell has no monitor."""
+        """Return the settings of the drives' registers; None if the cell has no monitor."""
         monitor = self.cell.monitor
         if monitor is None:
             return None
@@ -175,18 +176,18 @@ class CellSimulation:
         if profile is None:
             profile = load_bundled_or_path(monitor.profile, "profiles", DriveProfile)
         if self.private and isinstance(monitor.link, ModbusTcp):
-            free = monitor.link.model_copy(update={"port": 0})  # any that is free
+            free = monitor.link.model_copy(update={"port": 0})  # any free port
             monitor = monitor.model_copy(update={"link": free})
         return RegisterSettings(monitor, profile, path, self.certificates, self.faults.registers)
 
 
 def on_pseudo_terminal(link: ModbusRtu, path: Path) -> ModbusRtu:
-    """Return a serial line that is a pseudo-terminal, which has no parity to be set."""
+    """Return a serial link on a pseudo-terminal, which has no parity."""
     return link.model_copy(update={"address": str(path), "parity": "none"})
 
 
 def with_address(cell: CellConfig, address: str) -> CellConfig:
-    """Return a cell whose plate, if it has one, is found at another address."""
+    """Return the cell with another address of its plate's amplifier, if it has one."""
     if cell.plate is None or not address:
         return cell
     amplifier = cell.plate.amplifier.model_copy(update={"address": address})
@@ -194,7 +195,7 @@ def with_address(cell: CellConfig, address: str) -> CellConfig:
     return cell.model_copy(update={"plate": plate})
 
 
-def _as_described(plate: PlateConfig) -> SimulatedPlate:
+def _plate_as_described(plate: PlateConfig) -> SimulatedPlate:
     return SimulatedPlate(
         sensitivity_pc_n=plate.amplifier.sensitivity_pc_n, crosstalk=plate.sensitivity
     )

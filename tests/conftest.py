@@ -201,7 +201,7 @@ class ServedAmplifier(threading.Thread):
                 self._port.receive(data, self.base_wrench)
             elif moves:
                 end_s = self._port.time_s + STEP_S
-                self._port.feel(end_s, [end_s], [self.base_wrench])
+                self._port.apply_loads(end_s, [end_s], [self.base_wrench])
                 streamed_s += STEP_S
             elif streams and streamed_s >= self.stream_s and not told:
                 told = True

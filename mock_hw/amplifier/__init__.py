@@ -1,4 +1,4 @@
-"""The simulated charge amplifier and its serial line.
+"""The simulated charge amplifier and its serial line, byte by byte.
 
-What the device would send, bit by bit. Begin with `amplifier.py`.
+Begin with `amplifier.py`.
 """

@@ -1,7 +1,6 @@
-"""`SimulatedAmplifier`: what a charge amplifier answers and streams, bytes in and bytes out.
+"""`SimulatedAmplifier`: answers and streamed rows of a charge amplifier, from bytes to bytes.
 
-It knows its profile, its physics and the times that it is given; ports, lines and clocks are
-others' business.
+It uses its profile, its physics and the times that it receives; it has no port, line or clock.
 """
 
 from __future__ import annotations
@@ -52,18 +51,20 @@ Charges = Callable[[], NDArray[np.float64]]
 class SimulatedAmplifier:
     """A charge amplifier at the end of a serial line.
 
-    Settings are taken at any time but while rows are streamed: then only the stream's end, the time
-    (answered by an event) and the overload word (likewise) are.
+    It accepts settings at any time except while it streams rows. During streaming it accepts three
+    commands: the end of the stream, the query of the time and the query of the overload word. It
+    answers both queries by events.
 
     Args:
-        profile: Its strings and rows.
-        truth: Its physics.
-        seed: Of its noise.
-        now_s: When it is switched on [s].
-        bits, low_pass_order: How it is built.
+        profile: Strings and row formats.
+        truth: True physical properties.
+        seed: Random seed of the noise.
+        now_s: Switch-on time [s].
+        bits: Resolution of the converter [bit].
+        low_pass_order: Order of the low-pass filter.
 
     Attributes:
-        physics: The amplifier behind the words.
+        physics: The charge amplifiers, filters and converter.
     """
 
     def __init__(
@@ -92,7 +93,7 @@ class SimulatedAmplifier:
         self._reported = 0
         self._overrun = False
         self._out: list[Outgoing] = []
-        self._do: dict[str, Callable[[AmplifierCommand, Charges], AmplifierReply]] = {
+        self._commands: dict[str, Callable[[AmplifierCommand, Charges], AmplifierReply]] = {
             "operate": self._operate,
             "range": self._set,
             "sensitivity": self._set,
@@ -102,7 +103,7 @@ class SimulatedAmplifier:
             "trigger": self._set_trigger,
             "stream": self._stream,
         }
-        self._tell: dict[str, Callable[[], str]] = {
+        self._queries: dict[str, Callable[[], str]] = {
             "operate": lambda: str(int(self.physics.operating)),
             "identify": lambda: IDENTITY,
             "overload": lambda: f"{self.physics.take_overload():02X}",
@@ -117,13 +118,13 @@ class SimulatedAmplifier:
         }
 
     def receive(self, data: bytes, charges: Charges, now_s: float | None = None) -> None:
-        """Take bytes from the line and do what they say.
+        """Process bytes from the line.
 
         Args:
             data: The bytes.
-            charges: Tells what the sensors feel now, (8,) [pC]; asked at operate.
-            now_s: What time it is, where that is later than the physics has been brought [s]:
-                answers leave then, and the clock is read then.
+            charges: Returns the present charges of the sensors, (8,) [pC]; called at operate.
+            now_s: Present time, if it is later than the physics' time [s]. Answers are sent then,
+                and the clock is read then.
         """
         now_s = self.physics.time_s if now_s is None else max(now_s, self.physics.time_s)
         self._lines.feed(data.replace(b"\0", b""))
@@ -132,19 +133,23 @@ class SimulatedAmplifier:
             if answer is not None:
                 self._out.append(Unit(self._codec.answer(answer), now_s))
 
-    def feel(
+    def apply_loads(
         self,
         end_s: float,
         ends_s: ArrayLike = (),
         charges_pc: ArrayLike = (),
         edges_s: ArrayLike = (),
     ) -> None:
-        """Let time pass, as `ChargeAmplifier.convert`; the trigger input had edges at `edges_s`."""
+        """Advance time as `ChargeAmplifier.convert`, and create rows and events.
+
+        Args:
+            edges_s: Times of edges at the trigger input [s].
+        """
         rows = self.physics.convert(end_s, ends_s, charges_pc)
         if not self.physics.converting:
             return
         first = 0
-        for time_s, event, detail in self._happened(rows, np.asarray(edges_s, dtype=np.float64)):
+        for time_s, event, detail in self._new_events(rows, np.asarray(edges_s, dtype=np.float64)):
             last = int(np.searchsorted(rows.time_s, time_s))
             self._put_rows(rows, first, last)
             first = max(first, last)
@@ -152,12 +157,12 @@ class SimulatedAmplifier:
         self._put_rows(rows, first, len(rows.time_s))
 
     def take(self) -> list[Outgoing]:
-        """Return what is to be sent, in order."""
+        """Return the bytes to be sent, in order, and clear the list."""
         out, self._out = self._out, []
         return out
 
     def overrun(self, rows: int) -> None:
-        """Be told that so many rows found no room on the line; all later rows say so."""
+        """Note that `rows` rows did not fit the line's buffer; all later rows report this."""
         self._overrun = True
         self._put_event("overrun", rows, self.physics.time_s, self.physics.time_s)
 
@@ -177,13 +182,13 @@ class SimulatedAmplifier:
                 return AmplifierReply(self._per_channel(request))
             if request.name == "time":
                 return AmplifierReply(f"{self._ticks(now_s) & 0xFFFF_FFFF:08X}")
-            return AmplifierReply(self._tell[request.name]())
-        if request.name not in self._do:
+            return AmplifierReply(self._queries[request.name]())
+        if request.name not in self._commands:
             return AmplifierReply(error=ONLY_ASKED)
-        return self._do[request.name](request, charges)
+        return self._commands[request.name](request, charges)
 
     def _while_streaming(self, request: AmplifierCommand, now_s: float) -> AmplifierReply | None:
-        """Answer by an event what is answered so; only the stream's end is taken otherwise."""
+        """Answer queries by events; accept no other command than the end of the stream."""
         asked = request.value is None
         if asked and request.name == "time":
             self._put_event("mark", self._marks, now_s, now_s)
@@ -276,10 +281,10 @@ class SimulatedAmplifier:
 
     # The stream
 
-    def _happened(
+    def _new_events(
         self, rows: AmplifierRows, edges_s: NDArray[np.float64]
     ) -> list[tuple[float, str, int]]:
-        """Return time, event and detail of what came between rows, in order."""
+        """Return time, event and detail of the events between rows, in order."""
         events: list[tuple[float, str, int]] = []
         if self._trigger:
             for time_s in edges_s.tolist():

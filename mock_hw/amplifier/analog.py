@@ -1,7 +1,7 @@
-"""`ChargeAmplifier`: eight charge amplifiers, their low-pass, converter and clock, without a line.
+"""`ChargeAmplifier`: eight charge amplifiers with low-pass, converter and clock, without a line.
 
-A function of the times that it is given, like the drives: it never looks at a clock, and the same
-calls with the same seed give the same counts.
+The state depends only on the times in the calls, as for the drives. Equal calls with equal seeds
+give equal counts.
 """
 
 from __future__ import annotations
@@ -23,19 +23,20 @@ ComplexVector = NDArray[np.complex128]
 
 FULL_SCALE_V = 10.0
 LONGEST_STEP_S = 0.010
-"""How long an input is taken for constant while nobody says what the sensors feel [s]."""
+"""Longest step with constant input if no loads are given [s]."""
 
 
 @dataclass(frozen=True)
 class AmplifierSettings:
-    """What an amplifier can be set to; the defaults are those of its power-on.
+    """Settings of an amplifier; the defaults are those after power-on.
 
     Attributes:
         range_n: Force at full scale, per channel [N].
-        sensitivity_pc_n: Of the sensors, per channel [pC/N].
-        low_pass_hz, low_pass_order: The Butterworth filter before the converter.
-        rate_hz: Rows per second of the amplifier's own clock.
-        bits: Of the converter, whose span is both signs of full scale.
+        sensitivity_pc_n: Sensitivity of the sensor, per channel [pC/N].
+        low_pass_hz: Cut-off frequency of the Butterworth filter before the converter [Hz].
+        low_pass_order: Order of the Butterworth filter.
+        rate_hz: Rows per second, on the amplifier's own clock.
+        bits: Resolution of the converter, over negative to positive full scale [bit].
     """
 
     range_n: tuple[float, ...] = (5000.0,) * 4 + (20000.0,) * 4
@@ -57,18 +58,19 @@ class AmplifierSettings:
 
     @property
     def volts_per_pc(self) -> Vector:
-        """Output over charge, (8,): a charge of range times sensitivity is full scale."""
+        """Output voltage per charge, (8,): full scale at range times sensitivity."""
         gain: Vector = FULL_SCALE_V / (np.array(self.sensitivity_pc_n) * np.array(self.range_n))
         return gain
 
 
 @dataclass(frozen=True, eq=False)
 class AmplifierRows:
-    """What has been converted.
+    """Converted rows.
 
     Attributes:
-        time_s, device_s: Shape (rows,). When, on the cell's clock and on the amplifier's [s].
-        counts: Shape (rows, 8). Converter counts; 2 to the power of (bits - 1) would be full scale.
+        time_s: Shape (rows,). Times on the cell's clock [s].
+        device_s: Shape (rows,). Times on the amplifier's clock [s].
+        counts: Shape (rows, 8). Converter counts; full scale is 2 to the power of (bits - 1).
         overload: Shape (rows,). The latched overload word: bit i for channel i + 1.
     """
 
@@ -79,17 +81,17 @@ class AmplifierRows:
 
 
 class ChargeAmplifier:
-    """Eight channels on one clock, at Reset when switched on.
+    """Eight channels with one clock; they are in Reset after switch-on.
 
     Args:
-        truth: Drift, zero jump, noise and clock.
-        seed: Of the noise.
-        now_s: When it is switched on [s].
+        truth: Drift, zero jump, noise and clock error.
+        seed: Random seed of the noise.
+        now_s: Switch-on time [s].
 
     Attributes:
-        settings: What it is set to; change it by `apply`.
-        time_s: How far it has been brought [s].
-        operating: Whether it measures; at Reset its inputs are shorted.
+        settings: Present settings; use `apply` to change them.
+        time_s: Time up to which the amplifier has been advanced [s].
+        operating: True if it measures; in Reset its inputs are shorted.
         overload: The latched overload word.
     """
 
@@ -110,19 +112,19 @@ class ChargeAmplifier:
         self._overloaded = 0
         self.settings = AmplifierSettings()
         self._set_filter()
-        self.convert(now_s)  # of no time: the filter is compiled before anybody waits for an answer
+        self.convert(now_s)  # zero duration: compiles the filter before the first answer is due
 
     @property
     def converting(self) -> bool:
-        """Whether rows are made."""
+        """True if rows are converted."""
         return self._next_row is not None
 
     def device_s(self, time_s: float) -> float:
-        """Return what the amplifier's clock shows at a time of the cell's [s]."""
+        """Return the time on the amplifier's clock at a time of the cell [s]."""
         return self._truth.clock_offset_s + self._rate * (time_s - self._switched_on_s)
 
     def apply(self, settings: AmplifierSettings) -> None:
-        """Take new settings; the charge on the inputs stays, a low-pass starts settled."""
+        """Apply new settings; the charges at the inputs stay, a new low-pass starts settled."""
         rescale = settings.volts_per_pc / self.settings.volts_per_pc
         before, self.settings = self.settings, settings
         filters = (settings.low_pass_hz, settings.low_pass_order)
@@ -136,7 +138,7 @@ class ChargeAmplifier:
             self.start()
 
     def operate(self, charge_pc: ArrayLike) -> None:
-        """Measure from now on: the sensors' charges of now, (8,), become zero."""
+        """Start to measure; the present charges of the sensors, (8,), become zero."""
         if self.operating:
             return
         self.operating = True
@@ -150,46 +152,46 @@ class ChargeAmplifier:
         self._overloaded = 0
 
     def take_overload(self) -> int:
-        """Return the latched overload word; what is overloaded still stays in it."""
+        """Return the latched overload word; channels that are still overloaded stay in it."""
         word, self.overload = self.overload, self._overloaded
         return word
 
     def start(self) -> None:
-        """Make rows from now on, on the ticks of the amplifier's own clock."""
+        """Start to convert rows at the ticks of the amplifier's clock."""
         self._next_row = math.floor(self.device_s(self.time_s) * self.settings.rate_hz) + 1
 
     def stop(self) -> None:
-        """Make no more rows."""
+        """Stop to convert rows."""
         self._next_row = None
 
     def present_counts(self) -> NDArray[np.int16]:
-        """Return what a single conversion now would give, (8,), with noise."""
+        """Return the counts of a single conversion now, (8,), with noise."""
         counts: NDArray[np.int16] = self._convert(self._output_v[np.newaxis])[0]
         return counts
 
     def convert(
         self, end_s: float, ends_s: ArrayLike = (), charges_pc: ArrayLike = ()
     ) -> AmplifierRows:
-        """Let time pass until `end_s`; return the rows that were converted meanwhile.
+        """Advance time to `end_s` and return the rows that were converted meanwhile.
 
         Args:
-            end_s: Until when [s].
-            ends_s: Shape (m,). When intervals of constant charge end, each beginning where the one
-                before it ended; the last charge lasts on.
-            charges_pc: Shape (m, 8). The sensors' charges [pC].
+            end_s: End time [s].
+            ends_s: Shape (m,). End times of intervals with constant charge; each begins at the end
+                of the one before. After the last interval its charge continues.
+            charges_pc: Shape (m, 8). Charges of the sensors in the intervals [pC].
 
         Raises:
-            ValueError: If time would run backwards.
+            ValueError: `end_s` is before the present time.
         """
         if not end_s >= self.time_s:
-            raise ValueError(f"end_s {end_s} lies before {self.time_s}")
+            raise ValueError(f"end_s {end_s} is before the present time {self.time_s}")
         times = np.asarray(ends_s, dtype=np.float64)
         charges = np.asarray(charges_pc, dtype=np.float64).reshape(-1, CHANNELS)
         if len(charges):
             self._charge_pc = charges[-1]
         last_s = float(times[-1]) if len(times) else self.time_s
         if end_s > last_s:
-            held = last_s + (end_s - last_s) * _shares_of(end_s - last_s)
+            held = last_s + (end_s - last_s) * _step_ends(end_s - last_s)
             times = np.append(times, held)
             charges = np.vstack([charges, np.tile(self._charge_pc, (len(held), 1))])
         row_times, device_s = self._due(end_s)
@@ -205,7 +207,7 @@ class ChargeAmplifier:
         return AmplifierRows(row_times, device_s, self._convert(output), overload)
 
     def _input(self, times: Vector, charges: Vector) -> Vector:
-        """Return the charge stages' voltages in every interval, not yet limited, (m, 8)."""
+        """Return the voltages of the charge stages in every interval, before limitation, (m, 8)."""
         if not self.operating:
             return np.zeros_like(charges)
         starts = np.concatenate([[self.time_s], times[:-1]])
@@ -239,7 +241,7 @@ class ChargeAmplifier:
         self._filter = _LowPass(poles, residues / poles, weights, state)
 
     def _settle(self, volts: Vector) -> None:
-        """Put the filter where a constant input of (8,) volts leaves it."""
+        """Set the filter to its steady state for a constant input of (8,) volts."""
         self._filter.state[:] = -self._filter.gains[:, np.newaxis] * volts
 
 
@@ -247,14 +249,14 @@ def _at_limit(volts: Vector) -> NDArray[np.bool_]:
     return np.abs(volts) >= FULL_SCALE_V
 
 
-def _shares_of(duration_s: float) -> Vector:
-    """Return where steps of at most `LONGEST_STEP_S` end, as shares of a duration."""
+def _step_ends(duration_s: float) -> Vector:
+    """Return the ends of steps of at most `LONGEST_STEP_S`, as shares of a duration."""
     steps = max(1, math.ceil(duration_s / LONGEST_STEP_S - 1e-9))
     return np.arange(1, steps + 1) / steps
 
 
 class _LowPass(NamedTuple):
-    """The filter of all channels: poles, residues over poles, output weights; state (p, 8)."""
+    """Filter of all channels: poles, residues over poles, output weights; state (p, 8)."""
 
     poles: ComplexVector
     gains: ComplexVector
@@ -263,7 +265,10 @@ class _LowPass(NamedTuple):
 
 
 class _Rows(NamedTuple):
-    """When to look at the output, in order, and what is seen: (rows,), (rows, 8), (rows,)."""
+    """Sampling times in order, and the outputs and overload words at these times.
+
+    The shapes are (rows,), (rows, 8) and (rows,).
+    """
 
     time_s: Vector
     output: Vector
@@ -279,13 +284,14 @@ def _run_filter(
     rows: _Rows,
     latched: int,
 ) -> int:
-    """Filter inputs that are constant over intervals; look at the output at every row's time.
+    """Filter inputs that are constant over intervals, and sample the output at every row's time.
 
     Args:
-        start_s, ends_s: Scalar, (m,). When the first interval begins, and when each ends [s].
-        volts: Shape (m, 8). Input before the charge stage's limits.
+        start_s: Scalar. Start of the first interval [s].
+        ends_s: Shape (m,). Ends of the intervals [s].
+        volts: Shape (m, 8). Inputs before the limits of the charge stage.
         low_pass: The filter; its state is changed in place.
-        rows: Filled; their times lie within the intervals.
+        rows: Output; its times lie within the intervals.
         latched: The overload word at the beginning.
 
     Returns:

@@ -1,4 +1,4 @@
-"""`FaultInjector`: what goes wrong on a simulated serial line, by row and seed."""
+"""`FaultInjector`: faults on a simulated serial line, by row number and seed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,13 @@ from config.simulation.faults import AmplifierFault
 
 
 class Unit(NamedTuple):
-    """Bytes that are sent in one go: a row, an event, an answer; when they are ready [s]."""
+    """Bytes that are sent together: a row, an event, or an answer.
+
+    Attributes:
+        data: The bytes.
+        ready_s: Time from which they can be sent [s].
+        sequence: Number of the row; -1 for other units.
+    """
 
     data: bytes
     ready_s: float
@@ -19,14 +25,14 @@ class Unit(NamedTuple):
 
 
 class FaultInjector:
-    """Applies faults to rows as they pass.
+    """Applies faults to rows that pass the line.
 
     Args:
-        faults: What happens when.
-        seed: Of the bytes that they invent.
+        faults: The faults with the numbers of their rows.
+        seed: Random seed of changed bytes.
 
     Attributes:
-        rows: How many rows have passed.
+        rows: Number of rows that have passed.
     """
 
     def __init__(self, faults: Sequence[AmplifierFault], seed: int) -> None:
@@ -35,17 +41,17 @@ class FaultInjector:
         self._spoiling: dict[str, int] = {}
         self.rows = 0
 
-    def touches(self, rows: int) -> bool:
-        """Return whether the next `rows` rows do not all pass as they are."""
+    def affects(self, rows: int) -> bool:
+        """Return True if a fault affects one of the next `rows` rows."""
         due = bool(self._coming) and self._coming[0].row < self.rows + rows
         return due or bool(self._spoiling)
 
-    def passes(self, rows: int) -> None:
-        """Count rows that are not touched."""
+    def skip_rows(self, rows: int) -> None:
+        """Count rows that no fault affects."""
         self.rows += rows
 
-    def spoil(self, row: Unit) -> tuple[list[Unit], list[AmplifierFault]]:
-        """Return what becomes of a row, and the faults that begin with it and last a while."""
+    def apply_faults(self, row: Unit) -> tuple[list[Unit], list[AmplifierFault]]:
+        """Return the units that replace a row, and the lasting faults that begin with it."""
         before: list[Unit] = []
         lasting: list[AmplifierFault] = []
         data = row.data
@@ -63,7 +69,7 @@ class FaultInjector:
             else:
                 self._spoiling[fault.kind] = fault.count
         for kind in tuple(self._spoiling):
-            data = self._spoiled(kind, data)
+            data = self._apply_row_fault(kind, data)
             self._spoiling[kind] -= 1
             if not self._spoiling[kind]:
                 del self._spoiling[kind]
@@ -76,7 +82,7 @@ class FaultInjector:
         """Return random bytes."""
         return self._random.bytes(count)
 
-    def _spoiled(self, kind: str, data: bytes) -> bytes:
+    def _apply_row_fault(self, kind: str, data: bytes) -> bytes:
         if kind == "gap":
             return b""
         if kind == "torn_row":

@@ -1,7 +1,8 @@
-"""`AmplifierPort`: a simulated force plate's amplifier at a serial port, with the line in between.
+"""`AmplifierPort`: the amplifier of a simulated force plate, its line and its serial port.
 
-In real time bytes are held back until they have arrived. In lock-step they are handed over at
-once, with the simulated time of their arrival beside them (`drivers.amplifier.simulated_arrivals`).
+In real time, bytes are handed over at their time of arrival. In lock-step they are handed over at
+once, and their simulated times of arrival are written to a file
+(`drivers.amplifier.simulated_arrivals`).
 """
 
 from __future__ import annotations
@@ -27,24 +28,25 @@ from mock_hw.amplifier.serial_line import BITS_PER_BYTE, SerialLine
 from mock_hw.host.pty_port import UNKNOWN_RATE, PtyPort
 
 BUFFER_BYTES = 16384
-"""What the amplifier can hold back for a line that is slower than its rows."""
+"""Size of the amplifier's buffer for a line that is slower than its rows [bytes]."""
 
 _BUNCH_S = 0.001
-_NANOSECONDS = 9  # decimals: sums in another order shall not change what a run gives
+_NANOSECONDS = 9  # decimals; rounding makes results independent of the order of sums
 _TWICE = 2.0
 
 
 @dataclass(frozen=True)
 class PlateSettings:
-    """What is served: the cell's plate, its profile and truth, and what goes wrong.
+    """Settings of a served plate: description, profile, true properties and faults.
 
     Attributes:
-        plate, profile, truth: The plate as the cell file has it, the strings of its amplifier, and
-            what it really does.
-        path: Where the port is to be.
-        seed: Of noise and jitter.
-        baud_rate: What the amplifier is set to, where that is not what the cell file says.
-        faults: What goes wrong; its `amplifier` part is used.
+        plate: The plate as described in the cell file.
+        profile: Strings of the plate's amplifier.
+        truth: True properties of the plate.
+        path: Path of the port.
+        seed: Random seed of noise and jitter.
+        baud_rate: Baud rate of the amplifier, if it differs from the cell file.
+        faults: Fault script; its `amplifier` part is used.
     """
 
     plate: PlateConfig
@@ -57,18 +59,19 @@ class PlateSettings:
 
 
 class AmplifierPort:
-    """The amplifier, its line and its port: a `SimulatedDevice` that is told what its sensors feel.
+    """Amplifier, line and port of a plate: a `SimulatedDevice` that receives the plate's loads.
 
     Args:
-        settings: What is served.
-        realtime: Whether bytes arrive on the computer's own clock; simulated time otherwise.
-        now_s: When the amplifier is switched on [s].
+        settings: Settings of the plate.
+        realtime: True for arrival times on the computer's clock; False for simulated time.
+        now_s: Switch-on time of the amplifier [s].
 
     Attributes:
-        next_s: When `advance` is due: bytes arrive, or the port comes back [s]; infinity for never.
+        next_s: Time at which `advance` is due, because bytes arrive or the port returns [s];
+            infinity for never.
 
     Raises:
-        TransportError: The port cannot be made.
+        TransportError: The port cannot be created.
     """
 
     def __init__(self, settings: PlateSettings, *, realtime: bool, now_s: float = 0.0) -> None:
@@ -98,73 +101,73 @@ class AmplifierPort:
 
     @property
     def watches(self) -> bool:
-        """Whether the amplifier cares for what the sensors feel: it operates."""
+        """True if the amplifier needs the loads on the sensors, because it operates."""
         return self._device.physics.operating
 
     @property
     def works(self) -> bool:
-        """Whether time matters to it: it operates, makes rows, or still has some to hand over."""
+        """True if the amplifier operates, converts rows, or has bytes to hand over."""
         physics = self._device.physics
         return physics.operating or physics.converting or self.next_s < math.inf
 
     @property
     def passed_bytes(self) -> int:
-        """How many bytes a listening computer was given."""
+        """Number of bytes that a computer has received."""
         return self._port.passed_bytes
 
     @property
     def time_s(self) -> float:
-        """Until when it has been told what acts on the plate [s]."""
+        """Time up to which the loads on the plate are known [s]."""
         return self._device.physics.time_s
 
     def fileno(self) -> int:
-        """Return the descriptor that is readable when a command has come; -1 while unplugged."""
+        """Return the descriptor that is readable when a command arrives; -1 while unplugged."""
         return self._port.fileno()
 
     def read(self) -> bytes:
-        """Return what has come from the computer."""
+        """Return the bytes received from the computer."""
         data = b""
         while more := self._port.read():
             data += more
-        return data if self._understood() else self._faults.noise(len(data))
+        return data if self._baud_rates_match() else self._faults.noise(len(data))
 
     def receive(
         self, data: bytes, base_wrench: NDArray[np.float64], now_s: float | None = None
     ) -> None:
-        """Do what has been commanded.
+        """Execute received commands.
 
         Args:
-            data: What `read` has returned.
-            base_wrench: Shape (6,). What the base exerts on the robot now.
-            now_s: What time it is, where that is later than the amplifier has been brought [s].
+            data: Bytes returned by `read`.
+            base_wrench: Shape (6,). Present wrench of the base on the robot.
+            now_s: Present time, if it is later than the amplifier's time [s].
         """
         self._device.receive(data, lambda: self._sensors.charges_pc(base_wrench), now_s)
         self._send()
         self.advance(self.time_s if now_s is None else now_s)
 
-    def feel(
+    def apply_loads(
         self,
         end_s: float,
         ends_s: ArrayLike = (),
         base_wrenches: ArrayLike = (),
         edges_s: ArrayLike = (),
     ) -> None:
-        """Take what acts on the plate until `end_s`, and send what is measured meanwhile.
+        """Apply the loads on the plate until `end_s`, and send the measured rows.
 
         Args:
-            end_s: Until when [s].
-            ends_s, base_wrenches: Shape (m,), (m, 6). Ends of intervals [s], and what the base
-                exerted on the robot in each.
-            edges_s: Shape (edges,). When SYNC was there, at the trigger input [s].
+            end_s: End time [s].
+            ends_s: Shape (m,). Ends of intervals [s].
+            base_wrenches: Shape (m, 6). Wrench of the base on the robot in each interval.
+            edges_s: Shape (edges,). Times of SYNC at the trigger input [s].
         """
         ends = np.asarray(ends_s, dtype=np.float64)
         charges = self._sensors.charges_pc(np.reshape(base_wrenches, (-1, 6)))
-        self._device.feel(end_s, ends, self._spoilt(ends, charges), edges_s)
+        self._device.apply_loads(end_s, ends, self._with_lasting_faults(ends, charges), edges_s)
         self._send()
         self.advance(end_s)
 
     def advance(self, until_s: float) -> None:
-        """Hand over what has arrived by `until_s` [s]; plug the port in again when it is time."""
+        """Hand over bytes that have arrived by `until_s` [s]; plug the port in when due."""
         if until_s >= self._replug_s:
             self._replug_s = math.inf
             self._port.plug()
@@ -191,7 +194,7 @@ class AmplifierPort:
                 self._send_rows(piece)
 
     def _has_room(self, rows: RowBlock) -> bool:
-        """Return whether the amplifier's buffer takes rows; report the lost when it does again."""
+        """Return True if the buffer accepts rows; then report rows that were lost before."""
         backlog_s = self._line.free_s - float(rows.ready_s[0])
         if backlog_s * self._baud_rate / BITS_PER_BYTE > BUFFER_BYTES:
             self._lost_rows += len(rows.ready_s)
@@ -203,17 +206,17 @@ class AmplifierPort:
 
     def _send_rows(self, rows: RowBlock) -> None:
         count = len(rows.ready_s)
-        if self._faults.touches(count):
+        if self._faults.affects(count):
             for place in range(count):
                 data = rows.data[place * rows.size : (place + 1) * rows.size]
                 row = Unit(data, float(rows.ready_s[place]), int(rows.sequence[place]))
-                units, lasting = self._faults.spoil(row)
+                units, lasting = self._faults.apply_faults(row)
                 for fault in lasting:
                     self._begin(fault, row.ready_s)
                 for unit in units:
                     self._send_unit(unit)
             return
-        self._faults.passes(count)
+        self._faults.skip_rows(count)
         arrived = self._line.send(rows.ready_s, np.full(count, rows.size))
         if self._arrivals is not None:
             self._arrivals.write(rows.sequence, np.round(arrived, _NANOSECONDS))
@@ -223,7 +226,7 @@ class AmplifierPort:
 
     def _send_unit(self, unit: Unit) -> None:
         if self._arrivals is not None and self._device.physics.converting and unit.sequence < 0:
-            # An answer to somebody who asks by the wall clock must not move the rows' arrivals.
+            # An answer at wall-clock time must not change the arrival times of rows.
             self._write(unit.data)
             return
         (arrived_s,) = self._line.send([unit.ready_s], [len(unit.data)]).tolist()
@@ -235,7 +238,7 @@ class AmplifierPort:
         self._write(unit.data)
 
     def _hold(self, rows: RowBlock, arrived: NDArray[np.float64]) -> None:
-        """Hold rows until they have arrived, those of a millisecond together."""
+        """Hold rows until they have arrived; rows of one millisecond are held together."""
         first = 0
         while first < len(arrived):
             last = int(np.searchsorted(arrived, arrived[first] + _BUNCH_S, side="right"))
@@ -244,12 +247,12 @@ class AmplifierPort:
             first = last
 
     def _write(self, data: bytes) -> None:
-        if not self._understood():
+        if not self._baud_rates_match():
             data = self._faults.noise(len(data))
         self._port.write(data)
 
-    def _understood(self) -> bool:
-        """Return whether the computer's baud rate is the amplifier's."""
+    def _baud_rates_match(self) -> bool:
+        """Return True if computer and amplifier have the same baud rate."""
         return self._port.baud_rate in (self._baud_rate, UNKNOWN_RATE)
 
     # Faults that last
@@ -266,7 +269,7 @@ class AmplifierPort:
         elif fault.kind == "drift":
             self._drifts.append((now_s, fault))
 
-    def _spoilt(
+    def _with_lasting_faults(
         self, ends_s: NDArray[np.float64], charges: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         settings = self._device.physics.settings

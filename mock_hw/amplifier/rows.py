@@ -1,4 +1,4 @@
-"""Blocks of rows to bytes, fast enough for thousands of rows a second beside everything else."""
+"""Encoding of blocks of rows to bytes, fast enough for thousands of rows per second."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ _CRC_SEED = 0xFFFF
 
 @dataclass(frozen=True, eq=False)
 class RowBlock:
-    """Rows as they stand on the line, all of one size.
+    """Rows as bytes on the line, all of equal size.
 
     Attributes:
-        data: Their bytes, `size` each.
-        size: Bytes of a row.
-        ready_s: Shape (rows,). When each may be sent [s].
-        sequence: (rows,). Their numbers.
+        data: Bytes of all rows.
+        size: Bytes per row.
+        ready_s: Shape (rows,). Times from which the rows can be sent [s].
+        sequence: Shape (rows,). Numbers of the rows.
     """
 
     data: bytes
@@ -36,7 +36,7 @@ class RowBlock:
 
 
 def row_encoder(profile: AmplifierProfile, form: str) -> RowEncoder:
-    """Return what makes bytes of rows: of sequence numbers, ticks, status words and counts."""
+    """Return a function that encodes sequence numbers, ticks, status words and counts of rows."""
     parts = profile.row_parts(form)
     if any(part.kind in ("hex", "dec") for part in parts):
         return _text_encoder(profile, form)
@@ -85,7 +85,7 @@ def _name(place: int, part: Part) -> str:
 
 
 def _field(place: int, part: Part) -> tuple[str, str, tuple[int, ...]]:
-    """Return a record's field; the checksum's high byte comes first."""
+    """Return the field of one part of a row; the checksum is big-endian."""
     if part.kind == "literal":
         return _name(place, part), "u1", (part.width,)
     order = ">" if part.name == "checksum" else "<"

@@ -1,7 +1,8 @@
 """A simulated force plate: from the wrench at the robot's base to the charges of eight channels.
 
-The plate is rigid and stands on four equal three-component sensors at (±a, ±b): a force is shared
-as four equal springs share it, of all ways that Kistler's formulas allow the one of least energy.
+The plate is rigid and rests on four equal three-component sensors at (±a, ±b). A force is shared as
+four equal springs share it: of all distributions that Kistler's formulas allow, the one of least
+energy.
 """
 
 from __future__ import annotations
@@ -18,26 +19,28 @@ Matrix = NDArray[np.float64]
 
 
 class PlateSensors:
-    """A plate with its sensors; every mapping is linear.
+    """A plate with its sensors; all mappings are linear.
 
     Args:
-        plate: Geometry, and where the plate stands in the robot's base frame.
-        truth: What the sensors do: pC/N and crosstalk. The cell file's `sensitivity` is what a
-            calibration found, and takes no part.
+        plate: Geometry of the plate, and its position in the robot's base frame.
+        truth: True sensitivity (pC/N) and crosstalk of the sensors. The `sensitivity` in the cell
+            file is the result of a calibration and is not used here.
     """
 
     def __init__(self, plate: PlateConfig, truth: SimulatedPlate) -> None:
         crosstalk = np.eye(8) if truth.crosstalk is None else np.array(truth.crosstalk)
-        on_plate = -_to_plate_frame(plate)  # the plate feels the opposite of what it gives
-        self._forces = _shares(plate.a_m, plate.b_m, plate.az0_m) @ on_plate
+        on_plate = -_to_plate_frame(
+            plate
+        )  # the load on the plate is the opposite of the base's wrench on the robot
+        self._forces = _sensor_matrix(plate.a_m, plate.b_m, plate.az0_m) @ on_plate
         self._charges = np.diag(truth.sensitivity_pc_n) @ crosstalk @ self._forces
 
     def forces_n(self, base_wrench: ArrayLike) -> Matrix:
-        """Return the sensors' forces, (m, 8) [N], in the channels' order.
+        """Return the sensors' forces, (m, 8) [N], in the order of the channels.
 
         Args:
-            base_wrench: Shape (m, 6). What the base exerts on the robot, about the base frame's
-                origin, in its axes [N, N m].
+            base_wrench: Shape (m, 6). Wrench of the base on the robot, about the origin and in the
+                axes of the base frame [N, N m].
         """
         return np.asarray(base_wrench) @ self._forces.T
 
@@ -47,9 +50,9 @@ class PlateSensors:
 
 
 def _to_plate_frame(plate: PlateConfig) -> Matrix:
-    """Return (6, 6): a wrench about the base frame's origin to one about the plate's, turned."""
+    """Return the matrix (6, 6) that transforms wrenches from base frame to plate frame."""
     roll, pitch, yaw = plate.rotation_rad
-    turned = _turn(2, yaw) @ _turn(1, pitch) @ _turn(0, roll)
+    turned = _rotation(2, yaw) @ _rotation(1, pitch) @ _rotation(0, roll)
     x, y, z = plate.position_m
     lever = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     matrix = np.zeros((6, 6))
@@ -58,7 +61,7 @@ def _to_plate_frame(plate: PlateConfig) -> Matrix:
     return matrix
 
 
-def _turn(axis: int, angle: float) -> Matrix:
+def _rotation(axis: int, angle: float) -> Matrix:
     one, two = (axis + 1) % 3, (axis + 2) % 3
     matrix = np.eye(3)
     matrix[one, one] = matrix[two, two] = math.cos(angle)
@@ -66,8 +69,8 @@ def _turn(axis: int, angle: float) -> Matrix:
     return matrix
 
 
-def _shares(a_m: float, b_m: float, az0_m: float) -> Matrix:
-    """Return (8, 6): a wrench on the plate, about its surface's middle, to the sensors' forces."""
+def _sensor_matrix(a_m: float, b_m: float, az0_m: float) -> Matrix:
+    """Return the matrix (8, 6) from wrenches about the plate's surface centre to sensor forces."""
     turning = 0.5 / (a_m * a_m + b_m * b_m)
     about_x, about_y = 0.25 / b_m, 0.25 / a_m
     # In the sensors' plane, which lies at z = -az0: Mx = Mx' - Fy az0, My = My' + Fx az0.

@@ -1,7 +1,7 @@
-"""`SerialLine`: how long bytes take on a serial line, and when a computer gets to see them.
+"""`SerialLine`: transmission times on a serial line, and arrival times at the computer.
 
-Ten bits a byte, one byte after the other. The adapter at the computer's end hands over what it has
-when it is polled, at times of its own: bytes arrive in bunches, a little late, never out of order.
+A byte takes ten bits. The adapter at the computer's end delivers bytes when it is polled, at its
+own times: bytes arrive in bunches, slightly late, and in order.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 Vector = NDArray[np.float64]
 
 BITS_PER_BYTE = 10
-_SHORTEST_SHARE = 0.2  # of the longest time between two polls
+_SHORTEST_SHARE = 0.2  # shortest time between two polls, relative to the longest
 
 
 class SerialLine:
@@ -22,11 +22,11 @@ class SerialLine:
 
     Args:
         baud_rate: Bits per second.
-        jitter_s: The longest time between two polls of the adapter [s]; 0 for one that never waits.
-        seed: Of the polls.
+        jitter_s: Longest time between two polls of the adapter [s]; 0 for an adapter without delay.
+        seed: Random seed of the polls.
 
     Attributes:
-        free_s: When the last byte so far has been sent [s].
+        free_s: Time at which the last byte so far has been sent [s].
     """
 
     def __init__(self, baud_rate: int, jitter_s: float, seed: int) -> None:
@@ -41,11 +41,11 @@ class SerialLine:
         """Send units of bytes one after the other.
 
         Args:
-            ready_s: Shape (n,). From when on each may be sent [s], not falling.
-            size: Shape (n,). Their sizes [bytes].
+            ready_s: Shape (n,). Time from which each unit can be sent [s], not decreasing.
+            size: Shape (n,). Sizes of the units [bytes].
 
         Returns:
-            Shape (n,). When each has arrived [s].
+            Shape (n,). Arrival time of each unit [s].
         """
         ready = np.asarray(ready_s, dtype=np.float64)
         if not len(ready):
@@ -56,14 +56,14 @@ class SerialLine:
         sent = start + after
         self.free_s = float(sent[-1])
         arrived = np.maximum(sent, self._stalled_s)
-        return self._polled(arrived) if self._jitter_s > 0.0 else arrived
+        return self._next_polls(arrived) if self._jitter_s > 0.0 else arrived
 
     def stall(self, until_s: float) -> None:
         """Let nothing arrive before a time [s]."""
         self._stalled_s = max(self._stalled_s, until_s)
 
-    def _polled(self, arrived: Vector) -> Vector:
-        """Return the first poll at or after each arrival."""
+    def _next_polls(self, arrived: Vector) -> Vector:
+        """Return the time of the first poll at or after each arrival."""
         polls = [self._poll_s]
         if polls[-1] < arrived[0] - self._jitter_s:
             polls.append(arrived[0] - self._jitter_s * self._random.random())

@@ -1,4 +1,4 @@
-"""The simulated CAN bus: a hub with arbitration, wire time and faults, and who joins it.
+"""The simulated CAN bus: a hub with arbitration, transmission times and faults, and its clients.
 
-Frames and time only. Begin with `hub.py`; decision 0003 says why.
+The package contains frames and time only. Begin with `hub.py`; decision 0003 gives the reasons.
 """

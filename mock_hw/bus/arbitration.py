@@ -1,4 +1,4 @@
-"""`CanWire`: one CAN segment as a pure function of time - queues, arbitration, time on the wire."""
+"""`CanWire`: one CAN segment as a pure function of time: queues, arbitration, transmission."""
 
 from __future__ import annotations
 
@@ -18,13 +18,18 @@ FOREVER_NS = 2**62
 """A time that never comes."""
 
 Source = tuple[int, int]
-"""Who transmits: a client of the hub, and the controller (port) of that client."""
+"""Sender of a frame: a client of the hub, and the controller (port) of that client."""
 
 
 class WireFrame(NamedTuple):
-    """A frame with its time: when it may be sent, or when receivers have it [ns].
+    """A frame with its time.
 
-    `can_id` carries SocketCAN's flags; `port` tells a sender's controllers apart.
+    Attributes:
+        time_ns: Earliest time of transmission, or time of reception [ns].
+        can_id: Identifier with SocketCAN's flags.
+        length: Data length code.
+        port: Number of the controller within a sender.
+        data: Data bytes.
     """
 
     time_ns: int
@@ -35,7 +40,7 @@ class WireFrame(NamedTuple):
 
 
 class Delivery(NamedTuple):
-    """A frame that has just ended on the wire; its `time_ns` is that end."""
+    """A frame whose transmission has just ended; its `time_ns` is the end."""
 
     source: Source
     frame: WireFrame
@@ -54,11 +59,11 @@ def candump_line(frame: WireFrame, time_ns: int, channel: str) -> str:
 
 
 class CanWire:
-    """A bus on which one frame at a time is sent, the lowest identifier first.
+    """A bus that transmits one frame at a time, the lowest identifier first.
 
-    Every source has one queue and offers its oldest frame (as a controller behind a driver's
-    first-in first-out queue does); of the frames that are ready when the bus falls free, the one
-    that wins arbitration is sent. Equal identifiers go in the order of their sources.
+    Every source has one queue and offers its oldest frame, like a controller behind a driver's
+    first-in first-out queue. When the bus becomes free, it transmits the ready frame that wins the
+    arbitration. Equal identifiers are transmitted in the order of their sources.
 
     Args:
         bitrate: Nominal bit rate [bit/s].
@@ -70,15 +75,15 @@ class CanWire:
         self._free_ns = 0
         self._sending: Delivery | None = None
         self.next_ns = FOREVER_NS
-        """When `step` is due next: the end of the present frame, or the start of the next [ns]."""
+        """Time at which `step` is due: end of the present frame, or start of the next one [ns]."""
 
     @property
     def sending(self) -> bool:
-        """Whether a frame is on the wire, so that `next_ns` is its end."""
+        """True during a transmission; `next_ns` is then its end."""
         return self._sending is not None
 
     def queue(self, source: Source, frame: WireFrame, now_ns: int) -> None:
-        """Take a frame to be sent at `frame.time_ns` or `now_ns`, whichever is later."""
+        """Queue a frame for transmission at `frame.time_ns` or `now_ns`, whichever is later."""
         queue = self._queues.get(source)
         ready_ns = max(frame.time_ns, now_ns)
         if queue is None:
@@ -90,11 +95,11 @@ class CanWire:
             self._look_ahead()
 
     def backlog(self, now_ns: int) -> bool:
-        """Return whether another frame follows at once: the present burst is not over."""
+        """Return True if another frame follows without a pause."""
         return self._sending is not None or self.next_ns <= max(now_ns, self._free_ns)
 
     def step(self) -> Delivery | None:
-        """Do what is due at `next_ns`: end the present frame and return it, or start the next."""
+        """End the present frame and return it, or start the next one, as due at `next_ns`."""
         delivery = self._sending
         if delivery is not None:
             self._sending = None

@@ -1,4 +1,4 @@
-"""`BusClient`: devices on any CAN bus in real time, with the waits that a hub's client has."""
+"""`BusClient`: devices on any CAN bus in real time, with the same methods as a hub's client."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from drivers.ports.can_link import CanLink
 from mock_hw.bus.arbitration import FOREVER_NS, WireFrame
 
 DEAD_BUS_S = 0.005
-"""How long to leave a bus alone that cannot be read."""
+"""Pause before the next attempt to read a bus that cannot be read [s]."""
 
 
 class BusClient:
-    """A connection to a bus that is not ours: its frames take the time that they take.
+    """A connection to an external bus, on which transmission takes real time.
 
-    Frames are posted without regard to when a device may send them at the earliest: those delays
-    (some tenths of a millisecond) are below what such a bus takes by itself.
+    Frames are sent without regard to a device's earliest time: these delays (some tenths of a
+    millisecond) are shorter than the delays of such a bus itself.
 
     Args:
         link: The open bus.
-        ended: Whether to end: asked at every wait.
+        ended: Called at every wait; True ends the client.
 
     Attributes:
         lockstep, simulated_time: False: there is real time only.
@@ -41,7 +41,7 @@ class BusClient:
         self.now_ns = time.monotonic_ns()
 
     def fileno(self) -> int:
-        """Return the descriptor to wait at."""
+        """Return the descriptor to wait for."""
         return self._link.fileno()
 
     def post(self, can_id: int, data: bytes, length: int, port: int = 0, time_ns: int = 0) -> None:
@@ -50,16 +50,16 @@ class BusClient:
         self._outbox.append((can_id, data[:length]))
 
     def wait(self, until_ns: int = FOREVER_NS, on_frames: bool = True) -> list[WireFrame]:
-        """Send the outbox, and wait until `until_ns` or until there are frames; return them.
+        """Send the outbox, wait until `until_ns` or until frames arrive, and return the frames.
 
         Raises:
-            TransportError: It is time to end.
+            TransportError: The client must end.
         """
         del on_frames  # in real time frames always end the wait
         if self._ended():
             raise TransportError("the simulated devices have ended", code="RID-MOCK-ENDED")
         if self._outbox:
-            with contextlib.suppress(TransportError):  # a device's frames are lost on a dead bus
+            with contextlib.suppress(TransportError):  # frames are lost if the bus is dead
                 self._link.send_frames(self._outbox)
             self._outbox.clear()
         frames: list[WireFrame] = []
@@ -69,17 +69,17 @@ class BusClient:
                 time_ns = round(self._link.last_time_s * 1e9)
                 frames.append(WireFrame(time_ns, frame.cob_id, len(frame.data), 0, frame.data))
                 until_s = -math.inf
-        except TransportError:  # a drive outlives its bus: an interface may come up again
+        except TransportError:  # the interface may come up again
             time.sleep(DEAD_BUS_S)
         self.now_ns = time.monotonic_ns()
         return frames
 
     def begin_wait(self, until_ns: int = FOREVER_NS, on_frames: bool = True) -> None:
-        """Refuse: half a wait belongs to lock-step time."""
+        """Refuse the call, because only lock-step time has waits in two halves."""
         raise TransportError("this bus has real time only", code="RID-MOCK-REAL-TIME")
 
     def end_wait(self) -> list[WireFrame]:
-        """Refuse: half a wait belongs to lock-step time."""
+        """Refuse the call, because only lock-step time has waits in two halves."""
         raise TransportError("this bus has real time only", code="RID-MOCK-REAL-TIME")
 
     def close(self) -> None:

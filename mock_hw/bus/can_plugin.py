@@ -1,4 +1,4 @@
-"""`RidSimBus`: the simulated CAN bus as an interface of python-can, ``rid_sim``."""
+"""`RidSimBus`: the simulated CAN bus as the interface ``rid_sim`` of python-can."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _LONGEST_WAIT_S = 1e9
 
 
 class LockstepClock:
-    """The clock of a lock-step bus: it runs only while its owner waits."""
+    """Clock of a lock-step bus; its time advances only while its owner waits."""
 
     def __init__(self, bus: RidSimBus) -> None:
         self._bus = bus
@@ -38,7 +38,7 @@ class LockstepClock:
         return self._bus.now_ns * 1e-9
 
     def sleep_until(self, time_s: float) -> None:
-        """Let simulated time run until `time_s` [s]; frames wait meanwhile."""
+        """Let simulated time advance to `time_s` [s]; frames are kept meanwhile."""
         if time_s > self.now_s():
             self._bus.sleep_until_ns(_nanoseconds(time_s))
 
@@ -47,19 +47,19 @@ class RidSimBus(can.BusABC):
     """A connection to a simulated bus: ``can.Bus(interface="rid_sim", channel="ir361")``.
 
     Args:
-        channel: The name of a served cell's bus, or the path of its socket.
-        can_filters: As python-can has them.
-        participant: Take part in lock-step time, as the cell's master does: receive timeouts and
-            message time stamps are simulated then, and time stands still while the owner works.
-            Otherwise this is an observer, which never holds time; its waits are the wall clock's.
-        receive_own_messages: Whether `recv` returns what this bus has sent too (`is_rx` False),
-            once it was on the wire.
+        channel: Name of a served cell's bus, or path of its socket.
+        can_filters: Filters as in python-can.
+        participant: True to take part in lock-step time, as the cell's master does: receive
+            timeouts and time stamps are then simulated, and time stands still while the owner
+            works. False for an observer, which never stops time; its waits are in real time.
+        receive_own_messages: True if `recv` also returns the messages that this bus has sent
+            (`is_rx` False), after their transmission.
 
     Attributes:
-        simulated_clock: The clock that goes with the bus in lock-step, None otherwise.
+        simulated_clock: Clock of the bus in lock-step, otherwise None.
 
     Raises:
-        can.CanInitializationError: Nobody serves the channel.
+        can.CanInitializationError: No simulated bus has this channel.
     """
 
     time_stamped = True
@@ -73,7 +73,7 @@ class RidSimBus(can.BusABC):
         receive_own_messages: bool = False,
         **kwargs: Any,
     ) -> None:
-        del kwargs  # bitrate and the like: the hub's to decide
+        del kwargs  # the hub determines the bit rate and similar settings
         try:
             path = socket_path(str(channel))
             role = HubRole.MASTER if participant else HubRole.OBSERVER
@@ -90,17 +90,19 @@ class RidSimBus(can.BusABC):
 
     @property
     def now_ns(self) -> int:
-        """The time of the last wait [ns]: simulated in lock-step."""
+        """Time of the last wait [ns]; simulated in lock-step."""
         return self._client.now_ns
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Send a frame; in lock-step it is on its way once the caller waits.
+        """Send a frame; in lock-step it is transmitted when the caller waits.
 
         Raises:
-            can.CanOperationError: The frame is not classic CAN, or the hub is gone.
+            can.CanOperationError: The frame is not classic CAN, or the hub has ended.
         """
         if msg.is_fd or msg.is_error_frame:
-            raise can.CanOperationError("rid_sim: carries classic data and remote frames only")
+            raise can.CanOperationError(
+                "rid_sim: the bus supports classic data and remote frames only"
+            )
         can_id = msg.arbitration_id
         if msg.is_extended_id:
             can_id |= EXTENDED_FLAG
@@ -118,7 +120,7 @@ class RidSimBus(can.BusABC):
         """Return the next frame that passes the filters, or None after `timeout` [s].
 
         Raises:
-            can.CanOperationError: The hub is gone.
+            can.CanOperationError: The hub has ended.
         """
         if timeout is None:
             until_ns = FOREVER_NS
@@ -142,10 +144,10 @@ class RidSimBus(can.BusABC):
                 return None
 
     def send_frames(self, frames: Sequence[tuple[int, bytes | bytearray]]) -> None:
-        """Send classic data frames, in real time as one packet: the drivers' own path.
+        """Send classic data frames, in real time as one packet; the drivers use this method.
 
         Raises:
-            can.CanOperationError: The hub is gone.
+            can.CanOperationError: The hub has ended.
         """
         client = self._client
         try:
@@ -158,10 +160,10 @@ class RidSimBus(can.BusABC):
             raise can.CanOperationError(str(error)) from error
 
     def receive_frames(self, timeout_s: float) -> Sequence[Arrival] | None:
-        """Return all classic data frames that have come; None when `timeout_s` [s] passes first.
+        """Return all classic data frames that have arrived; None after `timeout_s` [s] without one.
 
         Raises:
-            can.CanOperationError: The hub is gone.
+            can.CanOperationError: The hub has ended.
         """
         if not self._client.lockstep:
             return self._receive_realtime(timeout_s)
@@ -199,10 +201,10 @@ class RidSimBus(can.BusABC):
         ]
 
     def sleep_until_ns(self, until_ns: int) -> None:
-        """Let simulated time run until `until_ns`.
+        """Let simulated time advance to `until_ns`.
 
         Raises:
-            can.CanOperationError: The hub is gone.
+            can.CanOperationError: The hub has ended.
         """
         if until_ns <= self.now_ns:
             return
@@ -212,7 +214,7 @@ class RidSimBus(can.BusABC):
             raise can.CanOperationError(str(error)) from error
 
     def shutdown(self) -> None:
-        """Disconnect; what was sent is still put on the bus."""
+        """Disconnect; frames that were sent are still transmitted."""
         if not self._is_shutdown:
             super().shutdown()
             self._client.close()
@@ -222,10 +224,11 @@ class RidSimBus(can.BusABC):
         return -1 if self._client.lockstep else self._client.fileno()
 
     def _expired(self, until_ns: int) -> bool:
-        """Return whether a lock-step deadline has passed, with nothing to be gained by a wait.
+        """Return True if a lock-step deadline has passed and a wait would change nothing.
 
         Time stands still while its owner works, so nothing can have arrived. A program that polls
-        on and on would stop it for ever: now and then a poll takes a microsecond.
+        continuously would stop time for ever; therefore every hundredth empty poll takes a
+        microsecond.
         """
         if not self._client.lockstep or until_ns > self.now_ns:
             return False

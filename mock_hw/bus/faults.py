@@ -1,7 +1,7 @@
-"""`BusFaults`: what a fault script does to the frames of a simulated CAN bus.
+"""`BusFaults`: applies the faults of a script to the frames of a simulated CAN bus.
 
-Frames are touched where they are handed to the bus, before arbitration: a dropped frame takes no
-time on the wire, a second copy does.
+Faults change frames when they are passed to the bus, before arbitration. Therefore a dropped frame
+takes no time on the bus, and a duplicate does.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ from drivers.canopen.frames import (
     tpdo_cob_id,
 )
 from mock_hw.bus.arbitration import Source, WireFrame
-from mock_hw.host.fault_clock import Begin, CycleCount
+from mock_hw.host.fault_clock import CycleCount, FaultStart
 
 _UNKNOWN_SENDER: Source = (-1, 0)
 _OWN_LANE = 256
-"""Added to a controller's number: a queue of its own, so that what is late delays nothing else."""
+"""Added to a controller's number to get a separate queue: a late frame then delays no others."""
 
 Queued = tuple[Source, WireFrame]
 
 
 def identifiers(kind: FrameKind, nodes: list[int], master: int) -> frozenset[int] | None:
-    """Return which identifiers a kind of frame has; None for all."""
+    """Return the identifiers of a kind of frame; None for all identifiers."""
     if kind == "any":
         return None
     if kind == "sync":
@@ -56,13 +56,13 @@ def identifiers(kind: FrameKind, nodes: list[int], master: int) -> frozenset[int
     return frozenset(base + node for node in nodes)
 
 
-class _Spoiler:
-    """One `FrameFault` at work."""
+class _FrameFaultRunner:
+    """Applies one `FrameFault`."""
 
     def __init__(
         self, fault: FrameFault, ids: frozenset[int] | None, seed: str, start_s: float
     ) -> None:
-        self.begin = Begin(fault, start_s)
+        self.begin = FaultStart(fault, start_s)
         self._fault = fault
         self._ids = ids
         self._random = random.Random(seed)
@@ -70,8 +70,8 @@ class _Spoiler:
         self._left = fault.most
         self._held: dict[int, Queued] = {}
 
-    def spoil(self, queued: Queued) -> list[Queued]:
-        """Return what becomes of a frame."""
+    def apply(self, queued: Queued) -> list[Queued]:
+        """Return the frames that replace a frame."""
         _, frame = queued
         if self._ids is not None and frame.can_id not in self._ids:
             return [queued]
@@ -86,9 +86,9 @@ class _Spoiler:
             return [queued]
         if self._left is not None:
             self._left -= 1
-        return self._hit(queued)
+        return self._apply_once(queued)
 
-    def _hit(self, queued: Queued) -> list[Queued]:
+    def _apply_once(self, queued: Queued) -> list[Queued]:
         source, frame = queued
         fault = self._fault
         if fault.kind == "drop":
@@ -96,7 +96,7 @@ class _Spoiler:
         if fault.kind == "duplicate":
             return [queued, queued]
         if fault.kind == "spoof":
-            return [(_UNKNOWN_SENDER, _spoofed(frame, fault)), queued]
+            return [(_UNKNOWN_SENDER, _spoofed_answer(frame, fault)), queued]
         if fault.kind == "reorder":
             self._held[frame.can_id] = queued
             return []
@@ -116,7 +116,7 @@ class _Spoiler:
         return [(source, frame._replace(data=bytes(flipped)))]
 
 
-def _spoofed(frame: WireFrame, fault: FrameFault) -> WireFrame:
+def _spoofed_answer(frame: WireFrame, fault: FrameFault) -> WireFrame:
     """Return a drive's answer, full or trimmed, with another position and torque."""
     answer = struct.Struct("<Hih" if frame.length == 8 else "<ih")
     *status, position, torque = answer.unpack(frame.data[: frame.length])
@@ -127,19 +127,19 @@ def _spoofed(frame: WireFrame, fault: FrameFault) -> WireFrame:
 
 
 class BusFaults:
-    """A fault script's `bus` part at work on one bus.
+    """Applies the `bus` part of a fault script to one bus.
 
     Args:
-        script: What goes wrong.
-        nodes: The drives' node ids by joint.
-        master: The node id of the computer.
-        start_ns: The bus's time now [ns].
+        script: The faults.
+        nodes: Node ids of the drives, by joint.
+        master: Node id of the computer.
+        start_ns: Present time of the bus [ns].
 
     Attributes:
-        bus_off, unplugged: Set when the adapter goes bus-off or is pulled out; whoever acts on it
-            clears it.
-        cut_off_until_ns, unplugged_until_ns: Until when the adapter hears nothing, or is not there
-            [ns].
+        bus_off: True when the adapter goes bus-off; the caller clears it after its reaction.
+        unplugged: True when the adapter is unplugged; the caller clears it after its reaction.
+        cut_off_until_ns: Time until which the adapter receives nothing [ns].
+        unplugged_until_ns: Time until which the adapter is unplugged [ns].
     """
 
     def __init__(
@@ -147,17 +147,19 @@ class BusFaults:
     ) -> None:
         start_s = start_ns * 1e-9
         self._cycles = CycleCount(nodes.values())
-        self._spoilers: list[_Spoiler] = []
-        self._others: list[tuple[Begin, StrangeFrames | AdapterFault | HeldUp]] = []
+        self._runners: list[_FrameFaultRunner] = []
+        self._others: list[tuple[FaultStart, StrangeFrames | AdapterFault | HeldUp]] = []
         self._random = random.Random(script.seed)
         for number, fault in enumerate(script.bus):
             if isinstance(fault, FrameFault):
                 own = [nodes[fault.joint]] if fault.joint is not None else [*nodes.values()]
                 ids = identifiers(fault.frames, own, master)
-                self._spoilers.append(_Spoiler(fault, ids, f"{script.seed} {number}", start_s))
+                self._runners.append(
+                    _FrameFaultRunner(fault, ids, f"{script.seed} {number}", start_s)
+                )
             else:
-                self._others.append((Begin(fault, start_s), fault))
-        self._spoiling: list[_Spoiler] = []
+                self._others.append((FaultStart(fault, start_s), fault))
+        self._active: list[_FrameFaultRunner] = []
         self._waiting: list[Queued] = []
         self._room = 0
         self._mute_until_ns = 0
@@ -171,9 +173,9 @@ class BusFaults:
     def take(
         self, source: Source, frame: WireFrame, now_ns: int, *, from_master: bool
     ) -> list[Queued]:
-        """Return what becomes of a frame that is handed to the bus, and what comes with it."""
+        """Return the frames that replace a frame passed to the bus, and additional frames."""
         frame = frame._replace(time_ns=max(frame.time_ns, now_ns))
-        self._cycles.see(frame.can_id, frame.data[: frame.length])
+        self._cycles.observe(frame.can_id, frame.data[: frame.length])
         extra = self._begin(now_ns)
         if self._waiting and now_ns >= self._mute_until_ns:
             extra += [(late, old._replace(time_ns=now_ns)) for late, old in self._waiting]
@@ -183,12 +185,12 @@ class BusFaults:
                 self._waiting.append((source, frame))
             return extra
         queued = [(source, frame)]
-        for spoiler in self._spoiling:
-            queued = [after for each in queued for after in spoiler.spoil(each)]
+        for runner in self._active:
+            queued = [after for each in queued for after in runner.apply(each)]
         return extra + queued
 
     def hold_up_ns(self) -> int:
-        """Return how much later than it asks the computer goes on, this time [ns]."""
+        """Return the delay of the computer's next wake-up by a fault [ns]."""
         if not self._holds:
             return 0
         hold = self._holds[0]
@@ -200,12 +202,12 @@ class BusFaults:
 
     def _begin(self, now_ns: int) -> list[Queued]:
         cycle, now_s = self._cycles.cycle, now_ns * 1e-9
-        for spoiler in self._spoilers:
-            if spoiler.begin.happens(cycle, now_s):
-                self._spoiling.append(spoiler)
+        for runner in self._runners:
+            if runner.begin.starts_now(cycle, now_s):
+                self._active.append(runner)
         strange: list[Queued] = []
         for begin, fault in self._others:
-            if not begin.happens(cycle, now_s):
+            if not begin.starts_now(cycle, now_s):
                 continue
             if isinstance(fault, StrangeFrames):
                 strange += self._strange_frames(fault, now_ns)

@@ -1,4 +1,4 @@
-"""`CanHub`: the simulated CAN bus that processes meet on, in lock-step or in real time."""
+"""`CanHub`: the simulated CAN bus between processes, in lock-step or in real time."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from mock_hw.bus.hub_protocol import (
     PACKET_BYTES,
     HubRole,
     PacketKind,
-    misuse,
     pack,
+    protocol_violation,
     unpack_frames,
     unpack_header,
     unpack_identifiers,
@@ -31,19 +31,19 @@ from mock_hw.bus.pace import PaceKeeper
 from mock_hw.bus.wire_time import ERROR_FLAG
 
 AFTER_RUN_NS = 2_000_000_000
-"""How long lock-step time runs on, at the wall clock's pace, after the last master has left."""
+"""Duration of lock-step time at the wall clock's pace after the last master has left [ns]."""
 
 _LONGEST_BURST_NS = 1_000_000
 _LONGEST_AGO_NS = 1_000_000
 _LONGEST_SELECT_S = 3600.0
-_LONGEST_WAIT_NS = 24 * 3600 * 10**9  # whoever asks for more has gone wrong, and would end time
+_LONGEST_WAIT_NS = 24 * 3600 * 10**9  # a longer wait is a mistake of the client
 _INBOX_FRAMES = 4096
 _BUFFER_BYTES = 1 << 20
 _BUS_OFF = ERROR_FLAG | 0x40
 
 
 class _Client:
-    """A connection, what it waits for, and the frames that it has not been given yet."""
+    """A connection: what it waits for, and the frames that were not sent to it yet."""
 
     def __init__(self, key: int, connection: socket.socket) -> None:
         self.key = key
@@ -61,25 +61,27 @@ class _Client:
 class CanHub:
     """A CAN bus between the clients of a socket: a `SimulatedDevice` on the computer's clock.
 
-    In real time a frame is passed on when its time on the wire is over. A device's frame is on the
-    wire from the time that it bears on, if nothing else was, and if that is not long ago: what this
-    computer takes to play a device is not the bus's time. In lock-step, time is the hub's: a
-    conservative discrete-event simulation in which time moves to the next event only while every
-    master and device waits, so order and time depend on nothing but what they send. Without a
-    master it runs on at the wall clock's pace for `AFTER_RUN_NS`, so that drives notice that their
-    master is gone, and then stands still; the next master joins at its end, whenever it comes.
+    In real time, a frame is forwarded when its transmission time is over. A device's frame counts
+    as transmitted from the time that it carries, if the bus was free then and that time is recent:
+    the computing time of a simulated device is not bus time.
+
+    In lock-step, the hub owns the time. It is a conservative discrete-event simulation: time moves
+    to the next event only while every master and device waits. Order and times therefore depend
+    only on the frames. After the last master has left, time continues at the wall clock's pace for
+    `AFTER_RUN_NS`, so that drives detect the loss of their master. Then it stands still; the next
+    master always joins at this time.
 
     Args:
         listener: A listening SEQPACKET socket; closed by `close`.
         bitrate: Nominal bit rate [bit/s].
-        realtime: Real time instead of lock-step.
-        pace: Simulated seconds a second, at most, in lock-step with a master.
-        channel: The bus's name in the log.
-        log: Where to write every frame, in candump's format; seconds since 1970 in real time.
-        faults: What goes wrong; None for nothing.
+        realtime: True for real time, False for lock-step.
+        pace: Largest number of simulated seconds per second, in lock-step with a master.
+        channel: Name of the bus in the log.
+        log: File for all frames in candump's format; in real time with seconds since 1970.
+        faults: Faults of the bus; None for no faults.
 
     Attributes:
-        next_s: When the bus next has something to do by itself, at the last `advance` [s].
+        next_s: Time of the bus's next action of its own, as of the last `advance` [s].
     """
 
     def __init__(
@@ -107,8 +109,8 @@ class CanHub:
         self._to_wake: list[_Client] = []
         self._next_key = self._busy = self._masters = 0
         self._horizon_ns = 0
-        self._alone = PaceKeeper(1.0)
-        self._paced = PaceKeeper(pace)
+        self._masterless_pace = PaceKeeper(1.0)
+        self._master_pace = PaceKeeper(pace)
         self.next_s = 0.0
 
     def run(self, stop_fds: Sequence[int], stop_at_ns: int = FOREVER_NS) -> None:
@@ -121,9 +123,10 @@ class CanHub:
                 return
 
     def advance(self, until_s: float) -> None:
-        """Do what is due on the bus until `until_s` [s, CLOCK_MONOTONIC].
+        """Do all bus actions that are due until `until_s` [s, CLOCK_MONOTONIC].
 
-        In lock-step all happens that can before a client has to say something, at a pace if any.
+        In lock-step, do all actions that are possible before a client must send something, at the
+        pace if one is set.
         """
         until_ns = round(until_s * 1e9)
         if self._realtime:
@@ -148,13 +151,13 @@ class CanHub:
         while wire.next_ns <= self._now_ns:
             if (delivery := wire.step()) is not None:
                 self._deliver(delivery)
-        self._give_out(observers_only=False)
+        self._send_frames(observers_only=False)
         self.next_s = wire.next_ns * 1e-9
 
     # Lock-step
 
     def _advance_lockstep(self, until_ns: int) -> None:
-        """Move time on while nobody works."""
+        """Advance the time while all clients wait."""
         self.next_s = math.inf
         while self._busy == 0:
             next_ns = self._wire.next_ns
@@ -167,22 +170,24 @@ class CanHub:
                     self._admit_masters()
                     break
                 over = next_ns > self._horizon_ns
-                if not self._joining and (over or self._later(self._alone, next_ns, until_ns)):
+                if not self._joining and (
+                    over or self._is_later(self._masterless_pace, next_ns, until_ns)
+                ):
                     break
-            elif next_ns == FOREVER_NS or self._later(self._paced, next_ns, until_ns):
+            elif next_ns == FOREVER_NS or self._is_later(self._master_pace, next_ns, until_ns):
                 break
             self._now_ns = max(self._now_ns, next_ns)
             self._handle_event()
-        self._give_out(observers_only=True)
+        self._send_frames(observers_only=True)
 
-    def _later(self, pace: PaceKeeper, next_ns: int, until_ns: int) -> bool:
-        """Return whether an event is for later than `until_ns`, and then when, as `next_s`."""
+    def _is_later(self, pace: PaceKeeper, next_ns: int, until_ns: int) -> bool:
+        """Return True if an event is later than `until_ns`; store its time in `next_s`."""
         if (wall_ns := pace.wall_ns(next_ns, until_ns)) > until_ns:
             self.next_s = wall_ns * 1e-9
         return wall_ns > until_ns
 
     def _handle_event(self) -> None:
-        """Do what is due now: end a frame, wake clients, and only then start the next frame."""
+        """Do the due actions: end a frame, wake clients, then start the next frame."""
         wire, now_ns = self._wire, self._now_ns
         over = False
         if wire.sending and wire.next_ns <= now_ns:
@@ -207,8 +212,8 @@ class CanHub:
         self._send_inbox(client, pack(PacketKind.WAKE, 0, client.number, self._now_ns))
 
     def _admit_masters(self) -> None:
-        joining, self._joining = self._joining, []  # who is gone is dropped as a member
-        self._paced.begin(time.monotonic_ns(), self._now_ns)
+        joining, self._joining = self._joining, []  # clients that have left are dropped as members
+        self._master_pace.begin(time.monotonic_ns(), self._now_ns)
         for client in joining:
             self._masters += 1
             self._welcome(client)
@@ -232,13 +237,13 @@ class CanHub:
         if self._log is not None:
             self._log.write(candump_line(frame, frame.time_ns + self._epoch_ns, self._channel))
 
-    def _give_out(self, *, observers_only: bool) -> None:
+    def _send_frames(self, *, observers_only: bool) -> None:
         for client in [*self._clients.values()]:
             if client.inbox and not (observers_only and client.role != HubRole.OBSERVER):
                 self._send_inbox(client, pack(PacketKind.FRAMES, 0, 0, self._now_ns))
 
     def _send_inbox(self, client: _Client, header: bytes) -> None:
-        """Send a client its frames; who does not read loses them, who is gone is forgotten."""
+        """Send a client its frames; drop the frames of a client that does not read."""
         inbox = client.inbox
         try:
             while len(inbox) > FRAMES_PER_PACKET:
@@ -255,7 +260,7 @@ class CanHub:
     # Clients
 
     def _serve(self, stop_fds: Sequence[int], timeout_s: float) -> bool:
-        """Listen to clients for at most `timeout_s`; return whether to stop."""
+        """Read from clients for at most `timeout_s`; return True if the hub must stop."""
         clients = [*self._clients.values()]
         waiting: list[int | socket.socket] = [
             *stop_fds,
@@ -306,10 +311,15 @@ class CanHub:
             now_ns = time.monotonic_ns() if self._realtime else self._now_ns
             latest_ns = now_ns + _LONGEST_WAIT_NS
             if latest_ns < time_ns != FOREVER_NS:
-                raise misuse(f"nobody waits until {time_ns} ns")
+                raise protocol_violation(
+                    f"a client waits until {time_ns} ns, which is too far in the future"
+                )
             for frame in unpack_frames(packet):
                 if frame.time_ns > latest_ns:
-                    raise misuse(f"nobody sends a frame at {frame.time_ns} ns")
+                    raise protocol_violation(
+                        f"a client sends a frame at {frame.time_ns} ns, which is too far"
+                        " in the future"
+                    )
                 self._queue(client, frame, now_ns)
             if kind == PacketKind.IDLE and client in self._timed:
                 if self._faults is not None and client.role == HubRole.MASTER and not flag:
@@ -320,7 +330,7 @@ class CanHub:
                     client.idle = True
                     self._busy -= 1
         else:
-            raise misuse(f"a packet of kind {kind} was not expected")
+            raise protocol_violation(f"unexpected packet of kind {kind}")
 
     def _queue(self, client: _Client, frame: WireFrame, now_ns: int) -> None:
         source, faults = (client.key, frame.port), self._faults
@@ -342,7 +352,7 @@ class CanHub:
                     self._drop(each_client)
 
     def _send_to_masters(self, frame: WireFrame) -> None:
-        """Give every master a frame of its own adapter, at once."""
+        """Send every master a frame of its own adapter at once."""
         for client in self._clients.values():
             if client.role == HubRole.MASTER:
                 client.inbox.append(FRAME.pack(*frame))
@@ -387,4 +397,4 @@ class CanHub:
                 if not self._masters:
                     back_ns = self._faults.unplugged_until_ns if self._faults else 0
                     self._horizon_ns = max(self._now_ns + AFTER_RUN_NS, back_ns)
-                    self._alone.begin(time.monotonic_ns(), self._now_ns)
+                    self._masterless_pace.begin(time.monotonic_ns(), self._now_ns)

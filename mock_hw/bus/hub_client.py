@@ -1,4 +1,4 @@
-"""`HubClient`: a client's end of the simulated CAN bus, and its time."""
+"""`HubClient`: a client's connection to the simulated CAN bus, and its time."""
 
 from __future__ import annotations
 
@@ -28,25 +28,26 @@ from mock_hw.bus.hub_protocol import (
 class HubClient:
     """A connection to the hub.
 
-    In lock-step, a master's or device's time stands still except in `wait`, which lets it run
-    until what it waits for has happened; frames handed to `post` leave with the next `wait`.
+    In lock-step, the time of a master or device stands still except during `wait`, which lets it
+    advance until the awaited event; frames passed to `post` are sent with the next `wait`.
 
     Args:
-        path: The hub's socket.
-        role: Observers never hold lock-step time, and have the wall clock's waits.
-        urgent: Identifiers whose frames end any wait at once. All others end it when the bus falls
-            idle, if the wait is `on_frames` at all: a burst of frames costs one wake-up, or none.
-        timeout_s: How long to wait for the hub's welcome [s].
-        own_frames: Whether to get back what is sent, once it was on the bus; its port is
+        path: Socket of the hub.
+        role: Role of the client. Observers never stop lock-step time, and wait in real time.
+        urgent: Identifiers whose frames end any wait at once. Other frames end a wait with
+            `on_frames` when the bus becomes idle, so that a burst of frames causes at most one
+            wake-up.
+        timeout_s: Timeout for the hub's welcome [s].
+        own_frames: True to receive the client's own frames after their transmission, with port
             `OWN_PORT`.
 
     Attributes:
-        simulated_time: Whether the bus has simulated time, rather than CLOCK_MONOTONIC.
-        lockstep: Whether it has, and this client takes part in it.
-        now_ns: The time [ns]: simulated, or CLOCK_MONOTONIC at the last `wait`.
+        simulated_time: True if the bus has simulated time instead of CLOCK_MONOTONIC.
+        lockstep: True if the bus has simulated time and this client takes part in it.
+        now_ns: Present time [ns]: simulated, or CLOCK_MONOTONIC at the last `wait`.
 
     Raises:
-        TransportError: Nobody serves the socket.
+        TransportError: No hub serves the socket.
     """
 
     def __init__(
@@ -70,14 +71,14 @@ class HubClient:
             kind, flag, _, self.now_ns = unpack_header(self._receive())
             if kind != PacketKind.WELCOME:
                 raise ProtocolError(
-                    f"CAN hub {path}: answered {kind} instead of a welcome",
+                    f"CAN hub {path}: the hub answered with packet kind {kind} instead of WELCOME",
                     code="RID-MOCK-PROTOCOL",
                 )
         except OSError as error:
             self._socket.close()
             raise TransportError(
-                f"simulated CAN bus {path}: nobody serves it ({error});"
-                " start it with 'rid-daq mock CELL', or check the channel's name",
+                f"simulated CAN bus {path}: no hub serves this socket ({error}); start it with"
+                " 'rid-daq mock CELL', or check the channel's name",
                 code="RID-MOCK-NOT-SERVED",
             ) from error
         except (ProtocolError, TransportError):
@@ -88,18 +89,18 @@ class HubClient:
         self.lockstep = self.simulated_time and role != HubRole.OBSERVER
 
     def fileno(self) -> int:
-        """Return the socket's file descriptor, -1 when closed."""
+        """Return the socket's file descriptor; -1 when closed."""
         return self._socket.fileno()
 
     def post(self, can_id: int, data: bytes, length: int, port: int = 0, time_ns: int = 0) -> None:
-        """Put a frame into the outbox, to be sent not before `time_ns`."""
+        """Put a frame into the outbox, to be transmitted not before `time_ns`."""
         self._outbox.append(FRAME.pack(time_ns, can_id, length, port, data))
 
     def send(self, can_id: int, data: bytes, length: int) -> None:
-        """Hand one frame to the hub at once, past the outbox; any thread may.
+        """Send one frame to the hub at once, without the outbox; callable from any thread.
 
         Raises:
-            TransportError: The hub is gone.
+            TransportError: The hub has ended.
         """
         try:
             self._socket.send(pack(PacketKind.SEND) + FRAME.pack(0, can_id, length, 0, data))
@@ -107,10 +108,10 @@ class HubClient:
             raise self._lost(str(error)) from error
 
     def send_all(self, frames: Iterable[tuple[int, bytes | bytearray]]) -> None:
-        """Hand data frames (identifier and data) to the hub at once, in one packet.
+        """Send data frames (identifier and data) to the hub at once, in one packet.
 
         Raises:
-            TransportError: The hub is gone.
+            TransportError: The hub has ended.
         """
         body = [FRAME.pack(0, can_id, len(data), 0, data) for can_id, data in frames]
         try:
@@ -119,13 +120,13 @@ class HubClient:
             raise self._lost(str(error)) from error
 
     def take_all(self, timeout_s: float) -> list[tuple[int, int, int, int, bytes]]:
-        """Return all frames that have come, in real time, as plain `WireFrame` fields.
+        """Return all frames that have arrived, in real time, as plain `WireFrame` fields.
 
-        Waits for the first one, at most `timeout_s` [s]; any bus that the hub carries is classic
-        CAN, so frames are not checked again.
+        The call waits at most `timeout_s` [s] for the first frame. The hub transmits classic CAN
+        only, so frames are not checked again.
 
         Raises:
-            TransportError: The hub is gone.
+            TransportError: The hub has ended.
         """
         frames: list[tuple[int, int, int, int, bytes]] = []
         buffer, receive = self._buffer, self._socket.recv_into
@@ -141,20 +142,20 @@ class HubClient:
                     timeout_s = 0.0
                     continue
                 if count == 0:
-                    raise self._lost("it has ended")
+                    raise self._lost("connection closed")
                 frames += FRAME.iter_unpack(buffer[HEADER.size : count])
         except (OSError, ValueError) as error:
             raise self._lost(str(error)) from error
 
     def wait(self, until_ns: int = FOREVER_NS, on_frames: bool = True) -> list[WireFrame]:
-        """Send the outbox and let time run until `until_ns`, or until there are frames.
+        """Send the outbox and let time advance until `until_ns`, or until frames arrive.
 
         Returns:
-            What was on the bus meanwhile, oldest first; data padded to 8 bytes. In real time frames
+            Frames on the bus meanwhile, oldest first; data padded to 8 bytes. In real time frames
             always end the wait.
 
         Raises:
-            TransportError: The hub is gone.
+            TransportError: The hub has ended.
         """
         if not self.lockstep:
             return self._wait(until_ns)
@@ -162,14 +163,14 @@ class HubClient:
         return self.end_wait()
 
     def begin_wait(self, until_ns: int = FOREVER_NS, on_frames: bool = True) -> None:
-        """Do the first half of a lock-step `wait`: from now on this client does not hold time."""
+        """Do the first half of a lock-step `wait`: from now on this client does not stop time."""
         self._number = (self._number + 1) & 0xFFFFFFFF
         self._transmit(pack(PacketKind.IDLE, on_frames, self._number, until_ns))
 
     def end_wait(self) -> list[WireFrame]:
-        """Do the second half of a lock-step `wait`: return once it has ended.
+        """Do the second half of a lock-step `wait`: return at its end.
 
-        An answer to an earlier wait, which was interrupted, does not end this one.
+        Answers to earlier, interrupted waits are ignored.
         """
         frames: list[WireFrame] = []
         while True:
@@ -181,7 +182,7 @@ class HubClient:
                 return frames
 
     def close(self) -> None:
-        """Send what is in the outbox if the hub is still there, and disconnect."""
+        """Send the outbox if the hub still exists, and disconnect."""
         with contextlib.suppress(TransportError):
             self._flush()
         self._socket.close()
@@ -222,10 +223,10 @@ class HubClient:
         except OSError as error:
             raise self._lost(str(error)) from error
         if count == 0:
-            raise self._lost("it has ended")
+            raise self._lost("connection closed")
         return self._buffer[:count]
 
     def _lost(self, why: str) -> TransportError:
         return TransportError(
-            f"simulated CAN bus {self._path}: the hub is gone ({why})", code="RID-MOCK-ENDED"
+            f"simulated CAN bus {self._path}: the hub has ended ({why})", code="RID-MOCK-ENDED"
         )

@@ -1,4 +1,4 @@
-"""The hub as a process: its socket, its signals, and its end when whoever started it is gone."""
+"""The hub as a process: its socket, its signals, and its end after that of its parent process."""
 
 from __future__ import annotations
 
@@ -18,28 +18,33 @@ from config.errors import RidDaqError, TransportError
 from config.simulation.faults import NO_SCRIPT, FaultScript
 from mock_hw.bus.faults import BusFaults
 from mock_hw.bus.hub import CanHub
-from mock_hw.host.device_process import catch_terminate, keep_pace, leave_signals_to_parent
+from mock_hw.host.device_process import (
+    catch_terminate,
+    leave_signals_to_parent,
+    request_exact_timing,
+)
 from mock_hw.host.runtime_directory import folder_in_use
 
 LINGER_NS = 3_000_000_000
-"""How long the hub outlives the process that started it, so that the drives can stop."""
+"""Time that the hub continues after the end of its parent process, so that drives can stop [ns]."""
 
 
 @dataclass(frozen=True)
 class HubSettings:
-    """What the hub process is told.
+    """Settings of the hub process.
 
     Attributes:
-        path: Where to listen.
-        bitrate: Of the bus [bit/s].
-        realtime: Real time instead of lock-step.
-        pace: Simulated seconds a second, at most, in lock-step.
-        channel: The bus's name in the log.
-        log: Where to write all frames; None for nowhere.
-        private_folder: Whether the socket's folder is this bus's own, to be removed at the end.
-        faults: What goes wrong on the bus.
-        nodes: The drives' node ids by joint.
-        master: The computer's node id.
+        path: Path of the listening socket.
+        bitrate: Bit rate of the bus [bit/s].
+        realtime: True for real time, False for lock-step.
+        channel: Name of the bus in the log.
+        log: File for all frames; None for no file.
+        private_folder: True if the socket's folder belongs to this bus alone and is removed at the
+            end.
+        faults: Faults of the bus.
+        nodes: Node ids of the drives, by joint.
+        master: Node id of the computer.
+        pace: Largest number of simulated seconds per second, in lock-step.
     """
 
     path: Path
@@ -55,13 +60,13 @@ class HubSettings:
 
 
 def serve_hub(settings: HubSettings, ready: Connection) -> None:
-    """Serve a bus until SIGTERM, or until some seconds after the parent's end.
+    """Serve a bus until SIGTERM, or until some seconds after the end of the parent process.
 
-    Sends None through `ready` once clients can connect, or the text of what went wrong.
+    The function sends None through `ready` when clients can connect, or the text of an error.
     """
     leave_signals_to_parent()
     stop_fd = catch_terminate()
-    keep_pace(settings.realtime)
+    request_exact_timing(settings.realtime)
     try:
         with contextlib.ExitStack() as stack:
             if settings.private_folder:
@@ -109,10 +114,10 @@ def _run(hub: CanHub, stop_fd: int) -> None:
 
 @contextlib.contextmanager
 def listening_socket(path: Path) -> Iterator[socket.socket]:
-    """Open a SEQPACKET socket that listens at `path`; the path is removed at the end.
+    """Open a SEQPACKET socket that listens at `path`; remove the path at the end.
 
     Raises:
-        TransportError: Somebody serves that path already, or the socket cannot be made there.
+        TransportError: Another process serves the path, or the socket cannot be created.
     """
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     try:
@@ -142,7 +147,7 @@ def listening_socket(path: Path) -> Iterator[socket.socket]:
 
 
 def _remove_stale(path: Path) -> None:
-    """Remove a socket that a killed hub has left; refuse one that answers."""
+    """Remove the socket of a killed hub; refuse a socket that answers."""
     if not path.is_socket():
         return
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as probe:
@@ -152,5 +157,6 @@ def _remove_stale(path: Path) -> None:
             path.unlink()
             return
     raise TransportError(
-        f"{path}: another simulated bus is served here; stop that one first", code="RID-MOCK-SERVED"
+        f"{path}: another simulated bus already uses this path; stop it first",
+        code="RID-MOCK-SERVED",
     )

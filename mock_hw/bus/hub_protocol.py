@@ -1,17 +1,17 @@
-"""What the CAN hub and its clients say to each other, packet by packet.
+"""Protocol between the CAN hub and its clients.
 
-A packet is a header and any number of frames; one packet is one message of a local SEQPACKET
-socket, so it arrives whole or not at all.
+A packet is a header and any number of frames. It is one message of a local SEQPACKET socket, so it
+arrives completely or not at all.
 
-    client  HELLO    role; the identifiers that wake the client at once
-    hub     WELCOME  whether time is in lock-step, and what time it is
+    client  HELLO    role; identifiers that wake the client at once
+    hub     WELCOME  lock-step or real time, and the present time
     client  SEND     frames to be sent now
-    client  IDLE     the same, and: nothing to do until `time_ns` (or, if asked for, a frame)
+    client  IDLE     as SEND; the client then waits until `time_ns` (or, if requested, for a frame)
     hub     FRAMES   frames that were on the bus
-    hub     WAKE     the same, as the answer to the IDLE of the same number; time is `time_ns`
+    hub     WAKE     as FRAMES, as the answer to the IDLE of the same number; time is `time_ns`
 
-In lock-step the hub moves time on only while every master and device is idle. `SEND` is all that
-clients say in real time.
+In lock-step the hub advances time only while every master and device is idle. In real time clients
+send only `SEND`.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ FRAME = struct.Struct("<qIBB2x8s")
 
 FRAMES_PER_PACKET = 1024
 OWN_PORT = 255
-"""The port of a frame that its sender gets back."""
+"""Port of a frame that its sender receives back."""
 
 PACKET_BYTES = HEADER.size + FRAMES_PER_PACKET * FRAME.size
 
 
 class PacketKind(IntEnum):
-    """What a packet is for."""
+    """Kind of a packet."""
 
     HELLO = 1
     WELCOME = 2
@@ -52,15 +52,15 @@ class PacketKind(IntEnum):
 
 
 class HubRole(IntEnum):
-    """What a client is to the hub: masters and devices hold lock-step time, observers never do."""
+    """Role of a client: masters and devices stop lock-step time during work, observers never."""
 
     MASTER = 1
     DEVICE = 2
     OBSERVER = 3
 
 
-def misuse(problem: str) -> ProtocolError:
-    """Return the error of a packet that does not follow the hub's protocol."""
+def protocol_violation(problem: str) -> ProtocolError:
+    """Return the error for a packet that violates the hub's protocol."""
     return ProtocolError(f"CAN hub: {problem}", code="RID-MOCK-PROTOCOL")
 
 
@@ -68,10 +68,10 @@ def pack(kind: PacketKind, flag: int = 0, number: int = 0, time_ns: int = 0) -> 
     """Return a header.
 
     Args:
-        kind: What the packet is for.
-        flag: HELLO: the role. WELCOME: 1 in lock-step. IDLE: 1 when frames wake the client.
-        number: Of an IDLE, and of the WAKE that answers it. HELLO: 1 to get back what is sent.
-        time_ns: WELCOME, WAKE: the present time. IDLE: until when the client has nothing to do.
+        kind: Kind of the packet.
+        flag: HELLO: the role. WELCOME: 1 in lock-step. IDLE: 1 if frames wake the client.
+        number: Number of an IDLE, and of the WAKE that answers it. HELLO: 1 to receive own frames.
+        time_ns: WELCOME, WAKE: the present time. IDLE: time until which the client waits.
     """
     return HEADER.pack(kind, flag, number, time_ns)
 
@@ -95,7 +95,7 @@ def unpack_header(packet: bytes | memoryview) -> tuple[int, int, int, int]:
         ProtocolError: The packet is shorter than a header.
     """
     if len(packet) < HEADER.size:
-        raise misuse(f"a packet of {len(packet)} bytes has no header")
+        raise protocol_violation(f"a packet of {len(packet)} bytes has no header")
     kind, flag, number, time_ns = HEADER.unpack_from(packet)
     return kind, flag, number, time_ns
 
@@ -103,18 +103,21 @@ def unpack_header(packet: bytes | memoryview) -> tuple[int, int, int, int]:
 def unpack_frames(packet: bytes | memoryview, *, errors: bool = False) -> list[WireFrame]:
     """Return the frames of a packet; their data are padded to 8 bytes.
 
-    With `errors` a client takes what its adapter reports, as error frames; nobody sends those.
+    Args:
+        errors: True to accept error frames, which the hub sends to clients for their adapter.
 
     Raises:
-        ProtocolError: The packet ends within a frame, or a frame is none of classic CAN.
+        ProtocolError: The packet ends within a frame, or a frame is not classic CAN.
     """
     body = memoryview(packet)[HEADER.size :]
     if len(body) % FRAME.size:
-        raise misuse(f"a packet of {len(packet)} bytes ends within a frame")
+        raise protocol_violation(f"a packet of {len(packet)} bytes ends within a frame")
     frames = [WireFrame._make(fields) for fields in FRAME.iter_unpack(body)]
     flags = EXTENDED_FLAG | REMOTE_FLAG | (ERROR_FLAG if errors else 0)
     for frame in frames:
         highest = EXTENDED_MASK if frame.can_id & EXTENDED_FLAG else STANDARD_MASK
         if frame.length > 8 or frame.can_id & ~flags > highest:
-            raise misuse(f"{frame.can_id:08X}h with {frame.length} bytes is no classic CAN frame")
+            raise protocol_violation(
+                f"{frame.can_id:08X}h with {frame.length} bytes is not a classic CAN frame"
+            )
     return frames

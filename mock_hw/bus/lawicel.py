@@ -1,8 +1,9 @@
-"""`LawicelAdapter`: the adapter's half of LAWICEL's ASCII protocol ("slcan"), bytes in, frames out.
+"""`LawicelAdapter`: the adapter's side of LAWICEL's ASCII protocol ("slcan").
 
 The commands are those of LAWICEL's CANUSB manual: S and s set the bit rate, O and L open, C closes,
-t T r R transmit, F V N ask, Z switches time stamps, M and m set filters. Each ends with CR and is
-answered with CR, or with BELL where it is refused. Frames on the bus come in the same words.
+t T r R transmit, F V N are queries, Z switches time stamps, M and m set filters. Each command ends
+with CR. The answer is CR, or BELL if the command is refused. Frames from the bus have the same
+format as transmit commands.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ _SETTINGS = re.compile(rb"s[0-9A-F]{4}|[Mm][0-9A-F]{8}", re.IGNORECASE)
 
 
 class AdapterFrame(NamedTuple):
-    """A frame on the adapter's bus; `can_id` carries SocketCAN's flags."""
+    """A frame on the adapter's bus; `can_id` contains SocketCAN's flags."""
 
     can_id: int
     length: int
@@ -36,16 +37,16 @@ class AdapterFrame(NamedTuple):
 
 
 class LawicelAdapter:
-    """An adapter on the bus of a bit rate.
+    """An adapter on a bus with a fixed bit rate.
 
     Args:
-        bit_rate: Of the bus that it hangs on [bit/s]: opened with another one it hears and sends
-            nothing.
-        now_ms: Time for received frames' stamps [ms].
+        bit_rate: Bit rate of the bus [bit/s]. If the adapter is opened with another bit rate, it
+            receives and sends nothing.
+        now_ms: Returns the time for time stamps of received frames [ms].
 
     Attributes:
-        open: Whether the channel is open.
-        overrun: Whether bytes for the computer were lost; told, and forgotten, by the command F.
+        open: True if the channel is open.
+        overrun: True if bytes for the computer were lost; the command F returns and clears it.
     """
 
     def __init__(self, bit_rate: int, now_ms: Callable[[], int]) -> None:
@@ -59,7 +60,7 @@ class LawicelAdapter:
         self.overrun = False
 
     def feed(self, data: bytes) -> tuple[bytes, list[AdapterFrame]]:
-        """Take bytes of the computer; return the answers, and the frames to be put on the bus."""
+        """Process bytes from the computer; return the answers, and the frames for the bus."""
         answers = bytearray()
         frames: list[AdapterFrame] = []
         *commands, rest = (self._pending + data).split(b"\r")
@@ -69,7 +70,7 @@ class LawicelAdapter:
         return bytes(answers), frames
 
     def encode(self, frame: AdapterFrame) -> bytes:
-        """Return what the computer is sent for a frame on the bus; nothing while it is closed."""
+        """Return a bus frame as bytes for the computer; empty if the channel is closed."""
         if not (self.open and self._rate == self._bus_rate):
             return b""
         letter, number = "t", f"{frame.can_id & STANDARD_MASK:03X}"
@@ -98,7 +99,7 @@ class LawicelAdapter:
         return OK if not self.open and self._set_up(command) else REFUSED
 
     def _set_up(self, command: bytes) -> bool:
-        """Do what may be done while the channel is closed; return whether it was that."""
+        """Execute a command for a closed channel; return True if the command is one of these."""
         if command in (b"O", b"L"):
             if self._rate is None:
                 return False
@@ -111,7 +112,7 @@ class LawicelAdapter:
         elif not _SETTINGS.fullmatch(command):
             return False
         elif command[:1] == b"s":
-            self._rate = self._bus_rate  # registers of a chip that is not simulated
+            self._rate = self._bus_rate  # sets registers of a chip, which is not simulated
         return True
 
     def _transmit(self, command: bytes, frames: list[AdapterFrame]) -> bytes:

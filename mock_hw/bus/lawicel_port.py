@@ -20,17 +20,19 @@ _READ_BYTES = 4096
 
 
 class LawicelPort:
-    """The bus as devices behind the adapter have it; see `drivers.ports.can_ports.FramePort`.
+    """The bus for the devices behind the adapter; see `drivers.ports.can_ports.FramePort`.
 
-    The port is held open at the computer's end too, so that a computer may come and go; what one
-    has not read is thrown away when the next one closes or opens the channel.
+    The process also holds the computer's end of the port open, so that computers can connect and
+    disconnect. Bytes that a computer has not read are discarded when the channel is opened or
+    closed.
 
     Args:
-        path: Where the computer opens the adapter: a link to the pseudo-terminal is made there.
-        bit_rate: Of the bus [bit/s].
+        path: Path at which the computer opens the adapter; a link to the pseudo-terminal is created
+            there.
+        bit_rate: Bit rate of the bus [bit/s].
 
     Raises:
-        TransportError: There is something at `path` already, or no pseudo-terminal can be had.
+        TransportError: The path already exists, or no pseudo-terminal is available.
     """
 
     time_stamped = False
@@ -58,11 +60,11 @@ class LawicelPort:
         self._poll.register(self._fd, select.POLLIN)
 
     def fileno(self) -> int:
-        """Return the descriptor to wait at."""
+        """Return the descriptor to wait for."""
         return self._fd
 
     def send_frames(self, frames: Sequence[tuple[int, bytes | bytearray]]) -> None:
-        """Put frames of devices on the bus; what a computer does not read in time is lost."""
+        """Put frames of devices on the bus; a computer that reads too late loses them."""
         encode = self._adapter.encode
         self._write(
             b"".join(
@@ -71,7 +73,7 @@ class LawicelPort:
         )
 
     def receive_frames(self, timeout_s: float) -> Sequence[Arrival] | None:
-        """Return the computer's frames; None where no byte comes within `timeout_s` [s]."""
+        """Return the computer's frames; None if no byte arrives within `timeout_s` [s]."""
         if not self._poll.poll(max(timeout_s, 0.0) * 1000.0):
             return None
         was_open = self._adapter.open

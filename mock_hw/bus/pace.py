@@ -1,4 +1,4 @@
-"""`PaceKeeper`: when simulated time comes, on the wall clock."""
+"""`PaceKeeper`: conversion of simulated time to wall-clock time at a given pace."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ CATCHES_UP_NS: Final = 50_000_000
 
 
 class PaceKeeper:
-    """So many simulated seconds a second, and later where somebody keeps them waiting.
+    """Converts simulated time to wall-clock time, at a number of simulated seconds per second.
 
-    What is late by up to `CATCHES_UP_NS` is made up for, so that an even pace is kept. After a
-    longer wait time goes on from there: nothing is hurried.
+    A delay of up to `CATCHES_UP_NS` is caught up, so that the pace is kept on average. After a
+    longer delay, time continues from there at the normal pace.
 
     Args:
-        rate: Simulated seconds a second; None for as many as there can be.
+        rate: Simulated seconds per second; None for no limit.
     """
 
     def __init__(self, rate: float | None) -> None:
@@ -22,11 +22,15 @@ class PaceKeeper:
         self._wall_ns = self._simulated_ns = 0
 
     def begin(self, wall_ns: int, simulated_ns: int) -> None:
-        """Go on from a simulated time [ns] that is now, on CLOCK_MONOTONIC [ns]."""
+        """Set the simulated time [ns] that corresponds to a time on CLOCK_MONOTONIC [ns]."""
         self._wall_ns, self._simulated_ns = wall_ns, simulated_ns
 
     def wall_ns(self, simulated_ns: int, now_ns: int) -> int:
-        """Return when a simulated time [ns] comes, where it is `now_ns` on CLOCK_MONOTONIC [ns]."""
+        """Return the wall-clock time of a simulated time [ns].
+
+        Args:
+            now_ns: Present time on CLOCK_MONOTONIC [ns].
+        """
         if self._rate is None:
             return now_ns
         due_ns = self._wall_ns + round((simulated_ns - self._simulated_ns) / self._rate)

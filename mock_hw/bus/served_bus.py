@@ -1,4 +1,4 @@
-"""Buses other than `rid_sim` that simulated devices are served on: whose they are, and where."""
+"""Buses other than `rid_sim` on which simulated devices are served: their names and locks."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ ONE_PROCESS = "virtual"
 
 
 def served_name(cell: CellConfig) -> str:
-    """Return the name of the files beside a served cell: its channel's, or else the cell's own."""
+    """Return the name of the files next to a served cell: that of its channel, or of the cell."""
     if cell.can.interface == SIMULATED:
         return cell.can.channel
     return cell.name
 
 
 def adapter_path(channel: str) -> Path:
-    """Return where an slcan adapter is: a path as it is, a plain name in the runtime folder.
+    """Return the path of an slcan adapter: a path unchanged, a plain name in the runtime folder.
 
     Raises:
         TransportError: The runtime folder cannot be used.
@@ -35,8 +35,8 @@ def adapter_path(channel: str) -> Path:
     return Path(name) if os.sep in name else runtime_directory() / f"{name}.tty"
 
 
-def as_served(can: CanBusConfig) -> CanBusConfig:
-    """Return a bus under the channel that it is served at."""
+def with_served_channel(can: CanBusConfig) -> CanBusConfig:
+    """Return the bus with the channel at which it is served."""
     if can.interface != "slcan":
         return can
     return can.model_copy(update={"channel": str(adapter_path(can.channel))})
@@ -44,10 +44,10 @@ def as_served(can: CanBusConfig) -> CanBusConfig:
 
 @contextlib.contextmanager
 def hold_served_bus(can: CanBusConfig) -> Iterator[None]:
-    """Say, for as long as the `with` lasts, that this process serves devices on a bus.
+    """Lock a bus for this process, which serves devices on it.
 
     Raises:
-        TransportError: Another process does.
+        TransportError: Another process serves devices on the bus.
     """
     with contextlib.ExitStack() as stack:
         path = _lock_path(can)
@@ -55,8 +55,8 @@ def hold_served_bus(can: CanBusConfig) -> Iterator[None]:
             stack.enter_context(held_file(path))
         except BlockingIOError:
             raise TransportError(
-                f"CAN bus {can.interface}:{can.channel}: simulated devices are served there"
-                " already; stop those first",
+                f"CAN bus {can.interface}:{can.channel}: another process already serves simulated"
+                " devices on this bus; stop it first",
                 code="RID-MOCK-SERVED",
             ) from None
         except OSError as error:
@@ -67,7 +67,7 @@ def hold_served_bus(can: CanBusConfig) -> Iterator[None]:
 
 
 def is_bus_served(can: CanBusConfig) -> bool:
-    """Return whether a process of this user serves simulated devices on a bus."""
+    """Return True if a process of this user serves simulated devices on a bus."""
     return file_holder(_lock_path(can)) is not None
 
 

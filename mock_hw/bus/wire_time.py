@@ -1,8 +1,8 @@
-"""How long a classic CAN frame occupies the wire, stuff bits of its very content included.
+"""Transmission time of classic CAN frames, including the stuff bits of their contents.
 
-A frame is sent from its start bit to its CRC with a complementary bit stuffed in after every five
-equal ones (ISO 11898-1, 10.5); the rest has a fixed form. Tables of one byte at a time make the
-exact count cheap enough to be taken of every frame.
+From the start bit to the CRC, a complementary bit is inserted after every five equal bits (ISO
+11898-1, 10.5); the rest has a fixed form. Tables for whole bytes make the exact count fast enough
+for every frame.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ STANDARD_MASK = 0x7FF
 EXTENDED_MASK = 0x1FFF_FFFF
 
 INTERMISSION_BITS = 3
-"""Bits between a frame's end, when receivers have it, and the start of the next one."""
+"""Bits between the end of a frame, at which receivers have it, and the start of the next one."""
 
 _FIXED_FORM_BITS = 10 + INTERMISSION_BITS  # CRC delimiter, acknowledge, its delimiter, end of frame
 _CRC_POLYNOMIAL = 0x4599
-_STATES = 10  # the last bit times how often it was repeated: 1 to 5
+_STATES = 10  # value of the last bit, and its number of repetitions (1 to 5)
 
 
 def _feed(state: int, bits: int, count: int) -> tuple[int, int]:
@@ -68,12 +68,12 @@ def _header(can_id: int, length: int) -> tuple[int, int, int, int]:
 
 
 def wire_bits(can_id: int, data: bytes, length: int | None = None) -> int:
-    """Return how many bit times a frame takes, the intermission after it included.
+    """Return the number of bit times of a frame, including the intermission after it.
 
     Args:
-        can_id: The identifier with SocketCAN's flags (`EXTENDED_FLAG`, `REMOTE_FLAG`).
-        data: 0 to 8 bytes; none in a remote frame.
-        length: The data length code of a remote frame; that of `data` when left out.
+        can_id: Identifier with SocketCAN's flags (`EXTENDED_FLAG`, `REMOTE_FLAG`).
+        data: 0 to 8 bytes; empty in a remote frame.
+        length: Data length code of a remote frame; None for the length of `data`.
     """
     count, stuffed, state, crc = _header(can_id, len(data) if length is None else length)
     for byte in data:
@@ -89,10 +89,11 @@ def wire_bits(can_id: int, data: bytes, length: int | None = None) -> int:
 
 @lru_cache(maxsize=4096)
 def arbitration_key(can_id: int) -> int:
-    """Return a number that is smaller the earlier a frame wins the bus.
+    """Return a number that is smaller for frames with higher priority.
 
-    The bits of the arbitration field in the order in which they are sent: a data frame beats the
-    remote frame of its identifier, and a standard frame the extended ones that begin alike.
+    It contains the bits of the arbitration field in the order of transmission. A data frame has
+    priority over a remote frame with the same identifier, and a standard frame over extended frames
+    that begin with the same bits.
     """
     remote = 1 if can_id & REMOTE_FLAG else 0
     if can_id & EXTENDED_FLAG:

@@ -1,4 +1,4 @@
-"""A simulated CiA 402 drive: objects, states, ramps, watches, faults.
+"""A simulated CiA 402 drive: objects, states, ramps, timeouts, faults.
 
-A function of frames and time: no bus and no clock of its own. Begin with `drive.py`.
+The drive is a function of frames and time; it has no bus and no clock. Begin with `drive.py`.
 """

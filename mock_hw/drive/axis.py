@@ -1,6 +1,6 @@
-"""`DrivenAxis`: what a drive tells its motor, and what its objects show of the axis.
+"""`DrivenAxis`: commands of a drive to its motor, and measurements of the axis in its objects.
 
-All that a drive and its axis know of each other are an `AxisPort` and a `MotorCommand`.
+Drive and axis are connected only by an `AxisPort` and a `MotorCommand`.
 """
 
 from __future__ import annotations
@@ -23,25 +23,29 @@ _INT32_MAX = 2**31 - 1
 
 
 class AxisPort(Protocol):
-    """What a drive measures of its axis, in its own numbers."""
+    """Measurements of a drive's axis, in the drive's units."""
 
     @abstractmethod
     def position_counts(self) -> int:
-        """Return the encoder's increments, 6064h."""
+        """Return the encoder position, 6064h [increments]."""
 
     @abstractmethod
     def velocity_counts_s(self) -> float:
-        """Return their rate [1/s]."""
+        """Return the encoder velocity [increments/s]."""
 
     @abstractmethod
     def torque_permille(self) -> int:
-        """Return the motor's torque in 0.1 % of its rated torque, 6077h."""
+        """Return the motor torque, 6077h [0.1 % of its rated torque]."""
 
 
 class MotorCommand(NamedTuple):
-    """What a drive tells its motor over an interval; without power the brake is closed.
+    """Command of a drive to its motor over an interval; without power the brake is closed.
 
-    Velocities in increments per second, linear in between; `torque_limit` in rated torques.
+    Attributes:
+        velocity_start: Velocity at the beginning [increments/s].
+        velocity_end: Velocity at the end [increments/s]; linear in between.
+        powered: True if the velocity loop runs.
+        torque_limit: Torque limit [rated torques].
     """
 
     velocity_start: float
@@ -51,14 +55,14 @@ class MotorCommand(NamedTuple):
 
 
 class FollowingError:
-    """The integral of the velocity demand, compared with the encoder.
+    """Following error: integral of the velocity demand minus the encoder position.
 
-    A velocity loop with an integral part keeps that difference small - the difference is what its
-    integrator holds -, so a stalled, slipping or runaway axis shows in it within moments.
+    A velocity loop with an integral part keeps this difference small, because its integrator
+    contains it. Therefore a stalled, slipping or runaway axis shows in it quickly.
 
     Attributes:
-        counts: Demand minus actual position, 60F4h.
-        due_s: When the difference will have been outside the window for too long [s]; infinity
+        counts: Demand minus actual position, 60F4h [increments].
+        due_s: Time at which the error will have been outside the window for too long [s]; infinity
             while it is inside.
     """
 
@@ -71,13 +75,13 @@ class FollowingError:
         self.due_s = math.inf
 
     def start(self, position_counts: int) -> None:
-        """Begin where the axis is: no error."""
+        """Reset the error to zero at the present position."""
         self._demand = float(position_counts)
         self.counts = 0.0
         self._outside_s = self.due_s = math.inf
 
     def follow(self, moved_counts: float, position_counts: int, now_s: float) -> None:
-        """Take what the demand has moved by, and where the axis is at `now_s` [s]."""
+        """Update the error with the demand's change and the position at `now_s` [s]."""
         self._demand += moved_counts
         self.counts = self._demand - position_counts
         window = self._objects[od.FOLLOWING_ERROR_WINDOW]
@@ -85,22 +89,24 @@ class FollowingError:
             self._outside_s = self.due_s = math.inf
         elif self._outside_s == math.inf:
             self._outside_s = now_s
-            self.due_s = now_s + self._clock.lasts(self._objects[od.FOLLOWING_ERROR_TIME_MS] * 1e-3)
+            self.due_s = now_s + self._clock.true_duration_s(
+                self._objects[od.FOLLOWING_ERROR_TIME_MS] * 1e-3
+            )
 
 
 class DrivenAxis:
-    """The side of a drive that its motor and encoder are on.
+    """The part of a drive that is connected to motor and encoder.
 
     Args:
         objects: The drive's object dictionary.
-        power: Its CiA 402 half, which makes the velocity demand.
+        power: The drive's power stage, which computes the velocity demand.
         port: The axis.
-        identity: Its motor, and the units of its objects.
-        now_s: When the drive is switched on [s].
-        clock: What the drive times everything by.
+        identity: The motor, and the units of the objects.
+        now_s: Switch-on time of the drive [s].
+        clock: The drive's clock.
 
     Attributes:
-        following: How far the axis is behind what it was told.
+        following: Following error of the axis.
     """
 
     def __init__(
@@ -130,7 +136,7 @@ class DrivenAxis:
         self.following = FollowingError(objects, clock)
 
     def command(self, start_s: float, end_s: float) -> MotorCommand:
-        """Return what the motor is told between two times [s] with nothing due in between."""
+        """Return the motor's command between two times [s] without events in between."""
         power = self._power
         return MotorCommand(
             power.velocity_at(start_s) * self._counts_per_unit,
@@ -140,7 +146,7 @@ class DrivenAxis:
         )
 
     def observe(self, now_s: float) -> None:
-        """Take notice of where the axis is at `now_s` [s], after it has moved."""
+        """Update the following error with the position at `now_s` [s], after the axis has moved."""
         power = self._power
         if power.powered:
             velocity = 0.5 * (power.velocity_at(self._moved_s) + power.velocity_at(now_s))
@@ -151,7 +157,7 @@ class DrivenAxis:
         self._moved_s = now_s
 
     def refresh(self) -> None:
-        """Write into the objects what is true of power stage and axis now."""
+        """Write the present state of power stage and axis into the objects."""
         objects, port = self._objects, self._port
         objects[od.STATUSWORD] = self._power.statusword() | self._status_bits
         objects[od.MODE_DISPLAY] = objects[od.MODE]

@@ -1,7 +1,7 @@
 """`SimulatedDrive`: a CiA 402 servo drive on a CANopen bus, as a function of frames and time.
 
-It has no bus, no clock and no robot of its own: frames and times are given to it, the frames that
-it sends are taken from it, and what it can feel of its axis comes through an `AxisPort`.
+The drive has no bus, no clock and no robot. The caller passes frames and times in, and collects the
+frames that the drive sends. The measurements of the axis come through an `AxisPort`.
 """
 
 from __future__ import annotations
@@ -37,36 +37,36 @@ from mock_hw.drive.pdos import DrivePdo, PdoTable
 from mock_hw.drive.power_stage import DriveClock, PowerStage
 
 BOOT_S = 0.020
-"""From power-on or reset to the boot-up message [s]."""
+"""Time from power-on or reset to the boot-up message [s]."""
 
 SYNC_ANSWER_S = 100e-6
 SDO_ANSWER_S = 300e-6
 
 _TARGETS = frozenset((od.TARGET_VELOCITY, *od.TARGET_OF.values()))
-_SYNC_PATIENCE = 1.5  # periods of 1006h without SYNC, as CANopenNode has it
+_SYNC_PATIENCE = 1.5  # periods of 1006h without SYNC, as in CANopenNode
 
 
 class SimulatedDrive:
     """A servo drive.
 
-    A `SimulatedDevice`. Whoever runs it calls `advance` at `next_s`, `receive` for
-    every frame and `axis.observe` whenever its axis has moved, all in the order of time, and sends
-    what `take_frames` returns.
+    It is a `SimulatedDevice`. The caller calls `advance` at `next_s`, `receive` for every frame,
+    and `axis.observe` after every motion of the axis, all in the order of time. It sends the frames
+    that `take_frames` returns.
 
     Args:
-        identity: Its address and what is fixed in it.
-        port: Its axis.
-        now_s: When it is switched on [s].
+        identity: Address and fixed properties of the drive.
+        port: The drive's axis.
+        now_s: Switch-on time [s].
 
     Attributes:
-        objects: Its object dictionary.
-        power: Its CiA 402 half.
-        axis: What it tells its motor and sees of it.
-        nmt: Its NMT state.
-        clock: What it times everything by.
-        beats: Whether it sends its heartbeat; a fault may stop it.
-        watches: Whether it acts when its master falls silent.
-        ignores_quick_stop: Whether it does not take RPDOs that command a quick stop: a fault.
+        objects: Object dictionary.
+        power: Power stage: the CiA 402 state machine.
+        axis: Commands to the motor, and measurements of the axis.
+        nmt: NMT state.
+        clock: Clock for all times of the drive.
+        beats: True if the drive sends its heartbeat; a fault may stop it.
+        watches: True if the drive reacts to the loss of its master.
+        ignores_quick_stop: True if a fault makes the drive ignore RPDOs that command a quick stop.
     """
 
     def __init__(self, identity: od.SimulatedIdentity, port: AxisPort, now_s: float = 0.0) -> None:
@@ -98,7 +98,7 @@ class SimulatedDrive:
 
     @property
     def next_s(self) -> float:
-        """When it next has something to do by itself [s]."""
+        """Time of the drive's next action of its own [s]."""
         due_s = min(
             self._boot_s,
             self._beat_s,
@@ -112,27 +112,27 @@ class SimulatedDrive:
         return due_s
 
     def advance(self, until_s: float) -> None:
-        """Do what is due until `until_s` [s], and what has changed by then."""
-        self._do_due(until_s)
+        """Do all actions that are due until `until_s` [s], and send PDOs of changed objects."""
+        self._do_due_actions(until_s)
         self._now_s = until_s
         self._send_changes()
-        self._do_due(until_s)
+        self._do_due_actions(until_s)
 
-    def _do_due(self, until_s: float) -> None:
+    def _do_due_actions(self, until_s: float) -> None:
         while (due_s := self.next_s) <= until_s:
-            self._act(max(due_s, self._now_s))
+            self._do_actions(max(due_s, self._now_s))
 
-    def _act(self, now_s: float) -> None:
-        """Do what is due at `now_s` [s]."""
+    def _do_actions(self, now_s: float) -> None:
+        """Do the actions that are due at `now_s` [s]."""
         self._now_s = now_s
         if now_s >= self._boot_s:
             self._finish_boot()
         if now_s >= self._beat_s:
-            self._beat_s += self.clock.lasts(self.objects[od.HEARTBEAT_PRODUCER] * 1e-3)
+            self._beat_s += self.clock.true_duration_s(self.objects[od.HEARTBEAT_PRODUCER] * 1e-3)
             if self.beats:
                 self._send(heartbeat_frame(self.node_id, self.nmt))
         self.power.advance(now_s)
-        for _ in range(self._master.silent(now_s)):
+        for _ in range(self._master.count_silent(now_s)):
             self._lose_master(HEARTBEAT_LOST)
         if now_s >= self.axis.following.due_s:
             self.axis.following.due_s = math.inf
@@ -154,18 +154,18 @@ class SimulatedDrive:
 
     @property
     def acts_on_arrival(self) -> bool:
-        """Whether a PDO acts on arrival, so that frames cannot be kept until the next SYNC."""
+        """True if a PDO acts on arrival, so that frames cannot wait until the next SYNC."""
         return self._pdos.acts_on_arrival
 
-    def only_keeps(self, cob_id: int) -> bool:
-        """Return whether a frame is only put away by `receive`, wherever the axis is by then."""
+    def only_stores(self, cob_id: int) -> bool:
+        """Return True if `receive` only stores this frame, independent of the axis's state."""
         pdo = self._pdos.received.get(cob_id)
         if pdo is not None:
             return pdo.synchronous
         return cob_id not in (NMT_COB_ID, SYNC_COB_ID, self._sdo_cob_id, self._guard_cob_id)
 
     def receive(self, frame: Frame, now_s: float) -> None:
-        """Take a frame that was on the bus at `now_s` [s]."""
+        """Process a frame that was on the bus at `now_s` [s]."""
         if self.nmt is NmtState.INITIALISING:
             return
         self._now_s = now_s
@@ -173,12 +173,12 @@ class SimulatedDrive:
         if cob_id == NMT_COB_ID:
             command = parse_nmt(frame, self.node_id)
             if command is not None:
-                self._obey(command)
+                self._execute_nmt(command)
         elif cob_id == self._guard_cob_id:
             self._answer_guarding()
         elif cob_id > HEARTBEAT_BASE:
-            if self._master.hear(cob_id - HEARTBEAT_BASE, now_s):
-                self._tell(self._errors.leave(HEARTBEAT_LOST))
+            if self._master.receive_heartbeat(cob_id - HEARTBEAT_BASE, now_s):
+                self._send_emergency(self._errors.leave(HEARTBEAT_LOST))
         elif cob_id == self._sdo_cob_id and self.nmt is not NmtState.STOPPED:
             self.axis.refresh()
             for answer in self._sdo.handle(frame, now_s):
@@ -191,7 +191,7 @@ class SimulatedDrive:
         self._send_changes()
 
     def take_frames(self) -> list[tuple[float, Frame]]:
-        """Return what is to be sent, with the earliest time of each [s], and forget it."""
+        """Return the frames to be sent, with the earliest time of each [s], and clear the list."""
         frames, self._outbox = self._outbox, []
         return frames
 
@@ -206,7 +206,7 @@ class SimulatedDrive:
         self.nmt = NmtState.PRE_OPERATIONAL
         self.power.boot()
 
-    def _obey(self, command: NmtCommand) -> None:
+    def _execute_nmt(self, command: NmtCommand) -> None:
         before, self.nmt = self.nmt, next_nmt_state(self.nmt, command)
         if self.nmt is NmtState.INITIALISING:
             self._reset(communication_only=command is NmtCommand.RESET_COMMUNICATION)
@@ -218,7 +218,7 @@ class SimulatedDrive:
                 self.power.abort_connection(self._now_s)
 
     def _reset(self, *, communication_only: bool) -> None:
-        """Begin anew; a fault outlives a reset of the communication, not one of the whole drive."""
+        """Reset the drive; a fault survives a reset of the communication only."""
         faulty = self.power.state in (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE)
         kept = communication_only and faulty
         self.power.switch_off(PowerState.FAULT if kept else PowerState.NOT_READY_TO_SWITCH_ON)
@@ -232,55 +232,55 @@ class SimulatedDrive:
         self._outbox.clear()
         self._master.forget()
         self._beat_s = math.inf
-        self._boot_s = self._now_s + self.clock.lasts(BOOT_S)
+        self._boot_s = self._now_s + self.clock.true_duration_s(BOOT_S)
 
     def _answer_guarding(self) -> None:
         answer = self._master.answer(self.nmt, self._now_s)
         if answer is not None:
-            self._tell(self._errors.leave(HEARTBEAT_LOST))
+            self._send_emergency(self._errors.leave(HEARTBEAT_LOST))
             if self.beats:
                 self._send(answer)
 
-    # ---- what a fault does to it ------------------------------------------------------------
+    # ---- effects of faults -------------------------------------------------------------------
 
     def lose_supply(self, now_s: float) -> None:
-        """Be off the bus and without power until `restore_supply`."""
+        """Lose supply and bus connection until `restore_supply`."""
         self._now_s = now_s
         self.nmt = NmtState.INITIALISING
         self._reset(communication_only=False)
         self._boot_s = math.inf
 
     def restore_supply(self, now_s: float) -> None:
-        """Boot."""
+        """Restore the supply, which boots the drive."""
         self._now_s = now_s
-        self._boot_s = now_s + self.clock.lasts(BOOT_S)
+        self._boot_s = now_s + self.clock.true_duration_s(BOOT_S)
 
     def fail(self, code: int, now_s: float) -> None:
-        """Find a fault in itself, and react as 605Eh says."""
+        """Detect an internal fault, and react according to 605Eh."""
         self._now_s = now_s
         self._fault(code)
 
     def report(self, code: int, now_s: float) -> None:
-        """Send an emergency message, and nothing else."""
+        """Send an emergency message without any other reaction."""
         if self.nmt in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):
             self._now_s = now_s
             self._send(emcy_frame(self.node_id, Emergency(code, self.objects[od.ERROR_REGISTER])))
 
     # ---- errors ---------------------------------------------------------------------------
 
-    def _tell(self, emergency: Emergency | None) -> None:
+    def _send_emergency(self, emergency: Emergency | None) -> None:
         if emergency is not None and self.nmt is not NmtState.STOPPED:
             self._send(emcy_frame(self.node_id, emergency))
 
     def _fault(self, code: int) -> None:
-        self._tell(self._errors.enter(code))
+        self._send_emergency(self._errors.enter(code))
         self.power.fault(self._now_s)
 
     def _lose_master(self, code: int) -> None:
-        """React as 6007h says, and leave Operational if 1029h wants it."""
+        """React according to 6007h, and leave Operational if 1029h requires it."""
         if not self.watches:
             return
-        self._tell(self._errors.enter(code))
+        self._send_emergency(self._errors.enter(code))
         self.power.abort_connection(self._now_s)
         reaction = self.objects[od.COMMUNICATION_ERROR]
         if reaction == 2:
@@ -296,8 +296,10 @@ class SimulatedDrive:
         self._sync_deadline_s = math.inf
 
     def _synchronise(self) -> None:
-        """Answer with what is true now, then take up what was received since the last SYNC."""
-        patience_s = self.clock.lasts(_SYNC_PATIENCE * (self.objects[od.SYNC_PERIOD_US] * 1e-6))
+        """Send the synchronous TPDOs, then apply the RPDOs received since the last SYNC."""
+        patience_s = self.clock.true_duration_s(
+            _SYNC_PATIENCE * (self.objects[od.SYNC_PERIOD_US] * 1e-6)
+        )
         self._sync_deadline_s = self._now_s + patience_s if patience_s else math.inf
         self.axis.refresh()
         for pdo in self._pdos.transmitted:
@@ -308,25 +310,25 @@ class SimulatedDrive:
         for pdo in self._pdos.received.values():
             if pdo.kept is not None:
                 kept, pdo.kept = pdo.kept, None
-                self._take_up(pdo.keys, kept)
+                self._write_values(pdo.keys, kept)
 
     def _receive_pdo(self, pdo: DrivePdo, data: bytes) -> None:
-        """Take an RPDO; a longer one than mapped is cut (CiA 301, 7.2.2.1)."""
+        """Process an RPDO; data beyond the mapped length are ignored (CiA 301, 7.2.2.1)."""
         pdo.arm(self._now_s)
         if len(data) < pdo.layout.size:
-            self._tell(self._errors.enter(PDO_LENGTH))
+            self._send_emergency(self._errors.enter(PDO_LENGTH))
             return
-        self._tell(self._errors.leave(PDO_LENGTH))
-        self._tell(self._errors.leave(RPDO_TIMEOUT))
+        self._send_emergency(self._errors.leave(PDO_LENGTH))
+        self._send_emergency(self._errors.leave(RPDO_TIMEOUT))
         values = pdo.layout.unpack_from(data)
         if self.ignores_quick_stop and _is_quick_stop(pdo.keys, values):
             return
         if pdo.synchronous:
             pdo.kept = values
         else:
-            self._take_up(pdo.keys, values)
+            self._write_values(pdo.keys, values)
 
-    def _take_up(self, keys: tuple[Key, ...], values: tuple[int, ...]) -> None:
+    def _write_values(self, keys: tuple[Key, ...], values: tuple[int, ...]) -> None:
         objects = self.objects
         for key, value in zip(keys, values, strict=True):
             allowed = objects.entry(*key).allowed
@@ -338,7 +340,7 @@ class SimulatedDrive:
             self.power.take_target(self._now_s)
 
     def _send_changes(self) -> None:
-        """Let event-driven TPDOs be due whose objects have changed."""
+        """Schedule event-driven TPDOs whose objects have changed."""
         if self._pdos.event_driven:
             self.axis.refresh()
             for pdo in self._pdos.event_driven:
@@ -351,7 +353,7 @@ class SimulatedDrive:
         before = self.power.state
         self.power.command(self.objects[od.CONTROLWORD], self._now_s)
         if before is PowerState.FAULT and self.power.state is not PowerState.FAULT:
-            self._tell(self._errors.reset())
+            self._send_emergency(self._errors.reset())
 
     def _read(self, index: int, subindex: int) -> bytes:
         return self.objects.read(index, subindex)

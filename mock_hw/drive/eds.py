@@ -1,4 +1,4 @@
-"""The electronic data sheet (EDS) of a simulated drive, for other tools and for the preflight."""
+"""Electronic data sheet (EDS) of a simulated drive, for other tools and for the preflight."""
 
 from __future__ import annotations
 
@@ -41,29 +41,34 @@ _BIT_RATES_KBIT_S = (10, 20, 50, 125, 250, 500, 800, 1000)
 
 
 def drive_eds(identity: SimulatedIdentity, file_name: str, created: datetime) -> str:
-    """Return the data sheet of a simulated drive (CiA 306-1), with every object that it has.
+    """Return the EDS of a simulated drive (CiA 306-1), with all its visible objects.
 
-    Identifiers are counted from the node id, so that drives that differ in it alone have the same
-    EDS; rated torque, encoder and gear are the drive's own.
+    Identifiers are relative to the node id, so that drives that differ only in it have equal EDS.
+    Rated torque, encoder and gear are those of the drive.
 
     Args:
         identity: The drive.
-        file_name: What the file will be called; it stands in the file.
-        created: When it is made.
+        file_name: Name of the file, which the EDS contains.
+        created: Creation time.
     """
     by_index = attrgetter("index")
     seen = [entry for entry in drive_entries(identity) if not entry.hidden]
     entries_of = groupby(sorted(seen, key=by_index), key=by_index)
     objects = {index: tuple(entries) for index, entries in entries_of}
-    sections = [*_about(objects[_IDENTITY], file_name, created), *_lists(tuple(objects))]
+    sections = [
+        *_header_sections(objects[_IDENTITY], file_name, created),
+        *_object_lists(tuple(objects)),
+    ]
     for index, entries in objects.items():
-        sections += _object(index, entries, identity.node_id)
+        sections += _object_sections(index, entries, identity.node_id)
     return "\n".join(sections)
 
 
-def _about(who: tuple[ObjectEntry, ...], file_name: str, created: datetime) -> Iterator[str]:
+def _header_sections(
+    who: tuple[ObjectEntry, ...], file_name: str, created: datetime
+) -> Iterator[str]:
     numbers = dict(zip(("VendorNumber", "ProductNumber", "RevisionNumber"), who[1:4], strict=True))
-    said = {key: f"0x{int(entry.default):08X}" for key, entry in numbers.items()}
+    numbers_hex = {key: f"0x{int(entry.default):08X}" for key, entry in numbers.items()}
     date, time = created.strftime("%m-%d-%Y"), created.strftime("%I:%M%p")
     yield _section(
         "FileInfo",
@@ -84,7 +89,7 @@ def _about(who: tuple[ObjectEntry, ...], file_name: str, created: datetime) -> I
         VendorName="rid-daq",
         ProductName="rid-daq simulated servo drive",
         OrderCode="",
-        **said,
+        **numbers_hex,
         **{f"BaudRate_{rate}": 1 for rate in _BIT_RATES_KBIT_S},
         SimpleBootUpMaster=0,
         SimpleBootUpSlave=1,
@@ -99,7 +104,7 @@ def _about(who: tuple[ObjectEntry, ...], file_name: str, created: datetime) -> I
     yield _section("Comments", Lines=0)
 
 
-def _lists(indices: tuple[int, ...]) -> Iterator[str]:
+def _object_lists(indices: tuple[int, ...]) -> Iterator[str]:
     own = [index for index in indices if index in _VENDORS_OWN]
     optional = [index for index in indices if index not in (*_MANDATORY, *own)]
     for title, members in (
@@ -111,9 +116,9 @@ def _lists(indices: tuple[int, ...]) -> Iterator[str]:
         yield _section(title, SupportedObjects=len(members), **listed)
 
 
-def _object(index: int, entries: tuple[ObjectEntry, ...], node_id: int) -> Iterator[str]:
+def _object_sections(index: int, entries: tuple[ObjectEntry, ...], node_id: int) -> Iterator[str]:
     if [entry.subindex for entry in entries] == [0]:
-        yield _section(f"{index:04X}", **_variable(entries[0], node_id))
+        yield _section(f"{index:04X}", **_variable_keys(entries[0], node_id))
         return
     yield _section(
         f"{index:04X}",
@@ -122,10 +127,10 @@ def _object(index: int, entries: tuple[ObjectEntry, ...], node_id: int) -> Itera
         SubNumber=len(entries),
     )
     for entry in entries:
-        yield _section(f"{index:04X}sub{entry.subindex:X}", **_variable(entry, node_id))
+        yield _section(f"{index:04X}sub{entry.subindex:X}", **_variable_keys(entry, node_id))
 
 
-def _variable(entry: ObjectEntry, node_id: int) -> dict[str, object]:
+def _variable_keys(entry: ObjectEntry, node_id: int) -> dict[str, object]:
     keys: dict[str, object] = {
         "ParameterName": entry.name,
         "ObjectType": _VAR,
@@ -140,7 +145,7 @@ def _variable(entry: ObjectEntry, node_id: int) -> dict[str, object]:
 
 
 def _access(entry: ObjectEntry) -> Access:
-    """Return the access, which also says which PDOs may carry an object."""
+    """Return the access type, which also states the PDOs that may contain the object."""
     return "rww" if entry.access == "rw" and entry.mapping == "r" else entry.access
 
 

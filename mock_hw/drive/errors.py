@@ -1,4 +1,4 @@
-"""`ErrorLog`: the errors of a simulated drive, and what it says of them (CiA 301, 7.2.7)."""
+"""`ErrorLog`: active errors of a simulated drive, and their emergency messages (CiA 301, 7.2.7)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _PROFILE_BIT = 0x20
 
 
 class ErrorLog:
-    """Keeps error register (1001h), history (1003h) and last code (603Fh) of what is wrong now.
+    """Maintains error register (1001h), error history (1003h) and last error code (603Fh).
 
     Args:
         objects: The drive's objects.
@@ -29,7 +29,7 @@ class ErrorLog:
         self._active: set[int] = set()
 
     def enter(self, code: int) -> Emergency | None:
-        """Note an error and return the message of it; None when it is known already."""
+        """Add an error and return its message; None if the error is already active."""
         if code in self._active:
             return None
         self._active.add(code)
@@ -43,7 +43,7 @@ class ErrorLog:
         return Emergency(code, self._register())
 
     def leave(self, code: int) -> Emergency | None:
-        """Note that an error is over; return the message once nothing is wrong any more."""
+        """Remove an error; return the message if no error is active any more."""
         if code not in self._active:
             return None
         self._active.discard(code)
@@ -51,7 +51,7 @@ class ErrorLog:
         return None if self._active else Emergency(0, register)
 
     def reset(self) -> Emergency | None:
-        """Forget all errors, as a fault reset does; return the message if there were any."""
+        """Remove all errors, as a fault reset does; return the message if there were any."""
         any_active = bool(self._active)
         self._active.clear()
         self._objects[ERROR_CODE] = 0
@@ -59,11 +59,11 @@ class ErrorLog:
         return Emergency(0, register) if any_active else None
 
     def restore(self) -> None:
-        """Show again what is wrong, after the objects were reset."""
+        """Write the active errors again after a reset of the objects."""
         self._register()
 
     def clear_history(self) -> None:
-        """Empty 1003h, as writing 0 to its sub-index 0 does."""
+        """Clear 1003h, as a write of 0 to its sub-index 0 does."""
         for number in range(ERROR_HISTORY_LENGTH + 1):
             self._objects[ERROR_HISTORY, number] = 0
 

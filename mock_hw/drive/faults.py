@@ -1,6 +1,7 @@
-"""`DriveFaults`: what a fault script does to simulated drives, as frames and time pass.
+"""`DriveFaults`: executes the faults of a script on simulated drives, by frames and time.
 
-The script's `program` part begins by the same clock, so its beginnings are told from here.
+The faults of the script's part `program` start by the same clock, so this module also announces
+their starts.
 """
 
 from __future__ import annotations
@@ -12,29 +13,30 @@ from typing import NamedTuple
 from config.simulation.faults import DriveFault, FaultScript
 from drivers.canopen.frames import Frame
 from mock_hw.drive.drive import SimulatedDrive
-from mock_hw.host.fault_clock import Begin, CycleCount
+from mock_hw.host.fault_clock import CycleCount, FaultStart
 
 
 class _Due(NamedTuple):
-    """Something to be done at a time [s]."""
+    """An action that is due at a time [s]."""
 
     time_s: float
     act: Callable[[float], None]
 
 
 class DriveFaults:
-    """A fault script's `drives` part at work, and the beginnings of its `program` part.
+    """Executes the `drives` part of a fault script, and announces the starts of its `program` part.
 
     Args:
-        script: What goes wrong.
-        joint_names, drives: The drives by their joints' names, in the same order.
-        now_s: The time now [s].
-        announce: Called with the number of a fault of the program when it begins.
+        script: The faults.
+        joint_names: Names of the joints.
+        drives: Drives in the order of the joints.
+        now_s: Present time [s].
+        announce: Called with the number of a fault of the program when it starts.
 
     Attributes:
-        reversed, blocked: Of each axis: whether it turns the other way, whether its brake stays
-            closed.
-        stuck: Of each axis: whether its encoder stands still.
+        reversed: For each axis: True if it turns in the wrong direction.
+        blocked: For each axis: True if its brake stays closed.
+        stuck: For each axis: True if its encoder does not change.
     """
 
     def __init__(
@@ -48,8 +50,8 @@ class DriveFaults:
         self._cycles = CycleCount(drive.node_id for drive in drives)
         self._drives = drives
         self._axes = {name: number for number, name in enumerate(joint_names)}
-        self._coming = [(Begin(fault, now_s), fault) for fault in script.drives]
-        self._program = [(Begin(fault, now_s), n) for n, fault in enumerate(script.program)]
+        self._coming = [(FaultStart(fault, now_s), fault) for fault in script.drives]
+        self._program = [(FaultStart(fault, now_s), n) for n, fault in enumerate(script.program)]
         self._announce = announce
         self._due: list[_Due] = []
         self.reversed = [False] * len(drives)
@@ -58,25 +60,25 @@ class DriveFaults:
 
     @property
     def next_s(self) -> float:
-        """When the next fault begins or ends [s]."""
+        """Time at which the next fault begins or ends [s]."""
         coming = (*self._coming, *self._program)
         begins = (begin.at_s for begin, _ in coming if begin.at_s is not None)
         return min((*begins, *(due.time_s for due in self._due)), default=math.inf)
 
-    def see(self, frame: Frame, now_s: float) -> None:
-        """Take notice of a frame, before the drives do; what begins in its cycle begins now."""
-        self._cycles.see(frame.cob_id, frame.data)
+    def observe(self, frame: Frame, now_s: float) -> None:
+        """Process a frame before the drives do; faults of its cycle begin now."""
+        self._cycles.observe(frame.cob_id, frame.data)
         if self._coming or self._program:
             self.advance(now_s)
 
     def advance(self, until_s: float) -> None:
-        """Begin and end what is due by `until_s` [s]."""
+        """Start and end all faults that are due by `until_s` [s]."""
         now_s = until_s
         for due in [due for due in self._due if due.time_s <= now_s]:
             self._due.remove(due)
             due.act(now_s)
         for begin, fault in [*self._coming]:
-            if begin.happens(self._cycles.cycle, now_s):
+            if begin.starts_now(self._cycles.cycle, now_s):
                 self._coming.remove((begin, fault))
                 numbers = (
                     range(len(self._drives)) if fault.joint is None else [self._axes[fault.joint]]
@@ -84,7 +86,7 @@ class DriveFaults:
                 for number in numbers:
                     self._start(fault, number, now_s)
         for begin, number in [*self._program]:
-            if begin.happens(self._cycles.cycle, now_s):
+            if begin.starts_now(self._cycles.cycle, now_s):
                 self._program.remove((begin, number))
                 self._announce(number)
 

@@ -1,4 +1,4 @@
-"""`MasterWatch`: how a simulated drive notices that its master fell silent (CiA 301, 7.2.8.3)."""
+"""`MasterWatch`: detection of a silent master by a simulated drive (CiA 301, 7.2.8.3)."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from mock_hw.drive.power_stage import DriveClock
 
 
 class MasterWatch:
-    """Heartbeats that are watched by 1016h, and life guarding by 100Ch and 100Dh.
+    """Heartbeat consumer (1016h) and life guarding (100Ch, 100Dh).
 
     Args:
         objects: The drive's objects.
-        clock: What it times by.
-        identity: Its address, and whether its family has life guarding.
+        clock: The drive's clock.
+        identity: Address of the drive; its profile states whether it has life guarding.
     """
 
     def __init__(
@@ -34,31 +34,34 @@ class MasterWatch:
 
     @property
     def next_s(self) -> float:
-        """When somebody will have been silent for too long [s]."""
+        """Earliest time at which a watched node will have been silent for too long [s]."""
         return min(self._silent_s.values(), default=math.inf)
 
     def forget(self) -> None:
-        """Begin anew, as after a reset of the communication."""
+        """Reset all monitoring, as after a reset of the communication."""
         self._watched.clear()
         self._silent_s.clear()
         self._toggle = False
 
     def read_entries(self) -> None:
-        """Take what 1016h says now."""
+        """Read the present entries of 1016h."""
         entries = [self._objects[od.HEARTBEAT_CONSUMER, n] for n in range(1, od.CONSUMERS + 1)]
         self._watched = dict(filter(None, map(parse_consumer_entry, entries)))
         self._silent_s.clear()
 
-    def hear(self, node_id: int, now_s: float) -> bool:
-        """Take a heartbeat, and say if it is watched; that begins with the first one."""
+    def receive_heartbeat(self, node_id: int, now_s: float) -> bool:
+        """Process a heartbeat and return True if its node is watched.
+
+        The first heartbeat of a node starts its watch.
+        """
         timeout_s = self._watched.get(node_id)
         if timeout_s is None:
             return False
-        self._silent_s[node_id] = now_s + self._clock.lasts(timeout_s)
+        self._silent_s[node_id] = now_s + self._clock.true_duration_s(timeout_s)
         return True
 
     def answer(self, nmt: NmtState, now_s: float) -> Frame | None:
-        """Return the state to whoever asks for it; from the first question on the next is missed.
+        """Return the answer to a guarding request; the first request starts life guarding.
 
         A drive that sends its heartbeat does not answer.
         """
@@ -66,13 +69,16 @@ class MasterWatch:
             return None
         life_ms = self._objects[od.GUARD_TIME] * self._objects[od.LIFE_TIME_FACTOR]
         if life_ms:
-            self._silent_s[self._node_id] = now_s + self._clock.lasts(1e-3 * life_ms)
+            self._silent_s[self._node_id] = now_s + self._clock.true_duration_s(1e-3 * life_ms)
         frame = guard_answer(self._node_id, nmt, self._toggle)
         self._toggle = not self._toggle
         return frame
 
-    def silent(self, now_s: float) -> int:
-        """Return how many were silent for too long; they are watched again when they speak."""
+    def count_silent(self, now_s: float) -> int:
+        """Return the number of nodes that were silent for too long.
+
+        Their next message starts the watch again.
+        """
         over = [node for node, due_s in self._silent_s.items() if now_s >= due_s]
         for node in over:
             del self._silent_s[node]

@@ -1,4 +1,4 @@
-"""`ObjectDictionary`: the values of a simulated device's objects, checked as CiA 301 asks."""
+"""`ObjectDictionary`: values of a simulated device's objects, with the checks of CiA 301."""
 
 from __future__ import annotations
 
@@ -17,17 +17,18 @@ COMMUNICATION_AREA = range(0x1000, 0x2000)
 
 @dataclass(frozen=True, slots=True)
 class ObjectEntry:
-    """One object: address, type, access and what it may hold.
+    """One object: address, type, access and allowed values.
 
     Attributes:
-        index, subindex: The address.
-        name: What it is, in words.
-        code: Its type by `struct`'s letter (``B b H h I i``), or ``s`` for a text.
-        default: Its value after a reset.
+        index: Index of the object.
+        subindex: Sub-index of the object.
+        name: Name of the object.
+        code: Type, as a letter of `struct` (``B b H h I i``), or ``s`` for a text.
+        default: Value after a reset.
         access: ``"ro"`` or ``"rw"``.
-        mapping: Which PDOs may carry it: ``"r"`` receive, ``"t"`` transmit, ``"rt"`` both.
-        allowed: The values that may be written; None for all of the type.
-        hidden: Whether only the device itself knows it: for others there is no such object.
+        mapping: PDOs that may contain the object: ``"r"`` receive, ``"t"`` transmit, ``"rt"`` both.
+        allowed: Values that may be written; None for all values of the type.
+        hidden: True if only the device itself can use the object; for others it does not exist.
     """
 
     index: int
@@ -47,9 +48,9 @@ class ObjectEntry:
             struct.pack(f"<{self.code}", self.default)
         except struct.error:
             raise ConfigError(
-                f"a simulated drive cannot hold {self.default} in the {self.bits} bits of"
-                f" {object_name(self.index, self.subindex)} ({self.name}): correct the"
-                " ratings and units of the axis's servo",
+                f"a simulated drive cannot store {self.default} in the {self.bits} bits of"
+                f" {object_name(self.index, self.subindex)} ({self.name}): correct the ratings"
+                " and units in the axis's servo",
                 code="RID-MOCK-RANGE",
             ) from None
 
@@ -60,13 +61,19 @@ class ObjectEntry:
 
     @property
     def bits(self) -> int:
-        """The object's length in a PDO [bit]."""
+        """Length of the object in a PDO [bit]."""
         return 8 * struct.calcsize(f"<{self.code}")
 
 
 @dataclass(frozen=True, slots=True)
 class Mirror:
-    """An object that takes over what another is set to, while some hold what they must."""
+    """An object that copies the values written to another one.
+
+    Attributes:
+        key: The object that is set.
+        of: The object whose values are copied.
+        conditions: Objects with the values that they must have; otherwise nothing is copied.
+    """
 
     key: Key
     of: Key
@@ -76,12 +83,12 @@ class Mirror:
 class ObjectDictionary:
     """Values by index and sub-index; numbers are integers, texts are bytes.
 
-    The device itself reads and writes with ``objects[index, subindex]``, unchecked; `read` and
-    `decode` are for what comes over SDO.
+    The device itself reads and writes with ``objects[index, subindex]``, without checks; `read` and
+    `decode` serve SDO requests.
 
     Args:
-        entries: The objects that exist.
-        mirrors: Objects that take over what others are set to.
+        entries: The existing objects.
+        mirrors: Objects that copy the values of others.
     """
 
     def __init__(self, entries: Iterable[ObjectEntry], mirrors: Iterable[Mirror] = ()) -> None:
@@ -107,7 +114,7 @@ class ObjectDictionary:
         return key in self._entries
 
     def entry(self, index: int, subindex: int) -> ObjectEntry:
-        """Return what an object is.
+        """Return the description of an object.
 
         Raises:
             SdoAbort: There is no such object or sub-index.
@@ -119,7 +126,7 @@ class ObjectDictionary:
         return entry
 
     def read(self, index: int, subindex: int) -> bytes:
-        """Return an object's bytes, as an SDO upload carries them.
+        """Return an object's bytes for an SDO upload.
 
         Raises:
             SdoAbort: There is no such object or sub-index.
@@ -129,10 +136,11 @@ class ObjectDictionary:
         return value if isinstance(value, bytes) else struct.pack(f"<{entry.code}", value)
 
     def decode(self, index: int, subindex: int, data: bytes) -> int:
-        """Return the number that an SDO download would write; nothing is written yet.
+        """Return the number of an SDO download, without writing it.
 
         Raises:
-            SdoAbort: There is no such object, it is read-only, or length or value are not allowed.
+            SdoAbort: There is no such object, it is read-only, or its length or value is not
+                allowed.
         """
         entry = self.entry(index, subindex)
         if entry.access == "ro":
@@ -147,12 +155,12 @@ class ObjectDictionary:
         return int(value)
 
     def store(self) -> None:
-        """Keep what the writable objects hold now as what a reset puts back."""
+        """Store the present values of the writable objects as their values after a reset."""
         writable = {key for key, entry in self._entries.items() if entry.access == "rw"}
         self._stored |= {key: self._values[key] for key in writable}
 
     def reset(self, *, communication_only: bool) -> None:
-        """Put back what is stored: of the communication area, or of every object."""
+        """Restore the stored values of the communication area, or of every object."""
         for key, entry in self._entries.items():
             if entry.index in COMMUNICATION_AREA or not communication_only:
                 self._values[key] = self._stored[key]

@@ -1,4 +1,4 @@
-"""What a simulated drive's object dictionary holds (CiA 301, CiA 402-2)."""
+"""The object dictionary of a simulated drive (CiA 301, CiA 402-2)."""
 
 from __future__ import annotations
 
@@ -82,14 +82,14 @@ _CODES = {8: "B", 16: "H", 32: "I"}
 
 @dataclass(frozen=True)
 class SimulatedIdentity:
-    """What is fixed in one simulated drive: its address, its motor, encoder and gear, its family.
+    """Fixed properties of one simulated drive: address, motor, encoder, gear and drive family.
 
     Attributes:
-        node_id: Its CANopen address.
-        encoder_increments: Per motor revolution (608Fh).
-        gear: Motor revolutions by joint revolutions (6091h).
-        rated_torque_mnm: The motor's rated torque [mN m].
-        profile: Its objects and its units.
+        node_id: CANopen node id.
+        encoder_increments: Encoder increments per motor revolution (608Fh).
+        gear: Motor revolutions per joint revolution (6091h).
+        rated_torque_mnm: Rated torque of the motor [mN m].
+        profile: Objects and units of the drive family.
         referenced: True if the drive has been homed.
     """
 
@@ -105,21 +105,23 @@ class SimulatedIdentity:
         if self.gear <= 0 or largest >= 2**32 or self.rated_torque_mnm <= 0:
             raise ConfigError(
                 f"node {self.node_id}: gear {self.gear} and rated torque {self.rated_torque_mnm}"
-                " mN m do not fit 6091h and 6076h; both must be positive",
+                " mN m cannot be stored in 6091h and 6076h; both must be positive",
                 code="RID-MOCK-RANGE",
             )
         if self.encoder_increments <= 0:
             raise ConfigError(
-                f"node {self.node_id}: an encoder without increments", code="RID-MOCK-RANGE"
+                f"node {self.node_id}: the encoder has {self.encoder_increments} increments per"
+                " revolution; at least 1 is necessary",
+                code="RID-MOCK-RANGE",
             )
 
     @classmethod
     def of_axis(
         cls, cell: CellConfig, axis: DriveAxis, joint: Joint, simulated: SimulatedAxis
     ) -> SimulatedIdentity:
-        """Return the drive that fits a cell's axis, a robot's joint and a plant's motor.
+        """Return the drive for a cell's axis, a robot's joint and a plant's motor.
 
-        A prismatic joint's ratio (rad/m) cannot stand in 6091h, which then says 1:1.
+        A prismatic joint's ratio (rad/m) cannot be stored in 6091h, which then contains 1:1.
         """
         gear = Fraction(1)
         if joint.type == "revolute":
@@ -135,7 +137,7 @@ class SimulatedIdentity:
 
     @property
     def referenced_bits(self) -> int:
-        """What the object of the profile's `referenced` holds, for a drive that has it."""
+        """Value of the object in the profile's `referenced`; 0 without such an object."""
         bits = self.profile.referenced
         if bits is None:
             return 0
@@ -143,7 +145,7 @@ class SimulatedIdentity:
 
     @property
     def motor(self) -> MotorRatings:
-        """What the drive knows of its motor, in full."""
+        """All ratings of the motor that the drive knows."""
         torque = 1e-3 * self.rated_torque_mnm
         current = self.profile.rated_current_a
         constant = self.profile.torque_constant_nm_per_a
@@ -152,14 +154,14 @@ class SimulatedIdentity:
 
     @property
     def units(self) -> AxisUnits:
-        """Its numbers, at the motor."""
+        """Units of the drive, at the motor."""
         return AxisUnits.of_motor(self.motor, self.profile, 1.0)
 
 
 def drive_entries(identity: SimulatedIdentity) -> Iterator[ObjectEntry]:
-    """Yield every object of a simulated drive; those that nobody sees are `hidden`.
+    """Yield every object of a simulated drive; objects that its family does not have are `hidden`.
 
-    What its family lacks is there all the same: it is how the drive is built.
+    The hidden objects exist because the drive itself uses them.
     """
     profile = identity.profile
     entries = {entry.key: entry for entry in _all_entries(identity)}
@@ -178,16 +180,16 @@ def _all_entries(identity: SimulatedIdentity) -> Iterator[ObjectEntry]:
     fixed = {pdo.pdo: pdo for pdo in identity.profile.pdos}
     for number in PDO_NUMBERS:
         for entry in _pdo_entries(identity.node_id, number):
-            yield entry if not fixed else _as_delivered(entry, fixed, identity.node_id)
+            yield entry if not fixed else _with_fixed_pdo(entry, fixed, identity.node_id)
     yield from _profile_entries(identity)
-    yield from _makers_entries(identity)
+    yield from _manufacturer_entries(identity)
     yield from _channel_entries(identity.profile)
 
 
-def _as_delivered(entry: ObjectEntry, fixed: dict[str, FixedPdo], node_id: int) -> ObjectEntry:
-    """Return an object of a PDO record as a drive with fixed PDOs has it.
+def _with_fixed_pdo(entry: ObjectEntry, fixed: dict[str, FixedPdo], node_id: int) -> ObjectEntry:
+    """Return an object of a PDO record for a drive with fixed PDOs.
 
-    Types can be written, mappings and identifiers cannot.
+    Transmission types can be written; mappings and identifiers cannot.
     """
     receives = entry.index & 0xFC00 == RPDO_COMMUNICATION
     number = (entry.index & 0xFF) + 1
@@ -211,7 +213,7 @@ def _as_delivered(entry: ObjectEntry, fixed: dict[str, FixedPdo], node_id: int) 
 
 
 def _channel_entries(profile: ServoProfile) -> Iterator[ObjectEntry]:
-    """Yield what fixed PDOs carry and nothing else has: a channel of the maker's."""
+    """Yield the manufacturer's objects that exist only within fixed PDOs."""
     known = {extra.object for extra in profile.settings}
     for pdo in profile.pdos:
         for listed in pdo.objects:
@@ -227,9 +229,10 @@ def _channel_entries(profile: ServoProfile) -> Iterator[ObjectEntry]:
 
 
 def mirrors(profile: ServoProfile) -> Iterator[Mirror]:
-    """Yield how the maker's channel and CiA 402's objects depend on each other.
+    """Yield the dependencies between the manufacturer's objects and those of CiA 402.
 
-    A set-point counts while its PDO holds the command; a value is told while the settings hold.
+    A set-point is applied only while its PDO contains the required command. A measured value is
+    copied only while the settings have their required values.
     """
     settings = tuple((object_address(each.object), each.value) for each in profile.settings)
     standard = {"target": TARGET_VELOCITY, "position": POSITION, "torque": TORQUE}
@@ -239,14 +242,14 @@ def mirrors(profile: ServoProfile) -> Iterator[Mirror]:
             key = object_address(listed.object)
             internal = standard.get(listed.signal or "", key)
             if key != internal and pdo.receives:
-                told = tuple((other, value) for other, value in held if value is not None)
-                yield Mirror(internal, key, told)
+                conditions = tuple((other, value) for other, value in held if value is not None)
+                yield Mirror(internal, key, conditions)
             elif key != internal:
                 yield Mirror(key, internal, settings)
 
 
-def _makers_entries(identity: SimulatedIdentity) -> Iterator[ObjectEntry]:
-    """Yield what the family has besides, or in place of CiA 402's: torque, limit, settings."""
+def _manufacturer_entries(identity: SimulatedIdentity) -> Iterator[ObjectEntry]:
+    """Yield the family's own objects: torque or current, limit, settings."""
     profile, motor = identity.profile, identity.motor
     torque, limit = profile.torque, profile.torque_limit
     if torque.object != object_name(*TORQUE) and not profile.pdos:
@@ -309,7 +312,7 @@ def _communication_entries(identity: SimulatedIdentity) -> Iterator[ObjectEntry]
 
 
 def _pdo_entries(node_id: int, number: int) -> Iterator[ObjectEntry]:
-    """Yield a receive and a transmit PDO; the first ones are in use after a reset."""
+    """Yield one receive and one transmit PDO; those with number 1 are enabled after a reset."""
     off = 0 if number == 1 else INVALID
     communication, mapping = RPDO_COMMUNICATION + number - 1, RPDO_MAPPING + number - 1
     yield ObjectEntry(communication, 0, "RPDO", "B", 5)

@@ -1,4 +1,4 @@
-"""The PDOs of a simulated drive, as its dictionary says (CiA 301, 7.5.2.33 to 7.5.2.38)."""
+"""PDOs of a simulated drive, configured by its dictionary (CiA 301, 7.5.2.33 to 7.5.2.38)."""
 
 from __future__ import annotations
 
@@ -27,16 +27,17 @@ _FAMILY_MASK = 0xFE00
 
 
 class DrivePdo:
-    """One PDO in use: its identifier, when it is sent or taken up, and what it carries.
+    """One enabled PDO: its identifier, transmission type and mapped objects.
 
     Attributes:
-        receives: Whether it is an RPDO.
+        receives: True for an RPDO.
         cob_id: Identifier of its frame.
-        synchronous: Whether SYNC says when it acts; otherwise it acts by itself.
-        keys, layout: The objects that it carries, and their bytes.
-        kept: A synchronous RPDO's values that wait for SYNC.
-        deadline_s: RPDO: when the next frame is overdue, from the first frame on. TPDO: when it is
-            to be sent because of its event timer or a change [s].
+        synchronous: True if SYNC triggers the PDO.
+        keys: Mapped objects.
+        layout: Layout of their bytes.
+        kept: Values of a synchronous RPDO that wait for SYNC.
+        deadline_s: For an RPDO: time at which the next frame is overdue, from the first frame on.
+            For a TPDO: time at which it is sent because of its event timer or a change [s].
     """
 
     def __init__(
@@ -71,18 +72,18 @@ class DrivePdo:
             self.deadline_s = now_s
 
     def pack(self, objects: ObjectDictionary) -> bytes:
-        """Return a TPDO's bytes as the dictionary is now."""
+        """Return the bytes of a TPDO with the present values of the dictionary."""
         return self.layout.pack(*[objects[key] for key in self.keys])
 
     def due_at_sync(self, data: bytes) -> bool:
-        """Count a SYNC; return whether a synchronous TPDO is sent with it."""
+        """Count a SYNC and return True if a synchronous TPDO is sent with it."""
         if self._type == 0:
             return data != self.last_data
         self._syncs += 1
         return self._syncs % self._type == 0
 
     def frame(self, data: bytes, now_s: float) -> Frame:
-        """Return a TPDO's frame and remember it as sent."""
+        """Return the frame of a TPDO, and note it as sent."""
         self.last_data, self._last_s = data, now_s
         if not self.synchronous:
             self.arm(now_s)
@@ -90,22 +91,24 @@ class DrivePdo:
 
     def arm(self, now_s: float) -> None:
         """Start the event timer, if there is one."""
-        self.deadline_s = now_s + self._clock.lasts(self._event_s) if self._event_s else math.inf
+        self.deadline_s = (
+            now_s + self._clock.true_duration_s(self._event_s) if self._event_s else math.inf
+        )
 
     def allowed_s(self, now_s: float) -> float:
-        """Return when a TPDO may be sent, for its inhibit time [s]."""
-        return max(now_s, self._last_s + self._clock.lasts(self._inhibit_s))
+        """Return the earliest time at which the inhibit time allows a TPDO [s]."""
+        return max(now_s, self._last_s + self._clock.true_duration_s(self._inhibit_s))
 
 
 class PdoTable:
-    """The PDOs in use.
+    """The enabled PDOs.
 
     Attributes:
         received: RPDOs by identifier.
         transmitted: TPDOs by number.
-        event_driven: Those of them that do not wait for SYNC.
-        timed: All PDOs with a `deadline_s` of their own.
-        acts_on_arrival: Whether one of the RPDOs does not wait for SYNC.
+        event_driven: TPDOs that do not wait for SYNC.
+        timed: All PDOs with a `deadline_s`.
+        acts_on_arrival: True if an RPDO does not wait for SYNC.
     """
 
     def __init__(self, objects: ObjectDictionary, clock: DriveClock) -> None:
@@ -118,7 +121,7 @@ class PdoTable:
         self.acts_on_arrival = False
 
     def rebuild(self, *, in_use: bool, now_s: float) -> None:
-        """Take up what the dictionary says; in_use is False outside of NMT Operational."""
+        """Read the PDOs from the dictionary; `in_use` is False outside NMT Operational."""
         objects, clock = self._objects, self._clock
         self.received = {}
         self.transmitted = []
@@ -129,7 +132,7 @@ class PdoTable:
             communication = TPDO_COMMUNICATION + number - 1
             requested = (
                 objects[communication, 2] == ON_REQUEST
-            )  # by a remote frame, and nobody does
+            )  # by a remote frame, which no client sends
             if is_valid(objects[communication, 1]) and not requested:
                 pdo = DrivePdo(objects, clock, TPDO_COMMUNICATION, number, now_s)
                 self.transmitted.append(pdo)
@@ -138,13 +141,13 @@ class PdoTable:
         self.acts_on_arrival = any(not pdo.synchronous for pdo in self.received.values())
 
     def check_write(self, index: int, subindex: int, value: int) -> None:
-        """Refuse what CiA 301 does not allow in a PDO's records; other objects pass.
+        """Refuse writes to PDO records that CiA 301 does not allow; ignore other objects.
 
-        A PDO's identifier is changed, and its objects are mapped, while it is switched off;
-        single objects while the mapping is emptied.
+        A PDO's identifier and mapping can be changed only while the PDO is disabled. Single mapping
+        entries can be changed only while the number of mapped objects is 0.
 
         Raises:
-            SdoAbort: The write is not allowed now, or the object cannot be in that PDO.
+            SdoAbort: The write is not allowed now, or the object cannot be mapped into the PDO.
         """
         family = index & _FAMILY_MASK
         if family in (RPDO_COMMUNICATION, TPDO_COMMUNICATION):

@@ -1,4 +1,4 @@
-"""`PowerStage`: the CiA 402 half of a simulated drive - states, ramps, what the motor is told."""
+"""`PowerStage`: the CiA 402 part of a simulated drive: states, ramps, commands to the motor."""
 
 from __future__ import annotations
 
@@ -32,30 +32,30 @@ from mock_hw.drive.objects import (
     TARGET_VELOCITY,
 )
 
-_STIFFNESS = 20.0  # of a drive's own position loop [1/s]
+_STIFFNESS = 20.0  # gain of the drive's own position loop [1/s]
 _REMOTE = 0x0200
 _STAY_IN_QUICK_STOP = (5, 6)
 _WITHOUT_MOTOR_POWER = (PowerState.NOT_READY_TO_SWITCH_ON, PowerState.FAULT)
 
 
 class DriveClock:
-    """A drive's oscillator, which may run wrong; a timer takes the rate that it is started with.
+    """Clock of a drive, which may have a wrong rate; a timer keeps the rate at its start.
 
     Attributes:
-        rate: How many seconds it counts in one.
+        rate: Seconds on the drive's clock per second.
     """
 
     def __init__(self) -> None:
         self.rate = 1.0
 
-    def lasts(self, duration_s: float) -> float:
-        """Return how long a duration of the drive's really is [s]."""
+    def true_duration_s(self, duration_s: float) -> float:
+        """Return the true duration of a duration on the drive's clock [s]."""
         return duration_s / self.rate
 
 
 @dataclass(frozen=True, slots=True)
 class Ramp:
-    """A velocity that changes linearly from one time [s] to another and is constant elsewhere."""
+    """A velocity that changes linearly between two times [s] and is constant before and after."""
 
     start_s: float
     end_s: float
@@ -73,20 +73,21 @@ class Ramp:
 
 
 class PowerStage:
-    """What a drive's motor is told, as a function of commands and time.
+    """Commands to a drive's motor, as a function of controlwords, set-points and time.
 
     Velocities are in units of 60FFh. Without power the holding brake is closed.
 
     Args:
-        objects: The drive's objects: option codes and decelerations are read there when they are
-            needed.
-        clock: What its ramps are timed by; a right one when left out.
+        objects: The drive's objects; option codes and decelerations are read at the time of their
+            use.
+        clock: Clock of the ramps; None for an exact clock.
         acceleration_unit: Units of 60FFh per second in one unit of 6083h to 6085h.
 
     Attributes:
-        state: The CiA 402 state.
-        supplied: Whether there is motor power; without it no command enables the drive.
-        next_s: When `advance` is due: the end of a stopping ramp [s]; infinity when none runs.
+        state: CiA 402 state.
+        supplied: True if there is motor power; without it no command enables the drive.
+        next_s: End of the present stopping ramp, at which `advance` is due [s]; infinity without a
+            ramp.
     """
 
     def __init__(
@@ -102,18 +103,18 @@ class PowerStage:
         self.supplied = True
         self.next_s = math.inf
         self._after_ramp: PowerState | None = None
-        self._followed: int | None = None  # the position that was told last
+        self._followed: int | None = None  # the last position command
         self._ramp = Ramp(0.0, 0.0, 0.0, 0.0)
         self._controlword = 0
 
     @property
     def powered(self) -> bool:
-        """Whether the velocity loop runs; the brake is open then, closed otherwise."""
+        """True if the velocity loop runs; the brake is then open, otherwise closed."""
         return self.state.powered
 
     @property
     def following(self) -> bool:
-        """Whether the drive takes set-points: enabled, and not on its way out."""
+        """True if the drive accepts set-points: it is enabled and not stopping."""
         return self.state is PowerState.OPERATION_ENABLED and self._after_ramp is None
 
     def statusword(self) -> int:
@@ -123,17 +124,17 @@ class PowerStage:
         return self.state | voltage | _REMOTE | follows
 
     def velocity_at(self, time_s: float) -> float:
-        """Return the velocity that the loop is told at a time [s]."""
+        """Return the velocity command of the loop at a time [s]."""
         return self._ramp.at(time_s)
 
     def set_target(self, velocity: float, now_s: float, over_s: float) -> None:
-        """Go to a velocity within `over_s`; only where set-points are taken."""
+        """Change the velocity command within `over_s`, if the drive accepts set-points."""
         if self.following:
-            end_s = now_s + self._clock.lasts(over_s)
+            end_s = now_s + self._clock.true_duration_s(over_s)
             self._ramp = Ramp(now_s, end_s, self._ramp.at(now_s), velocity)
 
     def take_target(self, now_s: float) -> None:
-        """Go to 60FFh as the mode says: within the interpolation time, or on a ramp."""
+        """Apply the target object as the mode requires: in the interpolation time, or on a ramp."""
         objects, mode = self._objects, self._objects[MODE]
         target = objects[TARGET_OF.get(mode, TARGET_VELOCITY)]
         period_s = objects[INTERPOLATION_PERIOD] * 10.0 ** objects[INTERPOLATION_INDEX]
@@ -149,17 +150,17 @@ class PowerStage:
             self.set_target(target, now_s, self._ramp_s(change, PROFILE_ACCELERATION))
 
     def _ramp_s(self, change: float, acceleration: Key) -> float:
-        """Return how long a change of velocity takes by an object's acceleration [s]."""
+        """Return the duration of a velocity change with the acceleration in an object [s]."""
         return abs(change) / (max(1, self._objects[acceleration]) * self._acceleration_unit)
 
     def boot(self) -> None:
-        """Be ready for commands (T1); a fault stays one."""
+        """Enter the state in which commands are accepted (T1); a fault remains."""
         if self.state is not PowerState.FAULT:
             self.state = PowerState.SWITCH_ON_DISABLED
         self._controlword = 0
 
     def switch_off(self, state: PowerState = PowerState.SWITCH_ON_DISABLED) -> None:
-        """Take the power away and close the brake, at any speed."""
+        """Switch off the power and close the brake, at any speed."""
         self.state = state
         self._after_ramp = None
         self._followed = None
@@ -167,13 +168,13 @@ class PowerStage:
         self._ramp = Ramp(0.0, 0.0, 0.0, 0.0)
 
     def supply(self, supplied: bool) -> None:
-        """Take the motor power away, as an emergency stop does, or give it back."""
+        """Remove the motor power, as an emergency stop does, or restore it."""
         if not supplied and self.state not in _WITHOUT_MOTOR_POWER:
             self.switch_off()
         self.supplied = supplied
 
     def command(self, controlword: int, now_s: float) -> None:
-        """Take a controlword (6040h)."""
+        """Process a controlword (6040h)."""
         state, previous = self.state, self._controlword
         self._controlword = controlword
         if not self.supplied and state is PowerState.SWITCH_ON_DISABLED:
@@ -187,7 +188,7 @@ class PowerStage:
             self.switch_off(wanted)
 
     def quick_stop(self, now_s: float) -> None:
-        """Stop as 605Ah says (T11); without effect where nothing moves."""
+        """Stop according to 605Ah (T11); no effect if the drive is not enabled."""
         if self.state is not PowerState.OPERATION_ENABLED:
             return
         option = self._objects[QUICK_STOP_OPTION]
@@ -200,7 +201,7 @@ class PowerStage:
         self._stop(QUICK_STOP_DECELERATION if fast else PROFILE_DECELERATION, now_s, after)
 
     def fault(self, now_s: float) -> None:
-        """React to a fault as 605Eh says (T13), and be in Fault at the end of it (T14)."""
+        """React to a fault according to 605Eh (T13), then enter Fault (T14)."""
         if self.state in (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE):
             return
         option = self._objects[FAULT_REACTION_OPTION]
@@ -213,7 +214,7 @@ class PowerStage:
         self._stop(deceleration, now_s, PowerState.FAULT)
 
     def abort_connection(self, now_s: float) -> None:
-        """React to the loss of the master as 6007h says; without effect where nothing moves."""
+        """React to the loss of the master according to 6007h; no effect without power."""
         if not self.powered:
             return
         reaction = self._objects[ABORT_CONNECTION]
@@ -225,7 +226,7 @@ class PowerStage:
             self.quick_stop(now_s)
 
     def advance(self, until_s: float) -> None:
-        """End the stopping ramp whose end has come."""
+        """Finish the stopping ramp if its end has come."""
         if self._after_ramp is not None and until_s >= self.next_s:
             self.switch_off(self._after_ramp)
 
@@ -247,7 +248,7 @@ class PowerStage:
                 self._stop(PROFILE_DECELERATION, now_s, wanted)
 
     def _leave_quick_stop(self, wanted: PowerState) -> None:
-        """Only a quick stop that holds the axis at its end can be left for operation (T16)."""
+        """Leave the quick stop; T16 needs a drive that holds the axis after the stop."""
         if wanted is PowerState.SWITCH_ON_DISABLED:
             self.switch_off()
         elif wanted is PowerState.OPERATION_ENABLED and self._after_ramp is None:
@@ -255,7 +256,7 @@ class PowerStage:
 
     def _stop(self, deceleration: Key, now_s: float, after: PowerState | None) -> None:
         velocity = self._ramp.at(now_s)
-        end_s = now_s + self._clock.lasts(self._ramp_s(velocity, deceleration))
+        end_s = now_s + self._clock.true_duration_s(self._ramp_s(velocity, deceleration))
         self._ramp = Ramp(now_s, end_s, velocity, 0.0)
         self._after_ramp = after
         self.next_s = math.inf if after is None else end_s

@@ -1,4 +1,4 @@
-"""What simulated hardware needs of its computer: processes, sockets' folders, faults of programs.
+"""Processes, folders of sockets, and faults of programs for the simulated hardware.
 
-No device. Begin with `device_process.py`.
+This package contains no device. Begin with `device_process.py`.
 """

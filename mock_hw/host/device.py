@@ -1,4 +1,4 @@
-"""`SimulatedDevice`: the one contract of time that every simulated device keeps."""
+"""`SimulatedDevice`: protocol for the time of all simulated devices."""
 
 from __future__ import annotations
 
@@ -7,24 +7,23 @@ from typing import Protocol
 
 
 class SimulatedDevice(Protocol):
-    """A device as a function of what it is given and of time; it looks at no clock.
+    """A device whose state depends only on its inputs and their times; it reads no clock.
 
-    Whoever runs it calls `advance` at `next_s` or before, and again whenever something reaches the
-    device: time first, then the thing. The order of calls and their times decide everything that
-    it does, so that the same calls give the same bytes.
+    The caller calls `advance` at `next_s` or earlier, and before every input to the device. The
+    order and the times of the calls determine all outputs, so that equal calls give equal bytes.
 
-    What is under a device (`Plant`, `ChargeAmplifier`) is no device: it has nothing to do by
-    itself, and is given time together with what acts on it meanwhile.
+    Parts within a device (`Plant`, `ChargeAmplifier`) are not devices: they have no actions of
+    their own, and receive time together with their inputs.
     """
 
     @property
     @abstractmethod
     def next_s(self) -> float:
-        """When it next has something to do by itself [s]; infinity for never."""
+        """Time of the device's next action of its own [s]; infinity without one."""
 
     @abstractmethod
     def advance(self, until_s: float) -> None:
-        """Let time pass until `until_s` [s], doing what is due on the way, in order.
+        """Advance time to `until_s` [s] and do all actions that are due, in order.
 
-        Afterwards `next_s` lies beyond `until_s`.
+        Afterwards `next_s` is later than `until_s`.
         """

@@ -1,7 +1,8 @@
-"""`DeviceProcess`: simulated hardware in a process of its own, started and ended by the program.
+"""`DeviceProcess`: simulated hardware in a separate process, started and ended by the program.
 
-What a terminal, a shell or `timeout` sends to all processes of a program reaches the program alone,
-which stops its robot first: hardware does not vanish with the operator's terminal.
+Signals that a terminal, a shell or `timeout` sends to all processes of a program reach only the
+program itself. The program then stops its robot first; real hardware would not vanish with the
+operator's terminal either.
 """
 
 from __future__ import annotations
@@ -19,23 +20,23 @@ from config.errors import TransportError
 from config.process.termination import SUSPENSION, signals_blocked
 
 SCHEDULER_PRIORITY = 10
-"""Below the cyclic task's own."""
+"""Lower than the priority of the cyclic task."""
 
-_START_TIMEOUT_S = 120.0  # the plant's kernels may have to be compiled
+_START_TIMEOUT_S = 120.0  # the plant's kernels may need compilation
 _END_TIMEOUT_S = 5.0
 _PR_SET_TIMERSLACK = 29
 
 
 class DeviceProcess:
-    """A started process, and the pipe to it.
+    """A started process with a pipe to it.
 
     Args:
-        serve: Its main function; its last argument is its end of the pipe, through which it says
-            that it serves, or what went wrong.
-        arguments: The arguments before that.
+        serve: Main function of the process. Its last argument is the process's end of the pipe,
+            through which it reports that it serves, or the text of an error.
+        arguments: The other arguments of `serve`.
 
     Attributes:
-        pipe: Our end.
+        pipe: The caller's end of the pipe.
     """
 
     def __init__(self, serve: Callable[..., None], *arguments: Any) -> None:
@@ -52,7 +53,7 @@ class DeviceProcess:
             theirs.close()
 
     def end(self) -> None:
-        """End the process, gently first, and close the pipe."""
+        """Terminate the process, kill it if it does not end, and close the pipe."""
         process = self._process
         if process.pid is not None:
             process.terminate()
@@ -65,10 +66,10 @@ class DeviceProcess:
 
 
 def wait_until_ready(what: str, pipe: Connection) -> int | None:
-    """Wait for the word that somebody serves: a port, or nothing.
+    """Wait for the report that a process serves, and return its port or None.
 
     Raises:
-        TransportError: The word is a text, which says what went wrong, or there is none.
+        TransportError: The report is the text of an error, or there is no report.
     """
     try:
         word: str | int | None = pipe.recv() if pipe.poll(_START_TIMEOUT_S) else "no answer"
@@ -80,12 +81,12 @@ def wait_until_ready(what: str, pipe: Connection) -> int | None:
 
 
 def leave_signals_to_parent() -> None:
-    """Let this process be ended by its starter alone: the starter stops the robot first.
+    """Ensure that only the parent process ends this process, after it has stopped the robot.
 
-    A process group of its own keeps away what is sent to all of a program's processes: Ctrl-C,
-    Ctrl-Z, a closed terminal, the SIGTERM of `timeout`. Interrupts and hang-ups that are sent to
-    this process itself are ignored, and so is a terminal's refusal to let it write; SIGTERM is how
-    it is ended, from here on.
+    A process group of its own keeps away the signals to all processes of a program: Ctrl-C, Ctrl-Z,
+    a closed terminal, the SIGTERM of `timeout`. Interrupts and hang-ups to this process itself are
+    ignored, and so are the signals by which a terminal stops background processes. From here on,
+    SIGTERM ends the process.
     """
     os.setpgid(0, 0)
     for number in (signal.SIGINT, signal.SIGHUP, *SUSPENSION):
@@ -94,18 +95,18 @@ def leave_signals_to_parent() -> None:
 
 
 def catch_terminate() -> int:
-    """Return a descriptor that is readable after SIGTERM."""
+    """Return a file descriptor that becomes readable after SIGTERM."""
     readable, writable = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
     signal.signal(signal.SIGTERM, lambda _number, _frame: None)
     signal.set_wakeup_fd(writable, warn_on_full_buffer=False)
     return readable
 
 
-def keep_pace(realtime: bool) -> None:
-    """Ask for exact timers and, in real time, to be scheduled before ordinary programs.
+def request_exact_timing(realtime: bool) -> None:
+    """Request exact timers and, in real time, a real-time scheduling priority.
 
-    A real bus and real drives do not wait for a loaded computer. Where the system refuses, the
-    simulation is as punctual as it can be; the answers' times tell.
+    A real bus and real drives do not wait for a loaded computer. If the system refuses the
+    priority, the simulation is less punctual; the times of its answers show this.
     """
     ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
     if realtime:

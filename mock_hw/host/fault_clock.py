@@ -1,4 +1,4 @@
-"""`CycleCount`: the cycles since the drives were commanded on, as anybody on the bus can count."""
+"""`CycleCount`: number of cycles since the drives were enabled, counted from frames on the bus."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from drivers.servo.cia402 import ControlWord
 
 
 class CycleCount:
-    """Counts SYNCs from the first command to enable operation until power is taken away.
+    """Counts SYNC frames from the first command to enable operation until power is switched off.
 
     Args:
         node_ids: The drives.
 
     Attributes:
-        cycle: 0 before the first such SYNC.
+        cycle: Number of the cycle; 0 before the first such SYNC.
     """
 
     def __init__(self, node_ids: Iterable[int]) -> None:
@@ -24,8 +24,8 @@ class CycleCount:
         self._enabled = False
         self.cycle = 0
 
-    def see(self, cob_id: int, data: bytes) -> None:
-        """Take notice of a frame."""
+    def observe(self, cob_id: int, data: bytes) -> None:
+        """Process a frame of the bus."""
         if cob_id == SYNC_COB_ID:
             self.cycle += self._enabled
         elif cob_id in self._commands and len(data) >= 2:
@@ -33,20 +33,21 @@ class CycleCount:
             if word == ControlWord.ENABLE_OPERATION:
                 self._enabled = True
             elif word == ControlWord.DISABLE_VOLTAGE:
-                self._begin_anew()
+                self._restart()
         elif cob_id == NMT_COB_ID:
-            self._begin_anew()
+            self._restart()
 
-    def _begin_anew(self) -> None:
+    def _restart(self) -> None:
         self._enabled = False
         self.cycle = 0
 
 
-class Begin:
-    """When one fault begins: once, and never again.
+class FaultStart:
+    """Start condition of one fault, which starts at most once.
 
     Args:
-        start_s: The time of the bus at which it was served [s]; `at_s` counts from it.
+        fault: The fault with its time or cycle.
+        start_s: Bus time from which `at_s` counts [s].
     """
 
     def __init__(self, fault: TimedFault, start_s: float) -> None:
@@ -54,8 +55,8 @@ class Begin:
         self._at_cycle = fault.at_cycle
         self.begun = False
 
-    def happens(self, cycle: int, now_s: float) -> bool:
-        """Return True once: when the time has come."""
+    def starts_now(self, cycle: int, now_s: float) -> bool:
+        """Return True once, when the fault's time or cycle has come."""
         if self.begun:
             return False
         if self.at_s is not None:
@@ -68,7 +69,7 @@ class Begin:
 
 
 def refuse_unknown_joints(script: FaultScript, joints: Iterable[str]) -> None:
-    """Raise ValueError where a script names a joint that the cell does not have."""
+    """Raise ValueError if a script names a joint that the cell does not have."""
     unknown = sorted(script.joints - set(joints))
     if unknown:
         raise ValueError(f"the fault script names unknown joints: {', '.join(unknown)}")

@@ -1,4 +1,4 @@
-"""`FullDisk`: a small file system that is really filled, and emptied again."""
+"""`FullDisk`: fills a small file system completely, and empties it again."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from config.errors import ConfigError, system_errors
 from mock_hw.host.runtime_directory import runtime_directory
 
 LARGEST_BYTES = 4 << 30
-"""A larger file system is nobody's for the sake of a trial."""
+"""Largest file system that is filled; a larger one is not made for such a test."""
 
 
 def refuse_shared_disk(folder: Path) -> None:
-    """Refuse a folder whose file system others need, or may need.
+    """Refuse a folder whose file system may be needed by other programs.
 
     Args:
-        folder: Where recordings go; it may not be there yet.
+        folder: Folder of the recordings; it may not exist yet.
 
     Raises:
-        ConfigError: Its file system is larger than 4 GiB, or the one of the system, of temporary
-            files, of shared memory or of the home folder.
+        ConfigError: The file system is larger than 4 GiB, or it is the one of the system, of
+            temporary files, of shared memory or of the home folder.
     """
     there = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
     needed = [Path("/"), Path(tempfile.gettempdir()), Path("/dev/shm"), runtime_directory()]
@@ -33,24 +33,25 @@ def refuse_shared_disk(folder: Path) -> None:
     disk = os.statvfs(there)
     if there.stat().st_dev in devices or disk.f_blocks * disk.f_frsize > LARGEST_BYTES:
         raise ConfigError(
-            f"program: disk_full: {folder} is on a file system that others need too, so it is not"
-            f" filled: record onto one of its own of at most {LARGEST_BYTES >> 30} GiB, such as a"
-            " small RAM disk (--runs), or use disk_error",
+            f"program: disk_full: {folder} is on a file system that other programs need, so it is"
+            f" not filled: record to a separate file system of at most {LARGEST_BYTES >> 30} GiB,"
+            " such as a small RAM disk (--runs), or use disk_error",
             code="RID-FAULT-SCRIPT",
         )
 
 
 class FullDisk:
-    """Takes all free room of a file system by a file without a name, until `release`.
+    """Fills all free space of a file system by a file without a name, until `release`.
 
-    The room is free again whatever becomes of this process.
+    The system frees the space when this process ends, even if it is killed.
 
     Args:
-        folder: A folder on it.
-        leave_bytes: How much is left free.
+        folder: A folder on the file system.
+        leave_bytes: Number of bytes that stay free.
 
     Raises:
-        ConfigError: It is not one to be filled, see `refuse_shared_disk`; or it cannot be written.
+        ConfigError: The file system must not be filled (`refuse_shared_disk`), or it cannot be
+            written.
     """
 
     def __init__(self, folder: Path, leave_bytes: int = 0) -> None:
@@ -67,7 +68,7 @@ class FullDisk:
             ) from error
 
     def release(self) -> None:
-        """Give the room back."""
+        """Free the space again."""
         os.close(self._descriptor)
 
     def _fill(self, leave_bytes: int) -> None:
@@ -85,7 +86,9 @@ class FullDisk:
                 except OSError as error:
                     if error.errno != errno.ENOSPC:
                         raise
-                    take //= 2  # some of what is free cannot be had, or another was faster
+                    take //= (
+                        2  # part of the free space is not available, or another program took it
+                    )
                     if take < disk.f_frsize:
                         return
             size += take

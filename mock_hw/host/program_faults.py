@@ -1,7 +1,7 @@
-"""`ProgramFaults`: what the operating system does to the program while it works with its cell.
+"""`ProgramFaults`: faults that the operating system causes in the program during its work.
 
-Everything is done from outside, by means that the system has for it: signals, a process's limit on
-file sizes, a file system without room. The program's code knows nothing of it.
+All faults come from outside the program, by means of the operating system: signals, a limit on a
+process's file size, a full file system. The program's code contains nothing for them.
 """
 
 from __future__ import annotations
@@ -30,18 +30,19 @@ _NAMES = {"recorder": ProcessName.RECORDER, "task": ProcessName.TASK}
 
 
 class ProgramFaults:
-    """A fault script's `program` part at work on this process and those that it started.
+    """Executes the `program` part of a fault script on this process and on its child processes.
 
-    A context manager; a thread of its own waits for the word of the drives, which keep the cell's
-    time. What concerns a process that is not there, or a recording that is not begun, waits for it.
-    At the end nothing stays frozen or filled.
+    The context manager starts a thread that waits for messages of the drives, which measure the
+    cell's time. A fault of a process that does not exist yet, or of a recording that has not begun,
+    waits for it. At the end, no process stays frozen and no disk stays full.
 
     Args:
-        faults: What goes wrong.
-        pipe: Tells the number of a fault when it begins, and is answered when it has happened.
+        faults: The faults.
+        pipe: Delivers the number of a fault when it begins; receives an answer when the fault has
+            taken effect.
 
     Raises:
-        ConfigError: At the end: a disk was not to be filled, or the system refused something.
+        ConfigError: On leaving: a disk must not be filled, or the system refused an operation.
     """
 
     def __init__(self, faults: Sequence[ProgramFault], pipe: Connection) -> None:
@@ -56,12 +57,12 @@ class ProgramFaults:
         self._thread = threading.Thread(target=self._serve, name="program faults", daemon=True)
 
     def __enter__(self) -> ProgramFaults:
-        """Start to listen."""
+        """Start the thread."""
         self._thread.start()
         return self
 
     def __exit__(self, _kind: object, error: BaseException | None, *_: object) -> None:
-        """End, and undo what lasts."""
+        """End the thread, and undo lasting faults."""
         self._ending.send(None)
         self._thread.join()
         self._ending.close()
@@ -70,17 +71,19 @@ class ProgramFaults:
             raise self._problem
 
     def _serve(self) -> None:
-        # Signals to the program are its main thread's, which they wake.
+        # The main thread must receive the program's signals, so that they wake it.
         signal.pthread_sigmask(signal.SIG_BLOCK, _TERMINATION)
         listening = [self._ended, self._pipe]
         try:
             while True:
-                ready = wait(listening, self._patience_s())
+                ready = wait(listening, self._timeout_s())
                 if self._ended in ready:
                     return
-                if self._pipe in ready and not self._take_word():
+                if self._pipe in ready and not self._handle_message():
                     listening.remove(self._pipe)
-                self._waiting = [fault for fault in self._waiting if not self._is_done(fault)]
+                self._waiting = [
+                    fault for fault in self._waiting if not self._try_to_execute(fault)
+                ]
                 self._do_due()
         finally:
             for descriptor in [*self._frozen]:
@@ -88,18 +91,18 @@ class ProgramFaults:
             for disk in self._full:
                 disk.release()
 
-    def _patience_s(self) -> float | None:
+    def _timeout_s(self) -> float | None:
         waits_s = [max(0.0, due_s - time.monotonic()) for due_s, _ in self._due]
         return min([*waits_s, _LOOK_S] if self._waiting else waits_s, default=None)
 
-    def _take_word(self) -> bool:
-        """Let happen what begins now, and answer; return False where nobody will tell any more."""
+    def _handle_message(self) -> bool:
+        """Execute the fault that begins now, and answer; return False after the last message."""
         try:
             word = self._pipe.recv()
             if not isinstance(word, int):
                 return False
             fault = self._faults[word]
-            if not self._is_done(fault):
+            if not self._try_to_execute(fault):
                 self._waiting.append(fault)
             self._do_due()
             self._pipe.send(None)
@@ -113,18 +116,18 @@ class ProgramFaults:
             self._due.remove(due)
             due[1]()
 
-    def _is_done(self, fault: ProgramFault) -> bool:
-        """Do it; return False where it cannot be done yet."""
+    def _try_to_execute(self, fault: ProgramFault) -> bool:
+        """Execute a fault; return False if it must wait."""
         try:
-            return self._happens(fault)
+            return self._execute(fault)
         except RidDaqError as problem:
             self._problem = problem
         except OSError as error:
-            why = f"the operating system refuses it: {error.strerror}"
+            why = f"the operating system refused the operation: {error.strerror}"
             self._problem = ConfigError(f"program: {fault.kind}: {why}", code="RID-FAULT-SCRIPT")
         return True
 
-    def _happens(self, fault: ProgramFault) -> bool:
+    def _execute(self, fault: ProgramFault) -> bool:
         if isinstance(fault, ProgramSignalled):
             number = signal.Signals[f"SIG{fault.signal}"]
             act = partial(os.kill, os.getpid(), number)
@@ -132,11 +135,11 @@ class ProgramFaults:
             self._due += [(now_s + sent * fault.period_s, act) for sent in range(fault.count)]
             return True
         if isinstance(fault, DiskFault):
-            return self._spoil_disk(fault)
+            return self._start_disk_fault(fault)
         if fault.process == "program":
             os.kill(os.getpid(), signal.SIGKILL)
         for pid in _children(_NAMES[fault.process]):
-            with contextlib.suppress(ProcessLookupError):  # it has just ended
+            with contextlib.suppress(ProcessLookupError):  # the process has just ended
                 if isinstance(fault, ProcessKilled):
                     os.kill(pid, signal.SIGKILL)
                 else:
@@ -145,7 +148,7 @@ class ProgramFaults:
         return False
 
     def _freeze(self, pid: int, duration_s: float) -> None:
-        descriptor = os.pidfd_open(pid)  # a number alone may be another process's by then
+        descriptor = os.pidfd_open(pid)  # a process number could be reused
         self._frozen.append(descriptor)
         signal.pidfd_send_signal(descriptor, signal.SIGSTOP)
         self._due.append((time.monotonic() + duration_s, partial(self._thaw, descriptor)))
@@ -153,16 +156,16 @@ class ProgramFaults:
     def _thaw(self, descriptor: int) -> None:
         if descriptor in self._frozen:
             self._frozen.remove(descriptor)
-            with contextlib.suppress(ProcessLookupError):  # it was killed meanwhile
+            with contextlib.suppress(ProcessLookupError):  # the process was killed meanwhile
                 signal.pidfd_send_signal(descriptor, signal.SIGCONT)
             os.close(descriptor)
 
-    def _spoil_disk(self, fault: DiskFault) -> bool:
+    def _start_disk_fault(self, fault: DiskFault) -> bool:
         for pid in _children(ProcessName.RECORDER):
             journal = _journal(pid)
             if journal is None:
                 continue
-            with contextlib.suppress(ProcessLookupError):  # it has just ended
+            with contextlib.suppress(ProcessLookupError):  # the process has just ended
                 if fault.duration_s is not None:
                     self._freeze(pid, fault.duration_s)
                 elif fault.kind == "disk_full":
@@ -176,9 +179,9 @@ class ProgramFaults:
 
 
 def _children(name: ProcessName) -> Iterator[int]:
-    """Yield the living processes of a name that this one started."""
+    """Yield the living child processes with a name."""
     for pid in filter(str.isdigit, os.listdir("/proc")):
-        with contextlib.suppress(OSError):  # it ended meanwhile
+        with contextlib.suppress(OSError):  # the process ended meanwhile
             before, _, after = Path("/proc", pid, "stat").read_text().rpartition(")")
             state, parent = after.split()[:2]
             if before.partition("(")[2] == name and int(parent) == os.getpid() and state != "Z":
@@ -186,7 +189,7 @@ def _children(name: ProcessName) -> Iterator[int]:
 
 
 def _journal(pid: int) -> Path | None:
-    """Return the recording that a process writes, once something is in it."""
+    """Return the recording that a process writes, if it is not empty."""
     with contextlib.suppress(OSError):
         for number in os.listdir(f"/proc/{pid}/fd"):
             path = Path(os.readlink(f"/proc/{pid}/fd/{number}"))

@@ -1,4 +1,4 @@
-"""`PtyPort`: the device's end of a serial port that is a pseudo-terminal, at a path that stays."""
+"""`PtyPort`: the device's end of a serial port: a pseudo-terminal at a fixed path."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from config.errors import TransportError
 
 _READ_BYTES = 4096
 _PATIENCE_S = 5.0
-"""How long a reader that has the port open may not read before its bytes are dropped."""
+"""Time without reading after which a reader's bytes are dropped [s]."""
 
 UNKNOWN_RATE = -1
-"""A baud rate that has no constant of its own, as a computer may well set."""
+"""Value for a baud rate without a constant in `termios`, which a computer can also set."""
 
 _RATES = {
     getattr(termios, name): int(name[1:])
@@ -25,21 +25,21 @@ _RATES = {
 
 
 class PtyPort:
-    """A pseudo-terminal with a link to it at `path`; plugged in when made.
+    """A pseudo-terminal with a symbolic link at `path`; it is plugged in when it is created.
 
-    Nobody's listening loses bytes, as on a real line; so does a reader that lets them pile up.
+    Bytes are lost if no program has the port open, as on a real line, or if the reader is too slow.
 
     Args:
-        path: Where computers open it.
-        patient: Whether to wait for a reader that has the port open but is slower than this: with
-            simulated time, which waits too. Otherwise what does not fit is lost.
+        path: Path at which computers open the port.
+        patient: True to wait for a slow reader, with simulated time, which waits too. False to drop
+            bytes that do not fit.
 
     Attributes:
-        passed_bytes: How many bytes were handed over.
-        lost_bytes: How many bytes a listening reader did not fetch in time.
+        passed_bytes: Number of bytes that were handed over.
+        lost_bytes: Number of bytes that a reader did not fetch in time.
 
     Raises:
-        TransportError: There is something at `path` already, or no pseudo-terminal can be had.
+        TransportError: The path already exists, or no pseudo-terminal is available.
     """
 
     def __init__(self, path: Path, *, patient: bool) -> None:
@@ -51,12 +51,12 @@ class PtyPort:
         self.plug()
 
     def fileno(self) -> int:
-        """Return the descriptor to wait at; -1 while unplugged."""
+        """Return the file descriptor to wait for; -1 while unplugged."""
         return self._fd
 
     @property
-    def listened(self) -> bool:
-        """Whether somebody has the port open."""
+    def has_listener(self) -> bool:
+        """True if a program has the port open."""
         if self._fd < 0:
             return False
         poll = select.poll()
@@ -65,22 +65,22 @@ class PtyPort:
 
     @property
     def baud_rate(self) -> int:
-        """The rate that the computer has set."""
+        """Baud rate that the computer has set."""
         if self._fd < 0:
             return UNKNOWN_RATE
         return _RATES.get(termios.tcgetattr(self._fd)[5], UNKNOWN_RATE)
 
     def plug(self) -> None:
-        """Make the port appear."""
+        """Create the port."""
         if self._fd >= 0:
             return
         try:
             self._fd, other = os.openpty()
             try:
-                tty.setraw(other)  # nothing is echoed before a computer has set its own mode
+                tty.setraw(other)  # prevent echoes until a computer has set its own mode
                 self._path.symlink_to(os.ttyname(other))
             finally:
-                os.close(other)  # from now on a hang-up tells that nobody listens
+                os.close(other)  # from now on, a hang-up means that no program has the port open
             os.set_blocking(self._fd, False)
         except OSError as error:
             self._close()
@@ -90,24 +90,24 @@ class PtyPort:
             ) from None
 
     def unplug(self) -> None:
-        """Let the port disappear, under whoever has it open."""
+        """Remove the port, even if a program has it open."""
         if self._fd >= 0:
             self._path.unlink(missing_ok=True)
             self._close()
 
     def read(self) -> bytes:
-        """Return what has come; nothing where nobody listens."""
+        """Return the received bytes; empty if no bytes have arrived."""
         if self._fd < 0:
             return b""
         try:
             return os.read(self._fd, _READ_BYTES)
-        except OSError:  # nothing there, or nobody
+        except OSError:  # no bytes, or no program at the other end
             return b""
 
     def write(self, data: bytes) -> None:
-        """Send bytes to whoever listens."""
+        """Send bytes to the program that has the port open."""
         view = memoryview(data)
-        while view and self.listened:
+        while view and self.has_listener:
             try:
                 written = os.write(self._fd, view)
                 view = view[written:]

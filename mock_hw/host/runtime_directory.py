@@ -1,4 +1,4 @@
-"""Where simulated buses and ports live, and how a channel's name becomes a path there."""
+"""Folders of simulated buses and ports, and the paths that belong to a channel's name."""
 
 from __future__ import annotations
 
@@ -18,13 +18,14 @@ _IN_USE = "in-use"
 
 
 def runtime_directory() -> Path:
-    """Return this user's folder for simulated buses, made if need be and closed to others.
+    """Return this user's folder for simulated buses; create it if necessary, closed to other users.
 
-    It is ``$XDG_RUNTIME_DIR/rid-daq``, or ``/tmp/rid-daq-<user id>`` where that is not set.
+    The folder is ``$XDG_RUNTIME_DIR/rid-daq``, or ``/tmp/rid-daq-<user id>`` if the variable is not
+    set.
 
     Raises:
-        TransportError: The folder belongs to somebody else or is open to others: a bus there could
-            be theirs.
+        TransportError: The folder belongs to another user or is open to others, so that a bus in it
+            could be theirs.
     """
     base = os.environ.get("XDG_RUNTIME_DIR")
     if base and Path(base).is_dir():
@@ -36,7 +37,7 @@ def runtime_directory() -> Path:
         problem = private_folder_problem(directory) or changeable_by_others(directory.parent)
     except OSError as error:
         raise TransportError(
-            f"{directory}: cannot make the folder for sockets ({error})", code="RID-SOCKET-PATH"
+            f"{directory}: cannot create the folder for sockets ({error})", code="RID-SOCKET-PATH"
         ) from None
     if problem:
         raise TransportError(f"{directory}: {problem}", code="RID-RUNTIME-NOT-PRIVATE")
@@ -45,36 +46,39 @@ def runtime_directory() -> Path:
 
 @contextlib.contextmanager
 def private_folder(name: str) -> Iterator[Path]:
-    """Yield a new folder for one bus, which is removed at the end.
+    """Yield a new folder for one bus, and remove it at the end.
 
-    Before, folders are removed whose processes were all killed at once.
+    First, folders are removed that were left behind because all their processes were killed.
 
     Raises:
-        TransportError: As `runtime_directory`; or the folder cannot be made.
+        TransportError: As `runtime_directory`, or the folder cannot be created.
     """
     runtime = runtime_directory()
     with contextlib.ExitStack() as stack:
         try:
-            with _alone_in(runtime):
+            with _exclusive_lock(runtime):
                 for folder in runtime.iterdir():
-                    _remove_unserved(folder)
+                    _remove_unused(folder)
                 folder = Path(tempfile.mkdtemp(prefix=f"{name}-", dir=runtime))
                 stack.callback(shutil.rmtree, folder, ignore_errors=True)
                 (folder / _IN_USE).touch(mode=0o600)
                 stack.enter_context(folder_in_use(folder))
         except OSError as error:
             raise TransportError(
-                f"{runtime}: cannot make a bus's folder there ({error})", code="RID-SOCKET-PATH"
+                f"{runtime}: cannot create a folder for the bus there ({error})",
+                code="RID-SOCKET-PATH",
             ) from None
         yield folder
 
 
 @contextlib.contextmanager
 def folder_in_use(folder: Path) -> Iterator[None]:
-    """Keep a private folder from being removed as left over; each process that serves there does.
+    """Mark a private folder as used, so that it is not removed.
+
+    Every process that serves in the folder uses this context.
 
     Raises:
-        OSError: It is gone.
+        OSError: The folder no longer exists.
     """
     descriptor = os.open(folder / _IN_USE, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
     try:
@@ -85,8 +89,8 @@ def folder_in_use(folder: Path) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _alone_in(runtime: Path) -> Iterator[None]:
-    """Let nobody else make or remove private folders meanwhile."""
+def _exclusive_lock(runtime: Path) -> Iterator[None]:
+    """Lock the creation and removal of private folders."""
     descriptor = os.open(runtime, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX)
@@ -95,10 +99,10 @@ def _alone_in(runtime: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
-def _remove_unserved(folder: Path) -> None:
+def _remove_unused(folder: Path) -> None:
     """Remove a private folder that no process uses."""
-    with contextlib.suppress(OSError):  # a file, or in use, or already gone
-        folder.rmdir()  # one whose maker was killed before it could say that it is in use
+    with contextlib.suppress(OSError):  # a file, or in use, or already removed
+        folder.rmdir()  # empty folder of a process that was killed early
     with contextlib.suppress(OSError):
         descriptor = os.open(folder / _IN_USE, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
         try:
@@ -109,15 +113,15 @@ def _remove_unserved(folder: Path) -> None:
 
 
 def socket_path(channel: str) -> Path:
-    """Return the socket of a channel: a path as it is, a plain name in `runtime_directory`.
+    """Return the socket of a channel: a path unchanged, a plain name in `runtime_directory`.
 
     Raises:
-        TransportError: The path is longer than a socket's may be.
+        TransportError: The path is too long for a socket.
     """
     path = Path(channel) if os.sep in channel else runtime_directory() / f"{channel}.sock"
     if len(os.fsencode(path)) > _SOCKET_PATH_BYTES:
         raise TransportError(
-            f"{path}: longer than the {_SOCKET_PATH_BYTES} bytes of a socket's path;"
+            f"{path}: the path is longer than {_SOCKET_PATH_BYTES} bytes, the limit for sockets;"
             " choose a shorter folder",
             code="RID-SOCKET-PATH",
         )
@@ -125,7 +129,7 @@ def socket_path(channel: str) -> Path:
 
 
 def plate_path(channel: str) -> Path:
-    """Return the serial port of the plate that is served beside a channel.
+    """Return the path of the plate's serial port next to a channel.
 
     Raises:
         TransportError: As `socket_path`.
@@ -134,10 +138,10 @@ def plate_path(channel: str) -> Path:
 
 
 def registers_path(channel: str) -> Path:
-    """Return the serial line that the drives' registers are served on beside a channel."""
+    """Return the path of the serial line of the drives' registers next to a channel."""
     return socket_path(channel).with_suffix(".drives")
 
 
 def axes_path(channel: str) -> Path:
-    """Return where the true state of the axes is that are served at a channel."""
+    """Return the path of the file with the true state of the axes next to a channel."""
     return socket_path(channel).with_suffix(".axes")

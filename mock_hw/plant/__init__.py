@@ -1,4 +1,5 @@
-"""The simulated robot, computed by Pinocchio with effects that our models do not have.
+"""The simulated robot, computed by Pinocchio, with effects that the estimators' models do not have.
 
-Independent of `dynamics`, so that a shared mistake cannot cancel. Begin with `plant.py`.
+This package is independent of `dynamics`, so that no mistake is in both and cancels. Begin with
+`plant.py`.
 """

@@ -1,4 +1,4 @@
-"""What the kernel of the servo loops is told of a plant: the table of its axes, and its spring."""
+"""Tables for the kernel of the servo loops: the parameters of a plant's axes, and its spring."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ TACHOMETER_PERIODS_PER_MOTOR_REV = 11
 
 
 def axis_rows(robot: RobotDescription, plant: PlantConfig) -> Vector:
-    """Return the kernel's table of what the axes are, (AXES_ROWS, n).
+    """Return the kernel's table of axis parameters, (AXES_ROWS, n).
 
     Raises:
-        ConfigError: An axis has presliding, but no Coulomb friction that could give way.
+        ConfigError: An axis has presliding but no Coulomb friction.
     """
     table = np.zeros((rows.AXES_ROWS, len(plant.axes)))
     outputs = output_columns(plant)
@@ -48,8 +48,8 @@ def axis_rows(robot: RobotDescription, plant: PlantConfig) -> Vector:
         if extra.presliding_rad > 0.0:
             if axis.coulomb_nm == 0.0:
                 raise ConfigError(
-                    f"plant {plant.name!r}: unmodelled.axes[{i}].presliding_rad needs friction that"
-                    f" gives way: set axes[{i}].coulomb_nm, or presliding_rad to 0",
+                    f"plant {plant.name!r}: unmodelled.axes[{i}].presliding_rad needs Coulomb"
+                    f" friction: set axes[{i}].coulomb_nm, or set presliding_rad to 0",
                     code="RID-PLANT-UNFIT",
                 )
             table[rows.BRISTLE_STIFFNESS, i] = axis.coulomb_nm / extra.presliding_rad
@@ -57,7 +57,11 @@ def axis_rows(robot: RobotDescription, plant: PlantConfig) -> Vector:
 
 
 def spring_entries(robot: RobotDescription, plant: PlantConfig) -> Vector:
-    """Return the kernel's spring: its column, -1 for none, then k, free length, l and r."""
+    """Return the kernel's spring: its column (-1 for no spring), k, free length, l and r.
+
+    Raises:
+        ConfigError: The spring's data are incomplete, or the spring cannot be simulated.
+    """
     if robot.spring is None or plant.spring is None:
         return np.array([-1.0, 0.0, 0.0, 1.0, 0.5])
     joint = robot.joint_names.index(robot.spring.joint)
@@ -65,21 +69,21 @@ def spring_entries(robot: RobotDescription, plant: PlantConfig) -> Vector:
         float(j == joint) for j in range(len(robot.joints))
     ):
         raise ConfigError(
-            f"robot {robot.name!r}: several motors move joint {robot.spring.joint!r}; a spring is"
-            " simulated only across a joint that its own motor moves alone",
+            f"robot {robot.name!r}: several motors move joint {robot.spring.joint!r}; the"
+            " simulation supports a spring only on a joint with its own motor",
             code="RID-PLANT-UNFIT",
         )
     l_m, r_m = robot.spring.l_m, robot.spring.r_m
     if l_m is None or r_m is None:
         raise ConfigError(
-            f"robot {robot.name!r}: a simulated spring needs its distances: state spring.l_m and"
-            " spring.r_m",
+            f"robot {robot.name!r}: the simulation of the spring needs its distances: set"
+            " spring.l_m and spring.r_m",
             code="RID-PLANT-UNFIT",
         )
     if plant.spring.free_length_m > l_m + r_m:
         raise ConfigError(
-            f"plant {plant.name!r}: spring.free_length_m {plant.spring.free_length_m} is longer"
-            f" than the spring ever gets, {l_m + r_m} m",
+            f"plant {plant.name!r}: spring.free_length_m {plant.spring.free_length_m} m is longer"
+            f" than the largest length of the spring, {l_m + r_m} m",
             code="RID-PLANT-UNFIT",
         )
     return np.array(

@@ -1,8 +1,8 @@
-"""The simulated robot: what moves when its drives are told to, and what they can measure of it.
+"""The simulated robot: its motion under the drives' commands, and the drives' measurements.
 
-Pinocchio renews mass matrix and bias at the predicted middle of every outer step; the kernel in
-`mock_hw.plant.servo_loops` fills the steps. Both are of second order, so that the samples obey the
-equations of motion far below the torque noise.
+Pinocchio computes mass matrix and bias at the predicted middle of every outer step; the kernel in
+`mock_hw.plant.servo_loops` computes the inner steps. Both are of second order, so that the samples
+satisfy the equations of motion with errors far below the torque noise.
 """
 
 from __future__ import annotations
@@ -33,21 +33,22 @@ _INT16_MAX = 32767
 class Plant:
     """A robot with motors, gears, friction, brakes and the sensors of its drives.
 
-    Positions are rad or m and torques N m or N, at the link side; everything is in the order of
-    the robot's joints. All that belongs to a motor (commands, encoders, torques, friction, brakes)
-    is counted on its motor; with a coupled wrist, or a gear that gives, that is another coordinate
-    than the joints', in which `position` and `velocity` are. The same seed and the same calls give
-    the same numbers, bit for bit.
+    Positions are in rad or m and torques in N m or N, at the link side, in the order of the robot's
+    joints. Commands, encoders, torques, friction and brakes refer to the motors. With a coupled
+    wrist or an elastic gear, the motors' coordinates differ from those of the joints; `position`
+    and `velocity` are those of the joints. Equal seeds and equal calls give equal numbers, bit for
+    bit.
 
     Args:
-        robot, plant: The description everyone knows, and the truth. Pass
-            ``plant.without_unmodelled()`` for a robot that obeys the estimators' models.
-        torque_filter: Anti-alias filter between the motor's torque and its measurement; None for
-            none.
-        seed: Of the torque noise.
+        robot: Description of the robot, which all programs know.
+        plant: True parameters. Use ``plant.without_unmodelled()`` for a robot that satisfies the
+            estimators' models.
+        torque_filter: Anti-alias filter between the motor's torque and its measurement; None for no
+            filter.
+        seed: Random seed of the torque noise.
 
     Raises:
-        ConfigError: If plant and robot do not fit each other.
+        ConfigError: Plant and robot do not fit each other.
     """
 
     def __init__(
@@ -101,18 +102,18 @@ class Plant:
 
     @property
     def time_s(self) -> float:
-        """Simulated time since the plant began [s]."""
+        """Simulated time since the start of the plant [s]."""
         return self._time_s
 
     @property
     def position(self) -> Vector:
         """True joint positions, (n,), a copy."""
-        return self._of_joints(self._state[rows.POSITION])
+        return self._to_joints(self._state[rows.POSITION])
 
     @property
     def velocity(self) -> Vector:
         """True joint velocities, (n,), a copy."""
-        return self._of_joints(self._state[rows.VELOCITY])
+        return self._to_joints(self._state[rows.VELOCITY])
 
     @property
     def actuator_velocity(self) -> Vector:
@@ -126,7 +127,7 @@ class Plant:
 
     @property
     def base_wrench(self) -> Vector:
-        """The wrench that the base exerts on the robot now, (6,); see `BaseWrench`."""
+        """Present wrench of the base on the robot, (6,); see `BaseWrench`."""
         return self._base_wrench(self._state[: rows.ACCELERATION + 1])
 
     @property
@@ -136,11 +137,11 @@ class Plant:
 
     @property
     def attached(self) -> str | None:
-        """The payload that hangs at the flange."""
+        """The payload on the flange; None if the flange is empty."""
         return self._truth.attached
 
     def attach(self, payload: str | None) -> None:
-        """Mount one of the plant file's payloads on the flange, or take it off.
+        """Mount one of the plant file's payloads on the flange, or remove the payload (None).
 
         Raises:
             ConfigError: There is no such payload, or plant and robot do not fit each other.
@@ -154,18 +155,18 @@ class Plant:
         self._base_wrench = BaseWrench(self._robot, self._truth)
 
     def watch_base(self, watched: bool) -> None:
-        """Keep the base wrench of what comes, for `take_base_wrenches`, or stop keeping it."""
+        """Start or stop recording the base wrench for `take_base_wrenches`."""
         if watched != (self._watched is not None):
             self._watched = [] if watched else None
 
     def take_base_wrenches(self) -> tuple[Vector, Vector]:
-        """Return the base wrench since the last call while it was watched.
+        """Return the recorded base wrench since the last call.
 
         Returns:
-            `end_s`, shape (m,). Plant times at which intervals end [s]; each begins where the one
-                before it ends.
-            `wrench`, shape (m, 6). Mean of the base wrench over each interval: a velocity that
-                jumps counts in full.
+            `end_s`, shape (m,). Plant times at which intervals end [s]; each interval begins at the
+            end of the one before.
+            `wrench`, shape (m, 6). Mean of the base wrench over each interval; it includes jumps of
+            the velocity.
         """
         taken = self._watched or []
         if taken:
@@ -182,23 +183,24 @@ class Plant:
         braked: ArrayLike,
         torque_limit: ArrayLike | None = None,
     ) -> None:
-        """Let time pass.
+        """Advance the plant in time.
 
         Args:
-            duration_s: How long [s]; not negative.
-            velocity_start, velocity_end: Shape (n,). The motors' velocity commands at the link
-                side, at the beginning and the end, linear in between [rad/s or m/s].
-            powered: Shape (n,). Whether the drive's velocity loop runs; without it the motor gives
-                no torque.
-            braked: Shape (n,). Whether the holding brake is closed.
-            torque_limit: Shape (n,). The drives' torque limits at the link side [N m or N], where
+            duration_s: Duration [s]; not negative.
+            velocity_start: Shape (n,). The motors' velocity commands at the beginning, at the link
+                side [rad/s or m/s].
+            velocity_end: Shape (n,). The same at the end; the commands are linear in between.
+            powered: Shape (n,). True if the drive's velocity loop runs; without it the motor has no
+                torque.
+            braked: Shape (n,). True if the holding brake is closed.
+            torque_limit: Shape (n,). The drives' torque limits at the link side [N m or N]; used if
                 lower than the motors' peak torques.
 
         Raises:
-            ValueError: If the duration is negative or not finite.
+            ValueError: The duration is negative or not finite.
         """
         if not 0.0 <= duration_s < math.inf:
-            raise ValueError(f"duration_s must be finite and not negative, it is {duration_s}")
+            raise ValueError(f"duration_s must be finite and not negative, but it is {duration_s}")
         if duration_s == 0.0:
             return
         command = self._command
@@ -212,7 +214,7 @@ class Plant:
         if torque_limit is not None:
             np.minimum(torque_limit, self._peak_torque, out=command[rows.TORQUE_LIMIT])
         if self._heat.any:
-            self._warm(command)
+            self._apply_temperatures(command)
         outer_steps = max(1, math.ceil(duration_s / OUTER_STEP_S - 1e-9))
         outer_s = duration_s / outer_steps
         inner_steps = max(1, math.ceil(outer_s / INNER_STEP_S - 1e-9))
@@ -245,7 +247,7 @@ class Plant:
         self._random.standard_normal(out=self._noise)
 
     def position_counts(self) -> NDArray[np.int64]:
-        """Return what the encoders count, (n,): 0 at joint position zero, upwards with it."""
+        """Return the encoder positions, (n,); they are 0 at joint position zero."""
         counts: NDArray[np.int64] = np.floor(
             self._motors[rows.POSITION] * self._counts_per_position
         ).astype(np.int64)
@@ -254,8 +256,8 @@ class Plant:
     def measured_torque(self) -> Vector:
         """Return the motors' torques as measured, (n,): filtered, with noise.
 
-        What is measured is current; the drives take the torque constant for what it is at the
-        reference temperature. The noise changes when time passes, not with every call.
+        The drives measure current and use the torque constant at the reference temperature. The
+        noise changes when time passes, not with every call.
         """
         torque: Vector = self._motors[rows.TORQUE]
         if len(self._poles):
@@ -265,28 +267,28 @@ class Plant:
         return torque + self._noise_nm * self._noise
 
     def torque_permille(self) -> NDArray[np.int16]:
-        """Return measured torques as drives report them (6077h), (n,): 0.1 % of rated torque."""
+        """Return measured torques as drives report them (6077h), (n,) [0.1 % of rated torque]."""
         permille = np.rint(self.measured_torque() / self._torque_per_permille)
         clipped: NDArray[np.int16] = np.clip(permille, -_INT16_MAX, _INT16_MAX).astype(np.int16)
         return clipped
 
-    def _warm(self, command: Vector) -> None:
-        """Let friction, and what a current gives, be those of the motors' temperatures."""
+    def _apply_temperatures(self, command: Vector) -> None:
+        """Scale friction and torque constants for the motors' temperatures."""
         friction, constant = self._heat.friction_factor, self._heat.torque_constant_factor
         for row in (rows.COULOMB, rows.VISCOUS, rows.STRIBECK, rows.LOAD_FRICTION):
             np.multiply(self._cold_axes[row], friction, out=self._axes[row])
         np.multiply(self._cold_axes[rows.GAIN], constant, out=self._axes[rows.GAIN])
         command[rows.TORQUE_LIMIT] *= constant
 
-    def _of_joints(self, of_columns: Vector) -> Vector:
-        """Turn positions or velocities of motors and outputs into the joints' (5.18)."""
+    def _to_joints(self, of_columns: Vector) -> Vector:
+        """Convert positions or velocities of motors and gear outputs to the joints' (5.18)."""
         of_outputs: Vector = of_columns[self._outputs]
         if not self._coupled:
             return of_outputs
         return np.asarray(self._joint_of @ of_outputs)
 
     def _renew_rigid_bodies(self, ahead_s: float) -> None:
-        """Evaluate mass matrix and bias at the state predicted `ahead_s` from now."""
+        """Compute mass matrix and bias at the state that is predicted `ahead_s` from now."""
         state = self._state
         acceleration = state[rows.ACCELERATION]
         velocity = state[rows.VELOCITY] + ahead_s * acceleration
@@ -302,7 +304,7 @@ class Plant:
         )
 
     def _gains(self, step_s: float) -> NDArray[np.complex128]:
-        """Return the filter's exact discretisation for inputs linear over a step."""
+        """Return the filter's exact discretisation for inputs that are linear over a step."""
         gains = self._filter_gains.get(step_s)
         if gains is None:
             gains = discretise(self._poles, self._residues, step_s)

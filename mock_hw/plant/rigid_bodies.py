@@ -1,16 +1,17 @@
-"""The simulated robot's rigid bodies in Pinocchio: links, and every rotor as a body of its own.
+"""The simulated robot's rigid bodies in Pinocchio: links, and every rotor as a separate body.
 
-A rotor turns in the full model of 2n coordinates about its axis on the link that carries it; its
-gear ties it to its actuator, q_full = G alpha with G = [C; diag(mu)] constant, where C turns the
-actuators' angles into the joints' (5.18), 1 without a coupled wrist. The reduced equations are
-Gᵀ M G and Gᵀ b: the rotors' coupling (theory: section 3) and the wrist's (5.19) follow without a
-formula for them. A plain armature is a rotor that nothing carries: it turns in the world.
+A rotor turns in the full model of 2n coordinates about its axis on the link that carries it. Its
+gear couples it to its actuator, q_full = G alpha with G = [C; diag(mu)] constant. C converts the
+actuators' angles to the joints' (5.18); it is 1 without a coupled wrist. The reduced equations are
+Gᵀ M G and Gᵀ b. They contain the rotors' coupling (theory: section 3) and the wrist's (5.19)
+without explicit formulas. A plain armature is a rotor without a carrier: it turns in the world
+frame.
 
-Where a gear gives (`joint_stiffness_nm_rad`), its motor and its output are two coordinates: the
-motor's stays its axis' column of G, which then moves the rotor alone, and the output's is a column
-after all axes, which moves the links.
+With an elastic gear (`joint_stiffness_nm_rad`), the motor and the gear's output are two
+coordinates. The motor keeps its axis' column of G, which then moves the rotor alone. The output has
+a column after those of all axes, and moves the links.
 
-What holds the base still is the generalised force of a free joint under it that does not move.
+The base wrench is the generalised force of a free joint under the base that does not move.
 """
 
 from __future__ import annotations
@@ -33,26 +34,26 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class GearedModel:
-    """A Pinocchio model of links and rotors, and how its coordinates hang on the actuators.
+    """A Pinocchio model of links and rotors, with the transmission from the actuators.
 
     Attributes:
-        model: One coordinate a joint and one a rotor, m in all.
-        gearing: Shape (m, n + f). G: coordinate velocities are G times the velocities of the n
-            motors, then of the f outputs of gears that give; the joints' where the robot has
-            neither those nor a coupling.
+        model: Pinocchio model with one coordinate per joint and one per rotor, m in total.
+        gearing: Shape (m, n + f). G: the coordinates' velocities are G times the velocities of the
+            n motors and of the f outputs of elastic gears. Without elastic gears and coupling, the
+            motors' velocities are the joints'.
     """
 
     model: Any
     gearing: Vector
 
     def entries(self) -> tuple[Indices, Indices, Vector]:
-        """Return coordinate, actuator and value of every entry of G that is not 0."""
+        """Return coordinate, actuator and value of every nonzero entry of G."""
         coordinate, actuator = np.nonzero(self.gearing)
         return coordinate, actuator, self.gearing[coordinate, actuator]
 
 
 def output_columns(plant: PlantConfig) -> Indices:
-    """Return every gear output's column of G, (n,): its motor's own where the gear is rigid."""
+    """Return the column of G of every gear output, (n,); a rigid gear has its motor's column."""
     columns = np.arange(len(plant.axes))
     giving = [extra.joint_stiffness_nm_rad is not None for extra in plant.extras]
     columns[giving] = len(columns) + np.arange(sum(giving))
@@ -62,14 +63,15 @@ def output_columns(plant: PlantConfig) -> Indices:
 def build_rigid_bodies(
     robot: RobotDescription, plant: PlantConfig, *, floating: bool = False
 ) -> GearedModel:
-    """Build the model of a robot with the plant's inertias and, where given, true kinematics.
+    """Build the model of a robot with the plant's inertias and, if given, its true kinematics.
 
-    A payload that the plant has attached is rigidly part of the last link.
+    A payload that is attached in the plant is a rigid part of the last link.
 
-    With `floating`, the base stands on a free joint: see `BaseWrench`.
+    Args:
+        floating: True to put the base on a free joint; see `BaseWrench`.
 
     Raises:
-        ConfigError: If plant and robot do not fit each other.
+        ConfigError: Plant and robot do not fit each other.
     """
     count = len(robot.joints)
     _check(robot, plant)
@@ -87,12 +89,12 @@ def build_rigid_bodies(
     joint_of = np.zeros((count, width))
     joint_of[:, outputs] = np.eye(count) if robot.coupling is None else np.array(robot.coupling)
     gearing: list[Vector] = []
-    # Pinocchio wants every subtree in one piece: a link, then its rotors, then the next link.
+    # Pinocchio needs subtrees in contiguous order: a link, its rotors, then the next link.
     for number in range(count + 1):
         if number > 0:
             joint, row = robot.joints[number - 1], kinematics.modified_rows()[number - 1]
             kind = pin.JointModelRZ() if joint.type == "revolute" else pin.JointModelPZ()
-            parent = model.addJoint(parent, kind, _placement(row), joint.name)
+            parent = model.addJoint(parent, kind, _joint_placement(row), joint.name)
             model.appendBodyToJoint(parent, _inertia(plant.links[number - 1]), pin.SE3.Identity())
             if number == count and plant.attached is not None:
                 payload = plant.payloads[plant.attached]
@@ -112,14 +114,15 @@ def build_rigid_bodies(
 
 
 class BaseWrench:
-    """The wrench that the base exerts on a robot, for any motion of its actuators.
+    """Wrench of the base on a robot, for any motion of its actuators.
 
-    By Newton and Euler it is the change of the whole robot's momentum, every rotor's spin
-    included, less its weight. What acts between the robot's bodies (motor torques, friction,
-    springs) does not occur in it.
+    By Newton and Euler it is the rate of change of the whole robot's momentum, with the spin of
+    every rotor, minus the weight. Forces between the robot's bodies (motor torques, friction,
+    springs) do not contribute.
 
     Args:
-        robot, plant: As for `build_rigid_bodies`.
+        robot: As for `build_rigid_bodies`.
+        plant: As for `build_rigid_bodies`.
     """
 
     def __init__(self, robot: RobotDescription, plant: PlantConfig) -> None:
@@ -130,7 +133,7 @@ class BaseWrench:
         self._position: Vector = np.array(pin.neutral(self._model))
         self._velocity: Vector = np.zeros(self._model.nv)
         self._acceleration: Vector = np.zeros(self._model.nv)
-        # The free joint stands still in the beginning of each; the rest are the robot's own.
+        # The first entries of each belong to the free joint, which does not move.
         count = len(self._gearing)
         self._own = tuple(
             full[-count:] for full in (self._position, self._velocity, self._acceleration)
@@ -140,8 +143,8 @@ class BaseWrench:
         """Return the wrench (6,): force [N], then moment [N m] about the origin of frame 0.
 
         Args:
-            motion: Shape (3, n + f). Positions, velocities and accelerations of what G is
-                multiplied by.
+            motion: Shape (3, n + f). Positions, velocities and accelerations in the coordinates to
+                which G applies.
         """
         for own, full in zip(self._own, motion @ self._gearing.T, strict=True):
             own[:] = full
@@ -154,16 +157,17 @@ class BaseWrench:
         """Return the wrench (6,) at the middle of a step, with the step's mean acceleration.
 
         Args:
-            before, after: Shape (2, n + f). Positions and velocities of what G is multiplied by, at
-                both ends.
-            step_s: How long it takes [s].
+            before: Shape (2, n + f). Positions and velocities at the start, in the coordinates to
+                which G applies.
+            after: Shape (2, n + f). The same at the end.
+            step_s: Duration of the step [s].
         """
         motion = np.array([*(0.5 * (before + after)), (after[1] - before[1]) / step_s])
         return self(motion)
 
 
 def _add_rotor(model: Any, carrier: int, axis: Vector3, inertia_kg_m2: float, name: str) -> None:
-    """Add a body of polar inertia alone, turning about its axis on the carrier's frame."""
+    """Add a body that has only a polar inertia and turns about an axis of the carrier's frame."""
     spin = np.array(axis)
     identity = pin.SE3.Identity()
     number = model.addJoint(carrier, pin.JointModelRevoluteUnaligned(spin), identity, name)
@@ -186,22 +190,22 @@ def _check(robot: RobotDescription, plant: PlantConfig) -> None:
             )
     if (robot.spring is None) != (plant.spring is None):
         raise ConfigError(
-            f"plant {plant.name!r} and robot {robot.name!r}: `spring` must stand in both or in"
-            " neither",
+            f"plant {plant.name!r} and robot {robot.name!r}: only one of the two files has"
+            " `spring`; both need it or neither",
             code="RID-PLANT-UNFIT",
         )
     for joint, axis in zip(robot.joints, plant.axes, strict=True):
         if joint.rotor is None and not joint.armature and axis.rotor_inertia_kg_m2 > 0.0:
             raise ConfigError(
-                f"plant {plant.name!r} gives joint {joint.name!r} a rotor inertia, but robot"
-                f" {robot.name!r} does not say where its rotor sits: add `rotor`, or `armature:"
-                " true`, to that joint, or set rotor_inertia_kg_m2 to 0",
+                f"plant {plant.name!r} has a rotor inertia for joint {joint.name!r}, but robot"
+                f" {robot.name!r} does not describe the position of its rotor: add `rotor`, or"
+                " `armature: true`, to that joint, or set rotor_inertia_kg_m2 to 0",
                 code="RID-PLANT-UNFIT",
             )
 
 
-def _placement(row: KinematicRow) -> Any:
-    """Rot_x(alpha) Trans_x(a) Rot_y(beta) Rot_z(theta) Trans_z(d); the joint is at its end."""
+def _joint_placement(row: KinematicRow) -> Any:
+    """Return a joint's placement: Rot_x(alpha) Trans_x(a) Rot_y(beta) Rot_z(theta) Trans_z(d)."""
     turn = (
         pin.utils.rotate("x", row.alpha_rad)
         @ pin.utils.rotate("y", row.beta_rad)

@@ -1,21 +1,21 @@
-"""What happens in every axis within a fraction of a millisecond, as one compiled kernel.
+"""The servo loops and friction of all axes in steps of a fraction of a millisecond, as one kernel.
 
-An axis is a motor, counted at its gear's output: the joint itself, but for coupled wrists.
-Velocity PI loop with a first-order current loop, Coulomb friction that sticks, viscous friction,
-gravity spring, brakes, cogging, tachometer ripple, and the anti-alias filter behind the torque
-converter. The rigid bodies' mass matrix and bias are constants here: the caller renews them.
-Outputs of gears that give are coordinates of their own, after all axes; a gear's spring, damper and
-play are between them and their motors.
+The coordinate of an axis is that of its motor, at the gear's output: the joint coordinate, except
+for coupled wrists. The kernel contains the velocity PI loop with a first-order current loop,
+Coulomb friction with sticking, viscous friction, gravity spring, brakes, cogging, tachometer
+ripple, and the anti-alias filter of the torque measurement. The rigid bodies' mass matrix and bias
+are constants here; the caller updates them. Outputs of elastic gears are separate coordinates after
+those of all axes, with the gear's spring, damper and play between output and motor.
 
-A step is an implicit midpoint step in everything but Coulomb friction, which takes part as the set
-[-f_C, f_C]: v⁺ minimises ½ v⁺ᵀAv⁺ - rᵀv⁺ + h f_Cᵀ|v⁺|, which has one solution for any step. An axis
-whose friction holds it has v⁺ = 0 exactly.
+A step is an implicit midpoint step for everything except Coulomb friction, which is the set [-f_C,
+f_C]: v⁺ minimises ½ v⁺ᵀAv⁺ - rᵀv⁺ + h f_Cᵀ|v⁺|, which has a unique solution for any step. An axis
+that sticks has v⁺ = 0 exactly.
 
 Friction with presliding is the elasto-plastic bristle of Dupont, Hayward, Armstrong and Altpeter
-(IEEE Transactions on Automatic Control 47(5), 2002) in place of the set: sigma_0 z + sigma_1 dz/dt
-with dz/dt = v (1 - alpha z sign(v) / z_ss); alpha rises from 0 at 0.7 z_ss to 1 at z_ss while the
-bristle is stretched further, and is 0 while it relaxes. Coulomb, Stribeck and load friction are
-sigma_0 z_ss. The brake stays a set.
+(IEEE Transactions on Automatic Control 47(5), 2002) instead of the set: sigma_0 z + sigma_1 dz/dt
+with dz/dt = v (1 - alpha z sign(v) / z_ss). While the bristle is stretched further, alpha rises
+from 0 at 0.7 z_ss to 1 at z_ss; alpha is 0 while the bristle relaxes. Coulomb, Stribeck and load
+friction are sigma_0 z_ss. The brake remains a set.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ ComplexArray = NDArray[np.complex128]
 POSITION = 0
 VELOCITY = 1
 ACCELERATION = 2
-INTEGRAL = 3  # of the velocity error [rad]
-TORQUE = 4  # of the motor, link side
-BRISTLE = 5  # z, what presliding friction is stretched by [rad]
+INTEGRAL = 3  # integral of the velocity error [rad]
+TORQUE = 4  # motor torque, link side
+BRISTLE = 5  # z, stretch of the presliding bristle [rad]
 STATE_ROWS = 6
 
-# Rows of `axes`: what an axis is.
+# Rows of `axes`: parameters of an axis.
 COULOMB = 0
 VISCOUS = 1
 GAIN = 2
@@ -57,13 +57,13 @@ RIPPLE = 11
 RIPPLE_WAVES = 12
 FRICTION_DRIFT = 13  # [1/s]
 BRISTLE_STIFFNESS = 14  # sigma_0, 0 for friction without presliding
-OUTPUT = 15  # column of the gear's output; its motor's own where the gear is rigid
+OUTPUT = 15  # column of the gear's output; the motor's column if the gear is rigid
 GEAR_STIFFNESS = 16
 GEAR_DAMPING = 17
 PLAY = 18  # from one flank to the other
 AXES_ROWS = 19
 
-# Rows of `command`: what an axis is told for the time of one call.
+# Rows of `command`: command of an axis for one call.
 COMMAND_START = 0
 COMMAND_SLOPE = 1
 POWERED = 2
@@ -75,9 +75,9 @@ COMMAND_ROWS = 5
 
 _SWEEPS = 60
 _ELASTIC_SHARE = 0.7
-"""Of z_ss: below it a bristle springs back whole."""
+"""Share of z_ss below which a bristle is fully elastic."""
 _BRISTLE_DAMPING_S = 0.0002
-"""sigma_1 over sigma_0: so a bristle that holds an axis does not ring."""
+"""sigma_1 / sigma_0; it damps oscillations of a bristle that holds an axis."""
 _NEGLIGIBLE_TORQUE = 1e-12
 
 
@@ -93,7 +93,7 @@ def reduce_to_actuators(
 ) -> None:
     """Write Gᵀ M G (n, n) into `mass` and Gᵀ b (n,) into `bias`; M and b are the full model's.
 
-    G is given by its entries that are not 0.
+    `coordinate`, `actuator` and `value` are the nonzero entries of G.
     """
     mass[:] = 0.0
     bias[:] = 0.0
@@ -116,10 +116,10 @@ def spring_torque(spring: Array, position: float) -> float:
 
 
 class Inertia(NamedTuple):
-    """The rigid bodies at the actuators.
+    """Rigid-body dynamics in the actuators' coordinates.
 
     Attributes:
-        mass: Shape (m, m). Mass matrix of the n motors, then of the outputs of gears that give.
+        mass: Shape (m, m). Mass matrix of the n motors, then of the outputs of elastic gears.
         bias: Shape (m,). Coriolis, centrifugal and gravity torques.
     """
 
@@ -128,10 +128,11 @@ class Inertia(NamedTuple):
 
 
 class Actuators(NamedTuple):
-    """What the axes are and what they are told.
+    """Parameters and commands of the axes.
 
     Attributes:
-        axes, command: Shape (AXES_ROWS, n) and (COMMAND_ROWS, n). Rows as named above.
+        axes: Shape (AXES_ROWS, n). Parameters; the rows are named above.
+        command: Shape (COMMAND_ROWS, n). Commands; the rows are named above.
         spring: Shape (5,). The gravity spring.
     """
 
@@ -141,11 +142,11 @@ class Actuators(NamedTuple):
 
 
 class TorqueFilter(NamedTuple):
-    """The filter behind the torque converter.
+    """The anti-alias filter of the torque measurement.
 
     Attributes:
-        gains: Shape (3, poles). Per pole: exp(p h), and the weights of the torque at a step's
-            beginning and end.
+        gains: Shape (3, poles). Per pole: exp(p h), and the weights of the torque at the beginning
+            and the end of a step.
         state: Shape (poles, n). Changed in place.
     """
 
@@ -167,14 +168,15 @@ def advance_servo_loops(
     """Advance all axes by `steps` steps of `step_s`, in place.
 
     Args:
-        steps, step_s: How many steps, and how long one is [s].
-        start_s, since_command_s: Time since the plant began, and since the command began to hold
-            [s].
-        inertia: Held for all steps.
-        actuators: What the axes are and what they are told.
-        state: Shape (STATE_ROWS, m). Rows as named above; only motion for outputs of gears that
-            give.
-        torque_filter: What the torques are measured through.
+        steps: Number of steps.
+        step_s: Duration of one step [s].
+        start_s: Time since the start of the plant [s].
+        since_command_s: Time since the start of the present command [s].
+        inertia: Rigid-body dynamics, constant for all steps.
+        actuators: Parameters and commands of the axes.
+        state: Shape (STATE_ROWS, m). The rows are named above; outputs of elastic gears have only
+            the rows of motion.
+        torque_filter: Filter of the measured torques.
     """
     mass, bias = inertia
     axes, command, spring = actuators
@@ -199,7 +201,7 @@ def advance_servo_loops(
             wanted = command[COMMAND_START, i] + command[COMMAND_SLOPE, i] * middle_s
             ripple[i] = 1.0 + axes[RIPPLE, i] * math.cos(axes[RIPPLE_WAVES, i] * position)
 
-            # Velocity PI loop, held at the torque limit, then the current loop's exact lag.
+            # Velocity PI loop, limited at the torque limit, then the current loop's exact lag.
             before[i] = state[TORQUE, i]
             target = 0.0
             saturated[i] = 0.0
@@ -296,12 +298,14 @@ def advance_servo_loops(
 
 @njit(cache=True)
 def bristle_yield(velocity: float, stretch: float, limit: float, step_s: float) -> float:
-    """Rate at which a bristle gives way: dz/dt = v - rate z [1/s].
+    """Return the yield rate of a bristle, in dz/dt = v - rate z [1/s].
 
     Args:
-        velocity, stretch: v and z now.
-        limit: z_ss, more than which nothing stretches it.
-        step_s: A bristle beyond a limit that has fallen comes down to it within some steps.
+        velocity: v now.
+        stretch: z now.
+        limit: z_ss, the largest stretch.
+        step_s: Duration of a step [s]. A bristle beyond a decreased limit returns to it within some
+            steps.
     """
     if velocity * stretch <= 0.0:
         return 0.0
@@ -319,7 +323,7 @@ def bristle_yield(velocity: float, stretch: float, limit: float, step_s: float) 
 
 @njit(cache=True)
 def bristle_force(stiffness: float, rate: float, step_s: float) -> tuple[float, float]:
-    """Mean force of a bristle over a step: (of its stretch before, of the mean velocity).
+    """Return the factors of a bristle's mean force over a step: for z before, and for the mean v.
 
     With dz/dt = v - rate z at the step's middle, z⁺ = (z (1 - h rate/2) + h v) / (1 + h rate/2).
     """
@@ -330,7 +334,7 @@ def bristle_force(stiffness: float, rate: float, step_s: float) -> tuple[float, 
 
 @njit(cache=True)
 def join_gears(axes: Array, state: Array, step_s: float, system: Array, momentum: Array) -> None:
-    """Add what gears that give put between motors and outputs to both sides, in place."""
+    """Add springs, dampers and play of elastic gears to both sides of the equations, in place."""
     for i in range(axes.shape[1]):
         out = int(axes[OUTPUT, i])
         if out == i:
@@ -356,7 +360,7 @@ def join_gears(axes: Array, state: Array, step_s: float, system: Array, momentum
 
 @njit(cache=True)
 def solve_with_friction(system: Array, momentum: Array, held: Array, solved: Array) -> None:
-    """Minimise ½ vᵀAv - rᵀv + fᵀ|v| by coordinate descent, from the guess in `solved`, in place."""
+    """Minimise ½ vᵀAv - rᵀv + fᵀ|v| by coordinate descent from the guess in `solved`, in place."""
     count = len(solved)
     for _ in range(_SWEEPS):
         change = 0.0

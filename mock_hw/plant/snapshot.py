@@ -1,8 +1,8 @@
-"""`AxisSnapshot`: where the simulated axes really are, readable from any process.
+"""`AxisSnapshot`: true state of the simulated axes, readable from any process.
 
 The drives' process writes it into a small file after every step; tests and the program's own checks
-read it. Nothing of it ever comes over the bus: a real robot has no such file. One word of it goes
-the other way: which payload somebody has mounted on the flange.
+read it. None of these data are on the bus: a real robot has no such file. One word has the opposite
+direction: the number of the payload that a user has mounted on the flange.
 """
 
 from __future__ import annotations
@@ -19,24 +19,25 @@ from numpy.typing import ArrayLike, NDArray
 
 from config.errors import TransportError
 
-# Eight-byte words: sequence number (odd while writing), axes, time; each is stored at one stroke.
+# Eight-byte words: sequence number (odd during a write), axes, time, payload; stored atomically.
 _SEQUENCE, _AXES, _TIME, _PAYLOAD = 0, 1, 2, 3
 _HEADER_WORDS = 4
 _ROWS = 5
 _PATIENCE_S = 2.0
-"""A writer may lose the processor in the middle of a snapshot; after this it is taken for dead."""
+"""Longest wait for a writer that is suspended during a write; then it counts as dead [s]."""
 
 
 @dataclass(frozen=True)
 class AxisSnapshot:
-    """The true state of a simulated robot at one moment.
+    """True state of a simulated robot at one time.
 
     Attributes:
-        time_s: The simulated bus's time: simulated, or CLOCK_MONOTONIC [s].
-        position, velocity, torque: Of the joints, (n,): rad or m, per second, and motor torque at
-            the link side, N m or N.
-        enabled: Whether the axis's drive is powered, (n,); its brake is closed otherwise.
-        temperature_k: Of the motors, (n,) [K].
+        time_s: Time of the simulated bus: simulated, or CLOCK_MONOTONIC [s].
+        position: Joint positions, (n,) [rad or m].
+        velocity: Joint velocities, (n,) [rad/s or m/s].
+        torque: Motor torques at the link side, (n,) [N m or N].
+        enabled: True if the axis's drive is powered, (n,); otherwise its brake is closed.
+        temperature_k: Motor temperatures, (n,) [K].
     """
 
     time_s: float
@@ -48,7 +49,7 @@ class AxisSnapshot:
 
 
 class SnapshotWriter:
-    """Writes snapshots into a file; the file is there, all zeros, once this has been made."""
+    """Writes snapshots into a file; the constructor creates the file with zeros."""
 
     def __init__(self, path: Path, axes: int) -> None:
         size = 8 * (_HEADER_WORDS + _ROWS * axes)
@@ -64,7 +65,7 @@ class SnapshotWriter:
 
     @property
     def payload(self) -> int:
-        """The number that somebody asked for (`SnapshotReader.ask_for_payload`)."""
+        """Number of the requested payload (`SnapshotReader.request_payload`)."""
         return int(self._words[_PAYLOAD])
 
     @payload.setter
@@ -80,7 +81,7 @@ class SnapshotWriter:
         enabled: ArrayLike,
         temperature_k: ArrayLike,
     ) -> None:
-        """Write one snapshot; readers see it whole or not at all."""
+        """Write one snapshot; readers never see an incomplete one."""
         self._words[_SEQUENCE] = self._sequence + 1
         self._time[0] = time_s
         self._rows[0] = position
@@ -96,7 +97,7 @@ class SnapshotReader:
     """Reads the snapshots of another process.
 
     Raises:
-        TransportError: There is no such file.
+        TransportError: The file does not exist.
     """
 
     def __init__(self, path: Path) -> None:
@@ -105,14 +106,15 @@ class SnapshotReader:
                 self._memory = mmap.mmap(file.fileno(), 0)
         except (OSError, ValueError) as error:
             raise TransportError(
-                f"{path}: no simulated axes to look at ({error})", code="RID-MOCK-NOT-SERVED"
+                f"{path}: cannot read the state of the simulated axes ({error})",
+                code="RID-MOCK-NOT-SERVED",
             ) from error
 
     def read(self) -> AxisSnapshot:
         """Return the latest snapshot.
 
         Raises:
-            TransportError: The writer has died while writing.
+            TransportError: The writer died during a write.
         """
         give_up_s = time.monotonic() + _PATIENCE_S
         while time.monotonic() < give_up_s:
@@ -127,11 +129,12 @@ class SnapshotReader:
                 )
             os.sched_yield()
         raise TransportError(
-            "the simulated axes' snapshot is torn: its writer died", code="RID-MOCK-ENDED"
+            "the snapshot of the simulated axes is incomplete, because its writer died",
+            code="RID-MOCK-ENDED",
         )
 
-    def ask_for_payload(self, number: int) -> None:
-        """Ask the writer's process to mount a payload by number; 0 for none."""
+    def request_payload(self, number: int) -> None:
+        """Request that the writer's process mounts a payload by number; 0 for none."""
         start = 8 * _PAYLOAD
         self._memory[start : start + 8] = number.to_bytes(8, sys.byteorder)
 
@@ -143,5 +146,5 @@ class SnapshotReader:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._memory.close()

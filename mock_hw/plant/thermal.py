@@ -1,8 +1,8 @@
-"""`MotorTemperatures`: simulated motors that warm up as they work, and what that changes.
+"""`MotorTemperatures`: temperatures of the simulated motors, and their effects.
 
-A motor is one body: copper losses and a share of the friction's heat warm it, the ambient cools it.
-Warm grease lets friction fall; warm magnets give less torque per ampere, which no drive knows: it
-reports current times the torque constant on its plate.
+A motor is one thermal body: copper losses and a share of the friction heat warm it, and the ambient
+cools it. Warm grease reduces friction. Warm magnets give less torque per ampere, which no drive
+knows: a drive reports the current times the torque constant of the nameplate.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ class MotorTemperatures:
     """The motors of one robot, base to flange; a motor without `thermal` keeps its temperature.
 
     Attributes:
-        temperature_k: Shape (n,). The motors' temperatures [K].
-        any: Whether anything warms up at all.
+        temperature_k: Shape (n,). Temperatures of the motors [K].
+        any: True if at least one motor warms up.
     """
 
     def __init__(self, robot: RobotDescription, plant: PlantConfig) -> None:
@@ -54,16 +54,22 @@ class MotorTemperatures:
 
     @property
     def friction_factor(self) -> Vector:
-        """Friction now over friction at the reference temperature, (n,)."""
+        """Present friction relative to friction at the reference temperature, (n,)."""
         return self._factor(self._friction_per_k, LEAST_FRICTION)
 
     @property
     def torque_constant_factor(self) -> Vector:
-        """Torque constant now over the one at the reference temperature, (n,)."""
+        """Present torque constant relative to that at the reference temperature, (n,)."""
         return self._factor(self._constant_per_k, LEAST_FRICTION)
 
     def advance(self, duration_s: float, torque: Vector, velocity: Vector) -> None:
-        """Let motors work for a short while [s] at torques [N m, link side] and speeds [rad/s]."""
+        """Update the temperatures after a short interval.
+
+        Args:
+            duration_s: Duration [s].
+            torque: Shape (n,). Torques [N m, link side].
+            velocity: Shape (n,). Velocities [rad/s].
+        """
         speed = np.abs(velocity)
         friction_w = self.friction_factor * (self._coulomb_nm + self._viscous_nm_s * speed) * speed
         heat_w = self._loss_w_per_nm2 * torque * torque + self._friction_share * friction_w

@@ -1,7 +1,7 @@
-"""Butterworth low-passes as partial fractions, which a step of any length discretises exactly.
+"""Butterworth low-pass filters as partial fractions, with an exact discretisation for any step.
 
-The anti-alias filter behind a simulated torque converter is one, and so is the low-pass of a
-simulated charge amplifier (`mock_hw.amplifier.analog`).
+The anti-alias filter of a simulated torque measurement and the low-pass of a simulated charge
+amplifier (`mock_hw.amplifier.analog`) use them.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ ComplexVector = NDArray[np.complex128]
 def butterworth_poles(order: int, cutoff_hz: float) -> tuple[ComplexVector, ComplexVector, Vector]:
     """Return a filter's poles, residues and output weights, (p,).
 
-    Of each complex pair one pole is kept, with weight 2: the output is the real part of the sum.
+    Each complex pair is represented by one pole with weight 2; the output is the real part of the
+    sum.
     """
     angles = np.pi * (2 * np.arange(order) + order + 1) / (2 * order)
     unit: ComplexVector = np.exp(1j * angles)
@@ -33,7 +34,7 @@ def butterworth_poles(order: int, cutoff_hz: float) -> tuple[ComplexVector, Comp
 def filter_poles(
     torque_filter: ButterworthFilter | None,
 ) -> tuple[ComplexVector, ComplexVector, Vector]:
-    """Return the filter's poles, residues and output weights, (p,); none without a filter."""
+    """Return the filter's poles, residues and output weights, (p,); empty without a filter."""
     if torque_filter is None:
         none = np.zeros(0, dtype=np.complex128)
         return none, none, np.zeros(0)

@@ -1,4 +1,4 @@
-"""The simulated drives' Modbus registers.
+"""The Modbus registers of simulated drives.
 
-Parameters and temperatures: nothing moves by them. Begin with `registers.py`.
+They contain parameters and temperatures; they move nothing. Begin with `registers.py`.
 """

@@ -1,4 +1,4 @@
-"""`DriveRegisters`: what simulated drives hold in their registers, nameplates and temperatures."""
+"""`DriveRegisters`: contents of the simulated drives' registers: nameplates and temperatures."""
 
 from __future__ import annotations
 
@@ -14,14 +14,17 @@ from mock_hw.registers.server import RegisterSettings
 
 
 class DriveRegisters:
-    """What the drives of a simulated cell hold in their registers.
+    """Contents of the registers of a simulated cell's drives.
 
-    A drive knows its motor's torque constant as its plate says, at the reference temperature.
+    A drive knows the torque constant on its motor's nameplate, which is for the reference
+    temperature.
 
     Args:
-        cell, robot, plant: What is simulated.
-        settings: Which registers there are, and each drive's unit.
-        snapshots: Where the motors' temperatures are read.
+        cell: The cell.
+        robot: Description of the robot.
+        plant: True parameters of the robot.
+        settings: Register profile, and the unit number of each drive.
+        snapshots: Source of the motors' temperatures.
     """
 
     def __init__(
@@ -56,7 +59,7 @@ class DriveRegisters:
             )
 
     def __call__(self, unit: int) -> Mapping[int, int] | None:
-        """Return a unit's registers by address; None where there is no such drive."""
+        """Return a unit's registers by address; None if there is no such drive."""
         axis = self._axis_of.get(unit)
         if axis is None:
             return None

@@ -1,7 +1,7 @@
-"""`SimulatedRegisters`: the Modbus half of simulated drives, as functions of bytes.
+"""`SimulatedRegisters`: the Modbus part of simulated drives, as functions of bytes.
 
-Written from the specifications alone (Modbus application protocol 1.1b3; Modbus over serial line
-1.02; Modbus messaging on TCP/IP 1.0b), so that it and the driver's library judge each other.
+It was written from the specifications alone (Modbus application protocol 1.1b3; Modbus over serial
+line 1.02; Modbus messaging on TCP/IP 1.0b), so that it and the driver's library check each other.
 """
 
 from __future__ import annotations
@@ -21,16 +21,15 @@ Registers = Callable[[int], Mapping[int, int] | None]
 
 
 class SimulatedRegisters:
-    """Answers requests to the drives of a rack; registers are read only, as nameplates are.
+    """Answers requests to the drives of a rack; the registers are read-only.
 
     Args:
-        registers: Returns what a unit's registers hold, by address; None where there is no such
-            unit.
-        faults: What goes wrong, by request.
+        registers: Returns a unit's registers by address; None if there is no such unit.
+        faults: Faults by the number of the request.
 
     Attributes:
-        requests: How many whole requests have come.
-        held: Answers that are late: they come before the answer to the next request.
+        requests: Number of complete requests.
+        held: Late answers, which are sent before the answer to the next request.
     """
 
     def __init__(self, registers: Registers, faults: Sequence[RegisterFault] = ()) -> None:
@@ -40,10 +39,10 @@ class SimulatedRegisters:
         self.held: list[bytes] = []
 
     def take_tcp(self, buffer: bytearray) -> list[bytes]:
-        """Take the whole frames out of a connection's buffer; return the answers.
+        """Remove the complete frames from a connection's buffer and return the answers.
 
         Raises:
-            ValueError: What came is not Modbus: the connection is of no more use.
+            ValueError: The bytes are not Modbus; the connection must be closed.
         """
         answers: list[bytes] = []
         while len(buffer) >= 7:
@@ -62,9 +61,9 @@ class SimulatedRegisters:
         return answers
 
     def take_rtu(self, buffer: bytearray) -> list[bytes]:
-        """Take the whole frames out of a line's buffer; return the answers.
+        """Remove the complete frames from a line's buffer and return the answers.
 
-        Bytes that begin no frame with a right checksum are dropped, one by one.
+        Bytes that begin no frame with a correct checksum are dropped one by one.
         """
         answers: list[bytes] = []
         while len(buffer) >= 4:
@@ -92,7 +91,7 @@ class SimulatedRegisters:
         kind = None if fault is None else fault.kind
         self.requests += 1
         holds = self._registers(unit)
-        if holds is None:  # a serial line stays silent, a gateway says so
+        if holds is None:  # no answer on a serial line, an exception from a gateway
             if not gateway:
                 return []
             return [frame(bytes((request[0] | 0x80, GATEWAY_NO_ANSWER)), unit)]
@@ -133,7 +132,7 @@ def answer_request(request: bytes, registers: Mapping[int, int]) -> bytes:
 
 
 def crc16(data: bytes) -> int:
-    """Return the checksum of a serial frame; 0 over a frame with its checksum (6.2.2)."""
+    """Return the checksum of a serial frame; 0 for a frame with its checksum (6.2.2)."""
     crc = 0xFFFF
     for byte in data:
         crc ^= byte
@@ -143,7 +142,7 @@ def crc16(data: bytes) -> int:
 
 
 def _request_bytes(buffer: bytearray) -> int | None:
-    """Return how long the request at a buffer's beginning is; None where none begins there."""
+    """Return the length of a request at the start of a buffer; None if none starts there."""
     function = buffer[1]
     if function in (READ_HOLDING, READ_INPUT, WRITE_ONE):
         return 8

@@ -1,8 +1,8 @@
 """`RegisterService`: serves the simulated drives' registers over TCP or on a serial port.
 
-It runs in a thread of the drives' process and looks at the robot through the axes' snapshot, which
-is whole whenever it is read. In lock-step the robot stands still while a request is answered, if
-whoever asks lets simulated time wait for it.
+It runs in a thread of the drives' process and reads the robot's state from the axes' snapshot,
+which is always complete. In lock-step, the robot stands still during a request if the client lets
+simulated time wait for it.
 """
 
 from __future__ import annotations
@@ -33,7 +33,13 @@ _READ_BYTES = 4096
 
 @dataclass(frozen=True)
 class ServerCertificates:
-    """Files of a TLS server; clients must show a certificate of `client_ca`, if that is given."""
+    """Files of a TLS server.
+
+    Attributes:
+        certificate: Certificate of the server.
+        key: Key of the certificate.
+        client_ca: Certificate authority of the clients; if given, clients must show a certificate.
+    """
 
     certificate: Path
     key: Path
@@ -42,13 +48,14 @@ class ServerCertificates:
 
 @dataclass(frozen=True)
 class RegisterSettings:
-    """What is served, and where.
+    """Settings of the register service.
 
     Attributes:
-        monitor, profile: As in the cell file.
-        path: Of the serial port to be made.
-        certificates: Of a TLS server.
-        faults: What goes wrong.
+        monitor: Monitor as in the cell file.
+        profile: Register profile of the drives.
+        path: Path of the serial port to be created.
+        certificates: Files of a TLS server.
+        faults: Faults of the registers.
     """
 
     monitor: MonitorConfig
@@ -62,15 +69,15 @@ class RegisterService:
     """Serves until it is closed: a context manager and a `SimulatedDevice` on the computer's clock.
 
     Args:
-        registers: The drives.
-        settings: Where.
-        realtime: Whether bytes on a serial line take their time.
+        registers: Registers of the drives.
+        settings: Address and profile.
+        realtime: True if bytes on a serial line take their transmission time.
 
     Attributes:
-        port: The TCP port that is listened at; 0 on a serial line.
+        port: TCP port; 0 on a serial line.
 
     Raises:
-        TransportError: It cannot be served there.
+        TransportError: The address cannot be served.
     """
 
     def __init__(
@@ -100,32 +107,32 @@ class RegisterService:
         except (OSError, TransportError) as error:
             self.close()
             raise TransportError(
-                f"drive registers cannot be served: {error}", code="RID-MOCK-REGISTERS"
+                f"cannot serve the drives' registers: {error}", code="RID-MOCK-REGISTERS"
             ) from None
         self._thread = threading.Thread(target=self._run, name="drive registers", daemon=True)
         self._thread.start()
 
     @property
     def next_s(self) -> float:
-        """When an answer has taken its time on the serial line [s, CLOCK_MONOTONIC]."""
+        """Time at which the next answer has passed the serial line [s, CLOCK_MONOTONIC]."""
         return self._due[0][0] if self._due else math.inf
 
     def advance(self, until_s: float) -> None:
-        """Hand over the answers that have come by `until_s` [s]."""
+        """Hand over the answers that have been transmitted by `until_s` [s]."""
         while self._due and self._due[0][0] <= until_s:
             data = self._due.popleft()[1]
             if self._line is not None:
                 self._line.write(data)
 
     def send_late_answers(self) -> None:
-        """Send on the serial line what a fault has held back."""
+        """Send the answers that a fault has delayed on the serial line."""
         held, self._registers.held = self._registers.held, []
         for data in held:
             if self._line is not None:
                 self._line.write(data)
 
     def close(self) -> None:
-        """End serving; the port goes."""
+        """End the service and remove the port."""
         self._stopped.set()
         with contextlib.suppress(OSError):
             os.write(self._stopper, b"x")
@@ -147,7 +154,7 @@ class RegisterService:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End serving."""
+        """End the service."""
         self.close()
 
     def _listen(self, link: ModbusTcp, settings: RegisterSettings) -> None:
@@ -155,7 +162,8 @@ class RegisterService:
             files = settings.certificates
             if files is None:
                 raise TransportError(
-                    "TLS needs the server's certificate and key", code="RID-MOCK-REGISTERS"
+                    "the server's certificate and key are missing, which TLS needs",
+                    code="RID-MOCK-REGISTERS",
                 )
             self._tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
             self._tls.load_cert_chain(files.certificate, files.key)
@@ -184,7 +192,7 @@ class RegisterService:
         try:
             if self._tls is not None:
                 connection = self._tls.wrap_socket(connection, server_side=True)
-        except OSError:  # it is no TLS, or shows no certificate
+        except OSError:  # not TLS, or no certificate
             connection.close()
             return
         self._buffers[connection] = bytearray()
@@ -205,8 +213,8 @@ class RegisterService:
             connection.close()
 
     def _serve_line(self, line: PtyPort) -> None:
-        """Wait for bytes; a line with nobody at it hangs up and would wake this for ever."""
-        if not line.listened:
+        """Wait for bytes; skip a line without a listener, which would always be ready."""
+        if not line.has_listener:
             self._line_buffer.clear()
             self._due.clear()
             self._stopped.wait(0.005)

@@ -153,7 +153,7 @@ def add_hover(
     along_x: bool = False,
     digits: int = 5,
 ) -> None:
-    """Show values at the pointer, or at the place where a finger taps.
+    """Show values at the pointer, or at the point that a finger taps.
 
     Args:
         plot: The plot.

@@ -114,11 +114,11 @@ def _as_served(cell: CellConfig) -> CellConfig:
     """Return the cell with bus and serial ports as `rid-daq mock` has made them."""
     if not cell.simulated:
         return cell
-    from mock_hw.bus.served_bus import as_served, served_name
+    from mock_hw.bus.served_bus import served_name, with_served_channel
     from mock_hw.host.runtime_directory import plate_path, registers_path
     from mock_hw.simulation import on_pseudo_terminal, with_address
 
-    served = cell.model_copy(update={"can": as_served(cell.can)})
+    served = cell.model_copy(update={"can": with_served_channel(cell.can)})
     line = registers_path(served_name(cell))
     if cell.monitor is not None and cell.monitor.link.kind == "rtu" and line.exists():
         link = on_pseudo_terminal(cell.monitor.link, line)
@@ -145,9 +145,9 @@ def refuse_one_process(cell: CellConfig) -> None:
 def is_served(cell: CellConfig) -> bool:
     """Return whether somebody serves the cell's simulated devices already."""
     if cell.can.interface != "rid_sim":
-        from mock_hw.bus.served_bus import as_served, is_bus_served
+        from mock_hw.bus.served_bus import is_bus_served, with_served_channel
 
-        return is_bus_served(as_served(cell.can))
+        return is_bus_served(with_served_channel(cell.can))
     from mock_hw.bus.hub_client import HubClient
     from mock_hw.bus.hub_protocol import HubRole
     from mock_hw.host.runtime_directory import socket_path

@@ -65,7 +65,7 @@ def as_command(*words: object) -> str:
 
 
 def output_error() -> OSError | None:
-    """Return the first error of standard output; None if there was none."""
+    """Return the first error of standard output; None if no error occurred."""
     return _output.refused
 
 

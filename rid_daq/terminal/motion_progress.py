@@ -70,7 +70,7 @@ def progress_callback(
         row = progress.sample_index
         left_out = progress.phase is Phase.RUN_OUT and seen_enough()
         if row >= 0 and not left_out:
-            done = float(row) if samples is None else _done(samples, row)
+            done = float(row) if samples is None else _amount_done(samples, row)
         line = describe_state(progress) + (": enough was measured" if left_out else "")
         if progress.state is TaskState.MOVING:
             load = "" if progress.joints is None else describe_load(progress.joints, joint_names)
@@ -99,6 +99,6 @@ def describe_end_position(tally: RecordingTally) -> str:
     return f"The motion ended {into_s:.2f} s after its start ({_PHASES[tally.last_phase]}{period})."
 
 
-def _done(samples: MotionSamples, row: int) -> float:
+def _amount_done(samples: MotionSamples, row: int) -> float:
     per_unit = samples.samples_per_period or 1.0 / samples.sample_period_s
     return row / per_unit

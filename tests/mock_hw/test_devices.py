@@ -49,7 +49,7 @@ def amplifier(loaded: LoadedCell, folder: Path, stack: ExitStack) -> AmplifierPo
     port = AmplifierPort(settings, realtime=True)
     stack.callback(port.close)
     port.receive(b"SF1\rRO1\rST1\r", np.zeros(6))
-    port.feel(0.005)
+    port.apply_loads(0.005)
     return port
 
 

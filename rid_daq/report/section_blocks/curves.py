@@ -47,7 +47,7 @@ def _torque_panels(curves: TorqueCurves, axis: TorqueCurve) -> tuple[Panel, Pane
         named = label not in ("residual", "residual, not counted")
         return Line(label, curves.time_s, values, stroke, width=width, is_named=named)
 
-    def kept(values: Sequence[float], counts: int) -> Gapped:
+    def with_gaps(values: Sequence[float], counts: int) -> Gapped:
         return tuple(
             value if each == counts else None
             for value, each in zip(values, axis.counted, strict=True)
@@ -60,8 +60,11 @@ def _torque_panels(curves: TorqueCurves, axis: TorqueCurve) -> tuple[Panel, Pane
             x=time,
             y=Axis("torque", axis.unit),
             lines=(
-                *(line("not counted", kept(axis.predicted, 0), "faint", WIDE_PX) for _ in pale),
-                line("predicted", kept(axis.predicted, 1), "orange", WIDE_PX),
+                *(
+                    line("not counted", with_gaps(axis.predicted, 0), "faint", WIDE_PX)
+                    for _ in pale
+                ),
+                line("predicted", with_gaps(axis.predicted, 1), "orange", WIDE_PX),
                 line("measured", axis.measured, "ink", THIN_PX),
             ),
             height_px=230,
@@ -71,8 +74,11 @@ def _torque_panels(curves: TorqueCurves, axis: TorqueCurve) -> tuple[Panel, Pane
             x=time,
             y=Axis("residual", axis.unit, least=None if reach is None else -reach, most=reach),
             lines=(
-                *(line("residual, not counted", kept(residual, 0), "faint", THIN_PX) for _ in pale),
-                line("residual", kept(residual, 1), "red", THIN_PX),
+                *(
+                    line("residual, not counted", with_gaps(residual, 0), "faint", THIN_PX)
+                    for _ in pale
+                ),
+                line("residual", with_gaps(residual, 1), "red", THIN_PX),
             ),
             height_px=150,
             zooms_with_previous=True,

@@ -106,14 +106,14 @@ def _progress(way: RetimedWay) -> Panel:
         x=Axis("time", "s"),
         y=Axis("completed path", "%", least=0.0, most=102.0),
         lines=(
-            _done("original", way.original_s, way.original_done, "soft", "dashed"),
-            _done("retimed", way.time_s, way.done, "ink", "solid"),
+            _progress_line("original", way.original_s, way.original_done, "soft", "dashed"),
+            _progress_line("retimed", way.time_s, way.done, "ink", "solid"),
         ),
         height_px=200,
     )
 
 
-def _done(word: str, time_s: Numbers, done: Numbers, stroke: Colour, dash: Dash) -> Line:
+def _progress_line(word: str, time_s: Numbers, done: Numbers, stroke: Colour, dash: Dash) -> Line:
     percent = tuple(100.0 * share for share in done)
     return Line(f"{word}, {time_s[-1]:.4g} s", time_s, percent, stroke, dash=dash)
 

@@ -179,8 +179,8 @@ class CurvesSection(Section):
     """The curves of a report.
 
     Attributes:
-        torque: Torque over time; left out if there is none.
-        spectrum: Spectrum of the residual; left out if there is none.
+        torque: Torque over time; left out without data.
+        spectrum: Spectrum of the residual; left out without data.
     """
 
     torque: TorqueCurves | None = None

@@ -235,7 +235,7 @@ def payload_verdict(payload: PayloadResult, empty: EmptyFlange | None = None) ->
         known = 100.0 * estimate.torque_constant_sigma
         sentence += (
             f" Each torque constant is assumed to be known to {known:.2g} % (1 σ): an error of 1"
-            f" % in all of them changes the mass by {0.01 * abs(estimate.reported[0]):.2g} kg."
+            f" % in every constant changes the mass by {0.01 * abs(estimate.reported[0]):.2g} kg."
         )
     return VerdictSection.of(checks, headline, sentence)
 

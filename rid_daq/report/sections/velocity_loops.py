@@ -70,7 +70,7 @@ class AxisLoop(Section):
         response: Measured response of the controller.
         mechanics_response: Measured response of the axis.
         cascade: Curves of the open loops.
-        findings: Problems of the measurement or the fit; empty if there are none.
+        findings: Problems of the measurement or the fit; empty without problems.
         grade: "good", "doubtful" or "bad", by the share `mechanics_misfit`.
         reason: Reason for the grade.
     """
@@ -220,7 +220,7 @@ def _sentence(measured: LoopMeasurement) -> str:
 
 
 def _findings(measured: FrequencyResponse, cascade: Cascade) -> list[str]:
-    """Return the problems of the fit; empty if there are none."""
+    """Return the problems of the fit; empty without problems."""
     loop, found = cascade.loop, []
     if loop.p_value < SMALLEST_P:
         found.append(

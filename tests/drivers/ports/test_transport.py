@@ -102,7 +102,7 @@ def test_a_simulation_that_is_gone_is_a_transport_error(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def gone(time_s: float) -> None:
-        raise can.CanOperationError("the hub is gone")
+        raise can.CanOperationError("the hub has ended")
 
     monkeypatch.setattr(bench.bus, "run_until", gone)
     with raises_code(TransportError, "RID-MOCK-ENDED"):

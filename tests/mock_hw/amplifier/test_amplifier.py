@@ -46,7 +46,7 @@ class Bench:
         self.charges = np.broadcast_to(np.asarray(forces), (8,)) * PC_N
         now_s = self.device.physics.time_s
         end_s = now_s + duration_s
-        self.device.feel(end_s, [now_s + 1e-9], [self.charges], edges_s)
+        self.device.apply_loads(end_s, [now_s + 1e-9], [self.charges], edges_s)
         return self.sent()
 
     def configured(self, form: str) -> None:
@@ -221,7 +221,7 @@ def test_what_is_to_be_sent_knows_when() -> None:
     bench = Bench()
     bench.configured("ascii")
     bench.device.receive(b"ST1\r", lambda: NOTHING, 0.25)
-    bench.device.feel(0.3)
+    bench.device.apply_loads(0.3)
     answer, rows = bench.device.take()
     assert isinstance(answer, Unit)
     assert isinstance(rows, RowBlock)

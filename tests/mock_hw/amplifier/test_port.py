@@ -69,7 +69,7 @@ class Bench:
         heard = b""
         for step in range(round(duration_s / step_s)):
             end_s = self.port.time_s + step_s
-            self.port.feel(end_s, [end_s], [REST])
+            self.port.apply_loads(end_s, [end_s], [REST])
             heard += self.heard() if step % 8 == 7 else b""
         return heard + self.heard()
 

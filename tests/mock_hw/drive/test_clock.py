@@ -22,7 +22,7 @@ def first_emergency(bench: Bench) -> tuple[float, int]:
 
 
 def test_a_right_clock_changes_no_bit() -> None:
-    assert DriveClock().lasts(0.1) == 0.1
+    assert DriveClock().true_duration_s(0.1) == 0.1
 
 
 @RATES

@@ -38,15 +38,15 @@ def test_bytes_pass_both_ways_and_none_is_echoed(port: PtyPort, tmp_path: Path) 
 
 
 def test_it_knows_whether_somebody_listens(port: PtyPort, tmp_path: Path) -> None:
-    alone = port.listened
+    alone = port.has_listener
     port.write(b"said to nobody")
     computer = open_raw(tmp_path / "amplifier")
-    assert (alone, port.listened) == (False, True)
+    assert (alone, port.has_listener) == (False, True)
     os.set_blocking(computer, False)
     with pytest.raises(BlockingIOError):
         os.read(computer, 10)
     os.close(computer)
-    assert not port.listened
+    assert not port.has_listener
     assert port.read() == b""
     assert port.lost_bytes == 0
 

@@ -30,7 +30,7 @@ def test_a_payload_is_asked_for_from_outside(tmp_path: Path) -> None:
     writer = SnapshotWriter(tmp_path / "axes", 2)
     assert writer.payload == 0
     with SnapshotReader(tmp_path / "axes") as reader:
-        reader.ask_for_payload(3)
+        reader.request_payload(3)
     assert writer.payload == 3
 
 
