@@ -99,8 +99,8 @@ class SimulatedCell:
 
         Raises:
             ConfigError: The plant has no such payload.
-            TransportError: The cell is not served, or a drive is powered, so that no person may enter
-                the cell.
+            TransportError: The cell is not served, or a drive is powered, so that a person must not
+                enter the cell.
         """
         changed = self.simulation.with_payload(payload)
         if self.axes().enabled.any():

@@ -47,7 +47,7 @@ def _torque_panels(curves: TorqueCurves, axis: TorqueCurve) -> tuple[Panel, Pane
         named = label not in ("residual", "residual, not counted")
         return Line(label, curves.time_s, values, stroke, width=width, is_named=named)
 
-    def with_gaps(values: Sequence[float], counts: int) -> Gapped:
+    def mask(values: Sequence[float], counts: int) -> Gapped:
         return tuple(
             value if each == counts else None
             for value, each in zip(values, axis.counted, strict=True)
@@ -60,11 +60,8 @@ def _torque_panels(curves: TorqueCurves, axis: TorqueCurve) -> tuple[Panel, Pane
             x=time,
             y=Axis("torque", axis.unit),
             lines=(
-                *(
-                    line("not counted", with_gaps(axis.predicted, 0), "faint", WIDE_PX)
-                    for _ in pale
-                ),
-                line("predicted", with_gaps(axis.predicted, 1), "orange", WIDE_PX),
+                *(line("not counted", mask(axis.predicted, 0), "faint", WIDE_PX) for _ in pale),
+                line("predicted", mask(axis.predicted, 1), "orange", WIDE_PX),
                 line("measured", axis.measured, "ink", THIN_PX),
             ),
             height_px=230,
@@ -74,11 +71,8 @@ def _torque_panels(curves: TorqueCurves, axis: TorqueCurve) -> tuple[Panel, Pane
             x=time,
             y=Axis("residual", axis.unit, least=None if reach is None else -reach, most=reach),
             lines=(
-                *(
-                    line("residual, not counted", with_gaps(residual, 0), "faint", THIN_PX)
-                    for _ in pale
-                ),
-                line("residual", with_gaps(residual, 1), "red", THIN_PX),
+                *(line("residual, not counted", mask(residual, 0), "faint", THIN_PX) for _ in pale),
+                line("residual", mask(residual, 1), "red", THIN_PX),
             ),
             height_px=150,
             zooms_with_previous=True,
