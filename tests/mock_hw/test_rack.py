@@ -155,5 +155,5 @@ def test_a_torn_snapshot_is_noticed(snapshot: Path) -> None:
     with SnapshotReader(snapshot) as reader:
         assert reader.read().position.tolist() == [2.0]
         writer._memory[0:8] = (3).to_bytes(8, "little")
-        with raises_code(TransportError, "RID-MOCK-ENDED", "torn"):
+        with raises_code(TransportError, "RID-MOCK-ENDED", "incomplete"):
             reader.read()
