@@ -75,5 +75,5 @@ def test_a_new_section_that_cannot_be_shown_leaves_the_run_as_it_was(folder: Run
 def test_whether_it_was_edited_is_asked_of_a_section_that_a_file_has(folder: RunFolder) -> None:
     edited = head().updated(tracking=tracking(FLAT))
     folder.write("result.json", edited.model_dump_json(by_alias=True).encode())
-    with raises_code(RecordingError, "RID-RESULT-UNSOUND", "tracking: ", "edited?"):
+    with raises_code(RecordingError, "RID-RESULT-UNSOUND", "tracking: ", "edited"):
         write_result(folder, edited)
