@@ -40,9 +40,10 @@ class DeviceIdentity(ConfigModel):
     """Expected content of a drive's 1018h; values that are left out are not compared.
 
     Attributes:
-        vendor, product: Subindices 1 and 2.
-        revision: Subindex 3. Only its upper 16 bits are compared: the lower ones change without a
-            change of the drive's behaviour.
+        vendor: Vendor id, 1018h:01.
+        product: Product code, 1018h:02.
+        revision: Revision number, 1018h:03. Only its upper 16 bits are compared: the lower ones
+            change without a change of the drive's behaviour.
     """
 
     vendor: Unsigned32 | None = None
@@ -93,9 +94,11 @@ class DriveSafety(ConfigModel):
             stopped; on a cell that is not simulated at most 100 ms.
         abort_connection: 6007h, the drives' reaction to a lost heartbeat: 1 fault, 2 disable
             voltage, 3 quick stop.
-        quick_stop_option, fault_reaction_option: 605Ah and 605Eh.
-        quick_stop_deceleration_rad_s2: 6085h, at the link side.
-        following_error_rad, following_error_timeout_ms: 6065h and 6066h, at the link side.
+        quick_stop_option: Reaction to a quick stop, 605Ah.
+        fault_reaction_option: Reaction to a fault, 605Eh.
+        quick_stop_deceleration_rad_s2: Deceleration of a quick stop, 6085h, at the link side.
+        following_error_rad: Largest following error, 6065h, at the link side.
+        following_error_timeout_ms: Time for which the following error may be larger, 6066h.
         torque_limit_fraction: Limit of the drive's torque, relative to the rated torque.
         allow_drive_without_watchdog: Node ids of the drives that are accepted although they do not
             stop by themselves if this computer fails.
@@ -143,21 +146,22 @@ class Supervision(ConfigModel):
     """Rules by which the cyclic task stops the motion.
 
     Attributes:
-        missed_frames_limit, late_cycles_limit: Number of consecutive cycles in which a drive's
-            answer is missing, or in which the task wakes up late.
+        missed_frames_limit: Number of consecutive cycles in which a drive's answer is missing.
+        late_cycles_limit: Number of consecutive cycles in which the task wakes up late.
         late_by_cycles_limit: Delay of a single wake-up, in cycles.
         late_answers_limit: Number of cycles, of the last 100, in which a drive's answer came after
             its cycle.
         second_answers_limit: Number of cycles, of the last 100, in which a drive's identifier
             answered more than once. Different answers in one cycle are not used and also count as
             missing.
-        following_error_min_rad, following_error_per_velocity_s: The allowed following error is the
-            first at standstill and grows with the commanded speed by the second (a line, as
-            LinuxCNC's FERROR and MIN_FERROR). A joint may be found beyond its position limit by the
-            value at standstill, but by a twentieth of its range at most.
-        stuck_encoder_cycles, stuck_encoder_velocity_rad_s: An encoder is stuck if its position does
-            not change for so many cycles while more than this speed is commanded. The part of the
-            command that comes from pre-compensation is ignored.
+        following_error_min_rad: Allowed following error at standstill. A joint may also be beyond
+            its position limit by this value, but at most by a twentieth of its range.
+        following_error_per_velocity_s: Increase of the allowed following error per commanded speed
+            (a line, as LinuxCNC's FERROR and MIN_FERROR).
+        stuck_encoder_cycles: An encoder is stuck if its position does not change for this number of
+            cycles while the commanded speed is above `stuck_encoder_velocity_rad_s`.
+        stuck_encoder_velocity_rad_s: Lowest commanded speed for this check, without the part that
+            comes from pre-compensation.
         stuck_encoder_torque_fraction: With a slower command an encoder is stuck if, since
             standstill, the torque has also changed by more than this fraction of the joint's limit;
             a joint in stiction would break away before. The torque that braked a joint is measured

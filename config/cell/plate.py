@@ -115,7 +115,8 @@ class PlateLimits(ConfigModel):
     """Load limits of the floor, about the axes of the robot's base, for either sign.
 
     Attributes:
-        force_n, moment_nm: Largest force and moment in x, y and z.
+        force_n: Largest force in x, y and z.
+        moment_nm: Largest moment about x, y and z.
     """
 
     force_n: ThreeForces

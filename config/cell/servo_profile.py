@@ -135,9 +135,11 @@ class ServoProfile(ConfigModel):
             latter, `pdos` name the object that receives the velocity. A drive in a position mode
             receives the sum of its velocities, in increments.
         encoder_increments: Units of 6064h per motor revolution; replaces 608Fh.
-        velocity_unit, velocity_units: So many counts of 60FFh are one unit.
-        acceleration_unit, acceleration_units: So many counts of 6083h to 6085h are one unit per
-            second; those of velocity if they are left out.
+        velocity_unit: Unit of velocity.
+        velocity_units: Counts of 60FFh per unit of velocity.
+        acceleration_unit: Unit of velocity for accelerations; left out, it is `velocity_unit`.
+        acceleration_units: Counts of 6083h to 6085h per unit of velocity and second. Left out, it
+            is `velocity_units`, or 1 if `acceleration_unit` is given.
         rated_torque_nm: Replaces 6076h.
         rated_torque_units: Counts of 6076h per N m.
         rated_current_a: Replaces 6075h.

@@ -1,6 +1,6 @@
 """Write the reference pages from the code: `python docs/reference/make.py`.
 
-`tests/test_reference.py` fails when a page differs from what the code says.
+`tests/test_reference.py` fails if a page differs from the code.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ PAGES = {
 
 
 def command_line() -> str:
-    """Return the page of the command line: every command's own help."""
+    """Return the page of the command line: the help of every command."""
     os.environ.update(COLUMNS="80", TERMINAL_WIDTH="80", NO_COLOR="1")
 
     from rid_daq.command_line.root import COMMANDS
@@ -66,7 +66,7 @@ def command_line() -> str:
 
 
 def files() -> str:
-    """Return the page of the file formats: every key, its kind, its default."""
+    """Return the page of the file formats: key, kind, default and meaning of every key."""
     parts = [
         "# Files\n\nGenerated from the schema. Every file is YAML; an unknown key is an error."
         " `rid-daq init DIR` writes commented examples.\n\nA value outside its plausible range is"
@@ -84,7 +84,7 @@ def files() -> str:
 
 
 def drive_objects() -> str:
-    """Return the guide's table of the objects of a drive: needed, or what stands for them."""
+    """Return the guide's table of drive objects, with the remedy if a drive lacks one."""
     from config.load import load_cell
     from drivers.servo.cia402 import AxisUnits, MotorRatings
     from drivers.servo.requirements import (
@@ -106,26 +106,26 @@ def drive_objects() -> str:
         *(Requirement(item.index, item.subindex, item.bits // 8, "in a PDO") for item in mapped),
     )
     without = {
-        "shown": "works without it",
-        "trial": "its reaction is tested, powered and at rest, before every motion",
-        "red": "cannot be used",
+        "shown": "the drive can be used",
+        "trial": "the drive's reaction is tested before every motion, powered and at rest",
+        "red": "the drive cannot be used",
     }
-    rows = ["| object | what it is | a drive without it |", "|---|---|---|"]
+    rows = ["| object | name | if a drive lacks the object |", "|---|---|---|"]
     for each in needed:
         object_name, index = f"{each.index:04X}h:{each.subindex:02X}", f"{each.index:04X}"
         instead = without[each.lack] if each.lack != "red" else REPLACED_BY.get(index)
         if each.watchdog and each.lack == "red":
-            instead = REPLACED_BY.get(index, "cannot be used")
-            instead += "; unless `allow_drive_without_watchdog` names it"
+            instead = REPLACED_BY.get(index, "the drive cannot be used")
+            instead += "; accepted if `allow_drive_without_watchdog` lists the drive"
         rows.append(f"| {object_name} | {each.name} | {instead or without['red']} |")
     return "\n".join(rows) + "\n"
 
 
 def servo_profiles() -> str:
-    """Return the guide's table of the bundled profiles, and what each leaves to the cell file."""
+    """Return the guide's table of bundled profiles, with the keys that a cell file must set."""
     from config.load import bundled_names, load_bundled_or_path
 
-    rows = ["| `servo` | mode | torque | the cell file names |", "|---|---|---|---|"]
+    rows = ["| `servo` | mode | torque | keys that the cell file must set |", "|---|---|---|---|"]
     for name in bundled_names("servos"):
         profile = load_bundled_or_path(name, "servos", ServoProfile)
         names = []
@@ -144,7 +144,7 @@ def servo_profiles() -> str:
 
 
 def results() -> str:
-    """Return the page of `result.json`: every section, every key, its kind."""
+    """Return the page of `result.json`: key, kind, default and meaning of every section."""
     from rid_daq.report.result import SCHEMA, Result
 
     parts = [
@@ -224,7 +224,7 @@ def _markdown(of: Any) -> str:
 
 
 def _own_commands(name: str) -> list[str]:
-    """Return the commands of a command that has its own."""
+    """Return the subcommands of a command."""
     from rid_daq.command_line.root import command_words
 
     return [words[1] for words in command_words() if len(words) > 1 and words[0] == name]

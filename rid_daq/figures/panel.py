@@ -43,7 +43,7 @@ Ranges: TypeAlias = Any
 """Range of a Bokeh axis: its own range, the range of another panel, or (start, end)."""
 
 
-def source(name: str, columns: Mapping[str, Any]) -> ColumnDataSource:
+def csv_source(name: str, columns: Mapping[str, Any]) -> ColumnDataSource:
     """Return a data source whose columns are also in the figure's CSV.
 
     Args:
@@ -209,7 +209,7 @@ def row_of_panels(panels: Sequence[UIElement]) -> Row:
     )
 
 
-def layout(name: str, parts: Sequence[UIElement], panels: Sequence[figure]) -> GridPlot:
+def figure_layout(name: str, parts: Sequence[UIElement], panels: Sequence[figure]) -> GridPlot:
     """Return a complete figure: its parts below each other, with one toolbar for all panels.
 
     Args:

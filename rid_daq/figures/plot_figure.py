@@ -18,11 +18,11 @@ from rid_daq.figures.panel import (
     add_hover,
     add_legend,
     add_limit_line,
-    layout,
+    csv_source,
+    figure_layout,
     panel,
     panel_to_scale,
     row_of_panels,
-    source,
     source_outside_csv,
 )
 
@@ -42,10 +42,10 @@ def plot_figure(plot: Plot) -> GridPlot:
             drawn[-1].xaxis.visible = False
         draw = _spans if each.spans else _bars if each.bars else _lines
         drawn.append(draw(each, shared, title))
-    return layout(plot.name, [row_of_panels(drawn)] if plot.columns > 1 else drawn, drawn)
+    return figure_layout(plot.name, [row_of_panels(drawn)] if plot.columns > 1 else drawn, drawn)
 
 
-def stroke_of(line: Line) -> tuple[str, Dash]:
+def line_stroke(line: Line) -> tuple[str, Dash]:
     """Return colour and dash of a line."""
     if isinstance(line.stroke, int):
         own = joint_stroke(line.stroke)
@@ -61,7 +61,7 @@ def _lines(of: Panel, shared: Ranges, title: str) -> figure:
             entries[line.label].append(_area(drawing, line))
     own: dict[str, Drawn] = {}
     for line, rows in _sources(of, title):
-        name, (color, dash) = f"{line.label} [{of.y.unit}]", stroke_of(line)
+        name, (color, dash) = f"{line.label} [{of.y.unit}]", line_stroke(line)
         drawn: list[Drawn] = []
         if line.reach is not None and np.any(line.reach):
             least, most = _bounds(line, of.y.unit)
@@ -122,7 +122,7 @@ def _empty(of: Panel, shared: Ranges) -> figure:
 
 def _area(drawing: figure, line: Line) -> Drawn:
     edge = source_outside_csv({"x": line.x, "y": line.y})
-    color, _ = stroke_of(line)
+    color, _ = line_stroke(line)
     return drawing.patch("x", "y", source=edge, color=color, fill_alpha=0.2, line_alpha=0.0)
 
 
@@ -172,7 +172,7 @@ def _sources(of: Panel, title: str) -> Iterator[tuple[Line, ColumnDataSource]]:
                 least, most = _bounds_x(line, of.x.unit)
                 columns |= {least: np.asarray(x) - reach, most: np.asarray(x) + reach}
         name = lines[0].label if len(tables) > 1 else of.y.label
-        made[x] = source(f"{title} {name}".lstrip(), columns)
+        made[x] = csv_source(f"{title} {name}".lstrip(), columns)
     for line in of.lines:
         if not line.is_area:
             yield line, made[line.x]
@@ -194,7 +194,7 @@ def _bars(of: Panel, _shared: Ranges, title: str) -> figure:
     name, value = of.x.label, of.y.text
     names = [bar.name for bar in of.bars]
     columns = {name: names, value: [bar.value for bar in of.bars]}
-    rows = source(f"{title} {of.y.label}".lstrip(), columns)
+    rows = csv_source(f"{title} {of.y.label}".lstrip(), columns)
     drawing = panel(
         of.title,
         of.x.text,
@@ -217,7 +217,7 @@ def _spans(of: Panel, shared: Ranges, title: str) -> figure:
         begin: [span.begin for span in of.spans],
         end: [span.end for span in of.spans],
     }
-    rows = source(f"{title} {of.y.label}".lstrip(), columns)
+    rows = csv_source(f"{title} {of.y.label}".lstrip(), columns)
     rows.add([NAMED[span.colour] for span in of.spans], "colour")
     drawing = panel(
         of.y.label,

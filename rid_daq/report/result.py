@@ -121,7 +121,7 @@ class Result(Section):
         own = {name: getattr(self, name) for name in type(self).model_fields if name != "format"}
         return Result.model_validate({**own, **sections})
 
-    def by_model(self, model: ModelFile, **sections: object) -> Result:
+    def with_model_sections(self, model: ModelFile, **sections: object) -> Result:
         """Return the document with sections that refer to a model.
 
         Sections that refer to another model are removed. A verdict on another model is removed too,

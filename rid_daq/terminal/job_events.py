@@ -30,7 +30,7 @@ class _Event(BaseModel):
 
 
 class Said(_Event):
-    """A sentence for people."""
+    """An event with a sentence for people."""
 
     kind: Literal["said"] = "said"
     text: str

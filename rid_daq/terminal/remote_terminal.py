@@ -74,7 +74,7 @@ def remote_terminal_evidence(environment: Mapping[str, str], proc: Path) -> str:
         if clients:  # the variables are those of the user who started the multiplexer
             return ""
     found = next((each for each in _VARIABLES if environment.get(each)), "")
-    return f"{found} is set" if found else ""
+    return f"the environment variable {found} is set" if found else ""
 
 
 def _is_server(name: str) -> bool:

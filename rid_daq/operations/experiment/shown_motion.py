@@ -18,7 +18,7 @@ from rid_daq.blocks.block import AnyBlock, Cells, Column, Next, Table, Text, Ver
 from rid_daq.operations.experiment.design import DesignRequest
 from rid_daq.operations.experiment.excitation_search import Search
 from rid_daq.operations.experiment.motion_design import Designed
-from rid_daq.report.sections.section import units
+from rid_daq.report.sections.section import joint_units
 from rid_daq.terminal.choices import Kind
 
 
@@ -130,7 +130,7 @@ def _multisine_axes(designed: Designed, motion: MultisineMotion) -> list[_Multis
     return [
         _MultisineAxis(
             joint=joint.name,
-            unit=units(joint)[0],
+            unit=joint_units(joint)[0],
             lines=len(own),
             rms_velocity=settings.velocity,
             crest_factor=crest,
@@ -173,7 +173,7 @@ def _excitation_axes(samples: MotionSamples, robot: RobotDescription) -> list[_E
     return [
         _ExcitationAxis(
             joint=joint.name,
-            unit=units(joint)[0],
+            unit=joint_units(joint)[0],
             position_min=float(samples.position[:, column].min()),
             position_max=float(samples.position[:, column].max()),
             velocity=float(velocity[column]),

@@ -160,7 +160,7 @@ class CompareResult:
 
 
 def _errors(prediction: RunPrediction, names: tuple[str, str]) -> Table:
-    from rid_daq.report.sections.section import finite
+    from rid_daq.report.sections.section import finite_or_none
 
     heads = [
         f"by {name}" + (" (identified from it)" if seen else "")
@@ -170,14 +170,14 @@ def _errors(prediction: RunPrediction, names: tuple[str, str]) -> Table:
     percent = prediction.percent.tolist()
 
     def errors(by: int) -> Cells[int]:
-        values = ["did not move" if finite(each) is None else each for each in percent[by]]
+        values = ["did not move" if finite_or_none(each) is None else each for each in percent[by]]
         return Cells(heads[by], values.__getitem__, "%", 3)
 
     return table(range(len(joints)), Cells("joint", lambda j: joints[j]), errors(0), errors(1))
 
 
 def _prediction(prediction: RunPrediction) -> dict[str, object]:
-    from rid_daq.report.sections.section import finite
+    from rid_daq.report.sections.section import finite_or_none
 
     data, (first, second) = prediction.data, prediction.seen
     return {
@@ -186,7 +186,11 @@ def _prediction(prediction: RunPrediction) -> dict[str, object]:
         "first_has_seen_it": first,
         "second_has_seen_it": second,
         "axes": [
-            {"joint": joint, "first_percent": finite(one), "second_percent": finite(other)}
+            {
+                "joint": joint,
+                "first_percent": finite_or_none(one),
+                "second_percent": finite_or_none(other),
+            }
             for joint, (one, other) in zip(
                 data.recording.joint_names, prediction.percent.T, strict=True
             )

@@ -156,7 +156,7 @@ def identify_runs(request: IdentifyRequest, context: Context) -> IdentifiedRuns:
     write_estimate(output, robot.estimate)
     note_output(first.folder, output)
     before = result_of(first, notes)
-    result = before.by_model(
+    result = before.with_model_sections(
         ModelFile.of(output), estimate=section, plate=plate, comparison=robot.comparison
     )
     verdict = _verdict(before.verdict, section, robot.wiring, plate)

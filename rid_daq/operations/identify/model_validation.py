@@ -113,7 +113,7 @@ def validate_run(request: ValidateRequest) -> Validated:
     result, model = result_of(data, notes), ModelFile.of(request.model)
     curves = (result.curves if result.model == model else None) or CurvesSection()
     torque = TorqueCurves.of(judged.validation, data.robot)
-    result = result.by_model(
+    result = result.with_model_sections(
         model,
         title=f"Validation of {estimate.robot.name}",
         validation=judged.section,

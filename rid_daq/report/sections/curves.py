@@ -8,7 +8,14 @@ import numpy as np
 from pydantic import Strict
 
 from config.robot.robot import RobotDescription
-from rid_daq.report.sections.section import Numbers, Section, curve_rows, finite, rounded, units
+from rid_daq.report.sections.section import (
+    Numbers,
+    Section,
+    finite_or_none,
+    joint_units,
+    round_values,
+    thinning_slice,
+)
 
 if TYPE_CHECKING:
     from identification.estimation.estimate import Estimate
@@ -53,12 +60,15 @@ class TorqueCurves(Section):
     @classmethod
     def of(cls, validation: Validation, robot: RobotDescription) -> TorqueCurves:
         """Return measured and predicted torque of a validation, and the samples that count."""
-        rows = curve_rows(len(validation.time_s))
+        rows = thinning_slice(len(validation.time_s))
         axes = []
         unknown = "" if validation.known.all() else ", or its friction is not known yet"
         for i, joint in enumerate(robot.joints):
-            error, share = finite(validation.rms_nm[i]), finite(validation.relative_percent[i])
-            unit = units(joint)[1]
+            error, share = (
+                finite_or_none(validation.rms_nm[i]),
+                finite_or_none(validation.relative_percent[i]),
+            )
+            unit = joint_units(joint)[1]
             caption = "standstill"
             if error is not None and share is not None:
                 caption = f"RMS error (counted) {error:.3g} {unit}, {share:.3g} %"
@@ -67,8 +77,8 @@ class TorqueCurves(Section):
                     joint=joint.name,
                     unit=unit,
                     caption=caption,
-                    measured=rounded(validation.measured_nm[rows, i]),
-                    predicted=rounded(validation.predicted_nm[rows, i]),
+                    measured=round_values(validation.measured_nm[rows, i]),
+                    predicted=round_values(validation.predicted_nm[rows, i]),
                     counted=tuple(map(int, validation.counted[rows, i])),
                 )
             )
@@ -76,7 +86,7 @@ class TorqueCurves(Section):
             sentence=f"Grey samples do not count: the joint is at standstill{unknown}. Each RMS"
             " value is computed from the other samples; percentages are relative to"
             " their RMS torque.",
-            time_s=rounded(validation.time_s[rows] - validation.time_s[0], 7),
+            time_s=round_values(validation.time_s[rows] - validation.time_s[0], 7),
             axes=tuple(axes),
         )
 
@@ -89,10 +99,10 @@ class TorqueCurves(Section):
         Args:
             periods: Number of averaged periods.
         """
-        rows = curve_rows(len(comparison.time_s))
+        rows = thinning_slice(len(comparison.time_s))
         axes = []
         for i, joint in enumerate(estimate.robot.joints):
-            unit, counted = units(joint)[1], comparison.counted[:, i]
+            unit, counted = joint_units(joint)[1], comparison.counted[:, i]
             left = (comparison.measured_nm - comparison.fitted_nm)[counted, i]
             caption = "standstill"
             if counted.any():
@@ -102,8 +112,8 @@ class TorqueCurves(Section):
                     joint=joint.name,
                     unit=unit,
                     caption=caption,
-                    measured=rounded(comparison.measured_nm[rows, i]),
-                    predicted=rounded(comparison.fitted_nm[rows, i]),
+                    measured=round_values(comparison.measured_nm[rows, i]),
+                    predicted=round_values(comparison.fitted_nm[rows, i]),
                     counted=tuple(map(int, comparison.counted[rows, i])),
                 )
             )
@@ -115,7 +125,7 @@ class TorqueCurves(Section):
             " is not known yet; the fit leaves the torque free there. Each RMS value is"
             " computed from the other samples. The residual in the table of the"
             " estimate covers the whole period and all runs.",
-            time_s=rounded(comparison.time_s[rows], 7),
+            time_s=round_values(comparison.time_s[rows], 7),
             axes=tuple(axes),
         )
 
@@ -164,13 +174,13 @@ class SpectrumCurves(Section):
             sentence="RMS per harmonic of the mean period: torque, residual of the model"
             " (standstill included), and noise estimated from the scatter between"
             f" periods ({periods} averaged). The anti-alias filter is divided out.",
-            frequency_hz=rounded(comparison.frequency_hz[1:], 7),
+            frequency_hz=round_values(comparison.frequency_hz[1:], 7),
             axes=SpectrumCurve.for_each(
                 joint=robot.joint_names,
-                measured_nm=map(rounded, comparison.measured_spectrum_nm[1:].T),
-                residual_nm=map(rounded, comparison.residual_spectrum_nm[1:].T),
-                noise_nm=map(rounded, comparison.noise_spectrum_nm[1:].T),
-                unit=[units(joint)[1] for joint in robot.joints],
+                measured_nm=map(round_values, comparison.measured_spectrum_nm[1:].T),
+                residual_nm=map(round_values, comparison.residual_spectrum_nm[1:].T),
+                noise_nm=map(round_values, comparison.noise_spectrum_nm[1:].T),
+                unit=[joint_units(joint)[1] for joint in robot.joints],
             ),
         )
 

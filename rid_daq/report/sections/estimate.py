@@ -10,7 +10,7 @@ import numpy as np
 from identification.regression.fit_grade import Grade
 from rid_daq.report.consistency_entry import ConsistencyEntry
 from rid_daq.report.mistake_entry import ArmWeightEntry, MistakeEntry
-from rid_daq.report.sections.section import Numbers, Section, Texts, finite, units
+from rid_daq.report.sections.section import Numbers, Section, Texts, finite_or_none, joint_units
 
 if TYPE_CHECKING:
     from identification.consistency.consistency_test import ConsistencyTest
@@ -164,11 +164,11 @@ class EstimateSection(Section):
             axes=tuple(
                 AxisResidual(
                     joint=fit.joint,
-                    unit=units(joint)[1],
+                    unit=joint_units(joint)[1],
                     residual=fit.residual_nm,
                     noise=fit.noise_nm,
                     left_out_fraction=float(left_out),
-                    torque=finite(fit.torque_nm),
+                    torque=finite_or_none(fit.torque_nm),
                     percent=fit.percent,
                     over_noise=fit.over_noise,
                     held_out_percent=None if share is None else 100.0 * float(share),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from config.arrays import FloatArray
-from rid_daq.report.sections.section import Numbers, Section, rounded
+from rid_daq.report.sections.section import Numbers, Section, round_values
 
 if TYPE_CHECKING:
     from compensation.loops.cascade import Cascade
@@ -53,7 +53,7 @@ class DistortionSection(Section):
     @classmethod
     def of(cls, found: Distortion) -> DistortionSection:
         """Return the distortion at even or odd lines."""
-        return cls(**{name: rounded(getattr(found, name)) for name in cls.model_fields})
+        return cls(**{name: round_values(getattr(found, name)) for name in cls.model_fields})
 
 
 class ControllerResponse(Polar):
@@ -86,12 +86,12 @@ class ControllerResponse(Polar):
             frequency_hz=tuple(f.tolist()),
             magnitude=magnitude,
             phase_deg=phase_deg,
-            std_noise=rounded(np.sqrt(measured.variance_noise)),
-            std_total=rounded(np.sqrt(measured.variance)),
-            coherence=rounded(measured.coherence),
+            std_noise=round_values(np.sqrt(measured.variance_noise)),
+            std_total=round_values(np.sqrt(measured.variance)),
+            coherence=round_values(measured.coherence),
             even=DistortionSection.of(measured.even),
             odd=DistortionSection.of(measured.odd),
-            fit=Polar(frequency_hz=rounded(grid), magnitude=fitted, phase_deg=fitted_deg),
+            fit=Polar(frequency_hz=round_values(grid), magnitude=fitted, phase_deg=fitted_deg),
         )
 
 
@@ -114,8 +114,8 @@ class MechanicsResponse(Polar):
             frequency_hz=tuple(measured.frequency_hz.tolist()),
             magnitude=magnitude,
             phase_deg=phase_deg,
-            std_total=rounded(np.sqrt(measured.variance)),
-            coherence=rounded(measured.coherence),
+            std_total=round_values(np.sqrt(measured.variance)),
+            coherence=round_values(measured.coherence),
         )
 
 
@@ -195,7 +195,7 @@ class CascadeCurves(Section):
         shown = f <= highest
         magnitude, phase_deg = _polar(measured[shown])
         return cls(
-            frequency_hz=rounded(grid),
+            frequency_hz=round_values(grid),
             velocity=OpenLoop.of(
                 cascade.velocity_loop(grid), LoopMargins.from_attributes(cascade.velocity_margins)
             ),
@@ -203,7 +203,7 @@ class CascadeCurves(Section):
                 cascade.position_loop(grid), LoopMargins.from_attributes(cascade.position_margins)
             ),
             measured=Polar(
-                frequency_hz=rounded(f[shown]), magnitude=magnitude, phase_deg=phase_deg
+                frequency_hz=round_values(f[shown]), magnitude=magnitude, phase_deg=phase_deg
             ),
         )
 
@@ -212,4 +212,4 @@ def _polar(response: np.ndarray[Any, Any]) -> tuple[Numbers, Numbers]:
     """Return magnitude and phase of a response; the first phase is between -360 and 0 degrees."""
     phase: FloatArray = np.degrees(np.unwrap(np.angle(response)))
     phase = phase - 360.0 * np.ceil(phase[0] / 360.0 - 1e-9) if len(phase) else phase
-    return rounded(np.abs(response), 6), rounded(phase)
+    return round_values(np.abs(response), 6), round_values(phase)

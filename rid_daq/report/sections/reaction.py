@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from acquisition.recording.plate_geometry import WRENCH_NAMES, WRENCH_UNITS
-from rid_daq.report.sections.section import Numbers, Section, curve_rows, rounded
+from rid_daq.report.sections.section import Numbers, Section, round_values, thinning_slice
 from rid_daq.report.sections.verdict import VerdictCheck
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class ReactionSection(Section):
     @classmethod
     def of(cls, validation: BaseWrenchValidation) -> ReactionSection:
         """Return the section for a comparison of predicted and measured base wrench."""
-        rows = curve_rows(len(validation.time_s))
+        rows = thinning_slice(len(validation.time_s))
         return cls.from_attributes(
             validation,
             components=WrenchError.for_each(
@@ -62,10 +62,10 @@ class ReactionSection(Section):
                 rms_error=validation.rms,
                 relative_error_percent=validation.relative_percent,
                 noise=[None] * 6 if validation.noise is None else validation.noise,
-                measured=map(rounded, validation.measured[rows].T),
-                predicted=map(rounded, validation.predicted[rows].T),
+                measured=map(round_values, validation.measured[rows].T),
+                predicted=map(round_values, validation.predicted[rows].T),
             ),
-            time_s=rounded(validation.time_s[rows] - validation.time_s[0], 7),
+            time_s=round_values(validation.time_s[rows] - validation.time_s[0], 7),
         )
 
 

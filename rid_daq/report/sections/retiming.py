@@ -8,7 +8,13 @@ import numpy as np
 
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
-from rid_daq.report.sections.section import Numbers, Section, curve_rows, rounded, units
+from rid_daq.report.sections.section import (
+    Numbers,
+    Section,
+    joint_units,
+    round_values,
+    thinning_slice,
+)
 from rid_daq.report.sections.tracking import DrivenTiming
 from rid_daq.report.sections.verdict import VerdictCheck
 
@@ -170,7 +176,7 @@ class RetimingSection(Section):
         joints = [
             RetimedJoint(
                 joint=joint.name,
-                unit=units(joint)[1],
+                unit=joint_units(joint)[1],
                 torque_limit=float(limits.torque[j]),
                 torque_peak=float(np.abs(torque[:, j]).max()),
                 torque_margin=float(uncertain[:, j].max()),
@@ -223,8 +229,10 @@ class RetimingSection(Section):
             torque: Shape (rows, n). Measured torques, divided by the limits.
         """
         (way,) = self.ways
-        rows = torque[curve_rows(len(torque))]
-        drawn = way.model_copy(update={"measured": tuple(rounded(column) for column in rows.T)})
+        rows = torque[thinning_slice(len(torque))]
+        drawn = way.model_copy(
+            update={"measured": tuple(round_values(column) for column in rows.T)}
+        )
         return self.model_copy(update={"driven": driven, "ways": (drawn,)})
 
     @property
@@ -252,7 +260,7 @@ class RetimingSection(Section):
         change = self.shorter_percent
         word = "shorter" if change >= 0.0 else "longer, because of the limits"
         kept = (
-            "by the model"
+            "according to the model"
             if self.confidence is None
             else f"with a confidence of {100.0 * self.confidence:g} %"
         )
@@ -272,24 +280,24 @@ def _way(
 ) -> RetimedWay:
     from compensation.timing.profile import limit_curve
 
-    points = curve_rows(len(way.profile.length))
-    rows = curve_rows(len(way.torque))
+    points = thinning_slice(len(way.profile.length))
+    rows = thinning_slice(len(way.torque))
     curve = np.sqrt(limit_curve(way.rows, way.rows.bounds))
     time_s: FloatArray = np.arange(len(way.torque), dtype=np.float64) * cycle_s
-    before = curve_rows(len(original))
+    before = thinning_slice(len(original))
     original_s: FloatArray = np.arange(len(original), dtype=np.float64) * cycle_s
     shares, margins = way.torque / limits.torque, _margins(way)[0] / limits.torque
     return RetimedWay(
-        place=rounded(way.profile.length[points]),
-        speed=rounded(np.sqrt(way.profile.x[points])),
-        limit=rounded(curve[points]),
-        time_s=rounded(time_s[rows]),
-        torques=tuple(rounded(column) for column in shares[rows].T),
-        margins=tuple(rounded(column) for column in margins[rows].T),
+        place=round_values(way.profile.length[points]),
+        speed=round_values(np.sqrt(way.profile.x[points])),
+        limit=round_values(curve[points]),
+        time_s=round_values(time_s[rows]),
+        torques=tuple(round_values(column) for column in shares[rows].T),
+        margins=tuple(round_values(column) for column in margins[rows].T),
         reached=_reached(way, robot, limits, time_s),
-        done=rounded(way.in_time.length[rows] / original[-1]),
-        original_s=rounded(original_s[before]),
-        original_done=rounded(original[before] / original[-1]),
+        done=round_values(way.in_time.length[rows] / original[-1]),
+        original_s=round_values(original_s[before]),
+        original_done=round_values(original[before] / original[-1]),
     )
 
 

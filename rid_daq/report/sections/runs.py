@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from config.cell.cell import CellConfig
 from config.robot.robot import RobotDescription
-from rid_daq.report.sections.section import Numbers, Section, units
+from rid_daq.report.sections.section import Numbers, Section, joint_units
 from rid_daq.report.sections.stop import StopCurve
 
 if TYPE_CHECKING:
@@ -230,8 +230,8 @@ def _extremes(tally: RecordingTally, robot: RobotDescription) -> tuple[AxisExtre
     limit = [joint.limits.torque for joint in robot.joints]
     return AxisExtremes.for_each(
         joint=robot.joint_names,
-        unit=[units(joint)[0] for joint in robot.joints],
-        torque_unit=[units(joint)[1] for joint in robot.joints],
+        unit=[joint_units(joint)[0] for joint in robot.joints],
+        torque_unit=[joint_units(joint)[1] for joint in robot.joints],
         position_min=tally.position_min,
         position_max=tally.position_max,
         max_velocity=tally.speed,

@@ -38,7 +38,7 @@ class Section(ConfigModel):
         }
 
 
-def units(joint: Joint) -> tuple[str, str]:
+def joint_units(joint: Joint) -> tuple[str, str]:
     """Return the units of a joint's position and of its torque."""
     return ("rad", "N m") if joint.type == "revolute" else ("m", "N")
 
@@ -62,16 +62,16 @@ class GradedAxis(Protocol):
         ...
 
 
-def curve_rows(rows: int) -> slice:
+def thinning_slice(rows: int) -> slice:
     """Return the slice that thins so many rows to at most `CURVE_POINTS` for a drawing."""
     return slice(0, rows, max(1, -(-rows // CURVE_POINTS)))
 
 
-def rounded(values: Iterable[float], digits: int = 5) -> tuple[float, ...]:
+def round_values(values: Iterable[float], digits: int = 5) -> tuple[float, ...]:
     """Return the values, rounded to `digits` significant digits for a drawing."""
     return tuple(float(f"{value:.{digits}g}") for value in values)
 
 
-def finite(value: float) -> float | None:
+def finite_or_none(value: float) -> float | None:
     """Return the number; None if it is not finite."""
     return float(value) if math.isfinite(value) else None

@@ -8,7 +8,13 @@ import numpy as np
 
 from acquisition.supervision.stop_reason import StopCode
 from config.arrays import FloatArray
-from rid_daq.report.sections.section import Numbers, Section, curve_rows, rounded, units
+from rid_daq.report.sections.section import (
+    Numbers,
+    Section,
+    joint_units,
+    round_values,
+    thinning_slice,
+)
 
 if TYPE_CHECKING:
     from acquisition.recording.recording import Recording
@@ -86,15 +92,15 @@ class StopCurve(Section):
         kept = np.flatnonzero((since >= -SHOWN_S) & (since <= 0.0) & np.isfinite(drawn.value))
         if len(kept) < 2:
             return None
-        kept = kept[::-1][curve_rows(len(kept))][::-1]  # always keep the row of the stop
+        kept = kept[::-1][thinning_slice(len(kept))][::-1]  # always keep the row of the stop
         return cls(
             joint=reason.joint,
             quantity=name,
             unit=drawn.unit,
-            time_s=rounded(since[kept]),
-            value=rounded(drawn.value[kept]),
-            low=rounded(drawn.low[kept]),
-            high=rounded(drawn.high[kept]),
+            time_s=round_values(since[kept]),
+            value=round_values(drawn.value[kept]),
+            low=round_values(drawn.low[kept]),
+            high=round_values(drawn.high[kept]),
         )
 
     @property
@@ -113,7 +119,7 @@ def _quantity(
     from acquisition.motion.limits import position_bounds
 
     limits, rules = robot.joints[joint].limits, cell.supervision
-    unit, torque_unit = units(robot.joints[joint])
+    unit, torque_unit = joint_units(robot.joints[joint])
     assert recording.target_position is not None
     target, position = recording.target_position[:, joint], recording.position[:, joint]
     margin = 1.0 + rules.limit_margin_fraction

@@ -16,7 +16,7 @@ from pydantic import Strict
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
 from rid_daq.blocks.formats import number
-from rid_daq.report.sections.section import Numbers, Section, Texts, rounded, units
+from rid_daq.report.sections.section import Numbers, Section, Texts, joint_units, round_values
 from rid_daq.report.sections.verdict import VerdictCheck, VerdictSection
 
 if TYPE_CHECKING:
@@ -118,14 +118,14 @@ class PathCurves(Section):
         kept = slice(None, None, max(1, len(wanted) // DRAWN_POINTS))
 
         def columns(values: FloatArray) -> Columns:
-            return tuple(rounded(column) for column in values.T)
+            return tuple(round_values(column) for column in values.T)
 
         times = run.sample_period_s * np.arange(len(wanted), dtype=np.float64)
         return cls(
-            time_s=rounded(times[kept]),
+            time_s=round_values(times[kept]),
             wanted_m=columns(wanted[kept]),
             deviation_m=columns((reached - wanted)[kept]),
-            distance_m=rounded(error.distance_m[period][kept]),
+            distance_m=round_values(error.distance_m[period][kept]),
             joint=columns(error.joint[period][kept]),
         )
 
@@ -233,7 +233,7 @@ class TrackingSection(Section):
             " instant, computed with the robot file's kinematics. Joint errors are"
             " desired minus reached position." + more,
             joints=JointUnit.for_each(
-                joint=robot.joint_names, unit=[units(joint)[0] for joint in robot.joints]
+                joint=robot.joint_names, unit=[joint_units(joint)[0] for joint in robot.joints]
             ),
             motions=tuple(motions),
             unseen=f"{ENCODERS_AT_MOTORS} {_deflection_sentence(motions, robot, torques)}",
@@ -254,10 +254,10 @@ class TrackingSection(Section):
             )
         least = min(ratios)
         if least < 1.0:
-            changed = f"error grew {number(1.0 / max(least, 1e-12), 3)} times"
+            changed = f"error increased {number(1.0 / max(least, 1e-12), 3)}-fold"
             changed += " at most" if len(ratios) > 1 else ""
         else:
-            changed = f"error reduced {number(least, 3)} times"
+            changed = f"error reduced {number(least, 3)}-fold"
             changed += " at least" if len(ratios) > 1 else ""
         two = "The errors before and after are those of two runs of the same motion."
         return VerdictSection.of([], f"{mean}: {changed}", f"{two} {self.unseen}")

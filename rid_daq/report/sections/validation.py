@@ -11,7 +11,7 @@ from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
 from identification.regression.fit_grade import Grade
 from rid_daq.blocks.formats import number
-from rid_daq.report.sections.section import Numbers, Section, Texts, finite, units
+from rid_daq.report.sections.section import Numbers, Section, Texts, finite_or_none, joint_units
 
 if TYPE_CHECKING:
     from identification.validation.torque_prediction import Validation
@@ -112,7 +112,9 @@ class ValidationSection(Section):
             has_floor=floor_nm is not None,
             has_limits=validation.limits_percent is not None,
             axes=tuple(
-                _axis(validation, robot, i, None if floor_nm is None else finite(floor_nm[i]))
+                _axis(
+                    validation, robot, i, None if floor_nm is None else finite_or_none(floor_nm[i])
+                )
                 for i in range(len(robot.joints))
             ),
             diagnosis=None if diagnosis is None else tuple(diagnosis),
@@ -131,15 +133,15 @@ def _axis(
     counted = validation.counted[:, i]
     measured = validation.measured_nm[counted, i]
     unknown = int(np.count_nonzero(~validation.known[:, i]))
-    error = finite(validation.rms_nm[i])
+    error = finite_or_none(validation.rms_nm[i])
     limits, fit = validation.limits_percent, validation.fit[i]
     return AxisError(
         joint=joint.name,
-        unit=units(joint)[1],
+        unit=joint_units(joint)[1],
         rms_torque=float(np.sqrt(np.mean(measured**2))) if len(measured) else None,
         rms_error=error,
-        relative_error_percent=finite(validation.relative_percent[i]),
-        all_samples_percent=finite(validation.all_samples_percent[i]),
+        relative_error_percent=finite_or_none(validation.relative_percent[i]),
+        all_samples_percent=finite_or_none(validation.all_samples_percent[i]),
         noise=None if validation.noise_nm is None else float(validation.noise_nm[i]),
         floor=floor,
         error_over_floor=None if error is None or not floor else error / floor,

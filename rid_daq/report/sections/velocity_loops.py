@@ -15,7 +15,7 @@ from rid_daq.report.sections.loop_curves import (
     LoopMargins,
     MechanicsResponse,
 )
-from rid_daq.report.sections.section import Numbers, Section, Texts, finite, units
+from rid_daq.report.sections.section import Numbers, Section, Texts, finite_or_none, joint_units
 
 if TYPE_CHECKING:
     from compensation.loops.cascade import Cascade, GainAdvice
@@ -124,7 +124,9 @@ class AxisLoop(Section):
     ) -> AxisLoop:
         """Return the measurements and fits of one axis."""
         loop, axis = cascade.loop, cascade.mechanics
-        position_unit, torque_unit = units(robot.joints[robot.joint_names.index(loop.joint_name)])
+        position_unit, torque_unit = joint_units(
+            robot.joints[robot.joint_names.index(loop.joint_name)]
+        )
         (fit,) = grade_fit(
             (loop.joint_name,),
             np.array([axis.misfit]),
@@ -145,7 +147,7 @@ class AxisLoop(Section):
             velocity_margins=LoopMargins.from_attributes(cascade.velocity_margins),
             position_margins=LoopMargins.from_attributes(cascade.position_margins),
             position_peak=cascade.peak,
-            largest_position_gain_per_s=finite(cascade.largest_position_gain_per_s),
+            largest_position_gain_per_s=finite_or_none(cascade.largest_position_gain_per_s),
             response=ControllerResponse.of(controller, loop),
             mechanics_response=MechanicsResponse.of(mechanics),
             cascade=CascadeCurves.of(controller, mechanics, cascade),
@@ -187,7 +189,7 @@ class VelocityLoopsSection(Section):
         return cls(
             sentence=_sentence(measured),
             position_gain_per_s=advice.present_per_s,
-            largest_position_gain_per_s=finite(advice.largest_per_s),
+            largest_position_gain_per_s=finite_or_none(advice.largest_per_s),
             advice=advice.sentence,
             axes=tuple(
                 AxisLoop.of(robot, controller, axis, cascade)

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from rid_daq.blocks.plot import Axis, Line, Mark, Marker, Panel, Plot
 from rid_daq.figures.palette import NAMED
-from rid_daq.figures.plot_figure import stroke_of
+from rid_daq.figures.plot_figure import line_stroke
 from rid_daq.report_page.drawings.style import STYLE, WRONG, as_svg, drawn_text
 
 PX_PER_INCH: Final = 120.0
@@ -49,10 +49,10 @@ def plot_svg(plot: Plot, name: str) -> Markup:
 
 
 def matplotlib_figure(plot: Plot) -> Figure:
-    """Return a declared plot as one figure of matplotlib, panels one under the other or in a grid.
+    """Return a declared plot as one matplotlib figure, with panels in a column or in a grid.
 
     Args:
-        plot: The declaration.
+        plot: Declaration of the plot.
     """
     with mpl.rc_context({**STYLE, "figure.facecolor": "white"}):
         return _grid(plot.panels, min(plot.columns, len(plot.panels)))
@@ -135,7 +135,7 @@ def _draw_lines(drawing: Axes, of: Panel, columns: int) -> None:
 
 def _draw_line(drawing: Axes, line: Line) -> None:
     x, y = np.asarray(line.x), np.asarray(line.y, dtype=float)
-    color, dash = stroke_of(line)
+    color, dash = line_stroke(line)
     label = drawn_text(line.label) if line.is_named else None
     if line.is_area:
         drawing.fill(x, y, color=color, alpha=0.2, linewidth=0.0, label=label)

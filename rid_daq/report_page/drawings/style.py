@@ -25,7 +25,7 @@ MEASURED, PREDICTED, WRONG = INK, BLUE, RED
 
 STYLE: Any = {
     "svg.fonttype": "none",  # keep text as text: small, searchable, in the page's font
-    "svg.hashsalt": "rid-daq",  # the same numbers give the same bytes
+    "svg.hashsalt": "rid-daq",  # makes the SVG reproducible
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
     "font.size": 9.0,

@@ -22,7 +22,9 @@ def judged() -> Result:
 
 def test_a_newer_model_takes_the_place_of_all_that_was_of_the_older_one() -> None:
     old = judged()
-    new = old.by_model(ModelFile(name="model.json", sha256="2" * 64), estimate=old.estimate)
+    new = old.with_model_sections(
+        ModelFile(name="model.json", sha256="2" * 64), estimate=old.estimate
+    )
     assert [name for name in BY_MODEL if getattr(new, name) is not None] == ["estimate"]
     assert new.verdict.passed is None
     assert new.verdict.headline == "Nothing to judge"
@@ -37,7 +39,7 @@ def test_a_newer_model_takes_the_place_of_all_that_was_of_the_older_one() -> Non
 def test_the_same_model_leaves_what_was_said_of_it() -> None:
     old = judged()
     assert old.model is not None
-    assert old.by_model(old.model, plate=None) == old.updated(plate=None)
+    assert old.with_model_sections(old.model, plate=None) == old.updated(plate=None)
 
 
 def test_every_section_has_the_time_at_which_it_was_made(tmp_path: Path) -> None:

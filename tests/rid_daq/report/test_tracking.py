@@ -32,23 +32,23 @@ def compared(*ratios: float | None) -> TrackingSection:
     [
         (
             (111.0,),
-            f"{MEAN} 0.0245 mm: error reduced 111 times",
+            f"{MEAN} 0.0245 mm: error reduced 111-fold",
         ),
         (
             (30.0, 8.0),
-            f"{MEAN} 0.0245 mm at most: error reduced 8 times at least",
+            f"{MEAN} 0.0245 mm at most: error reduced 8-fold at least",
         ),
         (
             (0.01,),
-            f"{MEAN} 0.0245 mm: error grew 100 times",
+            f"{MEAN} 0.0245 mm: error increased 100-fold",
         ),
         (
             (0.5, 4.0),
-            f"{MEAN} 0.0245 mm at most: error grew 2 times at most",
+            f"{MEAN} 0.0245 mm at most: error increased 2-fold at most",
         ),
         (
             (0.0,),
-            f"{MEAN} 0.0245 mm: error grew 1·10¹² times",
+            f"{MEAN} 0.0245 mm: error increased 1·10¹²-fold",
         ),
         ((None,), f"{MEAN} 0.0245 mm"),
     ],
