@@ -103,13 +103,15 @@ def test_its_table_has_a_name_over_every_column(figures: dict[str, UIElement], n
 
 
 def test_a_table_tells_seven_digits_and_leaves_gaps_empty() -> None:
-    from rid_daq.figures.panel import layout, source
+    from rid_daq.figures.panel import csv_source, figure_layout
 
     plot = panel("two", "time [s]", "torque [N m]")
-    rows = source("two", {"time [s]": [0.0, 0.1], "torque [N m]": [1.2345678, np.nan]})
+    rows = csv_source("two", {"time [s]": [0.0, 0.1], "torque [N m]": [1.2345678, np.nan]})
     plot.line("time [s]", "torque [N m]", source=rows)
     plot.add_tools(HoverTool())
-    assert as_csv(layout("two", [plot], [plot])) == "time [s],torque [N m]\n0,1.234568\n0.1,\n"
+    assert (
+        as_csv(figure_layout("two", [plot], [plot])) == "time [s],torque [N m]\n0,1.234568\n0.1,\n"
+    )
 
 
 def test_fit_and_residual_are_the_result_s() -> None:

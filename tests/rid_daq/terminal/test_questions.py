@@ -23,7 +23,7 @@ def test_a_question_stands_beside_what_programs_read(
 
 def test_no_answer_is_a_refusal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO(""))
-    with raises_code(PreflightError, "RID-ANSWER-NOBODY", "without an answer"):
+    with raises_code(PreflightError, "RID-ANSWER-NOBODY"):
         Console().ask("The cell's name", str)
 
 
