@@ -1,6 +1,6 @@
-"""Motions as rows: every kind planned, timed, held against limits and collisions.
+"""Motions: planning, timing, and checks of limits and collisions.
 
-From a motion file to `MotionSamples`; nothing is sent from here. Begin with `samples.py`, then
-`motion_file.py`. It lists the kinds, which stand in `kinds`, a file each; `paths` is what those
-share that follow a path.
+The files lead from a motion file to `MotionSamples`; nothing is sent to the drives. Begin with
+`samples.py`, then `motion_file.py`, which lists the kinds of motion. `kinds` has one file per kind,
+`paths` has the common code of kinds that follow a path.
 """

@@ -1,4 +1,4 @@
-"""`approach`: a gentle move from where the robot stands to where its motion begins."""
+"""`approach`: slow move from the robot's present pose to the start of a motion."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ def approach(
     robot: RobotDescription,
     sample_period_s: float,
 ) -> MotionSamples:
-    """Return a gentle move from rest to rest, at 30 % of the velocity and acceleration limits.
+    """Return a move from rest to rest at 30 % of the velocity and acceleration limits.
 
     Args:
-        from_position, to_position: Shape (joints,). Poses [rad or m]: where the robot stands, and
-            where the motion starts.
+        from_position, to_position: Shape (joints,). Present pose of the robot, and start of the
+            motion [rad or m].
         robot: Joints and limits.
-        sample_period_s: The cell's cycle time [s].
+        sample_period_s: Cycle time of the cell [s].
 
     Raises:
         ConfigError: A pose is outside the position limits.

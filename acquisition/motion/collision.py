@@ -1,4 +1,4 @@
-"""Paths are measured before they are driven: the robot stays off itself and its surroundings."""
+"""Collision check of paths before the motion: self-collisions and surroundings."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ def refuse_collision(
     what: str,
     meanwhile: Callable[[], None] = lambda: None,
 ) -> None:
-    """Refuse a path on which two bodies come closer than the clearance.
+    """Raise an error if two bodies come closer than the clearance on a path.
 
-    Bodies that are closer already where the path begins may stay as close, but not come closer:
-    a robot that stands too near can be led away.
+    Bodies that are too close at the start of the path may keep their distance but must not come
+    closer: a robot that is too near an obstacle can be moved away.
 
     Args:
-        clearances: What must stay apart.
-        position: Shape (samples, n). The path's joint positions [rad or m].
+        clearances: Pairs of bodies and their minimum clearance.
+        position: Shape (samples, n). Joint positions of the path [rad or m].
         sample_period_s: Time between rows [s].
-        what: What the path is called in the message.
+        what: Name of the path in the message.
         meanwhile: Called every few milliseconds.
 
     Raises:
@@ -42,21 +42,21 @@ def refuse_collision(
     if (at_start < 0.0).any():
         pair = int(np.argmin(at_start))
         raise PreflightError(
-            f"where {what} begins, {clearances.names[pair]} overlap by"
-            f" {-1e3 * at_start[pair]:.0f} mm: lead the robot out by hand, or correct `bodies` in"
-            " the robot file and `workspace` in the cell file",
+            f"at the start of {what}, {clearances.names[pair]} overlap by"
+            f" {-1e3 * at_start[pair]:.0f} mm: move the robot away by hand, or correct `bodies`"
+            " in the robot file and `workspace` in the cell file",
             code="RID-MOTION-COLLISION",
         )
     row = clear_rows(clearances, position, meanwhile)
     if row == len(position):
         return
     distance = clearances.nearest(position[row : row + 1])
-    pair = int(np.argmin(distance - _least(clearances, at_start)))
+    pair = int(np.argmin(distance - _permitted_distances(clearances, at_start)))
     raise PreflightError(
-        f"{what} brings {clearances.names[pair]} to {1e3 * distance[pair]:.0f} mm of"
-        f" each other after {row * sample_period_s:.2f} s;"
-        f" {1e3 * clearances.margin_m:.0f} mm is the least that `workspace` in the cell"
-        " file allows. Nothing was moved: design another motion, or start elsewhere",
+        f"{what} brings {clearances.names[pair]} within {1e3 * distance[pair]:.0f} mm of each"
+        f" other after {row * sample_period_s:.2f} s; the clearance in `workspace` of the cell"
+        f" file is {1e3 * clearances.margin_m:.0f} mm. Nothing was moved: design another motion,"
+        " or start from another pose",
         code="RID-MOTION-COLLISION",
     )
 
@@ -64,18 +64,19 @@ def refuse_collision(
 def clear_rows(
     clearances: Clearances, position: FloatArray, meanwhile: Callable[[], None] = lambda: None
 ) -> int:
-    """Return how many rows a path stays clear for: all of them, or those before the first.
+    """Return the number of rows before the first collision; all rows if the path is clear.
 
-    Bodies that are closer already where the path begins may stay as close, but not come closer.
+    Bodies that are too close at the start of the path may keep their distance but must not come
+    closer.
 
     Args:
-        clearances: What must stay apart.
-        position: Shape (samples, n). The path's joint positions [rad or m].
+        clearances: Pairs of bodies and their minimum clearance.
+        position: Shape (samples, n). Joint positions of the path [rad or m].
         meanwhile: Called every few milliseconds.
     """
     if len(clearances) == 0:
         return len(position)
-    least = _least(clearances, clearances.nearest(position[:1]))
+    least = _permitted_distances(clearances, clearances.nearest(position[:1]))
     for first in range(0, len(position), ROWS_AT_ONCE):
         meanwhile()
         rows = position[first : first + ROWS_AT_ONCE]
@@ -87,6 +88,6 @@ def clear_rows(
     return len(position)
 
 
-def _least(clearances: Clearances, at_start: FloatArray) -> FloatArray:
-    """Return how close each pair may come on a path, by how close it is where that begins."""
+def _permitted_distances(clearances: Clearances, at_start: FloatArray) -> FloatArray:
+    """Return the permitted distance of each pair on a path, from its distance at the start."""
     return np.minimum(clearances.margin_m, at_start - TOLERANCE_M)

@@ -1,4 +1,4 @@
-"""`FourierTrajectory`: the periodic excitation (2.30, 3.11, 3.12)."""
+"""`FourierTrajectory`: periodic excitation trajectory (2.30, 3.11, 3.12)."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from config.errors import ConfigError
 
 
 def samples_of_period(period_s: float, sample_period_s: float) -> int:
-    """Return how many samples one period holds.
+    """Return the number of samples in one period.
 
     Args:
-        period_s: The period [s].
+        period_s: Length of the period [s].
         sample_period_s: Time between samples [s].
 
     Raises:
-        ConfigError: The period is not a whole number of samples (the message names the nearest that
-            are), or holds fewer than four.
+        ConfigError: The period is not a whole number of samples (the message names the nearest
+            valid periods), or has fewer than four samples.
     """
     exact = period_s / sample_period_s
     samples = round(exact)
@@ -30,13 +30,13 @@ def samples_of_period(period_s: float, sample_period_s: float) -> int:
             for whole in (math.floor(exact), math.ceil(exact))
         )
         raise ConfigError(
-            f"period_s {period_s:g} is {exact:.9g} cycles of {sample_period_s * 1e3:g} ms; a period"
-            f" must hold a whole number of cycles. The nearest that do: {nearest}",
+            f"period_s {period_s:g} is {exact:.9g} cycles of {sample_period_s * 1e3:g} ms, but"
+            f" must be a whole number of cycles. Nearest valid periods: {nearest}",
             code="RID-MOTION-PERIOD",
         )
     if samples < 4:
         raise ConfigError(
-            f"period_s {period_s:g} holds {samples} cycles of {sample_period_s * 1e3:g} ms; at"
+            f"period_s {period_s:g} has {samples} cycles of {sample_period_s * 1e3:g} ms, but at"
             " least 4 are needed: choose a longer period",
             code="RID-MOTION-PERIOD",
         )
@@ -45,12 +45,12 @@ def samples_of_period(period_s: float, sample_period_s: float) -> int:
 
 @dataclass(frozen=True, eq=False)
 class FourierTrajectory:
-    """A Fourier series per joint with a whole number of samples in its period.
+    """Fourier series for each joint, with a whole number of samples per period.
 
     Attributes:
-        joint_names: Base to flange.
+        joint_names: Joints from base to flange.
         sample_period_s: Time between samples [s].
-        samples_per_period: Samples of one period, K.
+        samples_per_period: Number of samples per period, K.
         offset: Shape (joints,). q_i0 [rad or m].
         sine, cosine: Shape (harmonics, joints). a_ik and b_ik [rad or m]; row k - 1 belongs to
             harmonic k.
@@ -77,12 +77,12 @@ class FourierTrajectory:
 
     @property
     def period_s(self) -> float:
-        """The period [s]."""
+        """Length of the period [s]."""
         return self.samples_per_period * self.sample_period_s
 
     @property
     def harmonics(self) -> int:
-        """The highest harmonic, N."""
+        """Number of the highest harmonic, N."""
         return len(self.sine)
 
     @property
@@ -103,7 +103,7 @@ class FourierTrajectory:
         return self._series(time_s, 2)
 
     def _series(self, time_s: FloatArray, derivative: int) -> FloatArray:
-        """Return the derivative of the sum over harmonics, as the real part of phasors."""
+        """Return a derivative of the sum over harmonics, as the real part of phasors."""
         omega = 2.0 * math.pi / self.period_s * np.arange(1, self.harmonics + 1)
         turns = np.exp(1j * np.outer(np.asarray(time_s, dtype=float), omega))
         # a sin(wt) + b cos(wt) = Re[(b - j a) exp(jwt)], and d/dt multiplies by j w.

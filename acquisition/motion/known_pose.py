@@ -1,7 +1,7 @@
-"""`KnownPose`: where the last run left the robot, to tell a lost zero before the next motion.
+"""`KnownPose`: last known pose of the robot, to detect a lost encoder zero before a motion.
 
 A multi-turn encoder that has lost its count after a power cycle is wrong by whole turns of its
-motor; every position after it looks plausible. Only a comparison with the last pose shows it.
+motor; all later positions look plausible. Only a comparison with the last pose detects this.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from config.robot.robot import Joint, RobotDescription
 MOVED: Final = "RID-POSE-MOVED"
 
 LEAST_RAD: Final = 0.01
-"""A joint that has moved less may have sagged into its brake [rad]."""
+"""Smaller displacements can be the play of the brake [rad]."""
 
 LEAST_M: Final = 2e-3
-"""The same for a prismatic joint [m]."""
+"""As `LEAST_RAD`, for a prismatic joint [m]."""
 
 _SHARE_OF_TURN: Final = 0.25
 _WHOLE_TURNS: Final = 0.02
@@ -29,12 +29,12 @@ _MOST_NAMED: Final = 3
 
 @dataclass(frozen=True)
 class KnownPose:
-    """Where a robot stood when it was last seen.
+    """Last known pose of a robot.
 
     Attributes:
-        position: Length joints. Of the joints [rad or m].
-        seen: By what and when, as "run 01M8... (2026-11-26T15:04:05+00:00)".
-        binding: Whether a motion is refused if the robot stands elsewhere; otherwise it is noted.
+        position: Length joints. Joint positions [rad or m].
+        seen: Source and time, as "run 01M8... (2026-11-26T15:04:05+00:00)".
+        binding: True to refuse a motion if the robot is elsewhere; False to only note it.
     """
 
     position: tuple[float, ...]
@@ -42,34 +42,34 @@ class KnownPose:
     binding: bool = True
 
     def displacements(self, robot: RobotDescription, position: Sequence[float]) -> list[str]:
-        """Return a phrase for each joint that stands elsewhere, empty if none does.
+        """Return a phrase for each displaced joint; empty if no joint is displaced.
 
         Args:
             robot: The joints.
-            position: Where they stand now [rad or m].
+            position: Present joint positions [rad or m].
         """
         found = []
         for joint, now, then in zip(robot.joints, position, self.position, strict=True):
             moved = now - then
             if abs(moved) > displacement_limit(joint):
-                found.append(f"{joint.name} by {_in_words(joint, moved)}")
+                found.append(f"{joint.name} by {_describe_displacement(joint, moved)}")
         return found
 
     def sentence(self, moved: Sequence[str]) -> str:
-        """Return which joints stand elsewhere than they were seen, in a sentence."""
+        """Return a sentence that names the displaced joints."""
         shown = ", ".join(moved[:_MOST_NAMED])
         more = len(moved) - _MOST_NAMED
         others = f" and {more} more" if more > 0 else ""
-        return f"the robot stands elsewhere than where {self.seen} left it: {shown}{others}"
+        return f"the robot is not at the pose in which {self.seen} left it: {shown}{others}"
 
     def refuse_moved(self, robot: RobotDescription, position: Sequence[float]) -> str:
-        """Refuse a motion if a joint stands elsewhere than it was seen last.
+        """Raise an error if a joint is not at its last known position.
 
         Returns:
-            A note if the pose is not binding and a joint stands elsewhere; otherwise empty.
+            A note if the pose is not binding and a joint is displaced; otherwise empty.
 
         Raises:
-            PreflightError: The pose is binding and a joint stands elsewhere.
+            PreflightError: The pose is binding and a joint is displaced.
         """
         moved = self.displacements(robot, position)
         if not moved:
@@ -87,22 +87,22 @@ ADVICE: Final = (
 
 
 def displacement_limit(joint: Joint) -> float:
-    """Return by how much a joint may stand elsewhere [rad or m].
+    """Return the largest displacement that is accepted [rad or m].
 
-    It is less than a turn of the motor, so that a lost turn is always seen.
+    It is less than one turn of the motor, so that a lost turn is always detected.
     """
     least = LEAST_M if joint.type == "prismatic" else LEAST_RAD
-    return min(least, _SHARE_OF_TURN * _turn(joint))
+    return min(least, _SHARE_OF_TURN * _motor_turn(joint))
 
 
-def _turn(joint: Joint) -> float:
-    """Return how far a turn of the motor moves a joint [rad or m]."""
+def _motor_turn(joint: Joint) -> float:
+    """Return the displacement of a joint for one turn of its motor [rad or m]."""
     return 2.0 * math.pi / abs(joint.gear_ratio)
 
 
-def _in_words(joint: Joint, moved: float) -> str:
+def _describe_displacement(joint: Joint, moved: float) -> str:
     words = f"{1e3 * moved:.1f} mm" if joint.type == "prismatic" else f"{math.degrees(moved):.2f}°"
-    turns = moved / _turn(joint)
+    turns = moved / _motor_turn(joint)
     if round(turns) and abs(turns - round(turns)) <= _WHOLE_TURNS * abs(turns):
         count = abs(round(turns))
         words += f" ({count} whole motor turn{'s' if count > 1 else ''})"

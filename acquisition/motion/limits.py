@@ -1,4 +1,4 @@
-"""Joint limits held against a path: between its rows too, with the worst of each in words."""
+"""Check of a path against the joint limits, also between its rows."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LIMIT_MARGIN_SHARE = 0.05
 def violations(
     path: JointTrajectory, robot: RobotDescription, sample_period_s: float, oversampling: int = 10
 ) -> list[str]:
-    """Return what exceeds which limit, in words: the worst of each joint, quantity and side."""
+    """Return the exceeded limits as text: the worst value of each joint, quantity and side."""
     limits = [joint.limits for joint in robot.joints]
     velocity = ("/s", [-x.velocity for x in limits], [x.velocity for x in limits])
     bounds = [
@@ -55,9 +55,8 @@ def violations(
                     time_s = (first + row / oversampling) * sample_period_s
                     worst[key] = (
                         by,
-                        f"{quantity} of joint {joint.name!r} reaches"
-                        f" {values[row, column]:.6g} {unit} at {time_s:.4g} s, its limit is"
-                        f" {limit[column]:.6g}",
+                        f"{quantity} of joint {joint.name!r} reaches {values[row, column]:.6g}"
+                        f" {unit} at {time_s:.4g} s, but its limit is {limit[column]:.6g}",
                     )
     return [words for _, words in worst.values()]
 
@@ -94,19 +93,19 @@ def _between_rows(
 def sizes_between_rows(
     path: JointTrajectory, sample_period_s: float, acceleration_limit: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the largest speed and acceleration around each row, between the rows too.
+    """Return the largest speed and acceleration around each row, also between the rows.
 
-    The quintic through each pair of rows stays within the hull of its control points. Where that
-    leaves an acceleration beyond its limit, the acceleration itself is looked at.
+    The quintic through two rows is within the hull of its control points. If the hull exceeds an
+    acceleration limit, the acceleration itself is evaluated.
 
     Args:
         path: The rows.
-        sample_period_s: Time between them [s].
-        acceleration_limit: Shape (n,). Below it a hull is told in place of an acceleration.
+        sample_period_s: Time between rows [s].
+        acceleration_limit: Shape (n,). Below it, the hull is returned instead of the acceleration.
 
     Returns:
-        `speed, acceleration`, shape (rows, n). Sizes; of what lies between two rows both have the
-        larger one.
+        `speed, acceleration`, shape (rows, n): absolute values. The larger value between two rows
+        belongs to both rows.
     """
     h = sample_period_s
     q0, v0, a0 = (values[:-1] for values in path)
@@ -134,7 +133,7 @@ def sizes_between_rows(
 
 
 def beyond_limits(broken: list[str], what: str) -> LimitError:
-    """Return the error that says what a path, called `what`, exceeds."""
+    """Return the error for a path, called `what`, that exceeds limits."""
     return LimitError(
         f"{what} exceeds the robot's limits: {'; '.join(broken)}. Reduce the amplitudes or"
         " speeds, or correct the limits in the robot file",
@@ -143,7 +142,7 @@ def beyond_limits(broken: list[str], what: str) -> LimitError:
 
 
 def refuse(broken: list[str], what: str) -> None:
-    """Raise `LimitError` where a path, called `what`, exceeds anything."""
+    """Raise `LimitError` if a path, called `what`, exceeds a limit."""
     if broken:
         raise beyond_limits(broken, what)
 
@@ -151,34 +150,34 @@ def refuse(broken: list[str], what: str) -> None:
 def verify_limits(
     samples: MotionSamples, robot: RobotDescription, *, oversampling: int = 10
 ) -> None:
-    """Check position, velocity and acceleration between the samples, not only at them.
+    """Check position, velocity and acceleration also between the samples.
 
-    The motion is rebuilt as the quintic through each pair of neighbouring rows (their positions,
-    velocities and accelerations), so a step in the rows shows up as the speed that it takes.
+    The motion is the quintic through each pair of neighbouring rows (positions, velocities and
+    accelerations). Therefore a step in the rows appears as the speed that it requires.
 
     Args:
         samples: The motion.
         robot: The limits.
-        oversampling: Points looked at per sample period.
+        oversampling: Number of checked points per sample period.
 
     Raises:
         ConfigError: A limit is exceeded; the text names every joint, value and limit.
     """
     if samples.joint_names != robot.joint_names:
         raise ConfigError(
-            f"the motion is for joints {', '.join(samples.joint_names)}, robot {robot.name!r} has"
-            f" {', '.join(robot.joint_names)}",
+            f"the motion is for joints {', '.join(samples.joint_names)}, but robot {robot.name!r}"
+            f" has {', '.join(robot.joint_names)}: use the same joint names",
             code="RID-MOTION-JOINTS",
         )
-    brief = samples.whole(most_periods=2)  # with the step from one period to the next
+    brief = samples.whole(most_periods=2)  # includes the transition from one period to the next
     path = JointTrajectory(brief.position, brief.velocity, brief.acceleration)
     refuse(violations(path, robot, samples.sample_period_s, oversampling), "the motion")
     if samples.feedforward is not None:
         fastest = np.abs(samples.feedforward).max(axis=0)
         refuse(
             [
-                f"feedforward of joint {joint.name!r} reaches {speed:.4g} per second, its speed"
-                f" limit is {joint.limits.velocity:g}"
+                f"feedforward of joint {joint.name!r} reaches {speed:.4g} per second, but its"
+                f" speed limit is {joint.limits.velocity:g}"
                 for joint, speed in zip(robot.joints, fastest, strict=True)
                 if speed > joint.limits.velocity
             ],
@@ -187,26 +186,25 @@ def verify_limits(
 
 
 def refuse_pose(robot: RobotDescription, position: Sequence[float]) -> None:
-    """Refuse to begin where a joint stands outside its limits.
+    """Raise an error if a joint is outside its limits.
 
     Raises:
-        PreflightError: One does; the text names it.
+        PreflightError: A joint is outside; the text names it.
     """
     for joint, value in zip(robot.joints, position, strict=True):
         low, high = joint.limits.position_min, joint.limits.position_max
         if not low <= value <= high:
             raise PreflightError(
-                f"joint {joint.name} stands at {value:.4f}, outside its limits {low:g} to"
-                f" {high:g}: move the robot inside them by hand, or correct the robot file",
+                f"joint {joint.name} is at {value:.4f}, outside its limits {low:g} to {high:g}:"
+                " move the robot inside the limits by hand, or correct the robot file",
                 code="RID-POSE-OUTSIDE",
             )
 
 
 def position_bounds(cell: CellConfig, robot: RobotDescription) -> tuple[list[float], list[float]]:
-    """Return between which positions each joint may be found, its limits with a margin [rad or m].
+    """Return the permitted positions of each joint: its limits with a margin [rad or m].
 
-    The margin is the following error that is allowed at standstill, and a twentieth of the joint's
-    range at most.
+    The margin is the permitted following error at standstill, but at most 5 % of the joint's range.
     """
     low, high = [], []
     for joint in robot.joints:

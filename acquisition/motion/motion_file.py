@@ -1,4 +1,4 @@
-"""The motion file: every kind of motion, and how one is read."""
+"""The motion file: list of the kinds of motion, and functions to read a file."""
 
 from __future__ import annotations
 
@@ -37,36 +37,36 @@ MOTION_KINDS: Final = tuple(
     str(get_args(motion.model_fields["kind"].annotation)[0])
     for motion in get_args(get_args(AnyMotion)[0])
 )
-"""What the key `kind` may say."""
+"""Permitted values of the key `kind`."""
 
 
 class MotionFile(RootModel[AnyMotion]):
-    """A motion file: its key `kind` says which of the motions it is."""
+    """A motion file; its key `kind` selects the kind of motion."""
 
 
 def load_motion(path: str | Path) -> AnyMotion:
-    """Load a motion file; the rows of a table that it names are in what is returned.
+    """Load a motion file, with the rows of a table that it names.
 
     Args:
         path: The file.
 
     Raises:
-        ConfigError: The file, or one that it names, is missing or invalid.
+        ConfigError: The file, or a file that it names, is missing or invalid.
     """
     return read_motion(path)[0]
 
 
 def read_motion(path: str | Path) -> tuple[AnyMotion, bytes]:
-    """Return the motion of a file, and the text that a run keeps of it, both by one reading.
+    """Return the motion of a file, and the text that a run stores, from one reading of the file.
 
-    The text is the file's, but for a motion that leaves its rows to another file: that one has them
-    in it. Parameters and errors are those of `load_motion`.
+    The text is that of the file, except for a motion with rows in another file: then the text
+    contains these rows. Parameters and errors are those of `load_motion`.
     """
     written, name, _ = read_named(str(path), "motions", None)
-    motion = motion_content(written, name).completed(Path(path).expanduser().parent)
+    motion = parse_motion(written, name).completed(Path(path).expanduser().parent)
     return motion, motion.to_keep(written)
 
 
-def motion_content(written: bytes, name: str) -> AnyMotion:
-    """Return the motion in the bytes of a file called `name`; a table that it names is not read."""
+def parse_motion(written: bytes, name: str) -> AnyMotion:
+    """Return the motion in a file's contents, without the table that it may name."""
     return validate(parse_yaml(written, name), MotionFile).root

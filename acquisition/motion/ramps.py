@@ -1,9 +1,9 @@
-"""Ramps: from rest into a periodic motion and out of it, and from rest to rest between poses.
+"""Ramps: from rest to a periodic motion and back, and from rest to rest between poses.
 
-A run-in moves along the periodic path itself while its clock speeds up: q(t) = f(s(t)) with the
-rate ds/dt rising from 0 to 1 as the polynomial 10 x^3 - 15 x^4 + 6 x^5. The path never leaves the
-period's positions, the joint speeds never exceed the period's, and the motion is of class C3. A
-run-out is the same, backwards.
+A run-in moves along the periodic path with increasing rate: q(t) = f(s(t)), with the rate ds/dt
+rising from 0 to 1 as the polynomial 10 x^3 - 15 x^4 + 6 x^5. The positions stay within those of the
+period, the joint speeds do not exceed those of the period, and the motion is of class C3. A run-out
+is the same motion reversed in time.
 """
 
 from __future__ import annotations
@@ -21,31 +21,31 @@ QUINTIC_PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
 
 
 def run_in(trajectory: FourierTrajectory, samples: int) -> JointTrajectory:
-    """Return the samples from rest up to, and not including, the start of the first period.
+    """Return the samples from rest up to the start of the first period, which is not included.
 
     Args:
-        trajectory: The periodic motion to join at its time zero.
-        samples: Length of the run-in; the clock runs half of it.
+        trajectory: The periodic motion, joined at its time zero.
+        samples: Number of samples of the run-in; the path time advances by half of it.
     """
     x = np.arange(samples) / samples
     duration_s = samples * trajectory.sample_period_s
-    return _at_clock(trajectory, -0.5 * duration_s, x, duration_s)
+    return _at_path_time(trajectory, -0.5 * duration_s, x, duration_s)
 
 
 def run_out(trajectory: FourierTrajectory, samples: int) -> JointTrajectory:
     """Return the samples from the end of the last period (its time zero) to rest, both included.
 
     Args:
-        trajectory: The periodic motion to leave.
-        samples: Length of the run-out; one more row is returned, at rest.
+        trajectory: The periodic motion.
+        samples: Number of samples of the run-out; one more row, at rest, is returned.
     """
     x = 1.0 - np.arange(samples + 1) / samples
     duration_s = samples * trajectory.sample_period_s
     # The run-in of the time-reversed trajectory, reversed: s -> -s, and speeds change sign twice.
-    return _at_clock(trajectory, 0.5 * duration_s, x, -duration_s)
+    return _at_path_time(trajectory, 0.5 * duration_s, x, -duration_s)
 
 
-def _at_clock(
+def _at_path_time(
     trajectory: FourierTrajectory, start_s: float, x: FloatArray, duration_s: float
 ) -> JointTrajectory:
     """Return the trajectory at s(x) = start + duration * integral of the rate from 0 to x."""
@@ -79,11 +79,11 @@ def rest_to_rest_duration(
 def rest_to_rest(
     start: FloatArray, end: FloatArray, samples: int, sample_period_s: float
 ) -> JointTrajectory:
-    """Return a quintic move of class C2 between two poses at rest, all joints together.
+    """Return a quintic move of class C2 between two poses at rest, synchronous in all joints.
 
     Args:
         start, end: Shape (joints,). Poses [rad or m].
-        samples: Rows from the start (included) to the end (not included).
+        samples: Number of rows from the start (included) to the end (not included).
         sample_period_s: Time between rows [s].
     """
     x = (np.arange(samples) / samples)[:, np.newaxis]

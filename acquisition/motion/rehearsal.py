@@ -1,4 +1,4 @@
-"""`rehearsal`: the same motion, slow and once, to see that it is meant before it is driven."""
+"""`rehearsal`: the motion once at reduced speed, as a check before the real motion."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from acquisition.motion.samples import MotionSamples, Phase
 from config.errors import ConfigError
 
 SLOWER = 4.0
-"""How much longer a rehearsal takes than the motion: a quarter of its speed."""
+"""Duration of a rehearsal divided by that of the motion: it has a quarter of the speed."""
 
 
 def rehearsal(samples: MotionSamples, slower: float = SLOWER) -> MotionSamples:
-    """Return a motion's path at a fraction of its speed, a periodic one with one period alone.
+    """Return the path of a motion at a fraction of its speed, with a single period.
 
     Args:
         samples: The motion.
-        slower: By how much velocities are divided; accelerations by its square.
+        slower: Factor that divides the velocities; accelerations are divided by its square.
 
     Raises:
         ConfigError: `slower` is below 1 or not finite.
     """
     if not 1.0 <= slower < math.inf:
         raise ConfigError(
-            f"a rehearsal is slower than the motion, not {slower:g} times as slow",
+            f"invalid rehearsal: slower is {slower:g}, but must be at least 1 and finite",
             code="RID-OPTION-RANGE",
         )
-    rows = _once(samples)
+    rows = _rows_of_one_period(samples)
     period_s = samples.sample_period_s
     path = CubicHermiteSpline(
         period_s * np.arange(len(rows)), samples.position[rows], samples.velocity[rows]
@@ -48,8 +48,8 @@ def rehearsal(samples: MotionSamples, slower: float = SLOWER) -> MotionSamples:
     )
 
 
-def _once(samples: MotionSamples) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-    """Return the rows of a motion with one period of it: whole periods leave no gap."""
+def _rows_of_one_period(samples: MotionSamples) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    """Return the rows of a motion with one period; omitting whole periods leaves no gap."""
     everything = np.arange(len(samples.position))
     if samples.samples_per_period is None:
         return everything

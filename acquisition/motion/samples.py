@@ -1,4 +1,4 @@
-"""`MotionSamples`: a motion as the cyclic task streams it, one row a cycle; and pieces of it."""
+"""`MotionSamples`: a motion with one row per cycle, as sent by the cyclic task; and its pieces."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from config.errors import ConfigError
 
 
 class Phase(IntEnum):
-    """What a sample of a motion is for."""
+    """Purpose of a row of a motion."""
 
     APPROACH = 0
     RUN_IN = 1
@@ -29,8 +29,8 @@ class JointTrajectory(NamedTuple):
     """Samples of a piece of motion.
 
     Attributes:
-        position, velocity, acceleration: Shape (samples, joints). rad or m, and per second, per
-            second squared.
+        position, velocity, acceleration: Shape (samples, joints). Position [rad or m], and its
+            derivatives per second and per second squared.
     """
 
     position: FloatArray
@@ -45,7 +45,7 @@ def standstill(pose: FloatArray, samples: int) -> JointTrajectory:
 
 
 def join(pieces: list[JointTrajectory]) -> JointTrajectory:
-    """Return the pieces one after the other."""
+    """Return the pieces in sequence."""
     return JointTrajectory(*(np.concatenate(arrays) for arrays in zip(*pieces, strict=True)))
 
 
@@ -53,20 +53,20 @@ def join(pieces: list[JointTrajectory]) -> JointTrajectory:
 class MotionSamples:
     """A motion sampled at the cycle time; it starts and ends at rest.
 
-    A periodic one may hold its main period once: `place` says where each driven row is held, and
-    `whole` holds them all.
+    A periodic motion may store its main period once. Then `place` returns the index of a row in the
+    arrays, and `whole` returns the motion with all rows.
 
     Attributes:
-        joint_names: Base to flange.
+        joint_names: Joints from base to flange.
         sample_period_s: Time between rows [s].
-        position, velocity, acceleration: Shape (samples, joints). rad or m, and per second, per
-            second squared.
+        position, velocity, acceleration: Shape (samples, joints). Position [rad or m], and its
+            derivatives per second and per second squared.
         phase: Shape (samples,). `Phase` of each row.
-        samples_per_period: Rows of one period where the motion is periodic.
-        periods: Whole periods that are driven in `Phase.MAIN`; 0 where the motion is not periodic.
-        feedforward: Shape (samples, joints). Speeds that the position loop adds to its own, where
-            they are not the motion's: those that pre-compensate the drives' velocity loops [rad/s
-            or m/s].
+        samples_per_period: Number of rows per period; None if the motion is not periodic.
+        periods: Number of whole periods in `Phase.MAIN`; 0 if the motion is not periodic.
+        feedforward: Shape (samples, joints). Speeds that are added to the output of the position
+            loop; None for the motion's own velocities. Pre-compensation of the drives' velocity
+            loops uses them [rad/s or m/s].
     """
 
     joint_names: tuple[str, ...]
@@ -83,14 +83,14 @@ class MotionSamples:
         n = len(self.joint_names)
         if not (np.isfinite(self.sample_period_s) and self.sample_period_s > 0.0):
             raise ConfigError(
-                f"motion: sample_period_s must be positive: {self.sample_period_s}",
+                f"motion: invalid sample_period_s {self.sample_period_s}: give a positive value",
                 code="RID-API-ARGUMENT",
             )
         freeze(self, ConfigError, (None, n), "position", what="motion ")
         samples = len(self.position)
         if samples < 2:
             raise ConfigError(
-                f"motion: {samples} samples are none to stream, 2 are the least",
+                f"motion: {samples} samples, but at least 2 are needed",
                 code="RID-API-ARGUMENT",
             )
         rates = ("velocity", "acceleration", "feedforward")
@@ -106,22 +106,22 @@ class MotionSamples:
             )
 
     def __len__(self) -> int:
-        return len(self.position) + self._not_held
+        return len(self.position) + self._repeated_rows
 
     def place(self, row: int) -> int:
-        """Return where a row that is driven is held."""
-        if not self._not_held or row < self._main:
+        """Return the index in the arrays of a row of the motion."""
+        if not self._repeated_rows or row < self._first_main_row:
             return row
         rows = self.samples_per_period or 1
-        return row - min((row - self._main) // rows * rows, self._not_held)
+        return row - min((row - self._first_main_row) // rows * rows, self._repeated_rows)
 
     def whole(self, most_periods: int | None = None) -> MotionSamples:
-        """Return the motion with every row held.
+        """Return the motion with all rows in the arrays.
 
         Args:
-            most_periods: Drive so many periods where it has more and holds but one.
+            most_periods: Largest number of periods, if the motion stores only one.
         """
-        if not self._not_held:
+        if not self._repeated_rows:
             return self
         shorter = replace(self, periods=min(self.periods, most_periods or self.periods))
         places = np.array([shorter.place(row) for row in range(len(shorter))])
@@ -133,29 +133,30 @@ class MotionSamples:
 
     @property
     def duration_s(self) -> float:
-        """Time from the first sample to the last [s]."""
+        """Time from the first to the last sample [s]."""
         return (len(self) - 1) * self.sample_period_s
 
     @property
     def period_ends(self) -> dict[int, int]:
-        """The rows at which a whole number of main periods is over, and that number.
+        """Rows at which a whole number of main periods ends, and that number.
 
-        From each of them the motion may go on with the row of the last one, the run-out, since all
-        lie at the same point of the same path. Empty where the motion is not periodic.
+        All these rows are at the same point of the same path. Therefore the motion can continue
+        from each of them with the run-out that follows the last one. Empty if the motion is not
+        periodic.
         """
         if self.samples_per_period is None:
             return {}
         counts = range(1, self.periods + 1)
-        return {self._main + count * self.samples_per_period: count for count in counts}
+        return {self._first_main_row + count * self.samples_per_period: count for count in counts}
 
     @cached_property
-    def _main(self) -> int:
-        """The first row of the main phase."""
+    def _first_main_row(self) -> int:
+        """Index of the first row of the main phase."""
         return int(np.argmax(self.phase == Phase.MAIN))
 
     @cached_property
-    def _not_held(self) -> int:
-        """How many rows are driven that are held as one of an earlier period."""
+    def _repeated_rows(self) -> int:
+        """Number of rows that are not stored, because they repeat an earlier period."""
         driven = self.periods * (self.samples_per_period or 0)
         return driven - int(np.count_nonzero(self.phase == Phase.MAIN)) if driven else 0
 
@@ -171,12 +172,12 @@ def phases_of(*counts: tuple[Phase, int]) -> PhaseArray:
 def with_rests(
     path: JointTrajectory, dwell_s: float, joint_names: tuple[str, ...], sample_period_s: float
 ) -> MotionSamples:
-    """Return a path with a rest before and after; the rows in between are its main part.
+    """Return a path with a rest before and after it; the rows in between are its main part.
 
     Args:
-        path: From rest to rest.
-        dwell_s: How long each rest is [s], one row at least.
-        joint_names: Base to flange.
+        path: Path from rest to rest.
+        dwell_s: Duration of each rest [s], at least one row.
+        joint_names: Joints from base to flange.
         sample_period_s: Time between rows [s].
     """
     rest = max(1, math.ceil(dwell_s / sample_period_s))

@@ -1,5 +1,5 @@
-"""The kinds of motion, a file each: what its file may say, its rows, its sentence, what comes next.
+"""Kinds of motion, one file each: keys of the motion file, rows, description, next command.
 
-No kind asks for another one's name. Begin with `motion.py`, then `fourier.py`; `../motion_file.py`
-lists the kinds.
+No kind depends on the name of another kind. Begin with `motion.py`, then `fourier.py`;
+`../motion_file.py` lists the kinds.
 """

@@ -1,4 +1,4 @@
-"""A circle of the tool point at constant speed, as a periodic joint motion."""
+"""Circular motion of the tool point at constant speed, as a periodic joint motion."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from acquisition.motion.kinds.fourier import (
     FourierJoint,
     FourierMotion,
     periodic_samples,
-    refuse_endless,
+    require_duration,
 )
 from acquisition.motion.kinds.motion import Motion, Position, Seconds, ToolSpeed
 from acquisition.motion.samples import MotionSamples
@@ -31,11 +31,11 @@ MOST_HARMONICS: Final = 150
 
 
 class CircleMotion(Motion):
-    """The tool point goes round a circle at constant speed, `periods` times after settling.
+    """Circle of the tool point at constant speed, `periods` times after the transient.
 
-    `centre_m` and `normal` are in the base frame. `near` (one value a joint) chooses among the ways
-    in which the arm reaches the circle's start, and the orientation that the flange keeps. The time
-    of a turn is rounded to whole cycles, so that the speed may differ by a little.
+    `centre_m` and `normal` are in the base frame. `near` (one value per joint) selects the arm
+    configuration at the circle's start, and the constant orientation of the flange. The time of one
+    turn is rounded to whole cycles, so that the speed can differ slightly.
     """
 
     kind: Literal["circle"]
@@ -56,22 +56,22 @@ class CircleMotion(Motion):
 
     @property
     def period_s(self) -> float:
-        """The time of one turn at exactly the speed asked for [s]."""
+        """Time of one turn at exactly the requested speed [s]."""
         return 2.0 * math.pi * self.radius_m / self.speed_m_s
 
     def describe(self) -> str:
-        """Return in a sentence what the motion file asks for."""
+        """Return a description of the motion in one sentence."""
         return (
             f"{self.periods} turns of a circle of {2e3 * self.radius_m:g} mm at"
             f" {self.speed_m_s:g} m/s, after {self.transient_periods} to settle."
         )
 
     def next_command(self, run: Path) -> tuple[object, ...]:
-        """Return the words of the command that shows how closely the circle was followed."""
+        """Return the command that shows the path error on the circle."""
         return "tracking", run
 
     def points(self, share: FloatArray) -> FloatArray:
-        """Return the circle's points [m] at shares of its length, 0 to 1; shape (len(share), 3)."""
+        """Return points [m] at shares of the circle's length, 0 to 1; shape (len(share), 3)."""
         normal = np.array(self.normal) / np.linalg.norm(self.normal)
         other = np.eye(3)[int(np.argmin(np.abs(normal)))]
         x = np.cross(other, normal)
@@ -83,22 +83,24 @@ class CircleMotion(Motion):
         )
 
     def turn_s(self, sample_period_s: float) -> float:
-        """Return the time of a turn [s]: whole cycles, at nearly the speed that is asked for."""
+        """Return the time of one turn in whole cycles, at nearly the requested speed [s]."""
         return max(4, round(self.period_s / sample_period_s)) * sample_period_s
 
     def as_fourier(self, robot: RobotDescription, sample_period_s: float) -> FourierMotion:
-        """Return the joint motion that leads the tool point along the circle.
+        """Return the joint motion that moves the tool point along the circle.
 
-        The arm's orientation stays free where it has three joints; with more, the flange keeps the
-        orientation that it has at `near`.
+        With three joints, the orientation of the flange is free; with more joints, the flange keeps
+        its orientation at `near`.
 
         Raises:
-            ConfigError: The circle cannot be reached, or has more harmonics than can be sampled.
+            ConfigError: The circle cannot be reached, or the motion has too many harmonics for the
+                sampling rate.
         """
         n = len(robot.joints)
         if len(self.near) != n:
             raise ConfigError(
-                f"near has {len(self.near)} values, robot {robot.name!r} {n} joints",
+                f"near has {len(self.near)} values, but robot {robot.name!r} has {n} joints: give"
+                " one value per joint",
                 code="RID-MOTION-JOINTS",
             )
         chain = Chain.from_description(robot)
@@ -111,8 +113,8 @@ class CircleMotion(Motion):
         harmonics = int(np.flatnonzero(significant)[-1]) + 1
         if harmonics >= min(MOST_HARMONICS, round(period_s / sample_period_s) // 2):
             raise ConfigError(
-                "the circle comes too near a singular pose for a smooth motion: move it, or make it"
-                " smaller",
+                "the circle is too close to a singular pose for a smooth motion: move the"
+                " circle, or make it smaller",
                 code="RID-PATH-SINGULAR",
             )
         kept = 2.0 * bins[1 : harmonics + 1]
@@ -122,6 +124,6 @@ class CircleMotion(Motion):
         return FourierMotion.from_attributes(self, kind="fourier", period_s=period_s, joints=joints)
 
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
-        refuse_endless(self.transient_periods + self.periods, self.period_s, self.ramp_s)
+        require_duration(self.transient_periods + self.periods, self.period_s, self.ramp_s)
         turns = self.as_fourier(robot, sample_period_s)
         return periodic_samples(turns, robot, sample_period_s)

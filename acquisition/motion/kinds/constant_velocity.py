@@ -1,4 +1,4 @@
-"""Runs at constant speed, one joint at a time, forwards and backwards over the same stretch."""
+"""Runs at constant speed, one joint at a time, in both directions over the same range."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MOVE_FRACTION: Final = 0.3
 
 
 class SpeedRuns(ConfigModel):
-    """The speeds of one joint, each run from `low` to `high` and back; rad (m), per second."""
+    """Speeds of one joint, each run from `low` to `high` and back [rad or m, and per second]."""
 
     joint: str
     low: Position
@@ -39,7 +39,7 @@ class SpeedRuns(ConfigModel):
     speeds: tuple[Speed, ...] = Field(min_length=1, max_length=50)
 
     @model_validator(mode="after")
-    def _ordered(self) -> SpeedRuns:
+    def _check_order(self) -> SpeedRuns:
         if self.low >= self.high:
             raise ValueError(f"low {self.low} must be below high {self.high}")
         return self
@@ -47,7 +47,7 @@ class SpeedRuns(ConfigModel):
 
 @dataclass(frozen=True)
 class ConstantRun:
-    """One run of one joint (from 0): its signed speed, and the rows at that speed, end excluded."""
+    """One run of one joint (from 0): signed speed, and its rows at this speed, without `end`."""
 
     joint: int
     speed: float
@@ -57,7 +57,7 @@ class ConstantRun:
 
 @dataclass(frozen=True)
 class _Stroke:
-    """One way of one run: rows of each ramp and at constant speed, and where it begins and ends."""
+    """Ramp rows, constant-speed rows, start and end of a run in one direction."""
 
     ramp: int
     constant: int
@@ -66,12 +66,12 @@ class _Stroke:
 
 
 class ConstantVelocityMotion(Motion):
-    """Runs at constant speeds, one joint at a time, to measure friction alone.
+    """Runs at constant speeds, one joint at a time, to measure only friction.
 
-    The other joints hold `pose` (one value a joint, base to flange). Every speed is run forwards
-    and backwards over the same stretch, around the middle of `low` and `high` and no longer than
-    `longest_run_s`, `repeats` times. Speeds change smoothly, within `acceleration_fraction` of the
-    joint's limit.
+    The other joints hold `pose` (one value per joint, base to flange). Each speed is run `repeats`
+    times forwards and backwards over the same range, around the middle of `low` and `high` and at
+    most `longest_run_s` long. Speeds change smoothly, within `acceleration_fraction` of the joint's
+    limit.
     """
 
     kind: Literal["constant_velocity"]
@@ -83,16 +83,16 @@ class ConstantVelocityMotion(Motion):
     dwell_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.2
 
     def describe(self) -> str:
-        """Return in a sentence what the motion file asks for."""
+        """Return a description of the motion in one sentence."""
         runs = sum(2 * self.repeats * len(joint.speeds) for joint in self.joints)
         return f"{runs} runs at constant speed, one joint at a time, both ways."
 
     def next_command(self, run: Path) -> tuple[object, ...]:
-        """Return the words of the command that shows the friction."""
+        """Return the command that shows the friction."""
         return "friction", run
 
     def joint_table(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-        """Return the stretch and the speeds of each joint."""
+        """Return the range and the speeds of each joint."""
         rows: list[tuple[str, ...]] = [
             (
                 spec.joint,
@@ -107,23 +107,23 @@ class ConstantVelocityMotion(Motion):
     def runs(
         self, robot: RobotDescription, sample_period_s: float
     ) -> tuple[JointTrajectory, tuple[ConstantRun, ...]]:
-        """Return the rows of all runs, and which rows belong to which.
+        """Return the rows of all runs, and the position of each run in them.
 
-        A speed is reached and left along the polynomial 10 x^3 - 15 x^4 + 6 x^5, so the motion is
-        of class C2.
+        Each run accelerates and brakes along the polynomial 10 x^3 - 15 x^4 + 6 x^5, so that the
+        motion is of class C2.
 
         Args:
             robot: Joints and limits.
-            sample_period_s: The cell's cycle time [s].
+            sample_period_s: Cycle time of the cell [s].
 
         Raises:
-            ConfigError: The motion does not fit the robot, or a speed leaves no time between its
-                ramps.
+            ConfigError: The motion does not match the robot, or the ramps of a speed leave no time
+                at constant speed.
         """
         if len(self.pose) != len(robot.joints):
             raise ConfigError(
-                f"pose has {len(self.pose)} values, robot {robot.name!r} has {len(robot.joints)}"
-                " joints",
+                f"pose has {len(self.pose)} values, but robot {robot.name!r} has"
+                f" {len(robot.joints)} joints: give one value per joint",
                 code="RID-MOTION-JOINTS",
             )
         pose = np.array(self.pose)
@@ -139,21 +139,21 @@ class ConstantVelocityMotion(Motion):
             rows += len(piece.position)
 
         for spec in self.joints:
-            joint = _joint(spec, robot)
+            joint = _joint_index(spec, robot)
             for speed in spec.speeds:
-                stroke = _stroke(self, spec, robot, joint, speed, sample_period_s)
+                stroke = _plan_stroke(self, spec, robot, joint, speed, sample_period_s)
                 to = pose.copy()
                 to[joint] = stroke.start
-                add(_move(here, to, robot, sample_period_s))
+                add(_move_between(here, to, robot, sample_period_s))
                 here = to
                 for signed in (speed, -speed) * self.repeats:
                     add(standstill(here, dwell))
                     first = rows + stroke.ramp
                     runs.append(ConstantRun(joint, signed, first, first + stroke.constant))
-                    add(_run(here, joint, signed, stroke, sample_period_s))
+                    add(_run_rows(here, joint, signed, stroke, sample_period_s))
                     here = pose.copy()
                     here[joint] = stroke.end if signed > 0.0 else stroke.start
-        add(_move(here, pose, robot, sample_period_s))
+        add(_move_between(here, pose, robot, sample_period_s))
         add(standstill(pose, dwell))
         return join(pieces), tuple(runs)
 
@@ -165,17 +165,17 @@ class ConstantVelocityMotion(Motion):
         return MotionSamples(robot.joint_names, sample_period_s, *path, phase)
 
 
-def _joint(spec: SpeedRuns, robot: RobotDescription) -> int:
+def _joint_index(spec: SpeedRuns, robot: RobotDescription) -> int:
     if spec.joint not in robot.joint_names:
         raise ConfigError(
-            f"the motion runs joint {spec.joint!r}; robot {robot.name!r} has"
-            f" {', '.join(robot.joint_names)}",
+            f"the motion runs joint {spec.joint!r}, but robot {robot.name!r} has"
+            f" {', '.join(robot.joint_names)}: correct the joint name",
             code="RID-MOTION-JOINTS",
         )
     return robot.joint_names.index(spec.joint)
 
 
-def _stroke(
+def _plan_stroke(
     motion: ConstantVelocityMotion,
     spec: SpeedRuns,
     robot: RobotDescription,
@@ -194,8 +194,8 @@ def _stroke(
         raise ConfigError(
             f"joint {spec.joint!r}: at {speed:g} per second the ramps leave"
             f" {max(constant_s, 0.0):.3g} s of constant speed between {spec.low:g} and"
-            f" {spec.high:g}, {SHORTEST_RUN_S:g} s are the least: widen low and high, or"
-            " run slower",
+            f" {spec.high:g}, but at least {SHORTEST_RUN_S:g} s are needed: widen low and high,"
+            " or reduce the speed",
             code="RID-MOTION-STROKE",
         )
     half = 0.5 * (both_ramps + speed * constant * sample_period_s)
@@ -203,13 +203,13 @@ def _stroke(
     return _Stroke(ramp, constant, middle - half, middle + half)
 
 
-def _run(
+def _run_rows(
     start: FloatArray, joint: int, speed: float, stroke: _Stroke, sample_period_s: float
 ) -> JointTrajectory:
-    """Return one way: up to the speed, along it, down to rest (which is not included)."""
+    """Return one run: acceleration, constant speed, and braking up to the rest (not included)."""
     ramp_s = stroke.ramp * sample_period_s
     x = np.arange(stroke.ramp) / stroke.ramp
-    up, down = _ramp(x), _ramp(1.0 - x)
+    up, down = _ramp_profile(x), _ramp_profile(1.0 - x)
     along = 0.5 * ramp_s + sample_period_s * np.arange(stroke.constant)
     whole = ramp_s + sample_period_s * stroke.constant
     steady = np.ones(stroke.constant)
@@ -222,7 +222,7 @@ def _run(
     return JointTrajectory(start + position, velocity, acceleration)
 
 
-def _ramp(x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _ramp_profile(x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the integral of the rate, the rate and its derivative, over a ramp of length 1."""
     return (
         x**4 * (2.5 - 3.0 * x + x**2),
@@ -231,10 +231,10 @@ def _ramp(x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     )
 
 
-def _move(
+def _move_between(
     start: FloatArray, end: FloatArray, robot: RobotDescription, sample_period_s: float
 ) -> JointTrajectory:
-    """Return a gentle move between two poses."""
+    """Return a slow move between two poses."""
     velocity = MOVE_FRACTION * np.array([joint.limits.velocity for joint in robot.joints])
     acceleration = MOVE_FRACTION * np.array([joint.limits.acceleration for joint in robot.joints])
     seconds = rest_to_rest_duration(end - start, velocity, acceleration)

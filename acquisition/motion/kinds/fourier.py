@@ -1,4 +1,4 @@
-"""The periodic excitation: a Fourier series a joint, with its run-in and run-out."""
+"""Periodic excitation: one Fourier series per joint, with run-in and run-out."""
 
 from __future__ import annotations
 
@@ -45,16 +45,17 @@ class FourierJoint(ConfigModel):
     cosine: tuple[Position, ...] = Field(min_length=1, max_length=MOST_HARMONICS)
 
     @model_validator(mode="after")
-    def _same_length(self) -> FourierJoint:
+    def _check_lengths(self) -> FourierJoint:
         if len(self.sine) != len(self.cosine):
             raise ValueError(
                 f"sine has {len(self.sine)} harmonics, cosine {len(self.cosine)}: give the same"
+                " number"
             )
         return self
 
 
 class FourierMotion(Motion):
-    """Periodic excitation: `transient_periods` to settle, then `periods` that count."""
+    """Periodic excitation: `transient_periods`, then `periods` for the measurement."""
 
     kind: Literal["fourier"]
     period_s: Seconds
@@ -64,7 +65,7 @@ class FourierMotion(Motion):
     joints: tuple[FourierJoint, ...] = Field(min_length=1)
 
     def describe(self) -> str:
-        """Return in a sentence what the motion file asks for."""
+        """Return a description of the motion in one sentence."""
         harmonics = max(len(joint.sine) for joint in self.joints)
         return (
             f"Fourier motion, {self.periods} periods of {self.period_s:g} s after"
@@ -73,11 +74,11 @@ class FourierMotion(Motion):
         )
 
     def next_command(self, run: Path) -> tuple[object, ...]:
-        """Return the words of the command that identifies the robot."""
+        """Return the command that identifies the robot."""
         return "identify", run
 
     def trajectory(self, robot: RobotDescription, sample_period_s: float) -> FourierTrajectory:
-        """Return the series, its joints in the robot's order.
+        """Return the Fourier trajectory, with the joints in the robot's order.
 
         Args:
             robot: The joints.
@@ -90,8 +91,8 @@ class FourierMotion(Motion):
         given = [joint.joint for joint in self.joints]
         if sorted(given) != sorted(robot.joint_names):
             raise ConfigError(
-                f"the motion moves joints {', '.join(given)}; robot {robot.name!r} needs each of"
-                f" {', '.join(robot.joint_names)} once (amplitude 0 where it stands still)",
+                f"the motion moves joints {', '.join(given)}, but robot {robot.name!r} needs each"
+                f" of {', '.join(robot.joint_names)} once (give amplitude 0 for a joint at rest)",
                 code="RID-MOTION-JOINTS",
             )
         by_name = {joint.joint: joint for joint in self.joints}
@@ -112,20 +113,20 @@ class FourierMotion(Motion):
         )
 
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
-        refuse_endless(self.transient_periods + self.periods, self.period_s, self.ramp_s)
+        require_duration(self.transient_periods + self.periods, self.period_s, self.ramp_s)
         return periodic_samples(self, robot, sample_period_s)
 
 
-def refuse_endless(periods: int, period_s: float, ramp_s: float, parts: int = 1) -> None:
-    """Refuse periodic motions that take longer than can be run.
+def require_duration(periods: int, period_s: float, ramp_s: float, parts: int = 1) -> None:
+    """Raise an error if periodic motions take longer than permitted.
 
     Args:
-        periods: Periods of each part, those to settle included.
-        period_s, ramp_s: The times of a period and of a ramp [s].
-        parts: How many such motions follow each other.
+        periods: Number of periods of each part, transient periods included.
+        period_s, ramp_s: Durations of a period and of a ramp [s].
+        parts: Number of such motions in sequence.
 
     Raises:
-        ConfigError: They do.
+        ConfigError: The motions are too long.
     """
     seconds = parts * (periods * period_s + 2 * ramp_s)
     refuse_longer(seconds, f"{parts * periods} periods of {period_s:.6g} s and its ramps")
@@ -134,16 +135,17 @@ def refuse_endless(periods: int, period_s: float, ramp_s: float, parts: int = 1)
 def periodic_samples(
     motion: FourierMotion, robot: RobotDescription, sample_period_s: float
 ) -> MotionSamples:
-    """Return a periodic motion with a run-in and a run-out along its own path; holds a period once.
+    """Return a periodic motion with run-in and run-out along its own path; stores one period.
 
-    They are lengthened beyond `ramp_s` where the limits ask for it.
+    The ramps are longer than `ramp_s` if the limits require it.
 
     Args:
+        motion: The periodic motion.
         robot: Joints and limits.
-        sample_period_s: The cell's cycle time [s].
+        sample_period_s: Cycle time of the cell [s].
 
     Raises:
-        ConfigError: As `FourierMotion.trajectory`, or the period or its ramps are beyond a limit.
+        ConfigError: As `FourierMotion.trajectory`, or the period or its ramps exceed a limit.
     """
     trajectory = motion.trajectory(robot, sample_period_s)
     times_s = trajectory.sample_times_s
@@ -171,19 +173,19 @@ def periodic_samples(
     )
 
 
-def in_turn(
+def join_periodic_motions(
     parts: Sequence[FourierMotion],
     robot: RobotDescription,
     sample_period_s: float,
     dwell_s: float,
 ) -> MotionSamples:
-    """Return periodic motions one after the other; as a whole they are not periodic.
+    """Return several periodic motions in sequence; the sequence is not periodic.
 
     Args:
         parts: The motions.
         robot: Joints and limits.
-        sample_period_s: The cell's cycle time [s].
-        dwell_s: The rest between two of them, before the move to the next one [s].
+        sample_period_s: Cycle time of the cell [s].
+        dwell_s: Rest between two motions, before the move to the next one [s].
 
     Raises:
         ConfigError: As `periodic_samples`.
@@ -206,7 +208,7 @@ def in_turn(
 def _ramps(
     trajectory: FourierTrajectory, ramp_s: float, robot: RobotDescription
 ) -> tuple[JointTrajectory, JointTrajectory]:
-    """Return run-in and run-out, as long as asked for or as much longer as the limits need."""
+    """Return run-in and run-out with the requested duration, or longer if the limits require it."""
     sample_period_s = trajectory.sample_period_s
     rows = max(2, math.ceil(ramp_s / sample_period_s - 1e-6))
     broken: list[str] = []
@@ -220,4 +222,4 @@ def _ramps(
         if not broken:
             return start, end
         rows = math.ceil(rows * RAMP_GROWTH)
-    raise beyond_limits(broken, f"a ramp of {ramp_s:g} s, and any longer one tried,")
+    raise beyond_limits(broken, f"a ramp of {ramp_s:g} s, like each longer ramp tried,")

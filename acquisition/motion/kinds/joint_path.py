@@ -1,4 +1,4 @@
-"""A smooth curve through poses of the joints, as fast as is allowed."""
+"""Smooth curve through joint poses, as fast as the limits permit."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pydantic import Field
 
 from acquisition.motion.kinds.motion import Motion, Position, Seconds
 from acquisition.motion.paths.joint_spline import joint_spline
-from acquisition.motion.paths.speed import driven, speed_limits
+from acquisition.motion.paths.speed import plan_speed, speed_limits
 from acquisition.motion.samples import MotionSamples, with_rests
 from config.arrays import FloatArray
 from config.errors import ConfigError, LimitError
@@ -23,11 +23,11 @@ FEWEST: Final = 200
 
 
 class JointPathMotion(Motion):
-    """A smooth curve (of class C2) through poses, from rest to rest, as fast as is allowed.
+    """Smooth curve (of class C2) through poses, from rest to rest, as fast as the limits permit.
 
-    Every row of `points` has one value a joint, base to flange [rad or m]. `speed_fraction` is of
-    the joints' limits of velocity and acceleration; the acceleration takes `jerk_time_s` to change
-    from one limit to the other.
+    Each row of `points` has one value per joint, base to flange [rad or m]. `speed_fraction` is the
+    share of the joints' velocity and acceleration limits; the acceleration takes `jerk_time_s` to
+    change from one limit to the other.
     """
 
     kind: Literal["joint_path"]
@@ -37,28 +37,28 @@ class JointPathMotion(Motion):
     dwell_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.2
 
     def describe(self) -> str:
-        """Return in a sentence what the motion file asks for."""
+        """Return a description of the motion in one sentence."""
         return f"A curve through {len(self.points)} poses."
 
     def next_command(self, run: Path) -> tuple[object, ...]:
-        """Return the words of the command that shows how closely the curve was followed."""
+        """Return the command that shows the path error."""
         return "tracking", run
 
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
-        points = self._poses(robot)
+        points = self._checked_poses(robot)
         speeds = np.array([joint.limits.velocity for joint in robot.joints])
         chords = (np.abs(np.diff(points, axis=0)) / speeds).max(axis=1)
         if chords.min() <= 0.0:
             number = int(chords.argmin()) + 2
             raise ConfigError(
-                f"point {number} of the path is the same as the one before: leave one out",
+                f"point {number} of the path equals the previous one: remove one of them",
                 code="RID-PATH-SEGMENT",
             )
         knots = np.concatenate([[0.0], np.cumsum(chords)])
         curve = joint_spline(knots, points)
         count = max(FEWEST, POINTS_A_CHORD * len(chords))
         grid = np.unique(np.concatenate([np.linspace(0.0, knots[-1], count + 1), knots]))
-        _refuse_between(curve(grid), grid, knots, robot)
+        _check_curve_limits(curve(grid), grid, knots, robot)
         limits = speed_limits(
             grid,
             np.full(len(grid), math.inf),
@@ -72,15 +72,15 @@ class JointPathMotion(Motion):
         def joints_at(length: FloatArray) -> PathSlopes:
             return PathSlopes(*(curve(length, order) for order in range(3)))
 
-        _, path = driven(limits, joints_at, robot, sample_period_s)
+        _, path = plan_speed(limits, joints_at, robot, sample_period_s)
         return with_rests(path, self.dwell_s, robot.joint_names, sample_period_s)
 
-    def _poses(self, robot: RobotDescription) -> FloatArray:
+    def _checked_poses(self, robot: RobotDescription) -> FloatArray:
         for number, point in enumerate(self.points, start=1):
             if len(point) != len(robot.joints):
                 raise ConfigError(
-                    f"point {number} of the path has {len(point)} values, robot {robot.name!r}"
-                    f" {len(robot.joints)} joints",
+                    f"point {number} of the path has {len(point)} values, but robot"
+                    f" {robot.name!r} has {len(robot.joints)} joints: give one value per joint",
                     code="RID-MOTION-JOINTS",
                 )
             for joint, value in zip(robot.joints, point, strict=True):
@@ -94,7 +94,7 @@ class JointPathMotion(Motion):
         return np.array(self.points, dtype=float)
 
 
-def _refuse_between(
+def _check_curve_limits(
     position: FloatArray, grid: FloatArray, knots: FloatArray, robot: RobotDescription
 ) -> None:
     for j, joint in enumerate(robot.joints):

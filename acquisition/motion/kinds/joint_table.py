@@ -1,4 +1,4 @@
-"""Joint positions over time, in the motion file or in a CSV file beside it."""
+"""Joint positions over time, in the motion file or in a CSV file next to it."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ TIMES: Final = Plausible(0.01, LONGEST_MOTION_S, "s")
 
 
 class JointTableMotion(Motion, Derived):
-    """Joint positions over time, from a CSV `file` beside the motion file, or written in it.
+    """Joint positions over time, from a CSV `file` next to the motion file, or in the motion file.
 
-    The file has a column `time_s` and one a joint, by its name [rad or m]; a smooth curve (of class
-    C4) goes through its rows. It must begin and end at rest. Written in the motion file itself,
-    `joints` names the columns of `position`.
+    The CSV file has a column `time_s` and one column per joint, with the joint's name [rad or m]. A
+    smooth curve (of class C4) passes through its rows. It must begin and end at rest. In the motion
+    file itself, `joints` names the columns of `position`.
     """
 
     kind: Literal["joint_table"]
@@ -46,12 +46,13 @@ class JointTableMotion(Motion, Derived):
     dwell_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.2
 
     @model_validator(mode="after")
-    def _one_source(self) -> JointTableMotion:
+    def _check_source(self) -> JointTableMotion:
         if (self.file is None) == (not self.time_s):
             raise ValueError("give either file, or joints, time_s and position")
         if len(self.time_s) != len(self.position):
             raise ValueError(
-                f"time_s has {len(self.time_s)} rows, position {len(self.position)}: give the same"
+                f"time_s has {len(self.time_s)} rows, position {len(self.position)}: give the"
+                " same number"
             )
         for number, row in enumerate(self.position, start=1):
             if len(row) != len(self.joints):
@@ -61,36 +62,36 @@ class JointTableMotion(Motion, Derived):
         return self
 
     def derived(self) -> dict[str, tuple[float, Plausible]]:
-        """Return the largest position of the table, and how long it lasts, once it is read."""
+        """Return the largest position and the duration of the table, once it is read."""
         furthest = max((abs(value) for row in self.position for value in row), default=0.0)
         lasts_s = max(self.time_s) - min(self.time_s) if self.time_s else 0.0
         return {"position": (furthest, POSITIONS), "time_s": (lasts_s, TIMES)}
 
     @property
     def read_later(self) -> frozenset[str]:
-        """The keys whose values stand in the CSV file."""
+        """Keys whose values are in the CSV file."""
         return frozenset({"position", "time_s"}) if self.file is not None else frozenset()
 
     def describe(self) -> str:
-        """Return in a sentence what the motion file asks for."""
+        """Return a description of the motion in one sentence."""
         return f"A table of {len(self.time_s)} rows of joint positions."
 
     def next_command(self, run: Path) -> tuple[object, ...]:
-        """Return the words of the command that shows how closely the table was followed."""
+        """Return the command that shows the path error."""
         return "tracking", run
 
     def to_keep(self, written: bytes) -> bytes:
-        """Return the motion with the rows of its file in it."""
+        """Return the motion file with the rows of the CSV file in it."""
         return to_yaml(self).encode()
 
     def completed(self, folder: Path) -> JointTableMotion:
-        """Return the motion with the rows of its CSV file in it.
+        """Return the motion with the rows of its CSV file.
 
         Args:
-            folder: Where the motion file lies; the file is looked for there.
+            folder: Folder of the motion file, in which the CSV file is searched.
 
         Raises:
-            ConfigError: The file cannot be read, or a row of it is none; the text says which.
+            ConfigError: The file cannot be read, or one of its rows is invalid; the text names it.
         """
         if self.file is None:
             return self
@@ -113,13 +114,13 @@ class JointTableMotion(Motion, Derived):
         refuse_longer(max(self.time_s) - min(self.time_s), "the times of its table")
         if sorted(self.joints) != sorted(robot.joint_names):
             raise ConfigError(
-                f"the table has columns {', '.join(self.joints) or 'of no joint'}; robot"
+                f"the table has columns for {', '.join(self.joints) or 'no joint'}, but robot"
                 f" {robot.name!r} needs each of {', '.join(robot.joint_names)} once",
                 code="RID-MOTION-JOINTS",
             )
         order = [self.joints.index(name) for name in robot.joint_names]
         time_s, position = np.array(self.time_s), np.array(self.position)[:, order]
-        _refuse_rows(time_s, position, robot)
+        _check_rows(time_s, position, robot)
         rest = [(1, np.zeros(len(robot.joints))), (2, np.zeros(len(robot.joints)))]
         curve = make_interp_spline(time_s, position, k=5, bc_type=(rest, rest))  # type: ignore[arg-type]
         rows = math.ceil((time_s[-1] - time_s[0]) / sample_period_s - 1e-9)
@@ -128,19 +129,19 @@ class JointTableMotion(Motion, Derived):
         return with_rests(path, self.dwell_s, robot.joint_names, sample_period_s)
 
 
-def _refuse_rows(time_s: FloatArray, position: FloatArray, robot: RobotDescription) -> None:
-    """Refuse times that do not increase, positions outside the limits, and ends not at rest."""
+def _check_rows(time_s: FloatArray, position: FloatArray, robot: RobotDescription) -> None:
+    """Check that times increase, positions are within the limits, and both ends are at rest."""
     if len(time_s) < FEWEST_ROWS:
         raise ConfigError(
-            f"the table has {len(time_s)} rows, {FEWEST_ROWS} are the least",
+            f"the table has {len(time_s)} rows, but at least {FEWEST_ROWS} are needed",
             code="RID-TABLE-INVALID",
         )
     steps = np.diff(time_s)
     if (steps <= 0.0).any():
         row = int(np.argmax(steps <= 0.0)) + 2
         raise ConfigError(
-            f"row {row} of the table is at {time_s[row - 1]:g} s, not after the one before: time_s"
-            " must increase",
+            f"row {row} of the table is at {time_s[row - 1]:g} s, not later than the previous"
+            " row: time_s must increase",
             code="RID-TABLE-INVALID",
         )
     for j, joint in enumerate(robot.joints):
@@ -161,9 +162,9 @@ def _refuse_rows(time_s: FloatArray, position: FloatArray, robot: RobotDescripti
         ):
             if speed > AT_REST * joint.limits.velocity:
                 raise ConfigError(
-                    f"at row {row} of the table joint {joint.name!r} moves at {speed:.3g} per"
-                    " second: the table must begin and end at rest. Add rows that lead into and out"
-                    " of the motion",
+                    f"in row {row} of the table joint {joint.name!r} moves at {speed:.3g} per"
+                    " second, but the table must begin and end at rest: add rows that accelerate"
+                    " from rest and brake to rest",
                     code="RID-TABLE-INVALID",
                 )
 
@@ -171,18 +172,18 @@ def _refuse_rows(time_s: FloatArray, position: FloatArray, robot: RobotDescripti
 def _read_table(
     path: Path,
 ) -> tuple[tuple[str, ...], tuple[float, ...], tuple[tuple[float, ...], ...]]:
-    """Return the joints, times and positions that a CSV file holds."""
+    """Return the joints, times and positions of a CSV file."""
     try:
         text = read_file(path, MOST_BYTES).decode("utf-8-sig")
         lines = list(csv.reader(io.StringIO(text, newline="")))
     except OSError as error:
         raise ConfigError(f"{path}: cannot read: {error.strerror}", code="RID-FILE-READ") from None
     except (UnicodeDecodeError, csv.Error) as error:
-        raise ConfigError(f"{path}: is no CSV file: {error}", code="RID-FILE-TYPE") from None
+        raise ConfigError(f"{path}: is not a CSV file: {error}", code="RID-FILE-TYPE") from None
     header = [name.strip() for name in lines[0]] if lines else []
     if header.count(TIME) != 1:
         raise ConfigError(
-            f"{path}:1: the first line must name the columns: {TIME}, and the joints",
+            f"{path}:1: the first line must contain the column names: {TIME} and the joints",
             code="RID-TABLE-INVALID",
         )
     column = header.index(TIME)
@@ -190,22 +191,20 @@ def _read_table(
     for number, line in enumerate(lines[1:], start=2):
         if not any(cell.strip() for cell in line):
             continue
-        values = _numbers(path, number, line, len(header))
+        values = _parse_row(path, number, line, len(header))
         time_s.append(values.pop(column))
         position.append(tuple(values))
     del header[column]
     if not header or not time_s:
-        missing = "no column of a joint" if not header else "no row below its first line"
-        raise ConfigError(
-            f"{path}: has {missing}: there is no motion in it", code="RID-TABLE-INVALID"
-        )
+        missing = "no joint column" if not header else "no row below the column names"
+        raise ConfigError(f"{path}: has {missing}: it contains no motion", code="RID-TABLE-INVALID")
     return tuple(header), tuple(time_s), tuple(position)
 
 
-def _numbers(path: Path, number: int, line: list[str], columns: int) -> list[float]:
+def _parse_row(path: Path, number: int, line: list[str], columns: int) -> list[float]:
     if len(line) != columns:
         raise ConfigError(
-            f"{path}:{number}: has {len(line)} columns, the first line {columns}",
+            f"{path}:{number}: has {len(line)} columns, but the first line has {columns}",
             code="RID-TABLE-INVALID",
         )
     values = []

@@ -1,4 +1,4 @@
-"""`Motion`: what every kind of motion knows of itself."""
+"""`Motion`: base class of all kinds of motion."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ Seconds = Annotated[Positive, Plausible(1e-3, LONGEST_MOTION_S, "s")]
 
 
 class Motion(PhysicalFile):
-    """What a robot is to do, before a single sample of it is computed."""
+    """Description of a motion, before its samples are computed."""
 
     kind: str
     robot: str
 
     @final
     def plan(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
-        """Return the motion's verified samples; they start and end at rest.
+        """Return the checked samples of the motion; they start and end at rest.
 
         Args:
             robot: Joints and limits.
-            sample_period_s: The cell's cycle time [s].
+            sample_period_s: Cycle time of the cell [s].
 
         Returns:
-            One row a cycle.
+            One row per cycle.
 
         Raises:
-            ConfigError: The motion does not fit the robot, the cycle time or a limit; the text
-                names the joint, the value and the limit.
+            ConfigError: The motion does not match the robot or the cycle time, or exceeds a limit;
+                the text names the joint, the value and the limit.
         """
         samples = self._samples(robot, sample_period_s)
         verify_limits(samples, robot)
@@ -47,47 +47,47 @@ class Motion(PhysicalFile):
 
     @abstractmethod
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
-        """Return the samples, or refuse what takes too long before computing them."""
+        """Return the samples; refuse motions that are too long before computing them."""
 
     @abstractmethod
     def describe(self) -> str:
-        """Return in a sentence what the motion file asks for."""
+        """Return a description of the motion in one sentence."""
 
     @abstractmethod
     def next_command(self, run: Path) -> tuple[object, ...]:
-        """Return the words of the command that makes use of a recording in the folder `run`."""
+        """Return the command that uses a recording of this motion in the folder `run`."""
 
     def joint_table(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]] | None:
-        """Return headings and a row a joint, where joints do what the sentence does not tell."""
+        """Return headings and one row per joint, if the description does not say all."""
         return None
 
     def where(self, robot: RobotDescription, sample_period_s: float, row: int) -> str:
-        """Return where on its path a row lies; empty where its time says it all."""
+        """Return the place of a row on its path; empty if its time is sufficient."""
         return ""
 
     def completed(self, folder: Path) -> Self:
-        """Return the motion with what its file, in `folder`, leaves to other files."""
+        """Return the motion with the data of other files that it names, relative to `folder`."""
         return self
 
     def to_keep(self, written: bytes) -> bytes:
-        """Return the text that says the whole motion: as its file was written, where that does."""
+        """Return a motion file with all data: by default, the file as it was written."""
         return written
 
     @classmethod
     def of(cls, motion: Motion) -> Self | None:
-        """Return a motion as one of this kind, None where it is of another one."""
+        """Return the motion if it is of this kind, else None."""
         return motion if isinstance(motion, cls) else None
 
     @classmethod
     def require(cls, motion: Motion, refusal: str) -> Self:
-        """Return a motion as one of this kind.
+        """Return the motion, which must be of this kind.
 
         Args:
-            motion: Of any kind.
-            refusal: What to say where it is of another one.
+            motion: A motion of any kind.
+            refusal: Text of the error.
 
         Raises:
-            ConfigError: It is of another kind.
+            ConfigError: The motion is of another kind.
         """
         found = cls.of(motion)
         if found is None:
@@ -96,18 +96,18 @@ class Motion(PhysicalFile):
 
 
 def refuse_longer(seconds: float, what: str) -> None:
-    """Refuse a motion that takes longer than can be run.
+    """Raise an error if a motion is too long; called before its samples are computed.
 
     Args:
-        seconds: How long it takes, before any sample of it is computed [s].
-        what: What takes so long.
+        seconds: Duration of the motion [s].
+        what: Part of the motion that takes so long.
 
     Raises:
-        ConfigError: It takes longer than `LONGEST_MOTION_S`.
+        ConfigError: The duration exceeds `LONGEST_MOTION_S`.
     """
     if seconds > LONGEST_MOTION_S:
         raise ConfigError(
-            f"the motion takes {seconds:.6g} s: {what}; at most {LONGEST_MOTION_S:g} s can be run."
-            " Give fewer or shorter ones",
+            f"the motion takes {seconds:.6g} s: {what}, but at most {LONGEST_MOTION_S:g} s are"
+            " permitted. Shorten the motion",
             code="RID-MOTION-LONG",
         )

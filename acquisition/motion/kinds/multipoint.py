@@ -1,4 +1,4 @@
-"""The multi-point motion: smooth moves through random poses, to validate a model with."""
+"""Multi-point motion: smooth moves through random poses, for the validation of a model."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from dynamics.geometry.clearances import Clearances
 MOST_DRAWS: Final = 50
 CLEAR_STEP: Final = 0.05
 CLEARANCE_M: Final = 0.025
-"""How often points are drawn, each; how densely [rad or m] and how far bodies are kept apart."""
+"""Draws per point; step of the collision check [rad or m]; clearance between bodies."""
 
 
 class MultipointMotion(Motion):
-    """Smooth point-to-point motion through random poses: the validation motion.
+    """Smooth point-to-point motion through random poses, for validation.
 
-    The points are drawn from `seed` inside the joint limits shrunk by `range_fraction`; every
-    move takes the time that the slowest joint needs at `speed_fraction` of its limits. A point
-    whose move would bring two of the robot's bodies too close is drawn again.
+    The points are drawn with `seed` inside the joint limits reduced by `range_fraction`. Each move
+    takes the time that the slowest joint needs at `speed_fraction` of its limits. If a move would
+    bring two bodies of the robot too close, its point is drawn again.
     """
 
     kind: Literal["multipoint"]
@@ -41,23 +41,23 @@ class MultipointMotion(Motion):
     dwell_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.1
 
     def describe(self) -> str:
-        """Return in a sentence what the motion file asks for."""
+        """Return a description of the motion in one sentence."""
         return f"Smooth moves through {self.points} random points (seed {self.seed})."
 
     def next_command(self, run: Path) -> tuple[object, ...]:
-        """Return the words of the command that validates a model."""
+        """Return the command that validates a model."""
         return "validate", "MODEL", run
 
     def poses(self, robot: RobotDescription) -> FloatArray:
-        """Return the poses that the motion goes through, the same ones for the same seed.
+        """Return the poses of the motion, which are the same for the same seed.
 
-        Each joint is drawn evenly from the middle `range_fraction` of its limits.
+        Each joint is drawn uniformly from the middle `range_fraction` of its limits.
 
         Returns:
             Shape (points, joints). Poses [rad or m].
 
         Raises:
-            ConfigError: Too few of many draws are clear of the robot's own bodies.
+            ConfigError: Too few of many draws are free of self-collisions.
         """
         low = np.array([joint.limits.position_min for joint in robot.joints])
         high = np.array([joint.limits.position_max for joint in robot.joints])
@@ -68,20 +68,21 @@ class MultipointMotion(Motion):
         for _ in range(MOST_DRAWS * self.points):
             pose = middle + half * random.uniform(-1.0, 1.0, len(low))
             if clearances.is_clear(pose[np.newaxis]) and (
-                not poses or clearances.is_clear(_between(poses[-1], pose))
+                not poses or clearances.is_clear(_straight_line(poses[-1], pose))
             ):
                 poses.append(pose)
             if len(poses) == self.points:
                 return np.array(poses)
         raise ConfigError(
-            f"robot {robot.name!r}: of {MOST_DRAWS * self.points} random points {len(poses)} are"
-            f" reached clear of its own bodies, {self.points} are asked for: ask for fewer points,"
-            " take another seed or a smaller range_fraction, or look at `bodies` in the robot file",
+            f"robot {robot.name!r}: only {len(poses)} of {MOST_DRAWS * self.points} random points"
+            f" can be reached without self-collision, but {self.points} are requested: request"
+            " fewer points, use another seed or a smaller range_fraction, or check `bodies` in"
+            " the robot file",
             code="RID-DESIGN-NONE",
         )
 
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
-        """Return quintic moves from pose to pose, with a dwell at each.
+        """Return quintic moves from pose to pose, with a dwell at each pose.
 
         A move takes the time that its slowest joint needs at `speed_fraction` of its limits,
         rounded up to whole samples.
@@ -101,7 +102,7 @@ class MultipointMotion(Motion):
         return MotionSamples(robot.joint_names, sample_period_s, *path, phase)
 
     def _moves_s(self, poses: FloatArray, robot: RobotDescription) -> list[float]:
-        """Return how long each of the moves takes [s]."""
+        """Return the duration of each move [s]."""
         velocity = self.speed_fraction * np.array([j.limits.velocity for j in robot.joints])
         acceleration = self.speed_fraction * np.array([j.limits.acceleration for j in robot.joints])
         return [
@@ -110,8 +111,8 @@ class MultipointMotion(Motion):
         ]
 
 
-def _between(start: FloatArray, end: FloatArray) -> FloatArray:
-    """Return poses (samples, joints) on the straight way from one to another, ends included."""
+def _straight_line(start: FloatArray, end: FloatArray) -> FloatArray:
+    """Return poses (samples, joints) on the straight line between two poses, ends included."""
     steps = max(1, math.ceil(float(np.abs(end - start).max()) / CLEAR_STEP))
     share = np.linspace(0.0, 1.0, steps + 1)[:, np.newaxis]
     return np.asarray(start + share * (end - start))

@@ -1,8 +1,8 @@
-"""Multisines on the joints' speeds: which lines they have, and their realisations as motions.
+"""Multisines on the joints' speeds: excited lines, and realisations as motions.
 
 The grids are those of Pintelon and Schoukens (System Identification: A Frequency Domain Approach,
-2012): odd lines, so that even distortion falls beside them, some odd lines empty, so that odd
-distortion shows too, and phases drawn anew for each realisation.
+2012). Only odd lines are excited, so that even distortion appears at other lines. Some odd lines
+are empty, so that odd distortion appears there. Each realisation has new phases.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from acquisition.motion.kinds.fourier import (
     MOST_HARMONICS,
     FourierJoint,
     FourierMotion,
-    in_turn,
-    refuse_endless,
+    join_periodic_motions,
+    require_duration,
 )
 from acquisition.motion.kinds.motion import Motion, Position, Seconds
 from acquisition.motion.samples import MotionSamples
@@ -41,10 +41,10 @@ DWELL_S: Final = 0.5
 
 
 class MultisineJoint(ConfigModel):
-    """How one joint is excited: its speed is a multisine, on top of a slow sine.
+    """Excitation of one joint: its speed is a multisine plus a slow sine.
 
-    `velocity` is the RMS speed of the multisine [rad/s or m/s], 0 for a joint that is not measured;
-    `slow_amplitude` the slow sine's amplitude [rad or m] about `offset`.
+    `velocity` is the RMS speed of the multisine [rad/s or m/s], 0 for a joint that is not measured.
+    `slow_amplitude` is the amplitude of the slow sine [rad or m] about `offset`.
     """
 
     joint: str
@@ -54,15 +54,15 @@ class MultisineJoint(ConfigModel):
 
 
 class MultisineMotion(Motion):
-    """Multisines on the joints' speeds, to measure how the velocity loops answer.
+    """Multisines on the joints' speeds, to measure the response of the velocity loops.
 
-    The excited lines are harmonics of `period_s` between `lowest_hz` and `highest_hz`, shared out
-    among the joints in turn, so that each line belongs to one joint: all odd ones (`odd`), odd ones
-    of which every fourth at random stays empty and shows distortion (`random_odd`), or all of them
-    (`full`). Each of `realisations` has phases of its own, drawn at random, and has
-    `transient_periods` to settle before `periods` that count; `schroeder` phases are always the
-    same and make one realisation. From either start phases are improved for a low crest factor. The
-    slow sine is harmonic 1.
+    The excited lines are harmonics of `period_s` between `lowest_hz` and `highest_hz`. They are
+    assigned to the joints in turn, so that each line belongs to one joint. The grid contains all
+    odd lines (`odd`), odd lines of which every fourth, chosen at random, is empty and shows
+    distortion (`random_odd`), or all lines (`full`). Each of `realisations` has its own random
+    phases, and `transient_periods` for the transient before `periods` for the measurement.
+    `schroeder` phases are always the same and permit one realisation. Both kinds of start phases
+    are optimised for a low crest factor. The slow sine is harmonic 1.
     """
 
     kind: Literal["multisine"]
@@ -79,45 +79,50 @@ class MultisineMotion(Motion):
     joints: tuple[MultisineJoint, ...] = Field(min_length=1)
 
     @model_validator(mode="after")
-    def _band(self) -> MultisineMotion:
+    def _check_band(self) -> MultisineMotion:
         if self.lowest_hz >= self.highest_hz:
             raise ValueError(f"lowest_hz {self.lowest_hz} must be below highest_hz")
         if self.lowest_hz * self.period_s < 2.0 - 1e-9:
-            raise ValueError("lowest_hz must be at least two harmonics: the first is the slow sine")
+            raise ValueError(
+                "lowest_hz must be at least two harmonics, since the first one is the slow sine"
+            )
         if self.phases == "schroeder" and self.realisations > 1:
             raise ValueError(
                 f"schroeder phases are the same in all {self.realisations} realisations: set"
                 " realisations to 1, or phases to random"
             )
         if not any(joint.velocity > 0.0 for joint in self.joints):
-            raise ValueError("no joint has a velocity: nothing is excited")
+            raise ValueError(
+                "no joint has a velocity, so that nothing is excited: give one"
+                " joint a velocity above 0"
+            )
         return self
 
     def describe(self) -> str:
-        """Return in a sentence what the motion file asks for."""
+        """Return a description of the motion in one sentence."""
         return (
             f"{self.realisations} multisines, {self.periods} periods of {self.period_s:g} s"
             f" each, {self.lowest_hz:g} to {self.highest_hz:g} Hz."
         )
 
     def next_command(self, run: Path) -> tuple[object, ...]:
-        """Return the words of the command that identifies the velocity loops."""
+        """Return the command that identifies the velocity loops."""
         return "loop", run
 
     def excited_lines(self, robot: RobotDescription) -> tuple[IntArray, ...]:
-        """Return the harmonics that each joint's multisine has, base to flange.
+        """Return the harmonics of each joint's multisine, base to flange.
 
         Raises:
-            ConfigError: The motion's joints are not the robot's, or the band has too many lines, or
-                none for one of them.
+            ConfigError: The joints of motion and robot differ, or the band has too many lines, or
+                too few for one of the joints.
         """
-        order = self._in_order(robot)
+        order = self._joint_order(robot)
         first = math.ceil(self.lowest_hz * self.period_s - 1e-9)
         last = math.floor(self.highest_hz * self.period_s + 1e-9)
         if last > MOST_HARMONICS:
             raise ConfigError(
-                f"highest_hz {self.highest_hz:g} is {last} harmonics of period_s, {MOST_HARMONICS}"
-                " are the most: lower it or shorten the period",
+                f"highest_hz {self.highest_hz:g} is harmonic {last} of period_s, but at most"
+                f" {MOST_HARMONICS} are permitted: reduce highest_hz or shorten the period",
                 code="RID-MOTION-BAND",
             )
         lines = np.arange(first, last + 1)
@@ -134,8 +139,8 @@ class MultisineMotion(Motion):
             if len(own) < 2:
                 raise ConfigError(
                     f"the band from {self.lowest_hz:g} to {self.highest_hz:g} Hz has {len(own)}"
-                    f" lines for joint {robot.joints[k].name!r}, a multisine needs 2: widen the"
-                    " band or lengthen the period",
+                    f" lines for joint {robot.joints[k].name!r}, but a multisine needs 2: widen"
+                    " the band or lengthen the period",
                     code="RID-MOTION-BAND",
                 )
         return tuple(shared.get(k, np.zeros(0, dtype=np.int64)) for k in range(len(order)))
@@ -146,9 +151,9 @@ class MultisineMotion(Motion):
         The speed is the real part of the sum of phasor times exp(j k omega t).
 
         Returns:
-            Tuple of ndarray of complex, one a joint, shape (realisations, lines). rad/s or m/s.
+            Tuple of complex ndarray, one per joint, shape (realisations, lines). rad/s or m/s.
         """
-        lines, order = self.excited_lines(robot), self._in_order(robot)
+        lines, order = self.excited_lines(robot), self._joint_order(robot)
         found = []
         for number, (own, joint) in enumerate(zip(lines, order, strict=True)):
             size = self.joints[joint].velocity * math.sqrt(2.0 / max(len(own), 1))
@@ -165,17 +170,18 @@ class MultisineMotion(Motion):
             )
         return tuple(found)
 
-    def realised(self, robot: RobotDescription) -> tuple[FourierMotion, ...]:
+    def realisation_motions(self, robot: RobotDescription) -> tuple[FourierMotion, ...]:
         """Return each realisation as a periodic motion: the integral of its speeds.
 
-        Each has a slow sine of its own, from `LEAST_SLOW` of its amplitude to all of it, so that
-        what depends on the position (tachometer ripple, cogging) differs between realisations and
-        counts in the variance, instead of being the same in all and passing for the response.
+        Each realisation has its own slow sine, with `LEAST_SLOW` to 100 % of the amplitude.
+        Therefore effects that depend on the position (tachometer ripple, cogging) differ between
+        realisations and contribute to the variance. Otherwise they would be the same in all
+        realisations and appear as a part of the response.
 
         Raises:
             ConfigError: As `excited_lines`.
         """
-        lines, order = self.excited_lines(robot), self._in_order(robot)
+        lines, order = self.excited_lines(robot), self._joint_order(robot)
         phasors = self.speed_phasors(robot)
         highest = max(1, *(int(own[-1]) for own in lines if len(own)))
         omega = 2.0 * math.pi / self.period_s
@@ -195,13 +201,14 @@ class MultisineMotion(Motion):
             found.append(FourierMotion.from_attributes(self, kind="fourier", joints=tuple(joints)))
         return tuple(found)
 
-    def _in_order(self, robot: RobotDescription) -> list[int]:
-        """Return where each of the robot's joints is in the motion."""
+    def _joint_order(self, robot: RobotDescription) -> list[int]:
+        """Return the index in the motion of each of the robot's joints."""
         given = [joint.joint for joint in self.joints]
         if sorted(given) != sorted(robot.joint_names):
             raise ConfigError(
-                f"the motion moves joints {', '.join(given)}; robot {robot.name!r} needs each of"
-                f" {', '.join(robot.joint_names)} once (velocity 0 where it is not measured)",
+                f"the motion moves joints {', '.join(given)}, but robot {robot.name!r} needs each"
+                f" of {', '.join(robot.joint_names)} once (give velocity 0 for a joint that is"
+                " not measured)",
                 code="RID-MOTION-JOINTS",
             )
         return [given.index(name) for name in robot.joint_names]
@@ -218,15 +225,17 @@ class MultisineMotion(Motion):
 
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
         periods = self.transient_periods + self.periods
-        refuse_endless(periods, self.period_s, self.ramp_s, parts=self.realisations)
-        return in_turn(self.realised(robot), robot, sample_period_s, DWELL_S)
+        require_duration(periods, self.period_s, self.ramp_s, parts=self.realisations)
+        return join_periodic_motions(
+            self.realisation_motions(robot), robot, sample_period_s, DWELL_S
+        )
 
 
 def low_crest_factor(lines: IntArray, phasors: Phasors) -> Phasors:
-    """Return phasors of the same sizes whose phases make the peak small (clipping algorithm).
+    """Return phasors of the same magnitudes with phases of a low peak (clipping algorithm).
 
-    The signal is clipped, the clipped one's phases are taken, and again (Van der Ouderaa, Schoukens
-    and Renneboog 1988); the best of all rounds is kept.
+    Each round clips the signal and uses the phases of the clipped signal (Van der Ouderaa,
+    Schoukens and Renneboog 1988); the best round is returned.
     """
     if len(lines) < 2:
         return phasors
@@ -246,5 +255,5 @@ def low_crest_factor(lines: IntArray, phasors: Phasors) -> Phasors:
 
 
 def crest_factor(signal: FloatArray) -> float:
-    """Return peak over RMS of a signal, shape (samples,)."""
+    """Return the peak divided by the RMS of a signal, shape (samples,)."""
     return float(np.abs(signal).max() / np.sqrt(np.mean(signal**2)))

@@ -1,4 +1,4 @@
-"""A periodic motion and the same path backwards in time, to measure friction alone."""
+"""Periodic motion followed by the same path backwards in time, to measure only friction."""
 
 from __future__ import annotations
 
@@ -7,17 +7,22 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion, in_turn, refuse_endless
+from acquisition.motion.kinds.fourier import (
+    FourierJoint,
+    FourierMotion,
+    join_periodic_motions,
+    require_duration,
+)
 from acquisition.motion.kinds.motion import Motion, Seconds
 from acquisition.motion.samples import MotionSamples
 from config.robot.robot import RobotDescription
 
 
 class ReversedMotion(Motion):
-    """A periodic motion, and then the same path backwards in time, to measure friction alone.
+    """Periodic motion followed by the same path backwards in time, to measure only friction.
 
-    Both parts have `transient_periods` to settle and `periods` that count; between them the robot
-    rests for `dwell_s`.
+    Both parts have `transient_periods` for the transient and `periods` for the measurement; between
+    them the robot rests for `dwell_s`.
     """
 
     kind: Literal["reversed"]
@@ -29,11 +34,11 @@ class ReversedMotion(Motion):
     joints: tuple[FourierJoint, ...] = Field(min_length=1)
 
     def describe(self) -> str:
-        """Return in a sentence what the motion file asks for."""
+        """Return a description of the motion in one sentence."""
         return f"{self.forward().describe()[:-1]}, and then the same path backwards."
 
     def next_command(self, run: Path) -> tuple[object, ...]:
-        """Return the words of the command that shows the friction."""
+        """Return the command that shows the friction."""
         return "friction", run
 
     def forward(self) -> FourierMotion:
@@ -41,7 +46,7 @@ class ReversedMotion(Motion):
         return FourierMotion.from_attributes(self, kind="fourier")
 
     def reversed(self) -> FourierMotion:
-        """Return the periodic motion q(-t): its sines have the other sign."""
+        """Return the periodic motion q(-t): the sine coefficients change their sign."""
         joints = tuple(
             joint.model_copy(update={"sine": tuple(-value for value in joint.sine)})
             for joint in self.joints
@@ -49,6 +54,6 @@ class ReversedMotion(Motion):
         return self.forward().model_copy(update={"joints": joints})
 
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
-        refuse_endless(self.transient_periods + self.periods, self.period_s, self.ramp_s, parts=2)
+        require_duration(self.transient_periods + self.periods, self.period_s, self.ramp_s, parts=2)
         parts = [self.forward(), self.reversed()]
-        return in_turn(parts, robot, sample_period_s, self.dwell_s)
+        return join_periodic_motions(parts, robot, sample_period_s, self.dwell_s)

@@ -1,4 +1,4 @@
-"""A path of the joints with its timing, row by row, as `rid-daq retime` writes it."""
+"""Joint path with its timing, row by row, as written by `rid-daq retime`."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ Row = Annotated[tuple[float, ...], Field(min_length=3, max_length=MOST_ROWS)]
 
 
 class TimedWay(ConfigModel):
-    """A way from rest to rest: a smooth curve (of class C2) through poses, and its rows.
+    """Part of a path from rest to rest: a smooth curve (of class C2) through poses, and its rows.
 
-    `length` is the curve's at each of `points`, in a unit of its own; `place`, `speed` and
-    `acceleration` say, cycle by cycle, how far along it the robot is, and how that changes per
-    second. It rests for `rest_s` at its end.
+    `length` is the curve's length at each of `points`, in an arbitrary unit. `place`, `speed` and
+    `acceleration` are the position along the curve and its derivatives per second, cycle by cycle.
+    The robot rests for `rest_s` at the end.
     """
 
     points: tuple[tuple[Position, ...], ...] = Field(min_length=2, max_length=10_000)
@@ -47,15 +47,18 @@ class TimedWay(ConfigModel):
     rest_s: Rest = 0.2
 
     @model_validator(mode="after")
-    def _rows(self) -> TimedWay:
+    def _check_rows(self) -> TimedWay:
         if len(self.length) != len(self.points):
-            raise ValueError(f"length has {len(self.length)} values, points {len(self.points)}")
+            raise ValueError(
+                f"length has {len(self.length)} values, points {len(self.points)}:"
+                " give the same number"
+            )
         if not all(begin < end for begin, end in pairwise(self.length)):
             raise ValueError("length must increase")
         if len({len(self.place), len(self.speed), len(self.acceleration)}) != 1:
-            raise ValueError("place, speed and acceleration must have as many rows each")
+            raise ValueError("place, speed and acceleration must have the same number of rows")
         if min(self.place) < self.length[0] or max(self.place) > self.length[-1]:
-            raise ValueError("place must stay between the first and the last length")
+            raise ValueError("place must be between the first and the last length")
         ends = (self.speed[0], self.speed[-1], self.acceleration[0], self.acceleration[-1])
         if any(ends):
             raise ValueError("speed and acceleration must be 0 in the first and the last row")
@@ -63,10 +66,10 @@ class TimedWay(ConfigModel):
 
 
 class TimedPathMotion(Motion):
-    """Ways of the joints with their timing, made for one cycle time by `rid-daq retime`.
+    """Timed parts of a joint path, made for one cycle time by `rid-daq retime`.
 
-    The rows hold every limit that they were made for; another cycle time, limits or model ask for
-    other rows. `rest_s` is how long the robot rests before the first way.
+    The rows respect all limits for which they were made; another cycle time, model or other limits
+    require new rows. `rest_s` is the rest before the first part.
     """
 
     kind: Literal["timed_path"]
@@ -75,31 +78,31 @@ class TimedPathMotion(Motion):
     ways: tuple[TimedWay, ...] = Field(min_length=1, max_length=1000)
 
     def describe(self) -> str:
-        """Return in a sentence what the motion file asks for."""
+        """Return a description of the motion in one sentence."""
         moving_s = sum(len(way.place) - 1 for way in self.ways) * self.cycle_time_s
         return f"A path timed to {moving_s:.4g} s of motion, at {1e3 * self.cycle_time_s:g} ms."
 
     def next_command(self, run: Path) -> tuple[object, ...]:
-        """Return the words of the command that shows how closely the path was followed."""
+        """Return the command that shows the path error."""
         return "tracking", run
 
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
         if abs(sample_period_s - self.cycle_time_s) > SAME_CYCLE:
             raise ConfigError(
-                f"the path was timed for cycles of {1e3 * self.cycle_time_s:g} ms, this cell has"
-                f" {1e3 * sample_period_s:g} ms: make it again with `rid-daq retime`",
+                f"the path was timed for cycles of {1e3 * self.cycle_time_s:g} ms, but this cell"
+                f" has {1e3 * sample_period_s:g} ms: make it again with `rid-daq retime`",
                 code="RID-MOTION-CYCLE",
             )
         n = len(robot.joints)
         for number, way in enumerate(self.ways, start=1):
             if any(len(point) != n for point in way.points):
                 raise ConfigError(
-                    f"way {number} of the path has poses that are not of {n} joints, as robot"
-                    f" {robot.name!r} has",
+                    f"part {number} of the path has poses with another number of values than the"
+                    f" {n} joints of robot {robot.name!r}",
                     code="RID-MOTION-JOINTS",
                 )
         rest = max(1, math.ceil(self.rest_s / sample_period_s - 1e-9))
-        paths = [_path(way) for way in self.ways]
+        paths = [_joint_trajectory(way) for way in self.ways]
         pieces = [standstill(paths[0].position[0], rest)]
         for way, path in zip(self.ways, paths, strict=True):
             rows = max(1, math.ceil(way.rest_s / sample_period_s - 1e-9))
@@ -111,7 +114,7 @@ class TimedPathMotion(Motion):
         return MotionSamples(robot.joint_names, sample_period_s, *whole, phase)
 
 
-def _path(way: TimedWay) -> JointTrajectory:
+def _joint_trajectory(way: TimedWay) -> JointTrajectory:
     curve = joint_spline(np.array(way.length), np.array(way.points))
     place = np.array(way.place)
     speed, change = (np.array(row)[:, np.newaxis] for row in (way.speed, way.acceleration))

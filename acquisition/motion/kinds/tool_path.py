@@ -1,4 +1,4 @@
-"""Paths of the tool point as joint motion: the arm follows them within every limit."""
+"""Tool-point paths as joint motions within all limits."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from acquisition.motion.paths.segments import Blend, Segment
 from acquisition.motion.paths.speed import (
     SpeedLimits,
     bend_speed,
-    driven,
     joint_speed,
+    plan_speed,
     speed_limits,
 )
 from acquisition.motion.samples import (
@@ -46,14 +46,13 @@ SLOWEST_SHARE: Final = 0.02
 
 
 class PathMotion(Motion):
-    """The tool point follows lines, arcs, circles and splines, from rest to rest.
+    """Tool-point motion along lines, arcs, circles and splines, from rest to rest.
 
-    Points are in the base frame. `near` (one value a joint) chooses among the ways in which the arm
-    reaches the start, and the orientation that the flange keeps. Along the path the speed changes
-    within `acceleration_m_s2` and `jerk_m_s3`; across it, in curves, both hold as well. Where that
-    or a joint's limit asks for it the path is driven more slowly than `speed_m_s`, unless
-    `keep_speed` says that this is an error. The tool point rests for `dwell_s` at the start, the
-    end, and in corners without a blend.
+    Points are in the base frame. `near` (one value per joint) selects the arm configuration at the
+    start and the constant orientation of the flange. `acceleration_m_s2` and `jerk_m_s3` limit the
+    change of the speed along the path, and the motion across it in curves. If they or a joint's
+    limits require it, the path is slower than `speed_m_s`; with `keep_speed` this is an error. The
+    tool point rests for `dwell_s` at the start, at the end, and in corners without a blend.
     """
 
     kind: Literal["path"]
@@ -68,42 +67,44 @@ class PathMotion(Motion):
     segments: tuple[Segment, ...] = Field(min_length=1, max_length=10_000)
 
     def describe(self) -> str:
-        """Return in a sentence what the motion file asks for."""
+        """Return a description of the motion in one sentence."""
         return f"A path of {len(self.segments)} segments at up to {self.speed_m_s:g} m/s."
 
     def next_command(self, run: Path) -> tuple[object, ...]:
-        """Return the words of the command that shows how closely the path was followed."""
+        """Return the command that shows the path error."""
         return "tracking", run
 
     def sections(self) -> tuple[PathSection, ...]:
-        """Return the path as its parts from rest to rest.
+        """Return the parts of the path from rest to rest.
 
         Raises:
-            ConfigError: A segment is no curve, or turns back where it is to be blended; the text
+            ConfigError: A segment is degenerate, or reverses the direction at a blend; the text
                 names it.
         """
         return path_sections(self.start_m, self.segments, self.speed_m_s, self.blend_m)
 
     def where(self, robot: RobotDescription, sample_period_s: float, row: int) -> str:
-        """Return on which segment a row of the motion lies, and how far into it."""
+        """Return the segment of a row of the motion, and the distance into the segment."""
         rest = max(1, math.ceil(self.dwell_s / sample_period_s))
-        for way in self._ways(robot):
-            rows, _ = driven(self._limits(way, robot), way.joints, robot, sample_period_s)
+        for way in self._section_paths(robot):
+            rows, _ = plan_speed(self._speed_limits(way, robot), way.joints, robot, sample_period_s)
             if row < rest + len(rows.length):
                 return way.section.where(float(rows.length[max(0, row - rest)]))
             row -= rest + len(rows.length)
         return "the end of the path"
 
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
-        """Return the joint motion that leads the tool point along the path, from rest to rest."""
+        """Return the joint motion that moves the tool point along the path, from rest to rest."""
         length_m = sum(section.length_m for section in self.sections())
         slowest = min(segment.speed_m_s or self.speed_m_s for segment in self.segments)
         refuse_longer(length_m / slowest, f"{length_m:.4g} m at {slowest:g} m/s")
         rest = max(1, math.ceil(self.dwell_s / sample_period_s))
         pieces: list[JointTrajectory] = []
-        for way in self._ways(robot):
-            _refuse_positions(way, robot)
-            rows, path = driven(self._limits(way, robot), way.joints, robot, sample_period_s)
+        for way in self._section_paths(robot):
+            _check_positions(way, robot)
+            rows, path = plan_speed(
+                self._speed_limits(way, robot), way.joints, robot, sample_period_s
+            )
             broken = violations(path, robot, sample_period_s)
             if broken:
                 middle_m = float(rows.length[len(rows.length) // 2])
@@ -115,12 +116,13 @@ class PathMotion(Motion):
         phase = phases_of((Phase.HOLD, rest), (Phase.MAIN, moving), (Phase.HOLD, rest))
         return MotionSamples(robot.joint_names, sample_period_s, *whole, phase)
 
-    def _ways(self, robot: RobotDescription) -> Iterator[_Way]:
-        """Yield how the arm follows each section, from the pose that the one before ends in."""
+    def _section_paths(self, robot: RobotDescription) -> Iterator[_SectionPath]:
+        """Yield the joint path of each section, starting from the end pose of the previous one."""
         n = len(robot.joints)
         if len(self.near) != n:
             raise ConfigError(
-                f"near has {len(self.near)} values, robot {robot.name!r} {n} joints",
+                f"near has {len(self.near)} values, but robot {robot.name!r} has {n} joints: give"
+                " one value per joint",
                 code="RID-MOTION-JOINTS",
             )
         chain = Chain.from_description(robot)
@@ -128,11 +130,11 @@ class PathMotion(Motion):
         rotation = None if n == 3 else link_transforms(chain, near[np.newaxis])[0, -1][:3, :3]
         pose = reach(chain, np.array(self.start_m), near, rotation, "the start of the path")
         for section in self.sections():
-            way = _Way.of(section, chain, rotation, pose)
+            way = _SectionPath.of(section, chain, rotation, pose)
             pose = way.end
             yield way
 
-    def _limits(self, way: _Way, robot: RobotDescription) -> SpeedLimits:
+    def _speed_limits(self, way: _SectionPath, robot: RobotDescription) -> SpeedLimits:
         """Return the speed limits of a section; refuse invalid ones."""
         section, grid, joints = way.section, way.grid, way.on_grid
         number = section.piece_at(grid)
@@ -142,10 +144,9 @@ class PathMotion(Motion):
             worst = int(share.argmin())
             if share[worst] < SLOWEST_SHARE:
                 raise ConfigError(
-                    f"{section.where(float(grid[worst]))}, comes too near a singular pose: there"
-                    f" joint {joint.name!r} lets it go at"
-                    f" {1e3 * share[worst] * asked[worst]:.2g} mm/s only. Move the path, or start"
-                    " it near another pose",
+                    f"{section.where(float(grid[worst]))}, is too close to a singular pose: joint"
+                    f" {joint.name!r} permits only {1e3 * share[worst] * asked[worst]:.2g} mm/s"
+                    " there. Move the path, or start from another pose",
                     code="RID-PATH-SINGULAR",
                 )
         curvature = way.points.curvature
@@ -165,22 +166,23 @@ class PathMotion(Motion):
             acceleration=self.acceleration_m_s2,
         )
         if self.keep_speed and (limits.speed < asked * (1.0 - 1e-9)).any():
-            _refuse_slowing(way, asked, speed, limits, robot)
+            _refuse_reduced_speed(way, asked, speed, limits, robot)
         return limits
 
 
 @dataclass(frozen=True, eq=False)
-class _Way:
-    """How the arm follows a section of a path.
+class _SectionPath:
+    """Joint path along one section.
 
     Attributes:
+        section: The section.
         chain: The arm.
-        rotation: Shape (3, 3). The orientation that the flange keeps, if any.
-        near: Poses near those on the path, by its length.
-        end: Shape (n,). The pose that the section ends in.
-        grid: Shape (m,). Lengths at which it is looked at [m].
-        points: The section there.
-        on_grid: The joints there.
+        rotation: Shape (3, 3). Constant orientation of the flange, if any.
+        near: Approximate poses as a function of the length.
+        end: Shape (n,). Pose at the end of the section.
+        grid: Shape (m,). Lengths of the checked points [m].
+        points: Points of the section on the grid.
+        on_grid: Joint positions on the grid.
     """
 
     section: PathSection
@@ -195,7 +197,7 @@ class _Way:
     @classmethod
     def of(
         cls, section: PathSection, chain: Chain, rotation: FloatArray | None, pose: FloatArray
-    ) -> _Way:
+    ) -> _SectionPath:
         """Follow a section from a pose, in coarse steps and then on a fine grid."""
         lengths = np.linspace(0.0, section.length_m, _grid_points(section, COARSE_M))
         found = np.empty((len(lengths), chain.n))
@@ -210,7 +212,7 @@ class _Way:
         return cls(section, chain, rotation, near, pose, grid, points, on_grid)
 
     def joints(self, length_m: FloatArray) -> PathSlopes:
-        """Return the joint positions, and their derivatives by the length, at lengths."""
+        """Return the joint positions and their derivatives with respect to the length."""
         points = self.section.at(length_m)
         return refine_positions(self.chain, *points, self.near(length_m), self.rotation)
 
@@ -219,7 +221,7 @@ def _grid_points(section: PathSection, spacing_m: float) -> int:
     return 1 + int(np.clip(math.ceil(section.length_m / spacing_m), FEWEST, MOST))
 
 
-def _refuse_positions(way: _Way, robot: RobotDescription) -> None:
+def _check_positions(way: _SectionPath, robot: RobotDescription) -> None:
     position = way.on_grid.position
     for j, joint in enumerate(robot.joints):
         low, high = joint.limits.position_min, joint.limits.position_max
@@ -227,15 +229,19 @@ def _refuse_positions(way: _Way, robot: RobotDescription) -> None:
         if off.max() > 0.0:
             row = int(np.argmax(off > 0.0))
             raise ConfigError(
-                f"{way.section.where(float(way.grid[row]))}, needs joint {joint.name!r} beyond its"
-                f" limits {low:g} to {high:g}: it would reach {position[off.argmax(), j]:.4g}. Move"
-                " the path, or start it near another pose",
+                f"{way.section.where(float(way.grid[row]))}, requires joint {joint.name!r} to"
+                f" exceed its limits {low:g} to {high:g}: it would reach"
+                f" {position[off.argmax(), j]:.4g}. Move the path, or start from another pose",
                 code="RID-PATH-REACH",
             )
 
 
-def _refuse_slowing(
-    way: _Way, asked: FloatArray, speed: FloatArray, limits: SpeedLimits, robot: RobotDescription
+def _refuse_reduced_speed(
+    way: _SectionPath,
+    asked: FloatArray,
+    speed: FloatArray,
+    limits: SpeedLimits,
+    robot: RobotDescription,
 ) -> None:
     worst = int((limits.speed / asked).argmin())
     by = "acceleration_m_s2 or jerk_m_s3 in the bend"
@@ -248,7 +254,7 @@ def _refuse_slowing(
         by = f"the {what} limit of joint {robot.joints[int(own[what].argmin())].name!r}"
     raise ConfigError(
         f"{way.section.where(float(way.grid[worst]))}, cannot keep {asked[worst]:g} m/s: {by}"
-        f" allows {limits.speed[worst]:.3g} m/s. Ask for less, widen the bend, or leave keep_speed"
-        " out",
+        f" permits {limits.speed[worst]:.3g} m/s. Reduce the speed, widen the bend, or remove"
+        " keep_speed",
         code="RID-MOTION-LIMIT",
     )

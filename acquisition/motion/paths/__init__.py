@@ -1,4 +1,5 @@
-"""Paths: curves measured by their length, and how fast they may be driven.
+"""Paths: curves with their lengths, and the speeds at which they can be plan_speed.
 
-Nothing here knows a motion file's other keys or a cycle of the task. Begin with `segments.py`.
+The files do not depend on the other keys of a motion file or on the cycles of the task. Begin with
+`segments.py`.
 """

@@ -1,4 +1,4 @@
-"""The smooth curve of the joints through poses, by its length."""
+"""Smooth joint curve through poses, as a function of its length."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from config.arrays import FloatArray
 
 
 def joint_spline(knots: FloatArray, points: FloatArray) -> CubicSpline:
-    """Return the cubic spline through poses; the straight way between two.
+    """Return the cubic spline through poses; a straight line for two poses.
 
     Args:
-        knots: Shape (m,). The length at each pose, increasing.
-        points: Shape (m, n). The poses, two at least.
+        knots: Shape (m,). Length at each pose, increasing.
+        points: Shape (m, n). Poses, at least two.
     """
     if len(points) > 2:
         return CubicSpline(knots, points)

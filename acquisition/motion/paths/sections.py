@@ -1,7 +1,7 @@
-"""The geometry of a path: segments joined by blends, as pieces measured by their length.
+"""Geometry of a path: segments connected by blends, as pieces with their lengths.
 
-A blend is the quintic that leaves one segment and meets the next with their direction and
-curvature, so that between two stops direction and curvature of the whole path are continuous.
+A blend is the quintic that leaves one segment and joins the next with equal direction and
+curvature. Therefore direction and curvature are continuous between two stops.
 """
 
 from __future__ import annotations
@@ -24,10 +24,11 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 
 
 class PathPoints(NamedTuple):
-    """A path at some of its lengths; each of shape (len(s), 3).
+    """Points of a path; each array has the shape (len(s), 3).
 
     Attributes:
-        point_m, direction, curvature: Where, the unit vector that way, and how that changes [1/m].
+        point_m, direction, curvature: Position [m], unit tangent, and its derivative with respect
+            to the length [1/m].
     """
 
     point_m: FloatArray
@@ -37,13 +38,13 @@ class PathPoints(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PathPiece:
-    """One curve, measured by its length.
+    """One curve as a function of its length.
 
     Attributes:
-        label: What a message calls it.
-        curve: The curve over its parameter.
-        knots, lengths: Parameters, and the lengths from the first of them up to each [m].
-        speed_m_s: The speed asked for.
+        label: Name of the curve in messages.
+        curve: The curve as a function of its parameter.
+        knots, lengths: Parameters, and the length up to each of them [m].
+        speed_m_s: Requested speed.
     """
 
     label: str
@@ -54,11 +55,11 @@ class PathPiece:
 
     @property
     def length_m(self) -> float:
-        """From end to end."""
+        """Length of the whole curve."""
         return float(self.lengths[-1])
 
     def parameters(self, length_m: FloatArray) -> FloatArray:
-        """Return the parameters that belong to lengths from its beginning, by Newton's method."""
+        """Return the parameters for lengths from the start of the curve, by Newton's method."""
         cell = np.clip(np.searchsorted(self.lengths, length_m, "right") - 1, 0, len(self.knots) - 2)
         first, size = self.knots[cell], np.diff(self.knots)[cell]
         whole = np.diff(self.lengths)[cell]
@@ -70,7 +71,7 @@ class PathPiece:
         return np.asarray(x)
 
     def at(self, length_m: FloatArray) -> PathPoints:
-        """Return the curve at lengths from its beginning."""
+        """Return the curve's points at lengths from its start."""
         point, first, second = self.curve(self.parameters(length_m))
         speed = np.linalg.norm(first, axis=1, keepdims=True)
         direction = first / speed
@@ -87,33 +88,33 @@ class PathPiece:
 
 @dataclass(frozen=True, eq=False)
 class PathSection:
-    """A part of a path from rest to rest: pieces that join smoothly."""
+    """A part of a path from rest to rest: smoothly connected pieces."""
 
     pieces: tuple[PathPiece, ...]
 
     @property
     def ends_m(self) -> FloatArray:
-        """Lengths at which its pieces end."""
+        """Lengths at the ends of the pieces."""
         return np.cumsum([piece.length_m for piece in self.pieces])
 
     @property
     def length_m(self) -> float:
-        """From rest to rest."""
+        """Length of the section."""
         return float(self.ends_m[-1])
 
     def piece_at(self, length_m: FloatArray) -> IntArray:
-        """Return the numbers of the pieces at lengths."""
+        """Return the indices of the pieces at lengths."""
         found = np.searchsorted(self.ends_m, length_m)
         return np.asarray(np.minimum(found, len(self.pieces) - 1), dtype=np.int64)
 
     def where(self, length_m: float) -> str:
-        """Say where on the path a length is."""
+        """Return a description of the place at a length."""
         number = int(self.piece_at(np.array([length_m]))[0])
         into_m = length_m - float(self.ends_m[number]) + self.pieces[number].length_m
         return f"{self.pieces[number].label}, {1e3 * into_m:.0f} mm into it"
 
     def at(self, length_m: FloatArray) -> PathPoints:
-        """Return the path at lengths from the beginning of the section."""
+        """Return the path's points at lengths from the start of the section."""
         number = self.piece_at(length_m)
         found = PathPoints(*(np.empty((len(length_m), 3)) for _ in range(3)))
         for k in np.unique(number).tolist():
@@ -135,16 +136,15 @@ def measure_curve(label: str, curve: Curve, knots: FloatArray, speed_m_s: float)
 def path_sections(
     start_m: Sequence[float], segments: Sequence[Segment], speed_m_s: float, blend_m: float
 ) -> tuple[PathSection, ...]:
-    """Return a path as its parts from rest to rest.
+    """Return the parts of a path from rest to rest.
 
     Args:
-        start_m: Where it begins [m].
-        segments: What it is made of.
-        speed_m_s, blend_m: The speed, and the reach of a blend [m], of segments that say none of
-            their own.
+        start_m: Start point [m].
+        segments: Segments of the path.
+        speed_m_s, blend_m: Speed, and blend distance [m], of segments without their own values.
 
     Raises:
-        ConfigError: A segment is no curve, or turns back where it is to be blended; the text names
+        ConfigError: A segment is degenerate, or reverses the direction at a blend; the text names
             it.
     """
     whole, at = [], np.array(start_m)
@@ -154,7 +154,7 @@ def path_sections(
         whole.append(measure_curve(label, curve, knots, segment.speed_m_s or speed_m_s))
         at = curve(knots[-1:])[0][0]
     joints = [
-        _joint(whole[k], whole[k + 1], segment.blend_m, blend_m, k + 1)
+        _connect(whole[k], whole[k + 1], segment.blend_m, blend_m, k + 1)
         for k, segment in enumerate(segments[:-1])
     ]
     parts: list[PathSection] = []
@@ -176,35 +176,35 @@ def path_sections(
     return tuple(parts)
 
 
-class _Joint(NamedTuple):
-    """How a segment joins the next: by a stop, by a blend of some reach, or smoothly as it is."""
+class _Connection(NamedTuple):
+    """Connection of two segments: a stop, a blend of some reach, or a smooth transition."""
 
     stops: bool
     reach_m: float
 
 
-def _joint(
+def _connect(
     before: PathPiece, after: PathPiece, own_m: float | None, default_m: float, number: int
-) -> _Joint:
+) -> _Connection:
     ends = before.at(np.array([before.length_m])), after.at(np.array([0.0]))
     straight_on = float(ends[0].direction[0] @ ends[1].direction[0])
     bend = float(np.abs(ends[0].curvature - ends[1].curvature).max())
     if 1.0 - straight_on < SAME_DIRECTION and bend < SAME_CURVATURE:
-        return _Joint(stops=False, reach_m=0.0)
+        return _Connection(stops=False, reach_m=0.0)
     wanted_m = default_m if own_m is None else own_m
     if wanted_m == 0.0:
-        return _Joint(stops=True, reach_m=0.0)
+        return _Connection(stops=True, reach_m=0.0)
     if straight_on < TURNS_BACK:
         raise ConfigError(
-            f"segments {number} and {number + 1} turn back on themselves, which cannot be blended:"
-            f" give segment {number} blend_m: 0 to stop there",
+            f"segments {number} and {number + 1} reverse the direction and cannot be blended: set"
+            f" blend_m: 0 in segment {number} to stop there",
             code="RID-PATH-SEGMENT",
         )
-    return _Joint(False, min(wanted_m, 0.5 * before.length_m, 0.5 * after.length_m))
+    return _Connection(False, min(wanted_m, 0.5 * before.length_m, 0.5 * after.length_m))
 
 
 def _blend(before: PathPiece, after: PathPiece, reach_m: float, number: int) -> PathPiece:
-    """Return the quintic from one segment to the next, by its Bernstein points."""
+    """Return the quintic blend from one segment to the next, by its Bernstein points."""
     leave, meet = before.at(np.array([before.length_m - reach_m])), after.at(np.array([reach_m]))
     speed = 2.0 * reach_m
     ends = []

@@ -1,4 +1,4 @@
-"""The segments of a path of the tool point: what a motion file says of them, and their curves."""
+"""Segments of a tool-point path: their keys in a motion file, and their curves."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ Curve = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
 
 
 class KnottedCurve(NamedTuple):
-    """A curve over a parameter, and the knots between which its length is integrated.
+    """A curve as a function of a parameter, and the knots for the integration of its length.
 
     Attributes:
         knots: Shape (knots,). Parameters, increasing.
-        curve: The curve over its parameter.
+        curve: The curve as a function of its parameter.
     """
 
     knots: FloatArray
@@ -39,10 +39,10 @@ class KnottedCurve(NamedTuple):
 
 
 class PathSegment(ConfigModel):
-    """What every segment of a path may say; the path's own values hold where it does not.
+    """Common keys of all segments; the path's values apply if a key is not given.
 
-    `blend_m` is the distance before its end at which the path leaves it to round the corner to the
-    next one; with 0 the tool point stops in the corner.
+    `blend_m` is the distance before the segment's end at which the blend to the next segment
+    begins. With 0 the tool point stops in the corner.
     """
 
     speed_m_s: Annotated[Positive, Plausible(1e-5, 20.0, "m/s")] | None = None
@@ -53,11 +53,11 @@ class PathSegment(ConfigModel):
         """Return the segment's curve.
 
         Args:
-            start_m: Shape (3,). Where the segment before it ends [m].
-            label: What a message calls it.
+            start_m: Shape (3,). End of the previous segment [m].
+            label: Name of the segment in messages.
 
         Raises:
-            ConfigError: It is no curve; the text names it.
+            ConfigError: The segment is degenerate; the text names it.
         """
 
 
@@ -73,7 +73,7 @@ class LineSegment(PathSegment):
         way = end - start_m
         if np.linalg.norm(way) < SHORTEST_M:
             raise ConfigError(
-                f"{label} ends where it begins, at {_millimetres(end)}: leave it out",
+                f"{label} ends at its start point {_millimetres(end)}: remove it",
                 code="RID-PATH-SEGMENT",
             )
 
@@ -85,23 +85,22 @@ class LineSegment(PathSegment):
 
 
 class ArcSegment(PathSegment):
-    """A circular arc through one point to another."""
+    """A circular arc through one point to an end point."""
 
     kind: Literal["arc"]
     through_m: Place
     to_m: Place
 
     def curve_from(self, start_m: FloatArray, label: str) -> KnottedCurve:
-        """Return the arc: its centre is where two bisecting planes meet the points' own."""
+        """Return the arc; its centre is where two bisecting planes and the points' plane meet."""
         through, end = np.array(self.through_m), np.array(self.to_m)
         a, b = through - start_m, end - start_m
         normal = np.cross(a, b)
         size = float(np.linalg.norm(normal))
         if size < 1e-6 * float(np.linalg.norm(a) * np.linalg.norm(b)) or size < SHORTEST_M**2:
             raise ConfigError(
-                f"{label}: {_millimetres(start_m)}, {_millimetres(through)} and"
-                f" {_millimetres(end)} lie on a line or on each other: give a line, or"
-                " other points",
+                f"{label}: the points {_millimetres(start_m)}, {_millimetres(through)} and"
+                f" {_millimetres(end)} are collinear or equal: give a line, or other points",
                 code="RID-PATH-SEGMENT",
             )
         normal = normal / size
@@ -110,13 +109,13 @@ class ArcSegment(PathSegment):
         x, y = start_m - centre, np.cross(normal, start_m - centre)
         ahead = end - centre
         angle = math.atan2(float(ahead @ y), float(ahead @ x)) % (2.0 * math.pi)
-        return _turn(centre, x, y, angle)
+        return _circular_curve(centre, x, y, angle)
 
 
 class CircleSegment(PathSegment):
-    """`turns` round a centre, in the plane through it whose normal is given, right-handed.
+    """`turns` turns around a centre, right-handed about `normal`.
 
-    It begins where the segment before it ends; negative turns go the other way.
+    The circle begins at the end of the previous segment; negative turns reverse the direction.
     """
 
     kind: Literal["circle"]
@@ -125,7 +124,7 @@ class CircleSegment(PathSegment):
     turns: float = 1.0
 
     @model_validator(mode="after")
-    def _goes_somewhere(self) -> CircleSegment:
+    def _check_normal_and_turns(self) -> CircleSegment:
         if not any(self.normal):
             raise ValueError("normal must not be zero")
         if self.turns == 0.0 or abs(self.turns) > 1000.0:
@@ -133,7 +132,7 @@ class CircleSegment(PathSegment):
         return self
 
     def curve_from(self, start_m: FloatArray, label: str) -> KnottedCurve:
-        """Return the circle, with as many turns."""
+        """Return the circle with its number of turns."""
         centre, normal = np.array(self.centre_m), np.array(self.normal)
         normal = normal / np.linalg.norm(normal)
         radius = start_m - centre
@@ -141,17 +140,17 @@ class CircleSegment(PathSegment):
         if radius_m < SHORTEST_M or abs(height_m) > 1e-3 * radius_m:
             raise ConfigError(
                 f"{label} begins at {_millimetres(start_m)}, {1e3 * abs(height_m):.3g} mm off the"
-                f" plane through its centre and {1e3 * radius_m:.3g} mm from it: move the centre,"
-                " turn the normal, or begin elsewhere",
+                f" plane through its centre and {1e3 * radius_m:.3g} mm from its centre: move the"
+                " centre, change the normal, or start elsewhere",
                 code="RID-PATH-SEGMENT",
             )
         y = np.cross(normal, radius)
         angle = 2.0 * math.pi * self.turns
-        return _turn(centre + height_m * normal, radius - height_m * normal, y, angle)
+        return _circular_curve(centre + height_m * normal, radius - height_m * normal, y, angle)
 
 
 class SplineSegment(PathSegment):
-    """A smooth curve (of class C2) through points, the last of which is its end."""
+    """A smooth curve (of class C2) through points; the last point is its end."""
 
     kind: Literal["spline"]
     through_m: tuple[Place, ...] = Field(min_length=2, max_length=10_000)
@@ -163,8 +162,8 @@ class SplineSegment(PathSegment):
         if chords.min() < SHORTEST_M:
             number = int(chords.argmin()) + 1
             raise ConfigError(
-                f"{label}: point {number}, {_millimetres(points[number])}, is the same as the one"
-                " before it: leave one out",
+                f"{label}: point {number}, {_millimetres(points[number])}, equals the previous"
+                " one: remove one of them",
                 code="RID-PATH-SEGMENT",
             )
         at = np.concatenate([[0.0], np.cumsum(chords)])
@@ -180,7 +179,7 @@ class SplineSegment(PathSegment):
         slowest = np.linalg.norm(curve(knots)[1], axis=1).min()
         if slowest < 1e-3:
             raise ConfigError(
-                f"{label} has a cusp: give points that are more evenly spaced",
+                f"{label} has a cusp: space the points more evenly",
                 code="RID-PATH-SEGMENT",
             )
         return KnottedCurve(knots, curve)
@@ -191,7 +190,7 @@ Segment = Annotated[
 ]
 
 
-def _turn(centre: FloatArray, x: FloatArray, y: FloatArray, angle: float) -> KnottedCurve:
+def _circular_curve(centre: FloatArray, x: FloatArray, y: FloatArray, angle: float) -> KnottedCurve:
     def curve(at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         phi = (angle * at)[:, np.newaxis]
         out = np.cos(phi) * x + np.sin(phi) * y

@@ -1,9 +1,9 @@
-"""How fast a path may be driven: a speed over its length within all limits, smooth in time.
+"""Speed along a path within all limits, smooth in time.
 
-Speeds come from a forward and a backward pass over the squared speed, within what the path asks for
-and what the joints can do (Bobrow, Dubowsky and Gibson 1985). Two moving averages over time bound
-the jerk; the limits are widened along the path by as far as these averages reach, so that they hold
-afterwards too.
+A forward and a backward pass over the squared speed respect the requested limits and those of the
+joints (Bobrow, Dubowsky and Gibson 1985). Two moving averages over time limit the jerk. Each limit
+is extended along the path by the reach of these averages, so that the averaged speed respects it
+too.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ ATTEMPTS: Final = 30
 
 
 class SpeedProfile(NamedTuple):
-    """How a path is driven, row by row: s, ds/dt and d2s/dt2, each of shape (rows,)."""
+    """Motion along a path, row by row: s, ds/dt and d2s/dt2, each of shape (rows,)."""
 
     length: FloatArray
     speed: FloatArray
@@ -40,11 +40,11 @@ class SpeedProfile(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SpeedLimits:
-    """What bounds the speed on a grid along a path; the unit of length is the path's own.
+    """Limits of the speed on a grid along a path, in the path's unit of length.
 
     Attributes:
-        length: Shape (m,). The grid, from 0 on.
-        speed: Shape (m,). The largest speed, per second.
+        length: Shape (m,). Grid, from 0.
+        speed: Shape (m,). Largest speed, per second.
         steady, per_speed: Shape (m, n). The largest change of the speed is the smallest of `steady
             - per_speed * speed^2`, per second squared.
         smoothing_s: Time over which the change of the speed is averaged.
@@ -68,8 +68,8 @@ def joint_speed(slope: FloatArray, robot: RobotDescription, fraction: float = 1.
 
 
 def bend_speed(bend: FloatArray, robot: RobotDescription, fraction: float = 1.0) -> FloatArray:
-    """Return the steady speeds at which a path's bends leave a joint some acceleration, (m, n)."""
-    limit = _accelerations(robot, fraction)
+    """Return the speeds at which bends leave each joint a reserve of acceleration, (m, n)."""
+    limit = _acceleration_limits(robot, fraction)
     return np.asarray(np.sqrt(SHARE_OF_BENDS * limit / np.maximum(np.abs(bend), TINY)))
 
 
@@ -84,16 +84,17 @@ def speed_limits(
     acceleration: float = math.inf,
     fraction: float = 1.0,
 ) -> SpeedLimits:
-    """Return the limits of a path: those asked for, and the joints'.
+    """Return the speed limits of a path: the requested ones and those of the joints.
 
     Args:
-        length: Shape (m,). The grid.
-        speed: Shape (m,). What is asked for.
-        slope, bend: Shape (m, n). First and second derivative of the joint positions by the length.
-        robot: The limits.
+        length: Shape (m,). Grid.
+        speed: Shape (m,). Requested speed.
+        slope, bend: Shape (m, n). First and second derivative of the joint positions with respect
+            to the length.
+        robot: Joint limits.
         smoothing_s: Time over which the change of the speed is averaged.
-        acceleration: Largest change of the speed that is asked for.
-        fraction: Share of the joints' limits to use.
+        acceleration: Largest requested change of the speed.
+        fraction: Share of the joint limits to use.
     """
     joints = np.minimum(joint_speed(slope, robot, fraction), bend_speed(bend, robot, fraction))
     size = np.maximum(np.abs(slope), TINY)
@@ -101,23 +102,23 @@ def speed_limits(
     return SpeedLimits(
         length=length,
         speed=np.minimum(speed, joints.min(axis=1)),
-        steady=np.concatenate([asked, _accelerations(robot, fraction) / size], axis=1),
+        steady=np.concatenate([asked, _acceleration_limits(robot, fraction) / size], axis=1),
         per_speed=np.concatenate([0.0 * length[:, np.newaxis], np.abs(bend) / size], axis=1),
         smoothing_s=smoothing_s,
     )
 
 
 def speed_profile(limits: SpeedLimits, sample_period_s: float) -> SpeedProfile:
-    """Return the fastest way along a path within its limits, from rest to rest.
+    """Return the fastest motion along a path within its limits, from rest to rest.
 
     Args:
-        limits: What bounds the speed.
+        limits: Limits of the speed.
         sample_period_s: Time between rows [s].
 
     Returns:
-        The last row is at rest at the end of the path.
+        Rows of the motion; the last one is at rest at the end of the path.
     """
-    speed = _passes(limits)
+    speed = _forward_and_backward_passes(limits)
     step_s = sample_period_s / FINE
     steps = np.diff(limits.length)
     time_s = np.concatenate([[0.0], np.cumsum(2.0 * steps / (speed[1:] + speed[:-1]))])
@@ -144,22 +145,23 @@ def speed_profile(limits: SpeedLimits, sample_period_s: float) -> SpeedProfile:
     return rows
 
 
-def driven(
+def plan_speed(
     limits: SpeedLimits,
     joints_at: Callable[[FloatArray], PathSlopes],
     robot: RobotDescription,
     sample_period_s: float,
 ) -> tuple[SpeedProfile, JointTrajectory]:
-    """Return the way along a path, slowed down until the joints' limits hold between rows too.
+    """Return the motion along a path, slowed down until the joint limits hold between rows too.
 
     Args:
-        limits: What bounds the speed to begin with.
-        joints_at: The joint positions, and their derivatives by the length, at lengths of the path.
-        robot: The joints' limits.
-        sample_period_s: The cell's cycle time [s].
+        limits: Initial limits of the speed.
+        joints_at: Returns the joint positions, and their derivatives with respect to the length, at
+            lengths of the path.
+        robot: Joint limits.
+        sample_period_s: Cycle time of the cell [s].
 
     Returns:
-        One row a cycle. After `ATTEMPTS` a limit may still be broken.
+        One row per cycle. After `ATTEMPTS` attempts a limit may still be exceeded.
     """
     attempts = 0
     while True:
@@ -177,14 +179,14 @@ def driven(
         limits = limits.slower(SLOWER)
 
 
-def _accelerations(robot: RobotDescription, fraction: float) -> FloatArray:
+def _acceleration_limits(robot: RobotDescription, fraction: float) -> FloatArray:
     limits = [joint.limits.acceleration for joint in robot.joints]
     return np.asarray(fraction * MARGIN * np.array(limits))
 
 
-def _passes(limits: SpeedLimits) -> FloatArray:
+def _forward_and_backward_passes(limits: SpeedLimits) -> FloatArray:
     """Return the fastest speed on the grid, from rest to rest."""
-    most = _widened(limits) ** 2
+    most = _extend_limits(limits) ** 2
     most[0] = most[-1] = 0.0
     steps = np.diff(limits.length)
     for order in (range(len(steps)), range(len(steps) - 1, -1, -1)):
@@ -196,8 +198,8 @@ def _passes(limits: SpeedLimits) -> FloatArray:
     return np.asarray(np.sqrt(most))
 
 
-def _widened(limits: SpeedLimits) -> FloatArray:
-    """Return every limit held as far around its place as the averages over time reach."""
+def _extend_limits(limits: SpeedLimits) -> FloatArray:
+    """Return the speed limits, each extended along the path by the reach of the averages."""
     reach_s = 0.5 * (1.0 + SECOND_AVERAGE) * limits.smoothing_s
     gain = np.minimum(limits.steady.min(axis=1) * reach_s, limits.speed.max())
     reach = reach_s * (limits.speed + gain)

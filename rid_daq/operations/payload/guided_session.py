@@ -9,7 +9,7 @@ from typing import Final
 from pydantic import JsonValue
 
 from acquisition.motion.kinds.fourier import FourierMotion
-from acquisition.motion.motion_file import AnyMotion, motion_content
+from acquisition.motion.motion_file import AnyMotion, parse_motion
 from acquisition.runs.catalogue import find_run
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
@@ -174,7 +174,7 @@ def _motion_of(file: SessionFile, loaded: LoadedCell) -> FourierMotion:
             code="RID-SESSION-OTHER-CELL",
         )
     name = str(file.folder.file(MOTION))
-    motion = _periodic(motion_content(file.folder.read(MOTION), name))
+    motion = _periodic(parse_motion(file.folder.read(MOTION), name))
     motion.plan(loaded.robot, loaded.config.cycle_time_s)
     return motion
 

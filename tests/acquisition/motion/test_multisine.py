@@ -79,10 +79,10 @@ def test_a_realisation_has_its_speeds_on_its_lines_alone(robot: RobotDescription
 
 
 def test_realisations_differ_and_come_back_from_the_seed(robot: RobotDescription) -> None:
-    first, second, *_ = multisine().realised(robot)
+    first, second, *_ = multisine().realisation_motions(robot)
     assert first != second
-    assert multisine().realised(robot)[0] == first
-    assert multisine(seed=1).realised(robot)[0] != first
+    assert multisine().realisation_motions(robot)[0] == first
+    assert multisine(seed=1).realisation_motions(robot)[0] != first
 
 
 def test_peaks_are_made_small() -> None:
