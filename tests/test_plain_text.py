@@ -19,7 +19,7 @@ HITS_PER_1000_WORDS = {
     "config": 1.0,
     "dynamics": 1.0,
     "drivers": 1.0,
-    "acquisition": 11.0,
+    "acquisition": 0.5,
     "identification": 0.5,
     "compensation": 1.0,
     "mock_hw": 1.0,

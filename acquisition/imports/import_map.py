@@ -58,7 +58,7 @@ class FurtherFile(ConfigModel):
 
 
 class JointReading(ConfigModel):
-    """How the numbers of one joint are read, in any kind of file.
+    """Conversion of the numbers of one joint, in any kind of file.
 
     For values of the motor, `gear_ratio` converts to the link side: motor turns per joint turn,
     negative if motor and joint turn in opposite directions. The torque is a current times
