@@ -22,7 +22,7 @@ from acquisition.hold_to_run.held_motion import HeldMotion
 from acquisition.hold_to_run.line import LineCheck
 from benchmarks.held_key_links import Page, Told, Way
 from config.load import load_cell
-from rid_daq.operations.cell.jogging import Jogging
+from rid_daq.operations.cell.jogging import JogKeys
 from rid_daq.service.api.challenges import Challenges
 from rid_daq.terminal.console import Console
 from rid_daq.worker.orders import Orders
@@ -102,7 +102,7 @@ class SimulatedJog:
         self._motion = HeldMotion(robot, self._cycle_s, dead_man, now_s=self.clock)
         self._motion.begin(False, START)
         line = LineCheck(LOADED.config, robot, SPEED_SHARE)
-        self._jogging = Jogging(robot, None, line, Console(as_json=True))
+        self._jogging = JogKeys(robot, None, line, Console(as_json=True))
         self._pilot = DeadManThread(dead_man, len(robot.joints), self._orders, self._jogging.line)
         self._row = 0
         self._next_cycle_s = self._next_look_s = self.clock.now_s

@@ -1,1 +1,1 @@
-"""The program: one file per command, the session and the report."""
+"""The program `rid-daq`: command line, sessions, reports, service and workbench."""

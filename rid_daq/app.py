@@ -1,7 +1,7 @@
-"""The program: how a command line is called, and how it ends.
+"""The program: call a command line, and report how it ended.
 
-This is the one place that catches `RidDaqError`, and what says that the computer lacks memory,
-room, files or processes.
+This is the only module that catches `RidDaqError`, and the system's errors about a lack of memory,
+disk space, files or processes.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from rid_daq.terminal.console import Console, documents_written, make_printable,
 from rid_daq.terminal.exit_codes import ExitCode, exit_code_of
 from rid_daq.terminal.text_wrapping import wrap_text
 
-# Small factorisations gain nothing from threads of BLAS, and lose much where the cores are busy.
+# BLAS threads do not speed up small factorisations, and slow them down on busy cores.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
@@ -58,10 +58,10 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _call(words: list[str]) -> None:
-    """Call the command of a command line, or answer the completion of a shell.
+    """Call the command of a command line, or answer a shell's request for completions.
 
     Raises:
-        SystemExit: It has ended with another exit code, or before its time, as a help does.
+        SystemExit: The command ended with another exit code, or early, such as a help page.
     """
     root = Root()
     if asked := os.environ.get(VARIABLE):
@@ -79,7 +79,9 @@ def _call(words: list[str]) -> None:
     except BrokenPipeError:
         if not _output_is_closed():
             raise
-        raise SystemExit(ExitCode.DONE) from None  # the reader of a help wants no more of it
+        raise SystemExit(
+            ExitCode.DONE
+        ) from None  # the reader of a pipe, such as a pager, has ended
 
 
 def _output_is_closed() -> bool:
@@ -91,13 +93,14 @@ def _output_is_closed() -> bool:
 
 @dataclass(frozen=True)
 class Ending:
-    """How a command ended.
+    """End of a command.
 
     Attributes:
-        code: Its exit code.
-        kind, message: What ended it, and why; empty where nothing did.
-        refusal: Stable code of the error that ended it, `RID-AREA-NAME`; empty without one.
-        said: Whether a person is told so here; else the command has said it.
+        code: Exit code.
+        kind: Class of the error, or kind of the ending; empty if the command succeeded.
+        message: Reason of the ending; empty if the command succeeded.
+        refusal: Stable code of the error, `RID-AREA-NAME`; empty without one.
+        said: True if `run` must print the message; False if the command has printed it.
     """
 
     code: int
@@ -108,39 +111,39 @@ class Ending:
 
 
 def ending_of(command: Callable[[], object]) -> Ending:
-    """Do what a command does, and return how it ended; mistakes of ours are raised."""
+    """Call a command and return its ending; programming errors are raised."""
     try:
         command()
     except Exception as caught:
-        error = _typed(caught)
+        error = _as_program_error(caught)
         code, kind = int(exit_code_of(error)), type(error).__name__
         return Ending(code, kind, str(error), error.refusal, said=True)
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else int(ExitCode.DONE)
-        kind, message = _ending(code)
+        kind, message = _reported_ending(code)
         return Ending(code, kind, with_notes(message, end), said=isinstance(end, _Interrupted))
     return Ending(ExitCode.DONE)
 
 
-def _ending(code: int) -> tuple[str, str]:
-    """Return kind and message of an ending that the command itself has told, by its exit code."""
-    return _ENDINGS.get(code, ("Failure", "the exit code says what")) if code else ("", "")
+def _reported_ending(code: int) -> tuple[str, str]:
+    """Return kind and message of an ending that the command itself has reported."""
+    return _ENDINGS.get(code, ("Failure", "see the exit code")) if code else ("", "")
 
 
 _ENDINGS: dict[int, tuple[str, str]] = {
-    ExitCode.USAGE: ("UsageError", "a mistyped command line; standard error says what"),
+    ExitCode.USAGE: ("UsageError", "invalid command line; see standard error"),
     ExitCode.INTERRUPTED: ("Interrupted", "interrupted"),
     ExitCode.TERMINATED: ("Terminated", "terminated"),
 }
-"""What a document says where a command ended before it could say anything itself."""
+"""Kind and message in the JSON document of a command that ended without its own document."""
 
 
 class _Interrupted(SystemExit):
-    """A signal came where nothing else was ready for it."""
+    """A signal ended the program outside a motion or search that handles signals itself."""
 
 
-def _typed(error: Exception) -> RidDaqError:
-    """Return what the system says of itself, or of a file, as an error; others are our mistakes."""
+def _as_program_error(error: Exception) -> RidDaqError:
+    """Return a system error as an error of the program; raise programming errors."""
     try:
         return named_error(error)
     except OSError:
@@ -150,7 +153,7 @@ def _typed(error: Exception) -> RidDaqError:
 
 
 def _end_once(number: int, _frame: FrameType | None) -> NoReturn:
-    """Begin to leave; further signals change nothing, so that the clean-up always completes."""
+    """End the program by an exception; ignore further signals, so that clean-up completes."""
     for other in TERMINATION:
         signal.signal(other, signal.SIG_IGN)
     raise _Interrupted(ExitCode.INTERRUPTED if number == signal.SIGINT else ExitCode.TERMINATED)
@@ -159,22 +162,23 @@ def _end_once(number: int, _frame: FrameType | None) -> NoReturn:
 def end_by_signals() -> None:
     """Let signals end this program by an exception.
 
-    Leaving so closes every `with`: drives disabled, files closed, children joined.
+    The exception leaves every `with` block, so drives are disabled, files are closed and child
+    processes are joined.
     """
     for number in ending_signals():
         signal.signal(number, _end_once)
 
 
 def main() -> None:
-    """Run the program on the process's own arguments: the `rid-daq` script."""
+    """Run the program with the arguments of the process (the `rid-daq` script)."""
     end_by_signals()
-    sys.exit(_written_out(run(sys.argv[1:])))
+    sys.exit(_checked_output(run(sys.argv[1:])))
 
 
-def _written_out(code: int) -> int:
-    """Return the exit code, or another one where what was said could not be written.
+def _checked_output(code: int) -> int:
+    """Return the exit code, or another one if the output could not be written.
 
-    Who closed a pipe wants to hear no more: that is no error.
+    A closed pipe is not an error.
     """
     error = output_error()
     if error is None or isinstance(error, BrokenPipeError):

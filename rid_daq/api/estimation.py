@@ -13,7 +13,7 @@ from rid_daq.api.robot import Robot
 from rid_daq.api.validation import Validation
 from rid_daq.operations.identify.identified_runs import identify_robot
 from rid_daq.operations.identify.identify import IdentifyRequest
-from rid_daq.operations.identify.model_validation import judge_torques
+from rid_daq.operations.identify.model_validation import validate_recording
 from rid_daq.operations.identify.validate import ValidateRequest
 
 
@@ -102,7 +102,7 @@ def validate(
         limits = limits_percent if isinstance(limits_percent, Sequence) else [limits_percent]
         asked["limits"] = ",".join(f"{each:.12g}" for each in limits)
     request = ValidateRequest.of(asked, shown="validate")
-    judged = judge_torques(request, model.estimate, recording.run)
+    judged = validate_recording(request, model.estimate, recording.run)
     return Validation(judged, recording.run.robot)
 
 

@@ -19,8 +19,8 @@ from rid_daq.api.recording import Recording
 from rid_daq.blocks.block import AnyBlock, Text, Verdict
 from rid_daq.operations.cell_files import require_robot
 from rid_daq.operations.payload.load_data import load_text
-from rid_daq.operations.payload.payload_estimate import judged_payload
-from rid_daq.operations.payload.payload_from_files import asked_payload
+from rid_daq.operations.payload.payload_estimate import estimate_payload
+from rid_daq.operations.payload.payload_from_files import payload_request_of
 from rid_daq.operations.payload.payload_identify import PayloadIdentifyRequest
 from rid_daq.report.section_blocks.payload import payload_blocks
 from rid_daq.report.sections.payload import PayloadSection, payload_verdict
@@ -173,5 +173,7 @@ def identify_payload(
     robot = None
     if model is not None:
         robot = require_robot(Path("the model"), model.estimate, data[0].robot)
-    result, repeats = judged_payload(data, list(map(bool, flags)), asked_payload(request, robot))
+    result, repeats = estimate_payload(
+        data, list(map(bool, flags)), payload_request_of(request, robot)
+    )
     return Payload(result, PayloadSection.of(result, repeats))

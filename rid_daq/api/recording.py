@@ -21,7 +21,7 @@ from config.load import load_bundled_or_path, to_yaml
 from rid_daq.api.robot import Robot
 from rid_daq.operations.experiment.import_ import ImportRequest
 from rid_daq.operations.experiment.imported_runs import import_files
-from rid_daq.runs.run_data import RunData, every_lack
+from rid_daq.runs.run_data import RunData, all_defects
 
 MAP = "map.yaml"
 
@@ -136,7 +136,7 @@ class Recording:
     @classmethod
     def _of(cls, folder: RunFolder, files: TemporaryFolder | None = None) -> Self:
         run = RunData.load(folder)
-        return cls(run, tuple(every_lack([run])), files)
+        return cls(run, tuple(all_defects([run])), files)
 
     @property
     def robot(self) -> Robot:

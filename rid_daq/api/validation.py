@@ -9,7 +9,7 @@ from config.arrays import BoolArray, FloatArray
 from config.robot.robot import RobotDescription
 from rid_daq.api.console import text_of
 from rid_daq.blocks.block import AnyBlock, Verdict
-from rid_daq.operations.identify.model_validation import JudgedTorques
+from rid_daq.operations.identify.model_validation import TorqueVerdict
 from rid_daq.report.section_blocks.curves import torque_plot
 from rid_daq.report.section_blocks.validation import validation_blocks
 from rid_daq.report.sections.curves import TorqueCurves
@@ -27,7 +27,7 @@ class Validation:
         robot: The robot.
     """
 
-    judged: JudgedTorques
+    judged: TorqueVerdict
     robot: RobotDescription
 
     @property

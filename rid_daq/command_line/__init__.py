@@ -1,1 +1,1 @@
-"""The command line of operations, built from their requests."""
+"""Command line of the program; the commands are built from the requests of operations."""

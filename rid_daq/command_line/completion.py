@@ -1,4 +1,4 @@
-"""Shell completion: its script, and how it is installed for one user."""
+"""Shell completion: its script, and its installation for one user."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from config.formats.whole_file import write_whole
 
 PROGRAM: Final = "rid-daq"
 VARIABLE: Final = "_RID_DAQ_COMPLETE"
-"""The environment variable by which a shell asks for completions."""
+"""Environment variable with which a shell requests completions."""
 
 SHELLS: Final = ("bash", "zsh", "fish")
 _LOGIN: Final = "login shell"
 
 
 def completion_script(shell: str) -> str:
-    """Return what a shell runs to complete the words of this program.
+    """Return the script with which a shell completes the words of this program.
 
     Args:
         shell: One of `SHELLS`.
@@ -33,10 +33,10 @@ def completion_script(shell: str) -> str:
 
 
 def install(shell: str) -> list[Path]:
-    """Write the script where a shell of this user finds it, and return the files changed.
+    """Install the completion script for this user, and return the changed files.
 
-    fish reads its folder of completions. bash and zsh read the script by a line at the end of
-    `.bashrc` or `.zshrc`, which is added once.
+    fish reads its own folder of completions. For bash and zsh a line in `.bashrc` or `.zshrc` reads
+    the script; the line is added only once.
 
     Args:
         shell: One of `SHELLS`.
@@ -47,13 +47,15 @@ def install(shell: str) -> list[Path]:
     home = Path.home()
     if shell == "fish":
         settings = Path(os.environ.get("XDG_CONFIG_HOME") or home / ".config")
-        return [_written(settings / "fish" / "completions" / f"{PROGRAM}.fish", shell)]
+        return [_write_script(settings / "fish" / "completions" / f"{PROGRAM}.fish", shell)]
     data = Path(os.environ.get("XDG_DATA_HOME") or home / ".local" / "share")
-    target = _written(data / PROGRAM / f"completion.{shell}", shell)
+    target = _write_script(data / PROGRAM / f"completion.{shell}", shell)
     needed = "" if shell == "bash" else "autoload -Uz compinit; compinit\n"
     lines = f"\n{needed}source '{target}'\n"
     start = home / f".{shell}rc"
-    with system_errors(RecordingError, f"{start}: cannot be extended", code="RID-FILE-WRITE"):
+    with system_errors(
+        RecordingError, f"{start}: cannot add a line to this file", code="RID-FILE-WRITE"
+    ):
         if start.is_file() and lines.encode() in start.read_bytes():
             return [target]
         with start.open("a", encoding="utf-8") as file:
@@ -61,48 +63,48 @@ def install(shell: str) -> list[Path]:
     return [target, start]
 
 
-def _written(target: Path, shell: str) -> Path:
+def _write_script(target: Path, shell: str) -> Path:
     folder = target.parent
-    with system_errors(RecordingError, f"{folder}: cannot be made", code="RID-FILE-WRITE"):
+    with system_errors(RecordingError, f"{folder}: cannot make this folder", code="RID-FILE-WRITE"):
         folder.mkdir(parents=True, exist_ok=True)
     write_whole(target, completion_script(shell).encode())
     return target
 
 
-def _chosen(text: str) -> str:
+def _shell_of_option(text: str) -> str:
     """Return the shell that an option names, or the login shell.
 
     Raises:
-        ConfigError: There is no completion for it.
+        ConfigError: This shell is not supported.
     """
     shell = Path(os.environ.get("SHELL", "")).name if text == _LOGIN else text
     if shell not in SHELLS:
         raise ConfigError(
-            f"{shell or 'no login shell (SHELL is not set)'}: there is no completion for it; name"
-            f" one of {', '.join(SHELLS)}",
+            f"{shell or 'no login shell (SHELL is not set)'}: completion is not supported for it;"
+            f" give one of {', '.join(SHELLS)}",
             code="RID-OPTION-NAME",
         )
     return shell
 
 
-def _show(ctx: click.Context, _param: click.Parameter, text: str | None) -> None:
+def _print_script(ctx: click.Context, _param: click.Parameter, text: str | None) -> None:
     if text is not None and not ctx.resilient_parsing:
-        click.echo(completion_script(_chosen(text)), nl=False)
+        click.echo(completion_script(_shell_of_option(text)), nl=False)
         ctx.exit()
 
 
-def _install(ctx: click.Context, _param: click.Parameter, text: str | None) -> None:
+def _install_script(ctx: click.Context, _param: click.Parameter, text: str | None) -> None:
     if text is not None and not ctx.resilient_parsing:
-        for path in install(_chosen(text)):
+        for path in install(_shell_of_option(text)):
             click.echo(f"wrote {path}")
-        click.echo("Shells that are started from now on complete commands and options.")
+        click.echo("New shells complete commands and options.")
         ctx.exit()
 
 
 Callback = Callable[[click.Context, click.Parameter, str | None], None]
 
 
-def _option(flag: str, help_text: str, callback: Callback) -> click.Option:
+def _completion_option(flag: str, help_text: str, callback: Callback) -> click.Option:
     return click.Option(
         [flag],
         metavar="[SHELL]",
@@ -116,8 +118,12 @@ def _option(flag: str, help_text: str, callback: Callback) -> click.Option:
 
 
 def completion_options() -> list[click.Parameter]:
-    """Return the options of the program by which completion is installed and shown."""
+    """Return the program's options that install and print the completion script."""
     return [
-        _option("--install-completion", "Install the completion of commands and options", _install),
-        _option("--show-completion", "Print the completion script", _show),
+        _completion_option(
+            "--install-completion",
+            "Install the completion of commands and options",
+            _install_script,
+        ),
+        _completion_option("--show-completion", "Print the completion script", _print_script),
     ]

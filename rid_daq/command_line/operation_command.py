@@ -1,4 +1,4 @@
-"""`OperationCommand`: the command of an operation, built from its request."""
+"""`OperationCommand`: command of an operation, built from its request."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ _GOES_ON: Final = " \\"
 
 
 class OperationCommand(click.Command):
-    """The command of an operation: options from its fields, help in sections, examples."""
+    """Command of an operation: options from its fields, help in sections, examples."""
 
     def __init__(self, operation: Operation) -> None:
         self._operation = operation
         fields: dict[str, list[ShownField]] = {}
-        for each in shown_fields(operation.request):  # fields of one name share an option
+        for each in shown_fields(operation.request):  # fields with the same flag share an option
             if not each.option.hidden:
                 fields.setdefault(each.flag, []).append(each)
         self._fields = {_PARTS.join(each[0].path): each for each in fields.values()}
@@ -51,7 +51,7 @@ class OperationCommand(click.Command):
         own: list[click.Parameter] = []
         self._groups: dict[str, str] = {}
         for key, (first, *_) in self._fields.items():
-            parameters = [_parameter(key, first), *_further(key, first)]
+            parameters = [_click_parameter(key, first), *_further_options(key, first)]
             own += parameters
             self._groups |= {str(one.name): first.option.group for one in parameters}
         super().__init__(
@@ -83,7 +83,7 @@ class OperationCommand(click.Command):
         with formatter.section("Examples"):
             columns = formatter.width - formatter.current_indent - len(_GOES_ON)
             for example in self._operation.examples:
-                *lines, last = _wrapped(f"rid-daq {example}", columns)
+                *lines, last = _wrap_command(f"rid-daq {example}", columns)
                 for line in lines:
                     formatter.write(f"{'':{formatter.current_indent}}{line}{_GOES_ON}\n")
                 formatter.write(f"{'':{formatter.current_indent}}{last}\n")
@@ -94,15 +94,15 @@ class OperationCommand(click.Command):
             require_memory(NUMERICS_BYTES)
         values: dict[str, object] = {}
         for key, fields in self._fields.items():
-            value = _with_further(key, fields[0], given)
+            value = _value_with_further(key, fields[0], given)
             if value is None or value == ():
                 continue
             if fields[0].option.value is not None:
                 value = fields[0].option.value
             elif typing.get_origin(fields[0].type) is dict:
-                value = dict(_pair(fields[0], text) for text in value)
+                value = dict(_split_pair(fields[0], text) for text in value)
             elif fields[0].option.separator:
-                value = _separated(fields[0], value)
+                value = _split_value(fields[0], value)
             for each in fields:
                 inner: Any = values
                 for part in each.path[:-1]:
@@ -116,10 +116,10 @@ class OperationCommand(click.Command):
 
 
 class Value(click.ParamType[str]):
-    """A value that stays text: the request converts and checks it, as from every other way in.
+    """Value of an option as text; the request converts and validates it.
 
     Args:
-        type_: The type of the field.
+        type_: Type of the field.
     """
 
     name = "text"
@@ -130,13 +130,13 @@ class Value(click.ParamType[str]):
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        """Complete a choice; all else may be the path of a file, as a cell or a run can be."""
+        """Complete a choice; complete any other value as the path of a file."""
         if not self.choices:
             return [CompletionItem(incomplete, type="file")]
         return [CompletionItem(each) for each in self.choices if each.startswith(incomplete)]
 
 
-def _parameter(key: str, shown: ShownField) -> click.Parameter:
+def _click_parameter(key: str, shown: ShownField) -> click.Parameter:
     option, origin, repeated = shown.option, typing.get_origin(shown.type), shown.is_repeated
     arguments = typing.get_args(shown.type)
     element = plain_type(arguments[0]) if origin in (list, tuple) else shown.type
@@ -167,8 +167,8 @@ def _parameter(key: str, shown: ShownField) -> click.Parameter:
     )
 
 
-def _further(key: str, shown: ShownField) -> list[click.Option]:
-    """Return the options of the numbers after the first one of a tuple."""
+def _further_options(key: str, shown: ShownField) -> list[click.Option]:
+    """Return the options of a tuple's numbers after the first one."""
     return [
         click.Option(
             [f"--{each.flag}", f"{key}{_PARTS}{place}"],
@@ -179,8 +179,8 @@ def _further(key: str, shown: ShownField) -> list[click.Option]:
     ]
 
 
-def _with_further(key: str, shown: ShownField, given: Mapping[str, Any]) -> Any:
-    """Return the value of a field; of a tuple with the numbers that other options give."""
+def _value_with_further(key: str, shown: ShownField, given: Mapping[str, Any]) -> Any:
+    """Return the value of a field; a tuple includes the numbers from its further options."""
     value, further = given[key], shown.option.further
     others = [given[f"{key}{_PARTS}{place}"] for place in range(len(further))]
     if value is None and any(each is not None for each in others):
@@ -193,14 +193,14 @@ def _with_further(key: str, shown: ShownField, given: Mapping[str, Any]) -> Any:
     return (value, *(each.default if other is None else other for other, each in pairs))
 
 
-def _wrapped(command: str, columns: int) -> list[str]:
-    """Return a command in lines; an option stays beside its value."""
+def _wrap_command(command: str, columns: int) -> list[str]:
+    """Wrap a command into lines; an option and its value stay in one line."""
     joined = re.sub(r" (?!-)", "\0", command)
     lines = textwrap.wrap(joined, columns, subsequent_indent="    ", break_on_hyphens=False)
     return [line.replace("\0", " ") for line in lines]
 
 
-def _separated(shown: ShownField, text: str) -> tuple[str, ...]:
+def _split_value(shown: ShownField, text: str) -> tuple[str, ...]:
     words = tuple(text.split(shown.option.separator))
     if not shown.is_repeated and len(words) != len(typing.get_args(shown.type)):
         form = f"must have the form {shown.option.metavar}"
@@ -208,7 +208,7 @@ def _separated(shown: ShownField, text: str) -> tuple[str, ...]:
     return tuple(filter(None, map(str.strip, words)))
 
 
-def _pair(shown: ShownField, text: str) -> tuple[str, str]:
+def _split_pair(shown: ShownField, text: str) -> tuple[str, str]:
     name, equals, value = text.partition("=")
     if not equals:
         raise ConfigError(f"{shown.flag}: {text!r} must have the form NAME=VALUE", code=INVALID)

@@ -1,4 +1,4 @@
-"""`Root`: the program's command line; it imports a command when it is called."""
+"""`Root`: the program's command line; a command is imported only when it is called."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rid_daq.command_line.completion import PROGRAM, completion_options
 from rid_daq.operations.catalogue import CATALOGUE, GROUPS, SECTIONS, operation
 
 WIDEST_HELP: Final = 120
-"""Most columns of a help page; a narrower terminal has less."""
+"""Largest width of a help page, in columns; a narrower terminal limits it further."""
 
 _HELP: Final = (
     "Measure a robot's dynamics: drives, recordings, identification, validation, reports."
@@ -22,7 +22,7 @@ _HELP: Final = (
 )
 
 
-def _listed() -> dict[str, dict[str, str]]:
+def _commands_by_section() -> dict[str, dict[str, str]]:
     """Return the commands of every section with their summaries, in the order of the help."""
     found: dict[str, dict[str, str]] = {section: {} for section in SECTIONS}
     for words, entry in CATALOGUE.items():
@@ -32,19 +32,19 @@ def _listed() -> dict[str, dict[str, str]]:
     return found
 
 
-COMMAND_GROUPS: Final = _listed()
-"""Commands and their summaries by the sections of the help."""
+COMMAND_GROUPS: Final = _commands_by_section()
+"""Commands and their summaries, by section of the help."""
 
 COMMANDS: Final = {name: line for each in COMMAND_GROUPS.values() for name, line in each.items()}
 
 
 class LazyGroup(click.Group):
-    """Commands in sections; one is imported when it is called.
+    """Commands in sections; a command is imported only when it is called.
 
     Args:
-        sections: Title of a section to commands and their summaries.
-        parameters: Its own options.
-        help_text: Its help.
+        sections: Commands and their summaries, by title of the section.
+        params: Options of the group itself.
+        help_text: Help of the group.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class LazyGroup(click.Group):
                 formatter.write_dl([(name.ljust(width), line) for name, line in lines.items()])
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
-        """Return the commands and options that a word can become."""
+        """Return the commands and options that complete a word."""
         found = [
             CompletionItem(name, help=each.short_help)
             for name, each in self.commands.items()
@@ -80,24 +80,24 @@ class LazyGroup(click.Group):
 
 
 class Root(LazyGroup):
-    """The program."""
+    """The program's top-level command."""
 
     def __init__(self) -> None:
         super().__init__(PROGRAM, COMMAND_GROUPS, _HELP, [_version_option(), *completion_options()])
         self.context_settings["max_content_width"] = WIDEST_HELP
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import and return a command; None if there is none of this name."""
+        """Import and return a command; None if there is no command of this name."""
         if cmd_name in GROUPS:
             return InnerGroup(cmd_name)
-        return _command(cmd_name) if cmd_name in self.commands else None
+        return _import_command(cmd_name) if cmd_name in self.commands else None
 
 
 class InnerGroup(LazyGroup):
-    """The commands whose first word is the same.
+    """Commands with the same first word.
 
     Args:
-        name: Their first word.
+        name: The first word.
     """
 
     def __init__(self, name: str) -> None:
@@ -113,26 +113,26 @@ class InnerGroup(LazyGroup):
             self.subcommand_metavar = f"{group.metavar} | {self.subcommand_metavar}"
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import and return a command; None if there is none of this name."""
-        return _command(f"{self.name} {cmd_name}") if cmd_name in self.commands else None
+        """Import and return a command; None if there is no command of this name."""
+        return _import_command(f"{self.name} {cmd_name}") if cmd_name in self.commands else None
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Return the command that words mean: the default one if the first word is none."""
+        """Return the command for some words; the default command if the first word names none."""
         if self._default and args and args[0] not in self.commands:
             args = [self._default, *args]
         return super().resolve_command(ctx, args)
 
 
 def command_words() -> list[tuple[str, ...]]:
-    """Return the words of every command that does something, in the order of the help."""
+    """Return the words of every command, in the order of the help."""
     every = sorted(CATALOGUE, key=lambda words: [*COMMANDS].index(words.split()[0]))
     return [tuple(words.split()) for words in every]
 
 
-def _command(words: str) -> click.Command:
-    with signals_deferred():  # an exception inside of pydantic's modules becomes another one
+def _import_command(words: str) -> click.Command:
+    with signals_deferred():  # pydantic would replace the exception of a signal by another one
         from rid_daq.command_line.operation_command import OperationCommand
 
         return OperationCommand(operation(words))

@@ -1,5 +1,5 @@
 """First motions of a cell, while a key is held: axis test, jog, home.
 
-What a held key means; how the cyclic task obeys it stands in `acquisition/hold_to_run`. Begin with
-`held_run.py`.
+This room defines the meaning of a held key; `acquisition/hold_to_run` defines the reaction of the
+cyclic task. Begin with `held_run.py`.
 """

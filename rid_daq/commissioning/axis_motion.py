@@ -1,4 +1,4 @@
-"""`AxisMotion`: what the drive of one axis did in its axis test, by the recording."""
+"""`AxisMotion`: motion of one axis in its axis test, from the recording."""
 
 from __future__ import annotations
 
@@ -17,16 +17,18 @@ REST_ROWS = 10
 
 @dataclass(frozen=True)
 class AxisMotion:
-    """One axis, moved by a little, alone.
+    """Small motion of one axis in its axis test.
 
     Attributes:
         unit: "°" or "mm".
-        commanded, measured: How far the set-point went, and the drive's position, in the unit.
-        counts: By how many increments the drive's position has changed.
-        command_share: The velocity that was commanded, over the whole motion, as a share of what
-            the drive measured: 1 where both have the same unit.
-        increments_per_rev: What the drive says its encoder has a revolution of the motor, by the
-            robot file's gear; None where the motors' positions are not the joints'.
+        commanded: Displacement of the set-point, in the unit.
+        measured: Displacement by the drive's position, in the unit.
+        counts: Change of the drive's position in increments.
+        command_share: Integral of the commanded velocity, divided by the measured displacement; 1
+            if both have the same unit.
+        increments_per_rev: Encoder increments per motor revolution, from the drive's counts and the
+            robot file's gear ratio; None if joint and motor positions differ (coupled wrist, linear
+            axis) or nothing moved.
     """
 
     joint: str
@@ -37,12 +39,12 @@ class AxisMotion:
     command_share: float
     increments_per_rev: float | None
 
-    def said(self, amount: float) -> str:
-        """Return a way with its sign and unit."""
+    def signed_text(self, amount: float) -> str:
+        """Return a displacement with its sign and unit."""
         return self._with_unit(f"{amount:+.2f}")
 
-    def size(self, amount: float) -> str:
-        """Return how long a way is, with its unit."""
+    def size_text(self, amount: float) -> str:
+        """Return the absolute value of a displacement with its unit."""
         return self._with_unit(f"{abs(amount):.3g}")
 
     def _with_unit(self, amount: str) -> str:
@@ -50,7 +52,7 @@ class AxisMotion:
 
     @classmethod
     def of(cls, rows: NDArray[Any], robot: RobotDescription, number: int) -> AxisMotion:
-        """Return what the rows of a recording show of the axis `number`."""
+        """Return the motion of the axis `number` in the rows of a recording."""
         joint = robot.joints[number]
         per = math.degrees(1.0) if joint.type == "revolute" else 1e3
         rows = rows[rows["valid"][:, number] == 1]
@@ -77,7 +79,7 @@ class AxisMotion:
         )
 
 
-def travelled(line: HoldLine, rows: NDArray[Any], number: int) -> float:
-    """Return which share of a line the set-points of an axis went along."""
+def travelled_share(line: HoldLine, rows: NDArray[Any], number: int) -> float:
+    """Return the share of a line that the set-points of an axis have travelled_share."""
     target = rows["target_position"][:, number]
     return float((target[-1] - target[0]) / (line.goal[number] - line.start[number]))

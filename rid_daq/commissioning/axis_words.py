@@ -1,4 +1,4 @@
-"""Which way a joint turns, by up, down and the robot's base: for who stands before it."""
+"""Direction of a joint's motion in words (up, down, base axes), for a person at the robot."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from dynamics.geometry.kinematics import Chain, forward, link_transforms
 
 SMALL_M = 5e-4
 UPRIGHT = 0.9
-"""Cosine to the vertical of a base axis that counts as up or down (26 degrees)."""
+"""Smallest cosine between the vertical and a base axis that counts as up or down (26 degrees)."""
 
 
 def direction_words(
     robot: RobotDescription, pose: FloatArray, number: int, amount: float, *, over: bool = False
 ) -> str:
-    """Return what a person sees of a joint that moves by `amount` [rad or m] from a pose.
+    """Return a sentence on the visible motion of a joint that moves by `amount` [rad or m].
 
     Args:
-        robot: Its kinematics, and gravity: that says where up is.
-        pose: Shape (joints,). Where it stands [rad or m].
-        number: The joint.
-        amount: How far it moves.
-        over: Whether it has moved already.
+        robot: Robot with kinematics and gravity; gravity defines up.
+        pose: Shape (joints,). Pose before the motion [rad or m].
+        number: Index of the joint.
+        amount: Displacement of the joint.
+        over: True if the motion is over (past tense).
     """
     joint = robot.joints[number]
     chain = Chain.from_description(robot)
@@ -31,26 +31,33 @@ def direction_words(
     axis = axis * np.sign(amount)
     if joint.type == "prismatic":
         moves = "has moved" if over else "will move"
-        return f"{joint.name} {moves} by {1e3 * abs(amount):.3g} mm {_to(robot, axis)}"
-    tool = tool_way(robot, pose, number, amount)
+        return (
+            f"{joint.name} {moves} by {1e3 * abs(amount):.3g} mm {_direction_phrase(robot, axis)}"
+        )
+    tool = tool_displacement(robot, pose, number, amount)
     length = float(np.linalg.norm(tool))
-    goes = f"; the tool point {'went' if over else 'goes'} {1e3 * length:.0f} mm {_to(robot, tool)}"
+    goes = (
+        f"; the tool point {'went' if over else 'goes'} {1e3 * length:.0f} mm"
+        f" {_direction_phrase(robot, tool)}"
+    )
     return (
-        f"{joint.name} {'has turned' if over else 'will turn'} by"
-        f" {np.degrees(abs(amount)):.3g}° {_seen(robot, axis)}{'' if length < SMALL_M else goes}"
+        f"{joint.name} {'has turned' if over else 'will turn'} by {np.degrees(abs(amount)):.3g}°"
+        f" {_rotation_words(robot, axis)}{'' if length < SMALL_M else goes}"
     )
 
 
-def tool_way(robot: RobotDescription, pose: FloatArray, number: int, amount: float) -> FloatArray:
-    """Return how the tool point goes where a joint moves by `amount`, (3,) [m]."""
+def tool_displacement(
+    robot: RobotDescription, pose: FloatArray, number: int, amount: float
+) -> FloatArray:
+    """Return the displacement of the tool point if a joint moves by `amount`, (3,) [m]."""
     there = pose.copy()
     there[number] += amount
     ends = forward(Chain.from_description(robot), np.stack([pose, there]))
     return np.asarray(ends[1] - ends[0])
 
 
-def _named(robot: RobotDescription, direction: FloatArray) -> tuple[str, int]:
-    """Return the base's axis nearest to a direction, and whether it points up (1) or down (-1)."""
+def _nearest_base_axis(robot: RobotDescription, direction: FloatArray) -> tuple[str, int]:
+    """Return the base axis nearest to a direction, and 1 if it points up, -1 if down, else 0."""
     number = int(np.argmax(np.abs(direction)))
     side = 1 if direction[number] >= 0.0 else -1
     gravity = np.array(robot.gravity_m_s2)
@@ -59,16 +66,16 @@ def _named(robot: RobotDescription, direction: FloatArray) -> tuple[str, int]:
     return f"{'+' if side > 0 else '-'}{'xyz'[number]}", upright
 
 
-def _to(robot: RobotDescription, direction: FloatArray) -> str:
-    name, upright = _named(robot, direction)
+def _direction_phrase(robot: RobotDescription, direction: FloatArray) -> str:
+    name, upright = _nearest_base_axis(robot, direction)
     if upright:
         return f"{'up' if upright > 0 else 'down'} (the base's {name})"
     return f"towards the base's {name}"
 
 
-def _seen(robot: RobotDescription, axis: FloatArray) -> str:
-    """Return how a turn about an axis looks from where a person can stand."""
-    name, upright = _named(robot, axis)
+def _rotation_words(robot: RobotDescription, axis: FloatArray) -> str:
+    """Return the sense of rotation about an axis, as seen from above or from a side."""
+    name, upright = _nearest_base_axis(robot, axis)
     if upright:
         return f"{'counter-clockwise' if upright > 0 else 'clockwise'}, seen from above"
     return f"counter-clockwise, seen from the side of the base's {name}"

@@ -1,4 +1,4 @@
-"""`record_held`: a run that moves only while a key is held, recorded as every other."""
+"""`record_held`: record a run that moves only while a key is held."""
 
 from __future__ import annotations
 
@@ -23,16 +23,18 @@ from rid_daq.terminal.context import Context
 
 @dataclass(frozen=True, eq=False)
 class HeldRun:
-    """What keys do in one run.
+    """Definition of a run that moves only while a key is held.
 
     Attributes:
-        label, sentence, role: What the run is called, what is driven, and what for.
-        plan: Which line a held key leads along.
-        tapped: Told of every key that comes; where it returns True the run ends.
-        ready: Told where the robot is held at rest, once a key would move it.
-        once: Whether the run is over with the first press.
-        until: Shape (joints,). The pose that ends the run, once the robot rests there [rad or m].
-        unattended: The key that counts as held for good: on a simulated cell that nobody stands at.
+        label: Name of the run.
+        sentence: Sentence on the motion, for the report.
+        role: Purpose of the run.
+        plan: Function that returns the line of a held key.
+        tapped: Function that gets every key; the run ends if it returns True.
+        ready: Function that gets the pose in which the robot rests and waits for a key.
+        once: True if the run ends after the first press.
+        until: Shape (joints,). Pose that ends the run when the robot rests there [rad or m].
+        unattended: Key that counts as held all the time, for a simulated cell without a person.
     """
 
     label: str
@@ -65,19 +67,19 @@ def record_held(session: RunSession, context: Context, asked: HeldRun) -> Record
 
     def drive(record: Record) -> RecordOutcome:
         with (
-            _keys(context, asked, dead_man) as keys,
+            _open_keys(context, asked, dead_man) as keys,
             DeadManThread(dead_man, len(robot.joints), keys, asked.plan, asked.until, asked.ready),
         ):
             return record(motion)
 
-    # without the force plate, which may still be in reset
+    # without the force plate, because its amplifier may still be in reset
     bare = replace(session, cell=session.cell.model_copy(update={"plate": None}))
     request = RunRequest(asked.label, asked.sentence, None, drive, role=asked.role, held=True)
     return bare.record(request)
 
 
 @contextlib.contextmanager
-def _keys(context: Context, asked: HeldRun, dead_man: DeadMan) -> Iterator[KeySource]:
+def _open_keys(context: Context, asked: HeldRun, dead_man: DeadMan) -> Iterator[KeySource]:
     if asked.unattended:
         yield AlwaysHeldKey(asked.unattended)
         return

@@ -30,7 +30,7 @@ from rid_daq.blocks.formats import format_measured
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.report.sections.runs import RunSection
 from rid_daq.report.sections.tracking import TrackingSection
-from rid_daq.runs.followed_motion import followed
+from rid_daq.runs.followed_motion import compare_with_motion
 from rid_daq.runs.motion_runs import MotionRun, read_motion_run
 from rid_daq.runs.run_data import FEEDFORWARD
 
@@ -177,7 +177,9 @@ def run_path_chapter(
     assert by is not None
     more = f" {_loop_sentence(loops, by.tuning)}"
     return PathChapter(
-        tracking=TrackingSection.of([followed(*pair, robot) for pair in pairs], robot, more),
+        tracking=TrackingSection.of(
+            [compare_with_motion(*pair, robot) for pair in pairs], robot, more
+        ),
         precompensation=by,
         runs=tuple(
             RunSection.of(role, motion.describe(), run.measured.tally, robot)

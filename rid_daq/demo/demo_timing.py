@@ -30,7 +30,7 @@ from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.report.sections.retiming import RetimingSection
 from rid_daq.report.sections.runs import RunSection
 from rid_daq.report.sections.tracking import DrivenPath, DrivenTiming
-from rid_daq.runs.followed_motion import error_of
+from rid_daq.runs.followed_motion import path_error_of_run
 
 MODEL: Final = "model_with_base.json"
 MECHANICS: Final = 3.0
@@ -191,7 +191,7 @@ def _driven(
 ) -> DrivenPath:
     """Return what a run of a path from rest to rest measured."""
     data = run.measured
-    error, recording = error_of(data), data.recording
+    error, recording = path_error_of_run(data), data.recording
     torque = np.abs(_main(recording).torque_nm).max(axis=0)
     return DrivenPath(
         sentence=sentence,

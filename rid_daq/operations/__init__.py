@@ -1,1 +1,1 @@
-"""Operations: what the program does, each declared once in a file of its own."""
+"""Operations of the program, each declared once in its own file. Begin with `catalogue.py`."""

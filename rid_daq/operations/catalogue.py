@@ -1,4 +1,4 @@
-"""The catalogue of operations, and how one of them is imported."""
+"""Catalogue of all operations, and the function that imports an operation by its name."""
 
 from __future__ import annotations
 
@@ -21,13 +21,17 @@ SECTIONS: Final = (
     "Runs",
     "Service",
 )
-"""The sections of the program's help, in their order."""
+"""Sections of the program's help, in order."""
 
 
 class Entry(NamedTuple):
-    """An operation in the program's help: its room, its section (none in a group), its summary.
+    """An operation in the program's help.
 
-    `is_job` is true if a service does it too, as a job.
+    Attributes:
+        room: Folder of its module, below `rid_daq/operations`.
+        section: Section of the help; empty for an operation of a group.
+        summary: One line for the help.
+        is_job: True if a service also performs the operation, as a job.
     """
 
     room: str
@@ -37,9 +41,14 @@ class Entry(NamedTuple):
 
 
 class Group(NamedTuple):
-    """Operations with the same first word: section, summary, help of the word alone.
+    """Operations with the same first word, such as `drives backup` and `drives restore`.
 
-    `default` is the second word that is meant if there is none, `metavar` what follows then.
+    Attributes:
+        section: Section of the help.
+        summary: One line for the help.
+        help: Help of the first word alone.
+        default: Second word that applies if the user types none.
+        metavar: Placeholder of the argument that follows if the second word is omitted.
     """
 
     section: str
@@ -52,27 +61,27 @@ class Group(NamedTuple):
 GROUPS: Final = {
     "drives": Group(
         "Cell",
-        "keep what the drives hold, put it back, undo what a run wrote",
-        "What the drives hold: keep it, put it back, or undo what a run wrote.",
+        "save the drives' settings, restore them, undo the writes of a run",
+        "Settings of the drives: save them, restore them, or undo the writes of a run.",
     ),
     "plate": Group(
         "Cell", "zero the force plate under the robot", "The force plate under the robot."
     ),
     "payload": Group(
         "Payload",
-        "identify what the robot carries (`payload CELL`); load data for its controller",
-        "Identify what a robot carries: mass, centre of gravity and inertia, from recordings with"
-        " and without it; and write them as its controller wants them. `rid-daq payload CELL` leads"
-        " through all of it: it is `rid-daq payload session CELL`.",
+        "identify the robot's payload (`payload CELL`); load data for its controller",
+        "Identify a robot's payload: mass, centre of gravity and inertia, from recordings with"
+        " and without it. Write the result in the format of a robot controller. `rid-daq payload"
+        " CELL` is short for `rid-daq payload session CELL`, which leads through all steps.",
         default="session",
         metavar="CELL",
     ),
 }
-"""The first words of operations whose names have two."""
+"""First words of the operations whose names have two words."""
 
 
 def local(room: str, section: str, summary: str) -> Entry:
-    """Return the entry of an operation that no service does."""
+    """Return the entry of an operation that a service does not offer as a job."""
     return Entry(room, section, summary, is_job=False)
 
 
@@ -80,89 +89,121 @@ CATALOGUE: Final = {
     "demo": local(
         "start",
         "Begin",
-        "the whole story on the bundled simulated cell, with a report, no hardware",
+        "demonstration of all steps on the bundled simulated cell, with a report; no hardware",
     ),
-    "init": local("start", "Begin", "write a commented cell, robot and motion to start from"),
-    "docs": local("start", "Begin", "the documentation, in the browser: guides, reference, theory"),
+    "init": local("start", "Begin", "write commented example files: cell, robot and motion"),
+    "docs": local(
+        "start", "Begin", "open the documentation in the browser: guides, reference, theory"
+    ),
     "check": Entry(
-        "cell", "Cell", "preflight: every device, every safety setting; any red means no motion"
+        "cell",
+        "Cell",
+        "preflight: check every device and safety setting; a red line means no motion",
     ),
     "reset": Entry(
-        "cell", "Cell", "reset the faults of a cell's drives, once their causes are gone"
+        "cell", "Cell", "reset the faults of a cell's drives after their causes are removed"
     ),
-    "drives backup": local("cell.drives", "", "every setting of a cell's drives into a file"),
-    "drives restore": local("cell.drives", "", "the drives hold what a backup says"),
-    "drives rollback": local("cell.drives", "", "what a run wrote to the drives, undone"),
-    "drives fit": local("cell.drives", "", "the keys that a drive's data sheet needs"),
+    "drives backup": local("cell.drives", "", "save all settings of a cell's drives to a file"),
+    "drives restore": local("cell.drives", "", "restore the drives' settings from a backup"),
+    "drives rollback": local("cell.drives", "", "undo the writes of a run to the drives"),
+    "drives fit": local(
+        "cell.drives", "", "print the cell file keys for a drive, from its data sheet (EDS)"
+    ),
     "mock": local("cell", "Cell", "serve a cell's simulated devices on their bus until stopped"),
-    "stop": local("cell", "Cell", "quick stop of whatever session is running on this machine"),
+    "stop": local("cell", "Cell", "quick stop of the session that runs on this computer"),
     "identify": Entry(
         "identify", "Identify", "estimate the robot's parameters from one or more runs"
     ),
-    "validate": Entry("identify", "Identify", "predict another run's torques and judge the error"),
+    "validate": Entry(
+        "identify",
+        "Identify",
+        "predict another run's torques and check the error against the limits",
+    ),
     "axes": Entry(
-        "cell", "Cell", "test direction, encoder and gear of every axis, before the first motion"
+        "cell", "Cell", "test direction, encoder and gear of every axis before the first motion"
     ),
     "jog": Entry(
         "cell", "Cell", "move one joint at a time, or go to the home pose, while a key is held"
     ),
-    "plate zero": Entry("cell", "", "the plate's offsets: read, turn axis 1 by half a turn, read"),
+    "plate zero": Entry(
+        "cell",
+        "",
+        "measure the force plate's offsets: read, turn axis 1 by half a turn, read again",
+    ),
     "record": Entry("experiment", "Experiment", "run a motion on a cell and record it"),
     "stream": Entry(
-        "path", "Path", "follow a path more closely, live: from a file or from another program"
+        "path",
+        "Path",
+        "follow a path with online compensation, from a file or from another program",
     ),
-    "friction": Entry("identify", "Identify", "measure friction alone, from runs made for it"),
+    "friction": Entry(
+        "identify", "Identify", "measure the friction of each joint, from runs designed for it"
+    ),
     "design": Entry(
         "experiment",
         "Experiment",
-        "choose an excitation, verify it against the limits, write the motion file",
+        "design an excitation trajectory, check it against the limits, write the motion file",
     ),
     "import": local("experiment", "Experiment", "import a CSV file or ROS bag into a run folder"),
     "average": local(
         "experiment", "Experiment", "cut a run into periods, reject bad ones, average the rest"
     ),
-    "compare": Entry("identify", "Identify", "compare two estimates of one robot"),
+    "compare": Entry("identify", "Identify", "compare two estimates of the same robot"),
     "export": Entry("identify", "Identify", "write a model or a recording for other programs"),
     "report": local("identify", "Identify", "write a run's report again from its results"),
     "payload session": Entry(
-        "payload", "", "lead through a session: check, warm up, record, identify, judge"
+        "payload",
+        "",
+        "payload session step by step: check, warm up, record, identify, check the result",
     ),
     "payload identify": Entry(
-        "payload", "", "mass, centre of gravity and inertia, from recorded runs"
+        "payload", "", "identify mass, centre of gravity and inertia from recorded runs"
     ),
-    "payload export": Entry("payload", "", "load data in the format of a robot controller"),
+    "payload export": Entry("payload", "", "write load data in the format of a robot controller"),
     "payload read-back": Entry("payload", "", "compare load data of a controller with a payload"),
-    "payload certificate": Entry("payload", "", "the certificate of a payload, to sign"),
+    "payload certificate": Entry(
+        "payload", "", "write the certificate of a payload, ready to sign"
+    ),
     "sensitivity": local(
-        "identify", "Payload", "effect of wrong knowledge of the robot on a payload's estimate"
+        "identify",
+        "Payload",
+        "effect of errors in the robot's known parameters on a payload estimate",
     ),
     "loop": Entry("path", "Path", "measure the velocity loops of the drives, from a multisine run"),
-    "retime": Entry("path", "Path", "drive a path as fast as the torque limits of a model allow"),
-    "compensate": Entry("path", "Path", "compute the feedforward that makes a motion accurate"),
-    "refine": Entry("path", "Path", "correct a feedforward by the error that remained with it"),
+    "retime": Entry(
+        "path", "Path", "compute the fastest timing of a path within the torque limits of a model"
+    ),
+    "compensate": Entry(
+        "path", "Path", "compute the feedforward that reduces a motion's path error"
+    ),
+    "refine": Entry(
+        "path", "Path", "correct a feedforward by the path error that was measured with it"
+    ),
     "tracking": Entry("path", "Path", "compare measured with commanded positions"),
-    "runs": local("runs", "Runs", "list the runs, and check that their files are unchanged"),
+    "runs": local("runs", "Runs", "list the runs and check that their files are unchanged"),
     "recover": Entry("runs", "Runs", "write the readable part of a damaged recording as a new one"),
     "serve": local(
-        "service", "Service", "cells as a service: jobs, runs and a workbench in the browser"
+        "service", "Service", "serve cells to browsers and programs: jobs, runs and the workbench"
     ),
     "token": local(
-        "service", "Service", "let a program or a device in to a service of this computer"
+        "service",
+        "Service",
+        "make a token for a program or device that uses a service of this computer",
     ),
 }
-"""Every operation by its name: the words of its command. Its module is `identifier` of it.
+"""All operations by name: the words of the command. `identifier` returns the module's name.
 
-The module of a name that is a keyword of Python, such as `import`, ends in `_`.
+If a name is a keyword of Python, such as `import`, the module's name ends in `_`.
 """
 
 
 def identifier(name: str) -> str:
-    """Return a name as a module and the service have it, such as `plate_zero` for `plate zero`."""
+    """Return an operation's name in the spelling of modules and services, such as `plate_zero`."""
     return name.replace(" ", "_").replace("-", "_")
 
 
 OF_KINDS: Final = {identifier(name): name for name, entry in CATALOGUE.items() if entry.is_job}
-"""The names of operations by the kinds of jobs."""
+"""Names of operations by kind of job."""
 
 
 @functools.cache
@@ -173,7 +214,7 @@ def operation(name: str) -> Operation:
         name: Its name in the catalogue.
 
     Raises:
-        KeyError: There is none of this name.
+        KeyError: The catalogue has no operation of this name.
     """
     file = f"{name}_" if keyword.iskeyword(name) else identifier(name)
     module = importlib.import_module(f"rid_daq.operations.{CATALOGUE[name].room}.{file}")

@@ -1,4 +1,4 @@
-"""`Operation`: the registration of an operation, and what its function takes and returns."""
+"""`Operation`: registration of an operation: its name, request, function and result."""
 
 from __future__ import annotations
 
@@ -17,50 +17,55 @@ if TYPE_CHECKING:
     from rid_daq.blocks.block import AnyBlock
 
 NUMERICS_BYTES: Final = 750 << 20
-"""Address space that numerical libraries take; about half of it is used."""
+"""Address space that numerical libraries reserve; about half is used."""
 
 
 class OperationResult(Protocol):
-    """What an operation returns."""
+    """Result of an operation, as its function returns it."""
 
     @property
     def exit_code(self) -> int:
-        """0 if the result is good; a failed verdict is a result too, not an exception."""
+        """Exit code of the program: 0 if the result is good.
+
+        A failed verdict is a result, not an exception.
+        """
         ...
 
     def document(self) -> Mapping[str, object]:
-        """Return the numbers for programs, the document of `--json`."""
+        """Return the JSON document of the result, as `--json` prints it."""
         ...
 
     def blocks(self) -> Iterable[AnyBlock]:
-        """Return what people see, in its order."""
+        """Return the blocks that people read, in order."""
         ...
 
 
 @runtime_checkable
 class FailedResult(Protocol):
-    """A result that can end its operation with an error, after it was shown."""
+    """A result that can end its operation with an error after it was shown."""
 
     @property
     def failure(self) -> RidDaqError | None:
-        """The error; None if the result is good."""
+        """Error that ends the operation; None if the result is good."""
         ...
 
 
 @dataclass(frozen=True)
 class Operation:
-    """The registration of an operation.
+    """Registration of an operation.
 
     Attributes:
-        name: Its name in the catalogue: the words of its command.
-        label: Title of its form.
-        request: The class of its request; the docstring is the help of the command.
-        run: Takes a request and a context, and returns the result.
-        examples: At least two command lines without the program's name.
-        opens_cell, moves: True if it opens the bus of a cell; if the robot moves.
-        is_held: True if the robot moves only while a key is held: that needs no axis test before.
-        module: Module that `run` imports, with numerical libraries, which need much memory; empty
-            if `run` imports little.
+        name: Name in the catalogue: the words of its command.
+        label: Title of the operation's form in the workbench.
+        request: Class of its request. The class's docstring is the help of the command.
+        run: Function that takes a request and a context, and returns the result.
+        examples: At least two command lines, without the program's name.
+        opens_cell: True if the operation opens the bus of a cell.
+        moves: True if the robot moves.
+        is_held: True if the robot moves only while a key is held. Such an operation needs no passed
+            axis test.
+        module: Module that `run` imports if it needs numerical libraries, which need much memory;
+            empty if `run` imports little.
     """
 
     name: str
@@ -75,45 +80,47 @@ class Operation:
 
     @property
     def needs_axis_test(self) -> bool:
-        """True if the axes of a real cell must have been tested before."""
+        """True if the axes of a real cell must have passed the axis test before."""
         return self.moves and not self.is_held
 
     @property
     def kind(self) -> str:
-        """The kind of its job, and the name of its schema."""
+        """Kind of the operation's job in a service; also the name of its JSON schema."""
         return identifier(self.name)
 
     def load(self) -> None:
-        """Import the module that `run` needs; a signal waits, as it would damage an import."""
+        """Import the module that `run` needs; defer signals, because they can break an import."""
         if self.module:
             with signals_deferred():
                 importlib.import_module(self.module)
 
     @property
     def owned(self) -> frozenset[str]:
-        """The fields that the service sets and a client cannot."""
+        """Names of the fields that only the service sets; a client cannot set them."""
         fields = self.request.model_fields.items()
         return frozenset(name for name, info in fields if option_of(info).owned)
 
     def refuse_owned(self, request: Mapping[str, object]) -> None:
-        """Refuse a client's request that sets a field of the service.
+        """Refuse a client's request that sets a field that only the service sets.
 
         Raises:
-            ConfigError: It does (RID-REQUEST-INVALID).
+            ConfigError: The request sets such a field (RID-REQUEST-INVALID).
         """
         for name in sorted(self.owned & request.keys()):
             raise ConfigError(
-                f"{self.kind}: {name}: is set by the service: leave it out", code=INVALID
+                f"{self.kind}: {name}: only the service sets this field: remove it from the"
+                " request",
+                code=INVALID,
             )
 
     @property
     def outputs(self) -> dict[str, tuple[str, ...]]:
-        """The fields that name output files, and what their names must end in."""
+        """Fields that name output files, each with the allowed file name endings."""
         options = {name: option_of(info) for name, info in self.request.model_fields.items()}
         return {name: each.endings for name, each in options.items() if each.file == "output"}
 
     def schema(self) -> dict[str, object]:
-        """Return the JSON schema of what a client may ask for."""
+        """Return the JSON schema of a client's request, without the service's own fields."""
         schema = self.request.model_json_schema()
         schema["properties"] = {
             name: each for name, each in schema["properties"].items() if name not in self.owned
@@ -124,7 +131,7 @@ class Operation:
 
 
 def _without_titles(schema: Any) -> Any:
-    """Return a schema without the titles that pydantic makes of field names."""
+    """Return a schema without the titles that pydantic derives from field names."""
     if isinstance(schema, list):
         return [_without_titles(each) for each in schema]
     if not isinstance(schema, dict):

@@ -8,14 +8,14 @@ from rid_daq.terminal.console import Console
 
 
 def perform(operation: Operation, request: Request, console: Console) -> None:
-    """Run an operation, and show its result.
+    """Run an operation and show its result.
 
     Args:
-        console: Where the result is shown; a worker's console writes events instead.
+        console: Console that shows the result; a worker's console writes events instead.
 
     Raises:
         RidDaqError: The failure of the result, if it has one.
-        SystemExit: With the exit code of the result, if that is not 0.
+        SystemExit: Exit code of the result, if it is not 0.
     """
     operation.load()
     result = operation.run(request, console)

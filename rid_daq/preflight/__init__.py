@@ -1,5 +1,5 @@
-"""What is checked before a motion, as lines that are red or not.
+"""Checks before a motion; each result is a line that can be red.
 
-Each file asks one device or this computer; what a drive must hold stands in `drivers/servo`. Begin
-with `preflight.py`.
+Each file checks one device or this computer. The values that a drive must contain are defined in
+`drivers/servo`. Begin with `preflight.py`.
 """

@@ -1,8 +1,9 @@
-"""The axis test of a cell: signed in this account's state, and good until a file changes.
+"""Record of a cell's axis test: signed, and valid until the cell file or robot file changes.
 
-The record stands in no folder that a service serves: no request reaches it. Each axis is signed
-with a secret of this account on this computer, together with the cell, the hashes of its files, who
-tested it and when: a record that was copied, edited or made by others does not count.
+The record is in this user account's state, in no folder that a service serves, so no request can
+change it. Each axis is signed with a secret of this account on this computer, together with the
+cell, the hashes of its files, the person and the time. A record that was copied, edited or made by
+another account is therefore invalid.
 """
 
 from __future__ import annotations
@@ -27,22 +28,22 @@ from rid_daq.preflight.bus_check import CheckLine, Verdict
 
 LARGEST_FILE_BYTES: Final = 1 << 20
 AXIS_TEST: Final = "axis test (direction, encoder, gear) since cell and robot file changed"
-"""The preflight's line on the axis test, by its `what`."""
+"""Text `what` of the preflight's line on the axis test."""
 
 _WHAT: Final = "an axis test of `rid-daq axes`"
 _SECRET: Final = "axis-test.key"
 
 
 class AxisTestRule(Enum):
-    """Whether a motion wants the axis test of a cell that is real."""
+    """Requirement of a motion on a real cell concerning the axis test."""
 
     REQUIRED = "required"
     WAIVED = "waived"
-    HELD = "not needed: a key is held"
+    HELD = "not needed: the robot moves only while a key is held"
 
 
 class SignedAxis(ConfigModel):
-    """An axis whose direction, encoder and gear were found right: by whom, when, in which run."""
+    """Axis that has passed: person, time, run and signature."""
 
     joint: str
     who: str
@@ -52,7 +53,7 @@ class SignedAxis(ConfigModel):
 
 
 class AxisTest(ConfigModel):
-    """The axes that were tested with a cell file and a robot file, by those files' SHA-256."""
+    """Axes that have passed with a cell file and a robot file, identified by their SHA-256."""
 
     cell: str
     cell_sha256: str
@@ -60,38 +61,38 @@ class AxisTest(ConfigModel):
     axes: tuple[SignedAxis, ...] = ()
 
     def signature_of(self, axis: SignedAxis) -> str:
-        """Return the signature of an axis of this test, by this account on this computer."""
+        """Return the signature of an axis of this test by this account on this computer."""
         bound = {"cell": self.cell, "cell_sha256": self.cell_sha256}
-        bound |= {"robot_sha256": self.robot_sha256, "computer": _computer()}
+        bound |= {"robot_sha256": self.robot_sha256, "computer": _computer_id()}
         text = json.dumps(axis.model_dump(exclude={"signature"}) | bound, sort_keys=True)
         return hmac.new(own_secret(_SECRET), text.encode(), "sha256").hexdigest()
 
     def is_signed(self, axis: SignedAxis) -> bool:
-        """Return whether this account on this computer has signed an axis as it stands here."""
+        """Return True if this account has signed this axis on this computer."""
         return hmac.compare_digest(axis.signature.encode(), self.signature_of(axis).encode())
 
 
 def axis_test_file(loaded: LoadedCell) -> Path | None:
-    """Return where the axis test of a cell is signed; None for a bundled cell, which needs none.
+    """Return the file with the axis test of a cell; None for a bundled cell, which needs no test.
 
     Raises:
-        RecordingError: The folder of this account's state cannot be used.
+        RecordingError: The state folder of this account cannot be used.
     """
     if loaded.path is None:
         return None
-    blank = _blank(loaded)
+    blank = _test_without_axes(loaded)
     both = hashlib.sha256(f"{blank.cell_sha256} {blank.robot_sha256}".encode()).hexdigest()
     return own_state_folder() / "axis-tests" / f"{both}.json"
 
 
 def sign_axis(loaded: LoadedCell, joint: str, run: str, who: str = "") -> Path | None:
-    """Note that an axis was found right; return where.
+    """Record that an axis has passed; return the file.
 
     Args:
         loaded: The cell as it was tested.
-        joint: The axis.
-        run: The run of its test.
-        who: Who has tested it; the user of this process if not given.
+        joint: Joint of the axis.
+        run: Id of the test's run.
+        who: Person who performed the test; the user of this process if empty.
 
     Raises:
         RecordingError: The record cannot be written.
@@ -100,12 +101,14 @@ def sign_axis(loaded: LoadedCell, joint: str, run: str, who: str = "") -> Path |
     if path is None:
         return None
     now = datetime.now(UTC).isoformat(timespec="seconds")
-    test = _blank(loaded)
+    test = _test_without_axes(loaded)
     axis = SignedAxis(joint=joint, who=who or getpass.getuser(), when_utc=now, run=run)
     axis = axis.model_copy(update={"signature": test.signature_of(axis)})
-    others = (each for each in _signed(loaded) if each.joint != joint)
+    others = (each for each in _valid_axes(loaded) if each.joint != joint)
     test = test.model_copy(update={"axes": (*others, axis)})
-    with system_errors(RecordingError, f"{path.parent}: cannot be made", code="RID-FILE-WRITE"):
+    with system_errors(
+        RecordingError, f"{path.parent}: cannot make this folder", code="RID-FILE-WRITE"
+    ):
         path.parent.mkdir(exist_ok=True, mode=0o700)
     write_whole(path, f"{test.model_dump_json(indent=2)}\n".encode())
     return path
@@ -121,74 +124,74 @@ def axis_test_line(loaded: LoadedCell, rule: AxisTestRule) -> CheckLine:
         where="axes",
         what=AXIS_TEST,
         required="" if loaded.config.simulated else "each axis",
-        found=_found(loaded),
+        found=_test_result(loaded),
         verdict=verdict,
-        next_action=_advice(loaded) if verdict == "red" else "",
+        next_action=_remedy(loaded) if verdict == "red" else "",
     )
 
 
 def require_axis_test(loaded: LoadedCell, rule: AxisTestRule) -> str:
-    """Refuse to move a real cell whose axes were not tested since a file has changed.
+    """Refuse to move a real cell if an axis has not passed since a file changed.
 
     Returns:
-        What the run's manifest says of it; empty for a simulated cell.
+        Sentence for the run's manifest; empty for a simulated cell.
 
     Raises:
-        PreflightError: The test is required, and an axis lacks it.
+        PreflightError: The test is required, and an axis has not passed.
     """
     if loaded.config.simulated:
         return ""
     untested = _untested(loaded)
     if not untested:
-        return _found(loaded)
+        return _test_result(loaded)
     if rule is AxisTestRule.REQUIRED:
         raise PreflightError(
-            f"cell {loaded.config.name}: the axis test of {', '.join(untested)} is missing, or"
-            f" older than cell or robot file: {_advice(loaded)}",
+            f"cell {loaded.config.name}: the axis test of {', '.join(untested)} is missing, or is"
+            f" older than the cell file or robot file: {_remedy(loaded)}",
             code="RID-AXIS-TEST-MISSING",
         )
     return f"{rule.value}; missing: {', '.join(untested)}"
 
 
-def _advice(loaded: LoadedCell) -> str:
+def _remedy(loaded: LoadedCell) -> str:
     return f"run `rid-daq axes {loaded.path or loaded.config.name}`"
 
 
-def _found(loaded: LoadedCell) -> str:
+def _test_result(loaded: LoadedCell) -> str:
     if loaded.config.simulated:
         return "not needed: simulated"
     if untested := _untested(loaded):
         return f"missing: {', '.join(untested)}"
-    latest = max(_signed(loaded), key=lambda each: each.when_utc)
+    latest = max(_valid_axes(loaded), key=lambda each: each.when_utc)
     return f"passed, {latest.when_utc}, {latest.who}"
 
 
 def _untested(loaded: LoadedCell) -> list[str]:
-    tested = {each.joint for each in _signed(loaded)}
+    tested = {each.joint for each in _valid_axes(loaded)}
     return [name for name in loaded.robot.joint_names if name not in tested]
 
 
-def _signed(loaded: LoadedCell) -> tuple[SignedAxis, ...]:
-    """Return the axes that this account has tested with these very files on this computer."""
+def _valid_axes(loaded: LoadedCell) -> tuple[SignedAxis, ...]:
+    """Return the axes that this account has tested on this computer with these files."""
     path = axis_test_file(loaded)
     if path is None or not path.exists():
         return ()
     test = read_json_file(path, AxisTest, LARGEST_FILE_BYTES, _WHAT)
-    if test.model_copy(update={"axes": ()}) != _blank(loaded):
+    if test.model_copy(update={"axes": ()}) != _test_without_axes(loaded):
         return ()
     return tuple(each for each in test.axes if test.is_signed(each))
 
 
-def _blank(loaded: LoadedCell) -> AxisTest:
-    """Return the test of a cell's files in which no axis was tested yet."""
+def _test_without_axes(loaded: LoadedCell) -> AxisTest:
+    """Return a test of a cell's files without any axis."""
     cell, robot = (
         hashlib.sha256(loaded.files[f"{kind}.yaml"]).hexdigest() for kind in ("cell", "robot")
     )
     return AxisTest(cell=loaded.config.name, cell_sha256=cell, robot_sha256=robot)
 
 
-def _computer() -> str:
-    """Return what tells this computer from others that share the account's folder."""
+def _computer_id() -> str:
+    """Return an id of this computer, because several can share the account's folder."""
     try:
         return Path("/etc/machine-id").read_text(encoding="ascii").strip()
     except (OSError, ValueError):

@@ -1,4 +1,7 @@
-"""`CheckLine`, a line of the preflight; and those of the bus: load, queue, senders, watches."""
+"""`CheckLine`: a line of the preflight.
+
+And the lines of the bus: load, queue, senders, watchdogs.
+"""
 
 from __future__ import annotations
 
@@ -17,21 +20,25 @@ from drivers.servo.watchdog_test import WatchTrial, acts_within_s, switches_powe
 LONGEST_QUEUE = 128
 SPARE_FRAMES = 2
 _DRIVE = (
-    "this drive went on without this computer: it must not be moved; see its manual on 1016h,"
-    " or 100Ch and 100Dh, and 6007h, or name its node in drive_safety.allow_drive_without_watchdog"
+    "this drive did not stop without this computer: it must not be moved. See its manual on"
+    " 1016h, or 100Ch and 100Dh, and 6007h, or list its node id in"
+    " drive_safety.allow_drive_without_watchdog"
 )
-TRIAL_WAITS = "how it acts without this computer"
-_COMPUTER = "this drive fell silent and was not missed: check 1017h in the drive, or 100Ch"
+NOT_TESTED = "reaction without this computer"
+_COMPUTER = (
+    "this computer did not detect that the drive's heartbeat was missing: check 1017h in"
+    " the drive, or 100Ch"
+)
 
 Verdict = Literal["ok", "red", "allowed", "shown"]
 
 
 @dataclass(frozen=True)
 class CheckLine:
-    """One line of the preflight: what was measured, what is required, what to do if red.
+    """One line of the preflight: the finding, the requirement, and the remedy if it is red.
 
-    `code` is the stable name of the refusal if it is red, empty for lines without one of their own.
-    A line with a `headline` is shown under this name even if it is not red.
+    `code` is the stable error code of a red line; empty for lines without their own code. A line
+    with a `headline` is shown under this name even if it is not red.
     """
 
     where: str
@@ -46,11 +53,11 @@ class CheckLine:
 
 
 def bus_lines(cell: CellConfig) -> list[CheckLine]:
-    """Return the lines of a SocketCAN interface; none for other buses.
+    """Return the lines of a SocketCAN interface; an empty list for other buses.
 
-    What waits in its transmit queue cannot be taken back: after a pulled cable it would go out when
-    nobody expects it. A queue that does not hold a cycle refuses frames. A controller that leaves
-    bus-off by itself would send such frames too.
+    Frames in the transmit queue cannot be withdrawn: after a pulled cable is plugged in again, they
+    would be sent at an unexpected time. A queue that is shorter than one cycle drops frames. A
+    controller that leaves bus-off by itself would also send such frames.
     """
     if cell.can.interface != "socketcan":
         return []
@@ -76,7 +83,10 @@ def interface_lines(cell: CellConfig, interface: CanInterface | None) -> list[Ch
     where = f"socketcan:{channel}"
     set_up = f"ip link set {channel} down; ip link set {channel} type can bitrate {bitrate}"
     if interface is None:
-        advice = f"ip -details link show {channel}: is it there, and is iproute2 installed?"
+        advice = (
+            f"ip -details link show {channel}: check that the interface exists and that"
+            " iproute2 is installed"
+        )
         return [CheckLine(where, "interface", "known to `ip`", "unknown", "red", advice)]
     state = (interface.controller or "up") if interface.up else "down"
     rate, restart = interface.bitrate, interface.restart_ms
@@ -89,14 +99,14 @@ def interface_lines(cell: CellConfig, interface: CanInterface | None) -> list[Ch
             "ok" if state in ("up", "ERROR-ACTIVE") else "red",
             f"ip link set {channel} up"
             if state in ("down", "STOPPED")
-            else "check cable, termination and bit rate of every node; then ip link set"
+            else "check cable, termination and bit rate of every node; then run ip link set"
             f" {channel} down, and up again",
         ),
         CheckLine(
             where,
             "bit rate",
             f"{bitrate} bit/s",
-            "not said by its driver" if rate is None else f"{rate} bit/s",
+            "not reported by the driver" if rate is None else f"{rate} bit/s",
             "shown" if rate is None else "ok" if rate == bitrate else "red",
             f"{set_up} restart-ms 0, or correct can.bitrate in the cell file",
         ),
@@ -104,7 +114,7 @@ def interface_lines(cell: CellConfig, interface: CanInterface | None) -> list[Ch
             where,
             "restart after bus-off (restart-ms)",
             "0",
-            "not said by its driver" if restart is None else str(restart),
+            "not reported by the driver" if restart is None else str(restart),
             "shown" if restart is None else "ok" if restart == 0 else "red",
             f"{set_up} restart-ms 0",
         ),
@@ -112,9 +122,9 @@ def interface_lines(cell: CellConfig, interface: CanInterface | None) -> list[Ch
 
 
 def sender_lines(opened: Cell, cycles: int) -> list[CheckLine]:
-    """Return who else sends on the bus: with a drive's identifier, or with an unknown one.
+    """Return lines on other senders: with the identifier of a drive, or with an unknown one.
 
-    An unknown frame now and then is reported; more than one a cycle loads the bus.
+    Up to one unknown frame per cycle is only reported; more frames load the bus and are red.
     """
     axes, limit = opened.axes, opened.config.supervision.second_answers_limit
     counts = zip(
@@ -128,8 +138,8 @@ def sender_lines(opened: Cell, cycles: int) -> list[CheckLine]:
             found=f"{second}, {different} with another" if second else "0",
             verdict="red" if different or second >= limit else "ok",
             next_action=f"two devices send with the identifier of node {axis.node_id}: look for"
-            " another drive with this node id, and for a program or gateway that sends"
-            f" {tpdo_cob_id(axis.node_id):03X}h",
+            " another drive with this node id, and for a program or gateway that"
+            f" sends {tpdo_cob_id(axis.node_id):03X}h",
             of_drive=True,
         )
         for axis, (second, different) in zip(opened.config.axes, counts, strict=True)
@@ -139,18 +149,18 @@ def sender_lines(opened: Cell, cycles: int) -> list[CheckLine]:
         lines.append(
             CheckLine(
                 where=opened.config.can.channel,
-                what="frames of nobody in the cell",
+                what="frames from devices that are not part of the cell",
                 required="0",
                 found=axes.bus_notes()[-1],
                 verdict="red" if many else "shown",
-                next_action="take the device or program that sends them off the bus" * many,
+                next_action="remove the device or program that sends them from the bus" * many,
             )
         )
     return lines
 
 
 def load_line(cell: CellConfig) -> CheckLine:
-    """Return how much of its time a cell's bus is busy."""
+    """Return the line on the load of a cell's bus."""
     load = bus_load(cell)
     return CheckLine(
         where=f"{cell.can.interface}:{cell.can.channel}",
@@ -162,11 +172,11 @@ def load_line(cell: CellConfig) -> CheckLine:
     )
 
 
-def watch_lines(opened: Cell, *, cleared: bool) -> list[CheckLine]:
-    """Let both watches run out once on drives at rest.
+def watchdog_lines(opened: Cell, *, cleared: bool) -> list[CheckLine]:
+    """Let the watchdogs of both sides expire once, with the drives at rest.
 
-    Where that takes power and nobody has cleared the cell, nothing is tried, and the line
-    `TRIAL_WAITS` says so.
+    If this needs power and no person has confirmed that the cell is clear, nothing is tried; a line
+    `NOT_TESTED` says so.
 
     Raises:
         DriverError, PreflightError: As of `drivers.servo.watchdog_test.try_watches`.
@@ -175,9 +185,9 @@ def watch_lines(opened: Cell, *, cleared: bool) -> list[CheckLine]:
         return [
             CheckLine(
                 where=", ".join(opened.axes.left_to_trial or opened.axes.joint_names),
-                what=TRIAL_WAITS,
-                required="tried with power, at rest",
-                found="not tried: nobody said that the cell is clear",
+                what=NOT_TESTED,
+                required="tested with power, at rest",
+                found="not tested: no person has confirmed that the cell is clear",
                 verdict="red",
                 next_action="clear the cell, then give --i-have-cleared-the-cell: the drives are"
                 " switched on, at rest",
@@ -191,7 +201,7 @@ def watch_lines(opened: Cell, *, cleared: bool) -> list[CheckLine]:
     lines = []
     for trial in trials:
         excused = trial.node_id in allowed
-        lines.append(_drive_line(trial, acts_within_s(opened.config), excused=excused))
+        lines.append(_drive_watchdog_line(trial, acts_within_s(opened.config), excused=excused))
         limit_s = 1e-3 * safety.drive_heartbeat_timeout_ms + cycle_s
         good = trial.noticed_s <= limit_s
         lines.append(
@@ -199,7 +209,7 @@ def watch_lines(opened: Cell, *, cleared: bool) -> list[CheckLine]:
                 where=f"{trial.joint}, node {trial.node_id}",
                 what="drive heartbeat loss detected after",
                 required=f"≤ {1e3 * limit_s:.0f} ms",
-                found=_after(trial.noticed_s),
+                found=_time_text(trial.noticed_s),
                 verdict="ok" if good else "red",
                 next_action="" if good else _COMPUTER,
                 of_drive=True,
@@ -208,19 +218,19 @@ def watch_lines(opened: Cell, *, cleared: bool) -> list[CheckLine]:
     return lines
 
 
-def _drive_line(trial: WatchTrial, limit_s: float, *, excused: bool) -> CheckLine:
+def _drive_watchdog_line(trial: WatchTrial, limit_s: float, *, excused: bool) -> CheckLine:
     good = trial.acted_s <= limit_s
     how = f", {trial.how}" if good else ""
     return CheckLine(
         where=f"{trial.joint}, node {trial.node_id}",
-        what="without this computer it acts after" + (", powered" if trial.powered else ""),
+        what="reaction without this computer after" + (", powered" if trial.powered else ""),
         required=f"≤ {1e3 * limit_s:.0f} ms",
-        found=_after(trial.acted_s) + how,
+        found=_time_text(trial.acted_s) + how,
         verdict="ok" if good else ("allowed" if excused else "red"),
         next_action="" if good or excused else _DRIVE,
         of_drive=True,
     )
 
 
-def _after(time_s: float) -> str:
+def _time_text(time_s: float) -> str:
     return "never" if math.isnan(time_s) else f"{1e3 * time_s:.0f} ms"

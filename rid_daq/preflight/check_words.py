@@ -1,4 +1,4 @@
-"""`say_devices` and `all_blocks`: the preflight for people, device by device, red first."""
+"""`show_devices`, `all_blocks`: show the preflight to people, device by device, red lines first."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from rid_daq.terminal.context import Context
 _WORDS = {"red": "RED", "allowed": "allowed", "ok": "ok", "shown": "-"}
 
 
-def say_devices(context: Context, lines: Sequence[CheckLine]) -> None:
-    """Write one line a device, with its headline; below it each line that is red or only allowed.
+def show_devices(context: Context, lines: Sequence[CheckLine]) -> None:
+    """Write one line per device, with its headline, and below it each red or allowed line.
 
     Args:
-        context: Where they are written.
-        lines: Those of some devices, all of each.
+        context: Output for people.
+        lines: All lines of some devices.
     """
-    for where, own in _by(lines).items():
-        context.say(f"{_WORDS[_worst(own)]:<8}{where}: {_summary(own)}")
+    for where, own in _by_place(lines).items():
+        context.say(f"{_WORDS[_worst_verdict(own)]:<8}{where}: {_summary(own)}")
         told = [line for line in own if line.verdict in ("red", "allowed")]
         for line in sorted(told, key=lambda each: each.verdict != "red"):
             context.say(
@@ -30,10 +30,12 @@ def say_devices(context: Context, lines: Sequence[CheckLine]) -> None:
 
 
 def all_blocks(lines: Sequence[CheckLine]) -> Iterator[AnyBlock]:
-    """Yield every line: what all drives share once, then each device's own; red ones first.
+    """Yield all lines: first those that are equal for all drives, then each device's own lines.
+
+    Red lines come first in each group.
 
     Args:
-        lines: All of a preflight.
+        lines: All lines of a preflight.
     """
     drives = list(dict.fromkeys(line.where for line in lines if line.of_drive))
     shared: list[CheckLine] = []
@@ -44,7 +46,7 @@ def all_blocks(lines: Sequence[CheckLine]) -> Iterator[AnyBlock]:
             shared.append(same[0])
     whats = {line.what for line in shared}
     own = [line for line in lines if not (line.of_drive and line.what in whats)]
-    groups = {"every drive": shared, **_by(own)} if shared else _by(own)
+    groups = {"every drive": shared, **_by_place(own)} if shared else _by_place(own)
     for where, found in groups.items():
         found = sorted(found, key=lambda line: line.verdict != "red")
         yield Heading(text=f"\n{where}", level=3)
@@ -61,14 +63,14 @@ def all_blocks(lines: Sequence[CheckLine]) -> Iterator[AnyBlock]:
                 yield Text(text=f"{line.what}: {line.next_action}")
 
 
-def _by(lines: Sequence[CheckLine]) -> dict[str, list[CheckLine]]:
+def _by_place(lines: Sequence[CheckLine]) -> dict[str, list[CheckLine]]:
     groups: dict[str, list[CheckLine]] = {}
     for line in lines:
         groups.setdefault(line.where, []).append(line)
     return groups
 
 
-def _worst(lines: Sequence[CheckLine]) -> str:
+def _worst_verdict(lines: Sequence[CheckLine]) -> str:
     verdicts = {line.verdict for line in lines}
     return next(verdict for verdict in _WORDS if verdict in verdicts)
 
@@ -81,6 +83,6 @@ def _summary(lines: Sequence[CheckLine]) -> str:
         limit = f" (required {line.required})" if line.required and line.verdict == "ok" else ""
         return f"{line.what}: {line.found}{limit}"
     if not required:
-        return f"{len(lines)} things read, none required"
+        return f"{len(lines)} values read, no requirements"
     headlines = [f"; {line.headline}: {line.found}" for line in lines if line.headline]
     return f"{held} of {len(required)} requirements hold{''.join(headlines)}"

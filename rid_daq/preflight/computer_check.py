@@ -1,4 +1,4 @@
-"""What the preflight has to say of this computer: disk, clock, scheduling."""
+"""Lines of the preflight on this computer: disk, clock, scheduling."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from acquisition.session.record import FREE_BYTES
 from acquisition.task.realtime import PROCESSOR_LATENCY, SCHEDULER_PRIORITY
 from config.errors import RecordingError, system_errors
 from rid_daq.preflight.bus_check import CheckLine
-from rid_daq.preflight.lateness import lateness
+from rid_daq.preflight.lateness import measure_lateness
 
 WRITE_BYTES = 4 << 20
 SLOWEST_BYTES_S = 1e6
@@ -23,17 +23,17 @@ _CLOCK_SOURCE = Path("/sys/devices/system/clocksource/clocksource0/current_clock
 
 
 def disk_lines(runs: Path) -> list[CheckLine]:
-    """Return the lines of the runs' folder; a file is written into it and removed."""
+    """Return the lines on the runs' folder; a test file is written into it and removed."""
     folder = next(path for path in (runs.absolute(), *runs.absolute().parents) if path.exists())
-    return [_room(runs, folder), _speed(runs, folder)]
+    return [_free_disk_line(runs, folder), _disk_speed_line(runs, folder)]
 
 
 def time_lines() -> list[CheckLine]:
-    """Return the lines of this computer's clock and scheduling; another process measures them."""
-    return [*_clock(), *_privileges()]
+    """Return the lines on this computer's clock and scheduling, measured in another process."""
+    return [*_clock_lines(), *_privilege_lines()]
 
 
-def _room(runs: Path, folder: Path) -> CheckLine:
+def _free_disk_line(runs: Path, folder: Path) -> CheckLine:
     free = shutil.disk_usage(folder).free
     return CheckLine(
         where=str(runs),
@@ -41,18 +41,21 @@ def _room(runs: Path, folder: Path) -> CheckLine:
         required=f"≥ {FREE_BYTES >> 20} MB",
         found=f"{free >> 20} MB",
         verdict="ok" if free >= FREE_BYTES else "red",
-        next_action="make room, or choose another folder with --runs",
+        next_action="free disk space, or choose another folder with --runs",
     )
 
 
-def _speed(runs: Path, folder: Path) -> CheckLine:
-    """Write some megabytes and wait until they are on the disk."""
+def _disk_speed_line(runs: Path, folder: Path) -> CheckLine:
+    """Write some megabytes, wait until they are on the disk, and return the line on the speed."""
     required = f"≥ {SLOWEST_BYTES_S / 1e6:.0f} MB/s, ≤ {LONGEST_WRITE_S:g} s"
-    action = "choose a faster disk with --runs: recording must never wait longer than its buffer"
+    action = (
+        "choose a faster disk with --runs: its writing must never block longer than the"
+        " buffer lasts"
+    )
     try:
         taken_s = write_seconds(folder, WRITE_BYTES)
     except RecordingError as error:
-        other = "choose another folder with --runs, or let this user write to it"
+        other = "choose another folder with --runs, or give this user write permission"
         return CheckLine(str(runs), "writing to disk", required, str(error), "red", other)
     rate = WRITE_BYTES / taken_s
     good = rate >= SLOWEST_BYTES_S and taken_s <= LONGEST_WRITE_S
@@ -67,13 +70,15 @@ def _speed(runs: Path, folder: Path) -> CheckLine:
 
 
 def write_seconds(folder: Path, size: int) -> float:
-    """Return how long it takes to write so many bytes to the disk behind a folder [s].
+    """Return the time to write so many bytes to the disk of a folder [s].
 
     Raises:
-        RecordingError: They cannot be written there.
+        RecordingError: The bytes cannot be written.
     """
     with (
-        system_errors(RecordingError, f"{folder}: cannot be written to", code="RID-FILE-WRITE"),
+        system_errors(
+            RecordingError, f"{folder}: cannot write to this folder", code="RID-FILE-WRITE"
+        ),
         tempfile.NamedTemporaryFile(dir=folder, prefix=".rid-daq-speed-") as file,
     ):
         block = os.urandom(1 << 16)
@@ -85,7 +90,7 @@ def write_seconds(folder: Path, size: int) -> float:
         return max(time.monotonic() - began_s, 1e-6)
 
 
-def _clock() -> list[CheckLine]:
+def _clock_lines() -> list[CheckLine]:
     year = time.gmtime().tm_year
     set_right = year >= FIRST_YEAR
     source = _CLOCK_SOURCE.read_text().strip() if _CLOCK_SOURCE.exists() else "unknown"
@@ -96,30 +101,32 @@ def _clock() -> list[CheckLine]:
             required=f"{FIRST_YEAR} or later",
             found=time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime()),
             verdict="ok" if set_right else "red",
-            next_action="" if set_right else "set the clock: runs would be named by a wrong date",
+            next_action=""
+            if set_right
+            else "set the clock: otherwise runs get a wrong date in their names",
         ),
         CheckLine(
             "this computer",
-            "clock source; a cycle begins late by, median and worst",
+            "clock source; lateness of a cycle, median and largest",
             "",
-            f"{source}; {lateness()}",
+            f"{source}; {measure_lateness()}",
             "shown",
         ),
     ]
 
 
-def _privileges() -> list[CheckLine]:
-    """Try what the cyclic task asks for, and give it back."""
+def _privilege_lines() -> list[CheckLine]:
+    """Try the privileges that the cyclic task needs, and return the lines on them."""
     return [
-        CheckLine("this computer", "real-time scheduling", "", _try_fifo(), "shown"),
-        CheckLine("this computer", "locked memory", "", _try_lock(), "shown"),
+        CheckLine("this computer", "real-time scheduling", "", _try_realtime_scheduling(), "shown"),
+        CheckLine("this computer", "locked memory", "", _try_locked_memory(), "shown"),
         CheckLine(
             "this computer", "processors kept awake", "", try_awake(PROCESSOR_LATENCY), "shown"
         ),
     ]
 
 
-def _try_fifo() -> str:
+def _try_realtime_scheduling() -> str:
     policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(SCHEDULER_PRIORITY))
@@ -129,7 +136,7 @@ def _try_fifo() -> str:
     return "allowed"
 
 
-def _try_lock() -> str:
+def _try_locked_memory() -> str:
     buffer = ctypes.create_string_buffer(1 << 20)
     libc = ctypes.CDLL(None, use_errno=True)
     size = ctypes.c_size_t(len(buffer))
@@ -140,13 +147,14 @@ def _try_lock() -> str:
 
 
 def try_awake(latency: Path) -> str:
-    """Return whether processors can be kept awake through `acquisition.task.realtime`'s file."""
+    """Return a text on this user's permission to keep processors awake (file `latency`)."""
     try:
         os.close(os.open(latency, os.O_WRONLY | os.O_CLOEXEC))
     except FileNotFoundError:
         return f"this system has no {latency}"
     except OSError as error:
         return (
-            f"refused: cycles begin later ({latency}: {error.strerror}); let this user write to it"
+            f"refused: cycles begin later ({latency}: {error.strerror}); give this user write"
+            " permission"
         )
     return "allowed"

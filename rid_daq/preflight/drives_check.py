@@ -1,4 +1,4 @@
-"""What the preflight has to say of the drives: brought up, read back, their answers counted."""
+"""Lines of the preflight on the drives: bring them up, read settings back, count answers."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from drivers.cell import Cell, open_cell
 from drivers.interfaces.servo_axes import DriveSetting
 from drivers.servo.position_counter import REFERENCED
 from drivers.settings.write_log import WriteLog
-from rid_daq.preflight.bus_check import CheckLine, sender_lines, watch_lines
+from rid_daq.preflight.bus_check import CheckLine, sender_lines, watchdog_lines
 from rid_daq.preflight.drive_advice import next_action
 
 
 class DriveTrouble(Exception):  # noqa: N818
-    """A device did not go along: what was found until then, and why."""
+    """A device failed during the check of the drives; contains the lines so far and the error."""
 
     def __init__(self, lines: list[CheckLine], error: RidDaqError) -> None:
         super().__init__(str(error))
@@ -33,15 +33,18 @@ def check_drives(
     *,
     cleared: bool,
 ) -> tuple[list[CheckLine], list[float]]:
-    """Bring every drive up, read it back, count its answers, and let the watches run out.
+    """Bring every drive up, read it back, count its answers, and let the watchdogs expire.
 
-    The drives are switched on for the last only, where that is needed and the cell is clear.
+    Only the last step switches drives on, if it needs power and the cell is confirmed clear.
 
-    What is written to the drives is kept in the write log, where there is one. Return the lines,
-    and where the joints stand [rad or m].
+    Args:
+        write_log: Log of the writes to the drives; None to keep none.
+
+    Returns:
+        The lines, and the positions of the joints [rad or m].
 
     Raises:
-        DriveTrouble: A device did not go along; with the lines until then.
+        DriveTrouble: A device failed; it contains the lines so far.
     """
     lines: list[CheckLine] = []
     try:
@@ -49,19 +52,19 @@ def check_drives(
             try:
                 opened.axes.bring_up()
             finally:
-                lines = [_setting(setting) for setting in opened.axes.settings()]
+                lines = [_setting_line(setting) for setting in opened.axes.settings()]
             opened.axes.start()
-            lines += _answers(opened, seconds)
+            lines += _answer_lines(opened, seconds)
             position = opened.axes.answers.position.tolist()
-            lines += _positions(opened, robot)
+            lines += _position_lines(opened, robot)
             if not any(line.verdict == "red" for line in lines):
-                lines += watch_lines(opened, cleared=cleared)
+                lines += watchdog_lines(opened, cleared=cleared)
     except (DriverError, PreflightError) as error:
         raise DriveTrouble(lines, error) from error
     return lines, position
 
 
-def _setting(setting: DriveSetting) -> CheckLine:
+def _setting_line(setting: DriveSetting) -> CheckLine:
     return CheckLine(
         where=f"{setting.joint}, node {setting.node_id}",
         what=f"{setting.object_name} {setting.name}",
@@ -75,8 +78,8 @@ def _setting(setting: DriveSetting) -> CheckLine:
     )
 
 
-def _positions(opened: Cell, robot: RobotDescription) -> list[CheckLine]:
-    """Return a line for each joint: its position, and whether that is within its limits."""
+def _position_lines(opened: Cell, robot: RobotDescription) -> list[CheckLine]:
+    """Return a line for each joint: its position and its limits."""
     answers = opened.axes.answers
     lines = []
     for i, (axis, joint) in enumerate(zip(opened.config.axes, robot.joints, strict=True)):
@@ -94,17 +97,18 @@ def _positions(opened: Cell, robot: RobotDescription) -> list[CheckLine]:
                 found=f"{scale * position:.2f} {unit} ({count} counts, zero at"
                 f" {axis.position_zero_counts})",
                 verdict="ok" if inside else "red",
-                next_action="move the joint inside its limits by hand, restore the drive's zero, or"
-                f" correct position_zero_counts (now {axis.position_zero_counts}): it is {count} if"
-                " the joint stands at its zero now",
+                next_action="move the joint manually into its limits, restore the drive's zero,"
+                f" or correct position_zero_counts (now {axis.position_zero_counts}):"
+                f" the right value is {count} if the joint is at its zero position"
+                " now",
                 of_drive=True,
             )
         )
     return lines
 
 
-def _answers(opened: Cell, seconds: float) -> list[CheckLine]:
-    """Count the answers to SYNC over some seconds."""
+def _answer_lines(opened: Cell, seconds: float) -> list[CheckLine]:
+    """Count the answers to SYNC over some seconds, and return the lines."""
     axes, clock = opened.axes, opened.clock
     cycle_time_s = opened.config.cycle_time_s
     cycles = max(1, round(seconds / cycle_time_s))
@@ -117,7 +121,7 @@ def _answers(opened: Cell, seconds: float) -> list[CheckLine]:
         sync_s = axes.exchange()
         exchanges_s.append(clock.now_s() - sync_s)
         axes.send_heartbeat(clock.now_s())
-        axes.quick_stop()  # the drives watch for set-points; this one moves nothing
+        axes.quick_stop()  # the drives watch for set-points; quick stop moves nothing
         missing = [
             count + (not received)
             for count, received in zip(missing, axes.answers.received.tolist(), strict=True)
@@ -142,11 +146,11 @@ def _answers(opened: Cell, seconds: float) -> list[CheckLine]:
     lines.append(
         CheckLine(
             where="drives",
-            what="from SYNC to the last answer, 99 of 100",
+            what="time from SYNC to the last answer (99th percentile)",
             required=f"< {1e3 * axes.answers_within_s:.1f} ms",
             found=f"{1e3 * slow_s:.2f} ms",
             verdict="ok" if in_time else "red",
-            next_action="" if in_time else "look at the bus load and the adapter's latency",
+            next_action="" if in_time else "check the bus load and the adapter's latency",
         )
     )
     if opened.link.lost_frames:
@@ -157,12 +161,12 @@ def _answers(opened: Cell, seconds: float) -> list[CheckLine]:
                 "0",
                 str(opened.link.lost_frames),
                 "red",
-                "raise net.core.rmem_max, and see what else loads this computer",
+                "raise net.core.rmem_max, and reduce the other load of this computer",
             )
         )
     if faults:
         told = "; ".join(
             text if times == 1 else f"{text} ({times} times)" for text, times in faults.items()
         )
-        lines.append(CheckLine("drives", "faults", "none", told, "red", "see the drive"))
+        lines.append(CheckLine("drives", "faults", "none", told, "red", "see the drive's manual"))
     return lines

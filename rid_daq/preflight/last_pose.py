@@ -1,7 +1,8 @@
-"""The last pose of a cell: kept after every motion, compared before the next one.
+"""Last pose of a cell: stored after every motion, compared before the next one.
 
-It lies in this account's state, by the path of the cell file, and outlives power cycles of drives
-and computer. Mock hardware that a command starts stands anew each time and is not compared.
+It is stored in this user account's state, by the path of the cell file, so it is kept when drives
+and computer are switched off. Simulated devices that a command starts begin in a new pose each time
+and are not compared.
 """
 
 from __future__ import annotations
@@ -24,14 +25,14 @@ from rid_daq.preflight.bus_check import CheckLine
 
 LARGEST_FILE_BYTES: Final = 1 << 16
 LAST_POSE: Final = "pose since the last run"
-"""The preflight's line on the last pose, by its `what`."""
+"""Text `what` of the preflight's line on the last pose."""
 
 CHECK: Final = "the last check"
 _WHAT: Final = "the last pose of a cell"
 
 
 class PoseRule(Enum):
-    """What a preflight does with the last pose."""
+    """Treatment of the last pose in a preflight."""
 
     COMPARED = "compared"
     ACCEPTED = "accepted"
@@ -39,7 +40,7 @@ class PoseRule(Enum):
 
 
 class LastPose(ConfigModel):
-    """Where the joints of a cell stood last [rad or m], and by which run or check."""
+    """Last positions of a cell's joints [rad or m], and the run or check that measured them."""
 
     cell: str
     joints: tuple[str, ...]
@@ -49,7 +50,9 @@ class LastPose(ConfigModel):
 
 
 def known_pose(loaded: LoadedCell, *, binding: bool) -> KnownPose | None:
-    """Return where a cell's robot was seen last; None if it never was, or had other joints.
+    """Return the last known pose of a cell's robot.
+
+    None without one, or if the joints have changed.
 
     Raises:
         RecordingError: The file of the pose cannot be read.
@@ -64,16 +67,16 @@ def known_pose(loaded: LoadedCell, *, binding: bool) -> KnownPose | None:
     return KnownPose(last.position, f"{last.seen_by} ({last.when_utc})", binding)
 
 
-def keep_pose(loaded: LoadedCell, position: Sequence[float], seen_by: str) -> None:
-    """Keep where a cell's robot stands.
+def store_pose(loaded: LoadedCell, position: Sequence[float], seen_by: str) -> None:
+    """Store the present pose of a cell's robot.
 
     Args:
         loaded: The cell.
-        position: Of the joints [rad or m].
-        seen_by: By what, as "run 01M8...".
+        position: Positions of the joints [rad or m].
+        seen_by: Run or check that measured the pose, such as "run 01M8...".
 
     Raises:
-        RecordingError: It cannot be written.
+        RecordingError: The file cannot be written.
     """
     path = _pose_file(loaded)
     pose = LastPose(
@@ -83,18 +86,20 @@ def keep_pose(loaded: LoadedCell, position: Sequence[float], seen_by: str) -> No
         seen_by=seen_by,
         when_utc=datetime.now(UTC).isoformat(timespec="seconds"),
     )
-    with system_errors(RecordingError, f"{path.parent}: cannot be made", code="RID-FILE-WRITE"):
+    with system_errors(
+        RecordingError, f"{path.parent}: cannot make this folder", code="RID-FILE-WRITE"
+    ):
         path.parent.mkdir(exist_ok=True, mode=0o700)
     write_whole(path, f"{pose.model_dump_json(indent=2)}\n".encode())
 
 
 def pose_lines(loaded: LoadedCell, position: Sequence[float], rule: PoseRule) -> list[CheckLine]:
-    """Compare a robot's pose with the last one; keep it if there is none, or if it is accepted.
+    """Compare a robot's pose with the last one; store it if it is the first one or accepted.
 
     Args:
         loaded: The cell.
-        position: Where the joints stand now [rad or m].
-        rule: What to do with the last pose.
+        position: Present positions of the joints [rad or m].
+        rule: Treatment of the last pose.
 
     Raises:
         RecordingError: The file of the pose cannot be read or written.
@@ -104,11 +109,21 @@ def pose_lines(loaded: LoadedCell, position: Sequence[float], rule: PoseRule) ->
     known = known_pose(loaded, binding=not loaded.config.simulated)
     moved = [] if known is None else known.displacements(loaded.robot, position)
     if known is None or rule is PoseRule.ACCEPTED:
-        keep_pose(loaded, position, CHECK)
+        store_pose(loaded, position, CHECK)
     if known is None:
-        return [CheckLine("robot", LAST_POSE, "", "first check: nothing to compare with", "shown")]
+        return [
+            CheckLine(
+                "robot",
+                LAST_POSE,
+                "",
+                "first check: there is no earlier pose to compare with",
+                "shown",
+            )
+        ]
     if not moved:
-        return [CheckLine("robot", LAST_POSE, "not moved", f"as {known.seen} left it", "ok")]
+        return [
+            CheckLine("robot", LAST_POSE, "not moved", f"same pose as after {known.seen}", "ok")
+        ]
     if rule is PoseRule.ACCEPTED:
         found = f"accepted: {known.sentence(moved)}"
         return [CheckLine("robot", LAST_POSE, "not moved", found, "allowed")]
@@ -126,7 +141,7 @@ def pose_lines(loaded: LoadedCell, position: Sequence[float], rule: PoseRule) ->
 
 
 def _pose_file(loaded: LoadedCell) -> Path:
-    """Return where the last pose of a cell is kept."""
+    """Return the file with the last pose of a cell."""
     named = loaded.config.name if loaded.path is None else str(loaded.path.resolve())
     name = hashlib.sha256(named.encode()).hexdigest()
     return own_state_folder() / "last-poses" / f"{name}.json"

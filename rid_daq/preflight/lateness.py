@@ -1,6 +1,6 @@
-"""How late sleeps end: measured in a process that asks for all that the cyclic task asks for.
+"""Measure how late sleeps end, in a process with the privileges of the cyclic task.
 
-The process begins by importing this file: what it need not know costs every preflight a second.
+The new process imports this file, so every unneeded import would delay each preflight.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ _SLEEPS: Final = 50
 _SLEEP_S: Final = 0.002
 
 
-def lateness() -> str:
-    """Return the median and the worst of some sleeps, in words."""
+def measure_lateness() -> str:
+    """Return the median and the largest measure_lateness of some sleeps, as text."""
     context = multiprocessing.get_context("spawn")
     pipe, theirs = context.Pipe()
     process = context.Process(target=sleep_like_the_task, args=(theirs,), daemon=True)
@@ -29,7 +29,7 @@ def lateness() -> str:
             process.start()
         theirs.close()
         late_s: list[float] = pipe.recv()
-    except EOFError:  # it was killed
+    except EOFError:  # the process was killed
         return "not measured"
     finally:
         pipe.close()
@@ -41,7 +41,7 @@ def lateness() -> str:
 
 
 def sleep_like_the_task(pipe: Connection) -> None:
-    """Sleep again and again, the main function of a process; send how late each sleep ended [s]."""
+    """Sleep repeatedly and send the lateness of each sleep [s] (main function of a process)."""
     ignore_termination()
     request_realtime()
     clock = MonotonicClock()
@@ -50,5 +50,5 @@ def sleep_like_the_task(pipe: Connection) -> None:
         due_s = clock.now_s() + _SLEEP_S
         clock.sleep_until(due_s)
         late_s.append(clock.now_s() - due_s)
-    with contextlib.suppress(OSError):  # a program that was interrupted does not wait for it
+    with contextlib.suppress(OSError):  # an interrupted program no longer reads the result
         pipe.send(late_s[_LEARNING:])

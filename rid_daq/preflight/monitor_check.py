@@ -1,4 +1,4 @@
-"""What the preflight has to say of the drive monitor: who answers, temperatures, nominal data."""
+"""Lines of the preflight on the drive monitor: devices, temperatures, nominal data."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CONSTANT_TOLERANCE = 0.01
 def monitor_lines(
     cell: CellConfig, robot: RobotDescription, profile: DriveProfile | None
 ) -> list[CheckLine]:
-    """Ask every drive once; nothing where the cell has no monitor."""
+    """Ask every drive once; return an empty list if the cell has no monitor."""
     monitor = cell.monitor
     if monitor is None or profile is None:
         return []
@@ -33,27 +33,29 @@ def monitor_lines(
             where,
             "drive monitor, encryption",
             "",
-            "none: keep this network apart" if plain else "not needed or in use",
+            "none: keep this network separate from other networks"
+            if plain
+            else "not needed or in use",
             "shown",
         )
     ]
     try:
         with open_drive_monitor(monitor, profile) as drives:
             reading = drives.read()
-            lines += _temperatures(cell, monitor, reading)
+            lines += _temperature_lines(cell, monitor, reading)
             motors = drives.motors() if not reading.problems else ()
     except DriverError as error:
         return [
             *lines,
             CheckLine(where, "drive monitor", "answers", str(error), "red", _REACH),
         ]
-    return lines + _constants(cell, robot, motors)
+    return lines + _torque_constant_lines(cell, robot, motors)
 
 
 _REACH = "check monitor.link, monitor.units and the drives' own Modbus settings"
 
 
-def _temperatures(
+def _temperature_lines(
     cell: CellConfig, monitor: MonitorConfig, reading: MonitorReading
 ) -> list[CheckLine]:
     problems = iter(reading.problems)
@@ -68,7 +70,7 @@ def _temperatures(
                 where=f"{axis.joint}, node {axis.node_id}",
                 what="motor temperature [°C]",
                 required=f"≤ {monitor.warmest_k - ZERO_CELSIUS_K:.0f}",
-                found=f"{value - ZERO_CELSIUS_K:.1f}" if answered else f"unit {unit}: none",
+                found=f"{value - ZERO_CELSIUS_K:.1f}" if answered else f"no answer of unit {unit}",
                 verdict="ok" if cool else "red",
                 next_action=""
                 if cool
@@ -79,10 +81,10 @@ def _temperatures(
     return lines
 
 
-def _constants(
+def _torque_constant_lines(
     cell: CellConfig, robot: RobotDescription, motors: Sequence[MotorData]
 ) -> list[CheckLine]:
-    """Compare the drives' torque constants with the robot file's, which identification uses."""
+    """Compare the drives' torque constants with those of the robot file, as used to identify it."""
     lines = []
     for axis, joint, motor in zip(cell.axes, robot.joints, motors, strict=bool(motors)):
         said = motor.torque_constant_nm_per_a

@@ -1,4 +1,4 @@
-"""`PlateCheck`: the force plate's lines of the preflight."""
+"""`PlateCheck`: lines of the preflight on the force plate."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from rid_daq.preflight.bus_check import CheckLine
 
 POSE_RAD = 0.02
 
-_ZERO = "let `rid-daq plate zero` find the plate's zero"
+_ZERO = "measure the offsets with `rid-daq plate zero`"
 
 
 class PlateCheck:
-    """Checks a cell's plate, in two steps around the check of the drives.
+    """Checks a cell's force plate, in two steps before and after the check of the drives.
 
     Args:
         cell: The cell, reachable.
-        profile: What its amplifier speaks; None without a plate.
+        profile: Protocol of its amplifier; None without a plate.
 
     Attributes:
-        lines: What was found so far.
+        lines: Lines so far.
     """
 
     def __init__(self, cell: CellConfig, profile: AmplifierProfile | None) -> None:
@@ -40,18 +40,21 @@ class PlateCheck:
         self.lines: list[CheckLine] = []
 
     def before(self) -> list[CheckLine]:
-        """Identify, set and read back, look at overloads; nothing is zeroed.
+        """Identify the amplifier, set it and read it back, and check for overloads.
 
-        Mock hardware of the session's own is put into operation, as nobody else can have done it.
+        Nothing is zeroed.
+
+        A simulated amplifier of this session is set to operate, because no other program can do
+        that.
 
         Raises:
-            DriverError: The amplifier cannot be reached, or does not take a setting.
+            DriverError: The amplifier cannot be reached, or does not accept a setting.
         """
         plate, profile = self._cell.plate, self._profile
         if plate is None or profile is None:
             return []
         load = line_load(plate.amplifier, profile, self._cell.cycle_time_s)
-        self._add(
+        self._add_check(
             "line load",
             f"≤ {100.0 * LINE_LOAD_LIMIT:.0f} %",
             f"{100.0 * load:.1f} %",
@@ -61,38 +64,39 @@ class PlateCheck:
         ready = prepare_plate(plate, profile, operate=self._cell.simulated)
         self._ready = ready
         self.lines.append(
-            CheckLine(plate.amplifier.address, "who answers", "", ready.identity, "shown")
+            CheckLine(plate.amplifier.address, "amplifier", "", ready.identity, "shown")
         )
         wrong = [s for s in ready.settings if s.verdict == "red"]
-        self._add(
+        self._add_check(
             "settings read back",
             f"{len(ready.settings)} as in the cell file",
             "; ".join(f"{s.name} is {s.found}" for s in wrong) or f"{len(ready.settings)}",
             not wrong,
-            "choose values that the amplifier has",
+            "choose values that the amplifier supports",
         )
-        self._add(
+        self._add_check(
             "channels measure",
             "operate",
-            _state(ready),
+            _amplifier_state(ready),
             ready.operating and not ready.charge_lost,
             _ZERO,
         )
         over = [name for name, flag in zip(CHANNEL_NAMES, ready.overloads, strict=True) if flag]
-        self._add(
+        self._add_check(
             "overloads",
             "none",
             ", ".join(over) or "none",
             not over,
-            "choose a larger range_n for these channels, then check again: it is forgotten now",
+            "choose a larger range_n for these channels, then check again; the overload flags"
+            " are now reset",
         )
         return list(self.lines)
 
     def after(self, position: Sequence[float] | None = None) -> list[CheckLine]:
-        """Look at the forces at rest, where the channels measure.
+        """Check the forces at rest, if the channels measure.
 
         Args:
-            position: Where the robot stands [rad or m]; None where that is not known.
+            position: Present positions of the joints [rad or m]; None if unknown.
 
         Raises:
             DriverError: The amplifier does not answer.
@@ -101,33 +105,39 @@ class PlateCheck:
         if plate is None or profile is None or ready is None or not ready.operating:
             return []
         first = len(self.lines)
-        self._zero(plate, profile, position)
+        self._check_zero(plate, profile, position)
         return self.lines[first:]
 
-    def _zero(
+    def _check_zero(
         self, plate: PlateConfig, profile: AmplifierProfile, position: Sequence[float] | None
     ) -> None:
         zero_n = read_zero_drift_n(plate, profile)
         worst = int(np.argmax(np.abs(zero_n)))
         found = f"{CHANNEL_NAMES[worst]} {zero_n[worst]:.2f} N"
-        what, required = "force at rest beyond its zero", f"≤ {ZERO_LIMIT_N:g} N"
+        what, required = "deviation of the force at rest from its zero", f"≤ {ZERO_LIMIT_N:g} N"
         good = bool(abs(zero_n[worst]) <= ZERO_LIMIT_N)
         if plate.zero is None:
             what = "force at rest"
             if self._cell.simulated:
-                self._show(f"{what}, never zeroed", found)
+                self._add_information(f"{what}, plate never zeroed", found)
                 return
-        elif not _stands_there(plate.zero, position):
-            self._show(f"{what}, elsewhere than there", found)
+        elif not _is_in_zero_pose(plate.zero, position):
+            self._add_information(f"{what}, in another pose than at zeroing", found)
             return
-        self._add(what, required, found, good, f"is the robot where it was? If so, {_ZERO} again")
+        self._add_check(
+            what,
+            required,
+            found,
+            good,
+            f"if the robot is in the pose of the last zeroing, {_ZERO} again",
+        )
 
-    def _show(self, what: str, found: str) -> None:
+    def _add_information(self, what: str, found: str) -> None:
         plate = self._cell.plate
         where = "force plate" if plate is None else plate.amplifier.address
         self.lines.append(CheckLine(where, what, "", found, "shown"))
 
-    def _add(self, what: str, required: str, found: str, good: bool, action: str) -> None:
+    def _add_check(self, what: str, required: str, found: str, good: bool, action: str) -> None:
         plate = self._cell.plate
         self.lines.append(
             CheckLine(
@@ -141,14 +151,14 @@ class PlateCheck:
         )
 
 
-def _state(ready: PlateReadiness) -> str:
+def _amplifier_state(ready: PlateReadiness) -> str:
     if not ready.operating:
         return "reset"
-    return "operate, charge lost by setting" if ready.charge_lost else "operate"
+    return "operate, but the settings have reset the charge" if ready.charge_lost else "operate"
 
 
-def _stands_there(zero: PlateZero, position: Sequence[float] | None) -> bool:
-    """Return whether the robot stands where the plate was zeroed, as far as that is known."""
+def _is_in_zero_pose(zero: PlateZero, position: Sequence[float] | None) -> bool:
+    """Return True if the robot has the pose of the plate's zero, or if a pose is unknown."""
     if not zero.pose or position is None or len(position) != len(zero.pose):
         return True
     return bool(np.allclose(position, zero.pose, rtol=0.0, atol=POSE_RAD))

@@ -1,4 +1,7 @@
-"""`preflight`: every device and every safety setting of a cell; any red line means no motion."""
+"""`preflight`: check every device and every safety setting of a cell.
+
+A red line means no motion.
+"""
 
 from __future__ import annotations
 
@@ -19,14 +22,14 @@ from rid_daq.preflight.monitor_check import monitor_lines
 from rid_daq.preflight.plate_check import PlateCheck
 
 
-def _untold(_lines: Sequence[CheckLine]) -> None:
-    """Tell nobody."""
+def _ignore_lines(_lines: Sequence[CheckLine]) -> None:
+    """Ignore the lines."""
 
 
 def lines_before_bus(
     loaded: LoadedCell, runs: Path, axis_test: AxisTestRule = AxisTestRule.REQUIRED
 ) -> list[CheckLine]:
-    """Return the lines that are there at once: the bus' load, the disk, axis test, geometry."""
+    """Return the lines that need no bus: bus load, disk, axis test, geometry."""
     geometry = [
         CheckLine("robot file", "angles of the kinematics", "exact", note, "ok")
         for note in loaded.robot.kinematics.notes
@@ -47,23 +50,28 @@ def preflight(
     *,
     cleared: bool,
     write_log: WriteLog | None = None,
-    tell: Callable[[Sequence[CheckLine]], None] = _untold,
+    tell: Callable[[Sequence[CheckLine]], None] = _ignore_lines,
     pose: PoseRule = PoseRule.COMPARED,
 ) -> tuple[list[CheckLine], RidDaqError | None]:
-    """Return the lines of the preflight of a reachable cell, and what ended it early.
+    """Return the lines of the preflight of a reachable cell, and the error that ended it early.
 
-    `before` are those of `lines_before_bus`, and come first. The drives are switched on only where
-    a trial of their watches takes that and a person has cleared the cell. What is written to the
-    drives is kept in the write log, where there is one. `tell` is given the other lines of some
-    devices as soon as all of theirs are there. `pose` says what is done
-    with the last pose.
+    Args:
+        loaded: The cell and its files.
+        reachable: The cell with a bus that this program can open.
+        before: Lines of `lines_before_bus`; they come first.
+        seconds: Time during which answers are counted [s].
+        cleared: True if a person has confirmed that the cell is clear; only then can the watchdog
+            test switch drives on.
+        write_log: Log of the writes to the drives; None to keep none.
+        tell: Function that gets the other lines of some devices as soon as they are complete.
+        pose: Treatment of the last pose.
     """
     eds_files = eds_lines(loaded)
     computer = [*bus_lines(reachable), *time_lines()]
     tell(computer)
     lines = [*before, *computer]
     plate = PlateCheck(reachable, loaded.amplifier_profile)
-    problem = _attempt(plate.before)
+    problem = _try_step(plate.before)
     drives = [*eds_files, *monitor_lines(reachable, loaded.robot, loaded.drive_profile)]
     position: list[float] = []
     fit = all(line.verdict != "red" for line in eds_files)
@@ -78,13 +86,16 @@ def preflight(
         problem = trouble.error
     tell(drives)
     if fit and problem is None:
-        problem = _attempt(lambda: plate.after(position))
+        problem = _try_step(lambda: plate.after(position))
     tell(plate.lines)
     return [*lines, *plate.lines, *drives], problem
 
 
-def _attempt(step: Callable[[], object]) -> RidDaqError | None:
-    """Do one step of the plate's check; return what went wrong, so that the drives are checked."""
+def _try_step(step: Callable[[], object]) -> RidDaqError | None:
+    """Perform a step of the plate's check.
+
+    Return its error, so that the drives are still checked.
+    """
     try:
         step()
     except DriverError as error:

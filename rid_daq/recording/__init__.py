@@ -1,5 +1,5 @@
-"""What moves a cell and records it: motions, rehearsals, payload sessions, plate zero, streams.
+"""Move a cell and record it: every recording of the program goes through `RunSession`.
 
-Every recording goes through `RunSession`; what works on files alone stands in `jobs`. Begin with
-`run_session.py`.
+Motions, rehearsals, payload sessions, plate zero and streams use it. Code that works on files only
+is in `runs`. Begin with `run_session.py`.
 """

@@ -1,4 +1,7 @@
-"""`AccuracyWatch`: estimates while a motion runs, and says when the wanted accuracy is reached."""
+"""`AccuracyWatch`: running estimate during a motion.
+
+Ends the motion when the accuracy is reached.
+"""
 
 from __future__ import annotations
 
@@ -23,19 +26,21 @@ from rid_daq.recording.average_so_far import AverageSoFar
 
 
 class AccuracyWatch:
-    """Follows the periods of a recording with a running estimate, and holds them against goals.
+    """Watch of a periodic recording: running estimate, and comparison with accuracy goals.
 
-    Goals are judged on the averaged periods, as `rid-daq identify` estimates from them.
+    Goals are compared with the estimate from averaged periods, as `rid-daq identify` computes it.
 
     Args:
-        goals: As `--until` takes them; none to follow only.
-        samples: The motion.
+        goals: Goals in the syntax of `--until`; empty for the running estimate only.
+        robot: Robot that moves.
+        samples: The planned motion.
 
     Attributes:
-        goals, states: The goals, and how far each was at the last look.
-        periods: Periods at the last look at the goals.
-        running: The running estimate at the last look.
-        trouble: Why there was nothing to see.
+        goals: The goals.
+        states: Last state of each goal.
+        periods: Number of periods at the last comparison with the goals.
+        running: Last running estimate.
+        trouble: Reason if an estimate was not possible.
 
     Raises:
         ConfigError: A goal is invalid, or the motion is not periodic.
@@ -46,7 +51,7 @@ class AccuracyWatch:
     ) -> None:
         if samples.samples_per_period is None:
             raise ConfigError(
-                "--until needs a periodic motion: its periods are what is averaged",
+                "--until needs a periodic motion, because the periods are averaged",
                 code="RID-RECORDING-NOT-PERIODIC",
             )
         model = RobotModel.from_description(robot)
@@ -71,19 +76,19 @@ class AccuracyWatch:
 
     @property
     def reached(self) -> bool:
-        """Whether every goal is reached; there is nothing to reach without goals."""
+        """True if every goal is reached; also True without goals."""
         return len(self.states) == len(self.goals) and all(state.reached for state in self.states)
 
-    def enough(self, new: NewPeriods) -> bool:
-        """Look at the periods so far; return whether there are goals and all are reached.
+    def add_periods(self, new: NewPeriods) -> bool:
+        """Add periods; return True if there are goals and all are reached.
 
-        What cannot be estimated yet is not enough; the reason is kept in `trouble`.
+        If no estimate is possible yet, return False and store the reason in `trouble`.
         """
         try:
             self._follow(new)
             if not self.goals:
                 return False
-            estimate = fit_periodic(self._robot, [self._average.with_more(new)]).estimate()
+            estimate = fit_periodic(self._robot, [self._average.with_new_periods(new)]).estimate()
         except (DataQualityError, EstimationError) as error:
             self.trouble = str(error)
             return False
@@ -92,28 +97,28 @@ class AccuracyWatch:
         return self.reached
 
     def line(self) -> str:
-        """Say in a few words how far it is."""
+        """Return a status line: the first goal that is not reached, or the running estimate."""
         if self.states:
             left = [state for state in self.states if not state.reached]
             return left[0].sentence(self.periods) if left else "accuracy reached"
         return self.running_sentence()
 
     def running_sentence(self) -> str:
-        """Say what the model leaves of single periods so far; empty before that is known."""
+        """Return the residual of single periods as a phrase; empty before it is known."""
         if self.running is None:
             return ""
         shares = ", ".join(f"{share:.1f}" for share in self.running.relative_percent)
         return f"residual of {self._followed} single periods {shares} % of the torque (RMS)"
 
     def sentences(self) -> list[str]:
-        """Say how far each goal is."""
+        """Return a sentence on each goal."""
         if not self.states:
             reason = f": {self.trouble}" if self.trouble else ": too few periods"
-            return [f"{goal.text}: not judged{reason}" for goal in self.goals]
+            return [f"{goal.text}: not estimated{reason}" for goal in self.goals]
         return [state.sentence(self.periods) for state in self.states]
 
     def _follow(self, new: NewPeriods) -> None:
-        """Add the new periods that miss no row to the running estimate."""
+        """Add the new periods without missing rows to the running estimate."""
         if self._estimate is None:
             return
         monitor, _ = monitored(new.recording, new.folder)

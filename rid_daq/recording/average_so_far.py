@@ -1,4 +1,4 @@
-"""`AverageSoFar`: the mean period of a motion that still runs, from its new periods alone."""
+"""`AverageSoFar`: mean period of a running motion, updated with its new periods only."""
 
 from __future__ import annotations
 
@@ -13,15 +13,18 @@ from config.robot.robot import RobotDescription
 
 
 class AverageSoFar:
-    """Averages the periods so far; no row is read or cut twice once its temperature is known."""
+    """Running average of periods.
+
+    Each row is processed once, as soon as its temperature is known.
+    """
 
     def __init__(self, robot: RobotDescription) -> None:
         self._robot = robot
         self._cutter = PeriodCutter()
         self._unsettled: list[Recording] = []
 
-    def with_more(self, new: NewPeriods) -> PeriodAverage:
-        """Return the mean period with those that came since the last question.
+    def with_new_periods(self, new: NewPeriods) -> PeriodAverage:
+        """Return the mean period including new periods.
 
         Raises:
             DataQualityError: The periods are not good enough yet.
@@ -30,7 +33,7 @@ class AverageSoFar:
         stream, _ = monitored(rows, new.folder)
         self._cutter.add(with_temperature_compensation(rows, stream, self._robot))
         if (new.folder / MONITOR).exists():
-            # The temperatures of rows since the last round still change with the next one.
+            # The next temperature reading changes the temperatures of rows since the last one.
             known_s = -math.inf if stream is None else stream.known_until_s
             self._unsettled = [rows.part(rows.time_s > known_s)]
         return average_table(self._cutter.table())

@@ -1,4 +1,4 @@
-"""`RecordedRun`: a motion that was recorded, read, judged and reported; and the words for it."""
+"""`RecordedRun`: a motion that was recorded and evaluated, with its report and messages."""
 
 from __future__ import annotations
 
@@ -25,27 +25,29 @@ from rid_daq.terminal.exit_codes import ExitCode, exit_code_of_stop
 from rid_daq.terminal.motion_progress import describe_end_position
 
 _AGAIN = "Start again when you are ready"
-_BY_ITSELF = "; the robot goes to the start by itself"
+_BY_ITSELF = "; the robot moves to the start pose by itself"
 _WHAT_TO_DO = {
     StopCode.INTERRUPTED: _AGAIN,
     StopCode.STOP_COMMAND: _AGAIN,
     StopCode.STOP_BUTTON: _AGAIN,
     StopCode.CLIENT_LOST: "Bring the client back into reach, then start again.",
-    StopCode.SERVICE_LOST: "Find out why the service hung, then check the cell and start again.",
-    StopCode.RECORDER: "Check the disk (free space, speed) and who else works in the run folder,"
-    " then start again.",
+    StopCode.SERVICE_LOST: "Find out why the service did not respond, then check the cell and"
+    " start again.",
+    StopCode.RECORDER: "Check the disk (free space, speed), and other programs that use the run"
+    " folder, then start again.",
     StopCode.BUS: "Then run `rid-daq check`.",
     StopCode.MISSED_FRAMES: "Check cable and bus load, then run `rid-daq check`.",
-    StopCode.SECOND_ANSWERS: "Take the other sender off the bus, then run `rid-daq check`.",
+    StopCode.SECOND_ANSWERS: "Remove the other sender from the bus, then run `rid-daq check`.",
     StopCode.PLATE_LINE: "Check the amplifier's cable and adapter, then run `rid-daq check`.",
     StopCode.PLATE_OVERLOAD: "Choose a larger plate.amplifier.range_n, and zero the plate again.",
-    StopCode.POINTS_LOST: "See that the program that sends points keeps up, then start it again.",
-    StopCode.POINTS_REFUSED: "Correct the path that is sent, then start again.",
-    StopCode.LATE_CYCLE: "Take load off this computer, or allow real-time scheduling; then start"
-    " again.",
+    StopCode.POINTS_LOST: "Make sure that the program sends its points fast enough, then start"
+    " it again.",
+    StopCode.POINTS_REFUSED: "Correct the path that the program sends, then start again.",
+    StopCode.LATE_CYCLE: "Reduce the load of this computer, or allow real-time scheduling; then"
+    " start again.",
 }
 _CHECK = "Find the cause at the robot before you start again; `rid-daq check` reads the drives."
-_NOT_GOOD = "Recorded, but not good enough to go on with"
+_NOT_GOOD = "Recorded, but the data are not good enough for the next step"
 
 
 @dataclass
@@ -53,13 +55,13 @@ class RecordedRun:
     """A recorded motion with its report.
 
     Attributes:
-        folder: Where it is.
-        outcome: What became of the motion.
-        data: What was measured; None where no row could be read.
-        quality: How whole it is; None where the motion was stopped.
-        result: The result; more may be added until it is written.
-        facts: What the manifest says of the run; more may be added until it is written.
-        held: Whether the robot moved only while a person held a key.
+        folder: Run folder.
+        outcome: Outcome of the motion.
+        data: The recording; None if no row could be read.
+        quality: Completeness of the recording; None if the motion was stopped.
+        result: Result of the run; callers can add to it until it is written.
+        facts: Facts for the manifest; callers can add to them until they are written.
+        held: True if the robot moved only while a person held a key.
     """
 
     folder: RunFolder
@@ -72,30 +74,30 @@ class RecordedRun:
 
     @property
     def measured(self) -> RunData:
-        """What was measured.
+        """The recording.
 
         Raises:
-            DataQualityError: Nothing was.
+            DataQualityError: No row was recorded.
         """
         if self.data is None:
             raise DataQualityError(
-                f"{self.folder.path}: nothing was recorded in this run", code="RID-RECORDING-EMPTY"
+                f"{self.folder.path}: no row was recorded in this run", code="RID-RECORDING-EMPTY"
             )
         return self.data
 
     @property
     def report(self) -> Path:
-        """The report's file."""
+        """Path of the report."""
         return self.folder.file(REPORT)
 
     @property
     def status(self) -> RunStatus:
-        """Complete, or stopped."""
+        """Status of the run: complete or stopped."""
         return RunStatus.COMPLETE if self.outcome.complete else RunStatus.STOPPED
 
     @property
     def exit_code(self) -> ExitCode:
-        """What a command that recorded this and nothing else tells a script."""
+        """Exit code of a command that recorded only this run."""
         stop = self.outcome.stop
         if stop is not None:
             return exit_code_of_stop(stop.code, self.outcome.interrupted_by)
@@ -104,7 +106,7 @@ class RecordedRun:
 
     @property
     def stop_sentence(self) -> str:
-        """What stopped, where in the motion, and what to do; empty for a complete run."""
+        """Stop reason, place in the motion, and remedy; empty for a complete run."""
         stop = self.outcome.stop
         if stop is None:
             return ""
@@ -116,18 +118,20 @@ class RecordedRun:
 
     @property
     def timing_sentence(self) -> str:
-        """How well the loop kept its time."""
+        """Sentence on the timing of the cyclic task."""
         return loop_sentence(self.outcome.statistics)
 
     def as_step(self) -> RecordedRun:
-        """Return it as one of several motions: what stopped it too late stops the next ones."""
+        """Return the run for a sequence: a stop that came after its motion stops the sequence."""
         late = self.outcome.late_stop
         return self if late is None else replace(self, outcome=replace(self.outcome, stop=late))
 
     def verdict(self, goals: Sequence[str]) -> VerdictSection:
-        """Return how the motion ended, how far its goals are, and what is lost."""
+        """Return the verdict: the motion's outcome, the states of goals, and lost data."""
         if self.outcome.stop is not None:
-            return VerdictSection.failed("Stopped before its end", self.stop_sentence)
+            return VerdictSection.failed(
+                "The motion was stopped before its end", self.stop_sentence
+            )
         sentences = [". ".join(goals or [self.timing_sentence])]
         good = self.quality is None or self.quality.good
         if self.quality is not None:
@@ -140,7 +144,7 @@ class RecordedRun:
         return VerdictSection.of([], "Recorded completely", sentence)
 
     def document(self) -> dict[str, object]:
-        """Return what programs are told of the run."""
+        """Return the JSON document of the run."""
         return {
             "run": self.folder.run_id,
             "folder": str(self.folder.path),
@@ -154,30 +158,30 @@ class RecordedRun:
 
     @property
     def trouble(self) -> str:
-        """Why the run cannot be used; empty if it can."""
+        """Reason why the run cannot be used; empty if it can be used."""
         if self.quality is None or self.quality.good:
             return self.stop_sentence
         return f"{_NOT_GOOD}: {self.quality.trouble}"
 
     @property
     def is_usable(self) -> bool:
-        """True if the motion was complete and enough of it was recorded."""
+        """True if the motion was complete and enough rows were recorded."""
         return not self.trouble
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield what was lost, how the motion ended, and where the run is."""
+        """Yield lost data, the motion's outcome, and the paths of run folder and report."""
         for sentence in [] if self.quality is None else self.quality.sentences():
             yield Text(text=sentence)
         if self.trouble:
             yield Verdict(passed=False, text=self.trouble)
-            yield Text(text=f"Kept: {self.outcome.rows} rows in {self.folder.path}")
+            yield Text(text=f"{self.outcome.rows} rows are kept in {self.folder.path}")
         else:
             yield Verdict(passed=True, text=f"Recorded: {self.folder.path}")
         yield Text(text=f"Report: {self.report}")
 
 
 def stop_words(outcome: RecordOutcome) -> str:
-    """Return what stopped a motion, as a sentence; empty where nothing did."""
+    """Return the stop reason as a sentence; empty if the motion was not stopped."""
     if outcome.stop is None:
         return ""
     text = f"{outcome.stop.text.removesuffix('.')}."
@@ -185,7 +189,7 @@ def stop_words(outcome: RecordOutcome) -> str:
 
 
 def stop_document(outcome: RecordOutcome) -> dict[str, object]:
-    """Return what programs are told of a motion's end: `stop`, None where it came, and `notes`."""
+    """Return the JSON entries on a motion's end: `stop` (None if it was complete), and `notes`."""
     stop = outcome.stop
     return {
         "stop": None if stop is None else {"code": stop.code.name, "text": stop.text},
@@ -194,11 +198,12 @@ def stop_document(outcome: RecordOutcome) -> dict[str, object]:
 
 
 @contextlib.contextmanager
-def ending_said(outcome: RecordOutcome, epilogue: str = "") -> Iterator[None]:
-    """Say how a motion ended also where its run folder cannot be read or written any more.
+def prefix_errors_with_outcome(outcome: RecordOutcome, epilogue: str = "") -> Iterator[None]:
+    """Prefix storage errors with the motion's outcome.
 
     Raises:
-        RecordingError: What failed, after how the motion ended and an epilogue.
+        RecordingError: The storage error; its text begins with the motion's outcome and an
+            epilogue.
     """
     try:
         yield

@@ -1,4 +1,4 @@
-"""`RunSession`: every recording of the program: folder, motion, reading, judgement, report."""
+"""`RunSession`: every recording of the program: run folder, motion, reading, evaluation, report."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ from config.load import LoadedCell
 from config.simulation.faults import NO_SCRIPT, FaultScript
 from rid_daq.live.live_page import LivePage, live_page
 from rid_daq.preflight.axis_test import AxisTestRule, require_axis_test
-from rid_daq.preflight.last_pose import keep_pose, known_pose
-from rid_daq.recording.recorded_run import RecordedRun, ending_said
+from rid_daq.preflight.last_pose import known_pose, store_pose
+from rid_daq.recording.recorded_run import RecordedRun, prefix_errors_with_outcome
 from rid_daq.report.result import Result
 from rid_daq.report.sections.average import AverageSection
 from rid_daq.report.sections.runs import CellSection, RunSection
@@ -38,8 +38,8 @@ from rid_daq.report.sections.stop import StopCurve
 from rid_daq.report.sections.timing import LoopTiming, Timing
 from rid_daq.report_page.write import write_result
 from rid_daq.requests.cell_options import Live, Simulation
-from rid_daq.runs.flange import note_flange
-from rid_daq.runs.origins import note_cell
+from rid_daq.runs.flange import write_flange_state
+from rid_daq.runs.origins import write_cell_origin
 from rid_daq.runs.run_data import RunData
 from rid_daq.runs.run_quality import run_quality
 from rid_daq.session.cells import mountable_cell
@@ -53,45 +53,44 @@ if TYPE_CHECKING:
     from mock_hw.cell import SimulatedCell
 
 FRAMES: Final = "frames.blf"
-STOP_TAIL_S: Final = 10.0  # a second before the stop, and coming to rest
+STOP_TAIL_S: Final = 10.0  # from a second before the stop until the robot is at rest
 
 Record = Callable[[MotionSamples | SetPointSource], RecordOutcome]
-"""Runs planned rows, or a source of set-points, into the run folder of a request."""
+"""Function that performs planned rows, or a source of set-points, and records them."""
 
 
 class Watch(Protocol):
-    """Looks at the periods so far, and says whether they are enough."""
+    """Observer of the periods of a running motion; it can end the motion."""
 
     @abstractmethod
-    def enough(self, new: NewPeriods) -> bool:
-        """Return whether the motion may end after the period under way."""
+    def add_periods(self, new: NewPeriods) -> bool:
+        """Add periods; return True if the motion can end after the present period."""
 
     @abstractmethod
     def line(self) -> str:
-        """Say in a few words how far it is; empty where there is nothing to say."""
+        """Return a short status line; empty if there is nothing to report."""
 
     @abstractmethod
     def sentences(self) -> Sequence[str]:
-        """Say for the report how far it came."""
+        """Return sentences on the final state, for the report."""
 
 
 @dataclass(frozen=True)
 class RunRequest:
-    """What is recorded into one run folder.
+    """Definition of a recording into one run folder.
 
     Attributes:
-        label: What people call the run.
-        sentence: What is driven.
-        samples: The planned rows; None where points come from elsewhere.
-        drive: Makes the set-points while the run folder is open, and hands them to the `Record`
-            that it is called with; the planned rows are driven where it is left out.
-        role: What the motion is for: names it on the terminal and in the report.
-        files: Name to content of what is written into the folder beside the cell's own files.
-        watch: Follows the periods, and may end the motion.
-        frames: Whether every frame on the bus is recorded too.
-        epilogue: Said after how the motion ended where its run is all that was driven of a longer
-            job.
-        held: Whether the robot moves only while a person holds a key.
+        label: Label of the run.
+        sentence: Sentence on the motion.
+        samples: Planned rows; None if the points come from another source.
+        drive: Function that makes the set-points while the run folder is open, and passes them to
+            the `Record` function that it gets; the planned rows are driven if None.
+        role: Purpose of the motion, shown on the terminal and in the report.
+        files: Content by name of files for the folder, in addition to the cell's files.
+        watch: Observer of the periods, which can end the motion.
+        frames: True to record all frames on the bus too.
+        epilogue: Sentence that is added to a storage error if this run is only one step of a job.
+        held: True if the robot moves only while a person holds a key.
     """
 
     label: str
@@ -108,17 +107,17 @@ class RunRequest:
 
 @dataclass(frozen=True)
 class RunSession:
-    """Records motions on one cell, each into a run folder of its own.
+    """Session on one cell that records motions, each into its own run folder.
 
     Attributes:
         loaded: The cell and its files.
-        cell: The cell as it is reachable.
-        runs: The folder of the run folders.
-        display: Where progress is shown.
-        simulated: The mock hardware, where it was started here: what it carries is noted.
-        page: Where motions are shown too.
-        axis_test: What is known of the axis test of a real cell; empty for a simulated one.
-        service: Signs of life of the service that has ordered the session, if one has.
+        cell: The cell with a bus that this program can open.
+        runs: Folder of the run folders.
+        display: Output for progress and messages.
+        simulated: Simulated devices of this program; their payload is noted in the run.
+        page: Live page that also shows the motions; None without one.
+        axis_test: Result of the axis test of a real cell; empty for a simulated one.
+        service: Heartbeat of the service that ordered the session; None without a service.
     """
 
     loaded: LoadedCell
@@ -131,7 +130,7 @@ class RunSession:
     service: ServiceBeat | None = None
 
     def record(self, request: RunRequest) -> RecordedRun:
-        """Record a motion, judge it and write its report; also where the motion was stopped.
+        """Record a motion, evaluate it and write its report, also if the motion was stopped.
 
         Raises:
             RidDaqError: As `recording`.
@@ -141,16 +140,16 @@ class RunSession:
 
     @contextlib.contextmanager
     def recording(self, request: RunRequest) -> Iterator[RecordedRun]:
-        """Record a motion and judge it; write its report when the `with` is left.
+        """Record a motion and evaluate it; write its report when the `with` block ends.
 
-        What the body of the `with` adds to the run's result and facts is written too. A run that
-        is left by an error is marked as stopped, with the reason.
+        Results and facts that the `with` block adds to the run are written too. If an error leaves
+        the block, the run is marked as stopped, with the reason.
 
         Raises:
-            PreflightError, DriverError, RecordingError: Nothing was moved, or nothing was recorded
+            PreflightError, DriverError, RecordingError: Nothing moved, or nothing was recorded
                 (`record_motion`).
-            RecordingError: The run folder cannot be read or written; the message says how the
-                motion ended.
+            RecordingError: The run folder cannot be read or written; the message includes the
+                motion's outcome.
         """
         folder = RunFolder.create(self.runs, request.label, software=software_versions())
         with unfinished(folder):
@@ -159,23 +158,23 @@ class RunSession:
                 facts["axis_test"] = self.axis_test
             for name, content in self.loaded.files.items():
                 folder.write(name, content)
-            note_cell(folder, self.loaded)
+            write_cell_origin(folder, self.loaded)
             if self.simulated is not None:
-                facts |= note_flange(folder, self.loaded, self.simulated.attached)
+                facts |= write_flange_state(folder, self.loaded, self.simulated.attached)
             for name, content in request.files.items():
                 folder.write(name, content)
             created_utc = folder.manifest().created_utc
             started_s = time.monotonic()
-            with self._frames(folder, request.frames):
+            with self._recorded_frames(folder, request.frames):
                 if request.drive is not None:
-                    outcome = request.drive(partial(self._driven, folder, request))
+                    outcome = request.drive(partial(self._drive, folder, request))
                 else:
                     assert request.samples is not None
-                    outcome = self._driven(folder, request, request.samples)
+                    outcome = self._drive(folder, request, request.samples)
             elapsed_s = time.monotonic() - started_s
-            with ending_said(outcome, request.epilogue):
-                self._keep_pose(folder, outcome)
-                run = self._judged(folder, request, outcome)
+            with prefix_errors_with_outcome(outcome, request.epilogue):
+                self._store_pose(folder, outcome)
+                run = self._evaluate(folder, request, outcome)
                 run.facts.update(facts, rows=outcome.rows)
                 run.result = run.result.updated(
                     timing=Timing(
@@ -189,22 +188,22 @@ class RunSession:
                 folder.finish(run.status, run.facts)
 
     def _known_pose(self, request: RunRequest) -> KnownPose | None:
-        """Return where the robot was seen last; None for mock hardware that was started here."""
+        """Return the last known pose of the robot; None for this program's simulated devices."""
         if self.simulated is not None:
             return None
         return known_pose(self.loaded, binding=not (self.cell.simulated or request.held))
 
-    def _keep_pose(self, folder: RunFolder, outcome: RecordOutcome) -> None:
-        """Keep where the robot stands; a key moves a displaced one, and settles nothing."""
+    def _store_pose(self, folder: RunFolder, outcome: RecordOutcome) -> None:
+        """Store the robot's pose, unless a held key moved a robot whose pose was in doubt."""
         if self.simulated is not None or outcome.pose is None:
             return
         if self.cell.simulated or not outcome.displaced:
-            keep_pose(self.loaded, outcome.pose, f"run {folder.run_id}")
+            store_pose(self.loaded, outcome.pose, f"run {folder.run_id}")
 
-    def _driven(
+    def _drive(
         self, folder: RunFolder, request: RunRequest, motion: MotionSamples | SetPointSource
     ) -> RecordOutcome:
-        """Drive what was asked for, and say what a person should know of it."""
+        """Perform a motion, show its progress, and return its outcome."""
         robot, samples, watch = self.loaded.robot, request.samples, request.watch
         pose = self._known_pose(request)
         observer = None
@@ -213,13 +212,13 @@ class RunSession:
             rows, per_period = len(samples), samples.samples_per_period
             if self.page is not None:
                 observer = self.page.observer(request.sentence, samples, self.cell, robot)
-        seen = False
+        is_enough = False
 
         def enough(new: NewPeriods) -> bool:
-            nonlocal seen
+            nonlocal is_enough
             assert watch is not None
-            seen = seen or watch.enough(new)
-            return seen
+            is_enough = is_enough or watch.add_periods(new)
+            return is_enough
 
         self.display.announce_motion(folder.run_id, request.sentence, rows, per_period)
         with self.display.progress(
@@ -235,7 +234,7 @@ class RunSession:
                     robot.joint_names,
                     shown.update,
                     (lambda: "") if watch is None else watch.line,
-                    lambda: seen,
+                    lambda: is_enough,
                 ),
                 enough=None if watch is None else enough,
                 profiles=DeviceProfiles(self.loaded.amplifier_profile, self.loaded.drive_profile),
@@ -245,10 +244,10 @@ class RunSession:
             self.display.say(f"note: {note}")
         return outcome
 
-    def _judged(
+    def _evaluate(
         self, folder: RunFolder, request: RunRequest, outcome: RecordOutcome
     ) -> RecordedRun:
-        """Read what was recorded, once, and judge it."""
+        """Read the recording once, and evaluate it."""
         robot = self.loaded.robot
         data = RunData.load(folder, unfinished=True) if outcome.rows else None
         quality = section = average = None
@@ -273,10 +272,10 @@ class RunSession:
         return run
 
     @contextlib.contextmanager
-    def _frames(self, folder: RunFolder, wanted: bool) -> Iterator[None]:
-        """Record the bus's frames into a run for as long as the `with` lasts.
+    def _recorded_frames(self, folder: RunFolder, wanted: bool) -> Iterator[None]:
+        """Record the frames of the bus into a run until the `with` block ends.
 
-        What goes wrong with them on the way is told and costs nothing else.
+        An error of this recording is reported and does not stop the motion.
         """
         if not wanted:
             yield
@@ -286,31 +285,32 @@ class RunSession:
             try:
                 self.display.say(f"{FRAMES}: {recorder.finish()} frames")
             except (RecordingError, TransportError) as error:
-                self.display.say(f"note: {FRAMES} is not whole: {error}")
+                self.display.say(f"note: {FRAMES} is incomplete: {error}")
 
 
-def refuse_runs(runs: Path) -> None:
-    """Refuse what no run folder can be made in.
+def require_runs_folder(runs: Path) -> None:
+    """Refuse a path in which no run folder can be made.
 
     Raises:
-        RecordingError: It is there, and no folder.
+        RecordingError: The path exists and is no folder.
     """
     if runs.exists() and not runs.is_dir():
         raise RecordingError(
-            f"{runs}: no run folder can be made: it is a file; give --runs the folder of the runs",
+            f"{runs}: this is a file, so no run folder can be made in it; give a folder with"
+            " --runs",
             code="RID-FILE-NOT-FOLDER",
         )
 
 
 @dataclass(frozen=True)
 class Clearance:
-    """What is known, before a motion, of whether the cell is clear.
+    """Information, before a motion, on the clearance of the cell.
 
     Attributes:
-        cleared: True if a person has just said that it is.
+        cleared: True if a person has just confirmed that the cell is clear.
         practise: True to ask on a simulated cell too.
-        files: What is driven, beside the cell's own files; shown by hashes beside the question.
-            The run keeps them: all of them have been read, and nothing is read again.
+        files: Files of the motion, in addition to the cell's files; the question shows their
+            hashes. They have been read already, and the run stores the same bytes.
     """
 
     cleared: bool
@@ -330,28 +330,29 @@ def open_session(
     faults: FaultScript = NO_SCRIPT,
     live: Live | None = None,
 ) -> Iterator[RunSession]:
-    """Yield a session on a cell that is reachable, and held alone, as long as the `with` lasts.
+    """Yield a session on a cell; the cell is locked until the `with` block ends.
 
     Args:
-        runs: The folder of the run folders.
-        context: Where a person is asked whether a real cell is clear, once nothing else is a
-            reason to refuse.
-        clearance: What is known of that; None if the session's steps ask.
-        simulation, faults: How mock hardware that is started here is, and what goes wrong in it.
-        live: The live page.
+        runs: Folder of the run folders.
+        context: Output for the person; asks if a real cell is clear, after all other checks have
+            passed.
+        clearance: Information on the clearance; None if the steps of the session ask.
+        simulation: Options of a simulated cell that this program starts.
+        faults: Fault script of such a cell.
+        live: Options of the live page.
 
     Raises:
-        RidDaqError: As `refuse_runs`, `require_axis_test`, `require_cleared`, `live_page` and
-            `mountable_cell`.
+        RidDaqError: As `require_runs_folder`, `require_axis_test`, `require_cleared`, `live_page`
+            and `mountable_cell`.
     """
-    refuse_runs(runs)
+    require_runs_folder(runs)
     tested = require_axis_test(loaded, axis_test)
     if clearance is not None:
         files = {**loaded.files, **clearance.files}
         practise = clearance.practise
         require_cleared(loaded.config, clearance.cleared, context, practise=practise, files=files)
     if axis_test is AxisTestRule.WAIVED and tested:
-        context.say(f"note: axis test {tested}")
+        context.say(f"note: axis test: {tested}")
     with (
         live_page(live or Live()) as page,
         mountable_cell(loaded, simulation, faults) as (cell, simulated),

@@ -1,4 +1,4 @@
-"""Requests: the typed input of operations, and the parts that several of them share.
+"""Requests: typed input of operations, and the fields that several operations share.
 
-Nothing here computes, and nothing imports numerics. Begin with `request.py`.
+Requests compute nothing and import no numerical libraries. Begin with `request.py`.
 """

@@ -1,4 +1,4 @@
-"""Fields that several operations on a cell have."""
+"""Request fields that several operations on a cell share."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ LIVE: Final = "Live page"
 Cleared = Annotated[
     bool,
     Field(
-        description="Nobody is in the cell and the emergency stop is at hand; needed for real"
-        " robots if nobody can be asked."
+        description="Confirm that the cell is clear of people and that the emergency stop is at"
+        " hand. A real robot needs this option if no person can be asked."
     ),
     Option(group=BEFORE, flag="i-have-cleared-the-cell", owned=True),
 ]
 
 Practise = Annotated[
     bool,
-    Field(description="Ask on a simulated cell too what is asked on a real one."),
+    Field(description="Ask the same questions on a simulated cell as on a real one."),
     Option(group=BEFORE),
 ]
 
 AxisTest = Annotated[
     Literal["required", "waived"],
     Field(
-        description="Waive the axis test: a real robot moves although `rid-daq axes` has not passed"
-        " since its cell or robot file changed; the run says so."
+        description="Waive the axis test: move a real robot although `rid-daq axes` has not"
+        " passed since its cell or robot file changed. The run records this."
     ),
     Option(group=BEFORE, flag="without-axis-test", value="waived"),
 ]
@@ -56,7 +56,7 @@ SimulatedPace = Annotated[
 
 SimulatedPayload = Annotated[
     str | None,
-    Field(description="Payload of a simulated robot, by its name in the plant file."),
+    Field(description="Payload of a simulated robot: its name in the plant file."),
     Option(group=SIMULATED, metavar="NAME"),
 ]
 
@@ -87,14 +87,17 @@ class Live(Request):
     listen: Annotated[
         str,
         Field(
-            description="Address of the live page; one that other machines can reach needs --token"
-            " and --certificate."
+            description="Address of the live page; an address that other computers can reach"
+            " needs --token and --certificate."
         ),
         Option(group=LIVE, metavar="ADDRESS:PORT", needs="wanted"),
     ] = DEFAULT_LISTEN
     token: Annotated[
         Path | None,
-        Field(description="File with the live page's secret; a new secret each time if not set."),
+        Field(
+            description="File with the secret of the live page; a new secret for each run if"
+            " not set."
+        ),
         Option(group=LIVE, metavar="FILE", needs="wanted"),
     ] = None
     certificate: Annotated[

@@ -1,4 +1,4 @@
-"""`Option`: how a field of a request is shown on the command line, in schemas and in forms."""
+"""`Option`: presentation of a request's field on the command line, in schemas and in forms."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FILES: Final = "Files and services"
 
 
 class FurtherNumber(NamedTuple):
-    """A number of a tuple that has an option of its own on the command line."""
+    """A number of a tuple that has its own option on the command line."""
 
     flag: str
     default: float
@@ -26,24 +26,24 @@ class FurtherNumber(NamedTuple):
 
 @dataclass(frozen=True)
 class Option:
-    """How a field is shown; the field's type and description say what it is.
+    """Presentation of a field; type and description are those of the field itself.
 
     Attributes:
         group: Section of the help and of a form.
         unit: Unit of the value; empty for texts and ratios.
         metavar: Placeholder of the value in the help.
-        flag: Name on the command line without dashes, if it differs from the field's.
+        flag: Name on the command line without dashes, if it differs from the field's name.
         short: One-letter name on the command line.
-        positional: True if the command line takes it as an argument.
+        positional: True if the command line takes the field as an argument.
         negatable: True if `--no-FLAG` exists too.
-        file: Role of a path that a client of the service may name.
-        endings: What the name of an output file must end in; any if empty.
-        owned: True if the service sets the field and a client cannot.
-        needs: Field without which this one has no effect.
-        hidden: True if the command line does not have it.
-        separator: What separates several values in one word of the command line.
-        value: What the field becomes if its option is given, which then takes no value.
-        further: Numbers of a tuple after its first one, each with an option of its own.
+        file: Role of a path that a client of the service can name.
+        endings: Allowed endings of an output file's name; any ending if empty.
+        owned: True if only the service sets the field, not a client.
+        needs: Name of the field without which this one has no effect.
+        hidden: True if the command line does not offer the field.
+        separator: Separator of several values in one word of the command line.
+        value: Value of the field if its option is given; the option then takes no value.
+        further: Numbers of a tuple after its first one, each with its own option.
     """
 
     group: str = OPTIONS
@@ -77,7 +77,7 @@ class Option:
 
 CellName = Annotated[
     str,
-    Field(description="A bundled cell (ir361, kr15) or a cell file."),
+    Field(description="Bundled cell (ir361, kr15) or a cell file."),
     Option(positional=True, metavar="CELL", owned=True),
 ]
 
@@ -101,15 +101,15 @@ RunNames = Annotated[
 
 RunsFolder = Annotated[
     Path,
-    Field(description="Folder that holds the run folders."),
+    Field(description="Folder of the run folders."),
     Option(group=FILES, metavar="FOLDER", owned=True),
 ]
 
 Unfinished = Annotated[
     bool,
     Field(
-        description="Use a run that was never finished too, such as one that a killed program left;"
-        " the report says so."
+        description="Use also a run that was never finished, for example because its program was"
+        " killed; the report says so."
     ),
     Option(group=FILES),
 ]

@@ -1,4 +1,4 @@
-"""`Request`: the typed input of an operation, checked once for every way in."""
+"""`Request`: typed input of an operation, validated in one place for all callers."""
 
 from __future__ import annotations
 
@@ -40,25 +40,25 @@ class Request(BaseModel):
 
     @classmethod
     def of(cls, values: Mapping[str, object], *, shown: str = "", flags: bool = False) -> Self:
-        """Return the request of values that a person or a program gave.
+        """Return a request made from values by field name.
 
         Args:
             values: Values by field name; text is converted to numbers and paths.
             shown: Prefix of messages, such as the name of the operation.
-            flags: Name fields in messages as the command line does.
+            flags: True to name fields in messages by their command line options.
 
         Raises:
-            ConfigError: A value is missing, unknown, of the wrong type (RID-REQUEST-INVALID), or
+            ConfigError: A value is missing, unknown or of the wrong type (RID-REQUEST-INVALID), or
                 out of range (RID-OPTION-RANGE).
         """
         try:
             return cls.model_validate(values)
         except ValidationError as error:
-            raise _refused(cls, error, shown, flags=flags) from None
+            raise _first_problem(cls, error, shown, flags=flags) from None
 
     @classmethod
     def of_json(cls, values: Mapping[str, object], *, shown: str = "") -> Self:
-        """Return the request of a JSON document; nothing is converted from text to number.
+        """Return a request made from a JSON document; text is not converted to numbers.
 
         Args:
             values: The document.
@@ -70,7 +70,7 @@ class Request(BaseModel):
         try:
             return cls.model_validate_json(json.dumps(values), strict=True)
         except ValidationError as error:
-            raise _refused(cls, error, shown, flags=False) from None
+            raise _first_problem(cls, error, shown, flags=False) from None
 
     @model_validator(mode="after")
     def _require_ranges(self) -> Self:
@@ -95,9 +95,9 @@ class ShownField:
     """A field of a request as the command line and forms show it.
 
     Attributes:
-        path: The field's name; more than one name leads into a group of options.
-        info: Its declaration.
-        type: Its type without `None` and annotations.
+        path: Names that lead to the field; several names if the field is in a group of options.
+        info: Declaration of the field.
+        type: Type of the field, without `None` and annotations.
     """
 
     path: tuple[str, ...]
@@ -106,25 +106,25 @@ class ShownField:
 
     @property
     def option(self) -> Option:
-        """How it is shown."""
+        """Presentation of the field."""
         return option_of(self.info)
 
     @property
     def is_repeated(self) -> bool:
-        """True if it holds any number of values."""
+        """True if the field takes any number of values."""
         origin, arguments = typing.get_origin(self.type), typing.get_args(self.type)
         return origin in (list, dict) or (origin is tuple and arguments[-1] is Ellipsis)
 
     @property
     def flag(self) -> str:
-        """Its name on the command line."""
+        """Name of the field on the command line."""
         if self.option.positional:
             return self.option.metavar or self.path[-1].upper()
         return f"--{self.option.flag or self.path[-1].replace('_', '-')}"
 
     @property
     def help(self) -> str:
-        """Description, unit and default."""
+        """Help text: description, unit and default."""
         unit, default = self.option.unit, self.info.default
         text = str(self.info.description)
         if unit:
@@ -137,12 +137,12 @@ class ShownField:
 
 
 def option_of(info: FieldInfo) -> Option:
-    """Return how a field is shown."""
+    """Return the presentation of a field."""
     return next((each for each in info.metadata if isinstance(each, Option)), Option())
 
 
 def shown_fields(request: type[BaseModel], path: tuple[str, ...] = ()) -> Iterator[ShownField]:
-    """Yield the fields of a request; those of a nested model follow in its place."""
+    """Yield the fields of a request; a nested model is replaced by its fields."""
     for name, info in request.model_fields.items():
         found = plain_type(info.annotation)
         if isinstance(found, type) and issubclass(found, BaseModel):
@@ -162,14 +162,14 @@ def plain_type(annotation: Any) -> Any:
 
 
 def refuse_unused(request: Request, names: Iterable[str], because: str) -> None:
-    """Refuse fields that were given and have no effect.
+    """Refuse fields that were set but have no effect.
 
     Args:
-        names: Fields that have no effect.
-        because: The choice that leaves them without effect: `with` something, or `without` it.
+        names: Fields without effect.
+        because: Reason, as `with SOMETHING` or `without SOMETHING`.
 
     Raises:
-        ConfigError: One of them was given (RID-OPTION-NO-EFFECT).
+        ConfigError: Such a field was set (RID-OPTION-NO-EFFECT).
     """
     given = request.model_fields_set & set(names)
     for each in shown_fields(type(request)):
@@ -180,39 +180,39 @@ def refuse_unused(request: Request, names: Iterable[str], because: str) -> None:
 
 
 def choices_of(type_: Any) -> tuple[str, ...]:
-    """Return the texts that a type allows; none if it is not a choice."""
+    """Return the texts that a type allows; an empty tuple if it is no choice."""
     if isinstance(type_, type) and issubclass(type_, StrEnum):
         return tuple(map(str, type_))
     is_literal = typing.get_origin(type_) is typing.Literal
     return tuple(map(str, typing.get_args(type_))) if is_literal else ()
 
 
-def _refused(
+def _first_problem(
     request: type[Request], error: ValidationError, shown: str, *, flags: bool
 ) -> ConfigError:
-    """Return the first problem as an error; a number out of range comes first."""
+    """Return the most important problem as an error: first a number out of range."""
     found = error.errors(include_url=False)
-    first = next(filter(_is_of_range, found), found[0])
+    first = next(filter(_is_out_of_range, found), found[0])
     context = first.get("ctx", {})
     path = tuple(map(str, first["loc"])) + tuple(filter(None, [context.get("where")]))
     names = {each.path: each.flag for each in shown_fields(request)} if flags else {}
-    name = _name(path, names)
+    name = _field_name(path, names)
     needs = names.get((*path[:-1], str(context.get("needs"))), context.get("needs"))
-    text = _problem(first, needs)
-    code = OUT_OF_RANGE if _is_of_range(first) else INVALID
+    text = _problem_text(first, needs)
+    code = OUT_OF_RANGE if _is_out_of_range(first) else INVALID
     return ConfigError(": ".join(filter(None, (shown, name, text))), code=code)
 
 
-def _is_of_range(error: ErrorDetails) -> bool:
-    """Return True if a number is outside its range or not finite, such as NaN for an integer."""
+def _is_out_of_range(error: ErrorDetails) -> bool:
+    """Return True if a number is outside its range, or not finite."""
     value = error["input"]
     return error["type"] in (*_BOUNDS, _NOT_FINITE, "range") or (
         isinstance(value, float) and not math.isfinite(value)
     )
 
 
-def _name(path: tuple[str, ...], names: Mapping[tuple[str, ...], str]) -> str:
-    """Return a field's name; a number in its path is the place in a list."""
+def _field_name(path: tuple[str, ...], names: Mapping[tuple[str, ...], str]) -> str:
+    """Return a field's name; a number in its path is the index in a list."""
     path = tuple(part for each in path for part in each.split("."))
     for length in range(len(path), 0, -1):
         if path[:length] in names:
@@ -220,7 +220,7 @@ def _name(path: tuple[str, ...], names: Mapping[tuple[str, ...], str]) -> str:
     return ".".join(path)
 
 
-def _problem(error: ErrorDetails, needs: str | None) -> str:
+def _problem_text(error: ErrorDetails, needs: str | None) -> str:
     kind, value = error["type"], error["input"]
     if kind in _BOUNDS:
         key, words = _BOUNDS[kind]

@@ -1,4 +1,5 @@
-"""Runs as the program's jobs read them: `RunData.load`, and what a motion's run adds.
+"""Runs as operations read them: `RunData.load`, and the data that a motion's run adds.
 
-Every reader of a run goes through here, so that it is compared. Begin with `run_data.py`.
+Every reader of a run uses this room, so that the run's files are compared with its manifest. Begin
+with `run_data.py`.
 """

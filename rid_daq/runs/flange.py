@@ -1,6 +1,6 @@
-"""What hung on a simulated robot's flange in a run: noted in its folder, compared with afterwards.
+"""Payload on a simulated robot's flange: stored in the run folder, compared with estimates later.
 
-Nothing of it reaches the estimate. On a real robot there is no such truth.
+An estimate never uses it. A real robot has no such true value.
 """
 
 from __future__ import annotations
@@ -23,11 +23,13 @@ NOTHING = "nothing"
 FACT = "simulated_flange"
 
 
-def note_flange(folder: RunFolder, loaded: LoadedCell, payload: str | None) -> dict[str, JsonValue]:
-    """Write a simulated run's plant file with what hangs on its flange (`attached`).
+def write_flange_state(
+    folder: RunFolder, loaded: LoadedCell, payload: str | None
+) -> dict[str, JsonValue]:
+    """Write a simulated run's plant file with the payload on its flange (`attached`).
 
     Returns:
-        What the run's manifest says of it.
+        Facts for the run's manifest.
 
     Raises:
         ConfigError: The plant has no such payload.
@@ -36,7 +38,7 @@ def note_flange(folder: RunFolder, loaded: LoadedCell, payload: str | None) -> d
     if loaded.plant is None:
         return {}
     plant = loaded.plant.with_payload(payload)
-    comment = f"The simulated robot as it was in this run: {payload or NOTHING} on its flange."
+    comment = f"The simulated robot in this run, with {payload or NOTHING} on its flange."
     folder.write(PLANT, to_yaml(plant, comment).encode())
     return {FACT: payload or NOTHING}
 
@@ -44,9 +46,9 @@ def note_flange(folder: RunFolder, loaded: LoadedCell, payload: str | None) -> d
 def true_payload(
     folders: Sequence[RunFolder], estimate: PayloadEstimate
 ) -> tuple[str, FloatArray] | None:
-    """Return name and `REPORTED` (10,) of what hung on the flange in all of some simulated runs.
+    """Return name and true values (`REPORTED`, (10,)) of the payload in some simulated runs.
 
-    None where that was not noted: a real robot, a cell that another program served, or runs with
+    None if it is unknown: for a real robot, a cell that another program simulated, or runs with
     different payloads.
     """
     if not all(FACT in folder.manifest().facts for folder in folders):
@@ -65,7 +67,7 @@ def true_payload(
 
 
 def truth_sentence(name: str, truth: FloatArray, estimate: PayloadEstimate) -> str:
-    """Say how far an estimate is from what really hung there."""
+    """Return a sentence on the error of an estimate of a simulated payload."""
     off = estimate.reported - truth
     seen = np.array(estimate.seen)
     inside = int(np.count_nonzero(np.abs(off[seen]) <= 2.0 * estimate.sigma[seen]))
@@ -76,8 +78,10 @@ def truth_sentence(name: str, truth: FloatArray, estimate: PayloadEstimate) -> s
     )
 
 
-def compared(data: Sequence[RunData], loaded: Sequence[bool], payload: PayloadResult) -> list[str]:
-    """Return the comparison of a payload with the truth, where its runs know one, as findings."""
+def compare_with_truth(
+    data: Sequence[RunData], loaded: Sequence[bool], payload: PayloadResult
+) -> list[str]:
+    """Return the comparison of an estimate with the true payload as findings, if it is known."""
     folders = [run.folder for run, carried in zip(data, loaded, strict=True) if carried]
     found = true_payload(folders, payload.estimate)
     return [] if found is None else [truth_sentence(*found, payload.estimate)]

@@ -1,4 +1,4 @@
-"""How closely a run followed its motion, with compensation and without."""
+"""Path errors of a run relative to its motion, with and without compensation."""
 
 from __future__ import annotations
 
@@ -21,30 +21,32 @@ from rid_daq.runs.motion_runs import MotionRun
 from rid_daq.runs.run_data import RunData
 
 
-def followed(
+def compare_with_motion(
     after: MotionRun,
     before: MotionRun | None,
     robot: RobotDescription,
     estimate: Estimate | None = None,
 ) -> FollowedMotion:
-    """Compare what was reached with what was wanted, in one run or two of a motion.
+    """Compare measured with commanded positions, in one or two runs of a motion.
 
     Args:
-        after: The run, with compensation.
-        before: The same motion without, where there is such a run.
-        robot: The stiffness of its gears.
-        estimate: Model of the torques that the gears transmit; without it the measured ones of the
-            motors.
+        after: The run, usually with compensation.
+        before: A run of the same motion to compare with; None without one.
+        robot: Robot with the stiffness of its gears.
+        estimate: Model of the torques that the gears transmit; the measured motor torques if None.
 
     Raises:
-        DataQualityError: A run says nothing of where the robot should have been.
+        DataQualityError: A run has no commanded positions.
     """
     step_s = after.cell.cycle_time_s
 
     def run_of(run: MotionRun) -> FollowedRun:
         data = run.data
         return FollowedRun(
-            error_of(data), _period(data), step_s, deflection_of(data, robot, estimate)
+            path_error_of_run(data),
+            _last_period(data),
+            step_s,
+            deflection_of_run(data, robot, estimate),
         )
 
     return FollowedMotion.of(
@@ -55,39 +57,39 @@ def followed(
     )
 
 
-def error_of(data: RunData) -> TrackingError:
-    """Return the errors of a run's main part.
+def path_error_of_run(data: RunData) -> TrackingError:
+    """Return the path errors of a run's main part.
 
     Raises:
-        DataQualityError: It has none, or does not say where the robot should have been.
+        DataQualityError: The run has no main part or no commanded positions.
     """
-    recording, main = data.recording, _main(data)
+    recording, main = data.recording, _main_rows(data)
     if recording.target_position is None or not main.any():
         raise DataQualityError(
-            f"run {data.folder.run_id} says nothing of where the robot should have been: a run of"
-            " this program's own is needed",
+            f"run {data.folder.run_id} contains no commanded positions: use a run that rid-daq"
+            " has recorded",
             code="RID-RUN-FOREIGN",
         )
     chain = Chain.from_description(data.robot)
     return tracking_error(chain, recording.target_position[main], recording.position[main])
 
 
-def deflection_of(
+def deflection_of_run(
     data: RunData, robot: RobotDescription, estimate: Estimate | None = None
 ) -> Deflection | None:
-    """Return the estimated bending of the gears in a run's main part; None if none is known."""
-    recording, main = data.recording, _main(data)
+    """Return the estimated bending of the gears in a run's main part; None if unknown."""
+    recording, main = data.recording, _main_rows(data)
     if estimate is None:
         return deflection(robot, recording.position[main], recording.torque_nm[main])
     return deflection(robot, *transmitted_torques(estimate, recording))
 
 
-def _main(data: RunData) -> BoolArray:
-    """Return the rows of the motion itself that every drive delivered."""
+def _main_rows(data: RunData) -> BoolArray:
+    """Return the rows of the motion itself that contain a value of every drive."""
     recording = data.recording
     return np.asarray((recording.phase == Phase.MAIN) & recording.valid)
 
 
-def _period(data: RunData) -> slice:
+def _last_period(data: RunData) -> slice:
     rows = data.recording.samples_per_period
     return slice(None) if rows is None else slice(-rows, None)

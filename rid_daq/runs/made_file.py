@@ -1,4 +1,4 @@
-"""`MadeFile`: what a job writes, and how such a file of rid-daq is known again."""
+"""`MadeFile`: kinds of files that jobs write, and marks to recognise them."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ class MadeFile:
     """A kind of file that jobs write.
 
     Attributes:
-        words: What it is, for messages.
-        mark: What stands in the first or last 64 KiB of each such file that rid-daq wrote.
+        words: Name of the kind, for messages.
+        mark: Pattern in the first or last 64 KiB of every such file that rid-daq wrote.
     """
 
     words: str
     mark: re.Pattern[bytes]
 
     def is_at(self, path: Path) -> bool:
-        """Return whether a file is of this kind and by rid-daq.
+        """Return True if a file is of this kind and was written by rid-daq.
 
         Raises:
-            OSError: It cannot be read.
+            OSError: The file cannot be read.
         """
         with open_file(path, _LARGEST) as file:
             head = file.read(_LOOKED_AT)

@@ -1,4 +1,4 @@
-"""`require_torques`: runs from which torques are to be learnt, or to be predicted, have some."""
+"""`require_torques`: refuse runs without measured torques."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from rid_daq.runs.run_data import RunData
 
 
 def require_torques(runs: Sequence[RunData]) -> None:
-    """Refuse runs in which a joint moves while its torque is always the same.
+    """Refuse runs in which a joint moves while its torque is constant.
 
     Raises:
-        DataQualityError: There is one.
+        DataQualityError: A run contains such a joint.
     """
     for data in runs:
         dead = dead_torques(data.average if data.is_periodic else data.recording)
@@ -22,7 +22,7 @@ def require_torques(runs: Sequence[RunData]) -> None:
             where = "torque object of its drive" if recorded else "torque column in its map"
             found = ", ".join(f"{joint} (always {value:g})" for joint, value in dead.items())
             raise DataQualityError(
-                f"{data.folder.path}: no torque was measured of joints that move: {found}. Look at"
-                f" the {where}",
+                f"{data.folder.path}: the torque of moving joints was not measured: {found}."
+                f" Check the {where}",
                 code="RID-RUN-NO-TORQUE",
             )

@@ -1,4 +1,4 @@
-"""Runs of a motion as they were driven: planned samples, feedforward, and what was measured."""
+"""Runs of a motion: planned samples, feedforward, and recording."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ PLAIN: Final = "plain"
 
 @dataclass(frozen=True)
 class MotionRun:
-    """A run of this program's own, with the motion that it drove.
+    """A run that rid-daq has recorded, with its motion.
 
     Attributes:
-        data: What was measured, and the robot.
+        data: The recording and the robot.
         cell: The cell as used.
         motion: The motion file as used.
-        file: What pre-compensated it, where a file did.
-        streamed: Whether it was compensated on line, by a feedforward that no file holds.
+        file: Feedforward file of the run; None without one.
+        streamed: True if the compensation was computed online, so that no file contains it.
     """
 
     data: RunData
@@ -36,7 +36,7 @@ class MotionRun:
 
     @property
     def run_id(self) -> str:
-        """The run's id."""
+        """Id of the run."""
         return self.data.folder.run_id
 
     def samples(self) -> MotionSamples:
@@ -47,8 +47,8 @@ class MotionRun:
         """
         if self.streamed:
             raise DataQualityError(
-                f"run {self.run_id} was streamed: what compensated it was computed on line and is"
-                " not kept. Record the motion, plainly or with --feedforward, and use that run",
+                f"run {self.run_id} was streamed: its feedforward was computed online and is not"
+                " stored. Record the motion, with or without --feedforward, and use that run",
                 code="RID-RUN-FOREIGN",
             )
         planned = self.motion.plan(self.data.robot, self.cell.cycle_time_s).whole()
@@ -56,7 +56,7 @@ class MotionRun:
 
     @property
     def use(self) -> str:
-        """Say whether this motion's own runs have made its feedforward."""
+        """Use of this motion's own runs for its feedforward: plain, tuned, refined n times, ..."""
         if self.streamed:
             return "streamed"
         if self.file is None:
@@ -74,14 +74,14 @@ def read_motion_run(folder: RunFolder, *, unfinished: bool = False) -> MotionRun
     """Read a run with its motion; `unfinished` as in `RunData.load`.
 
     Raises:
-        ConfigError, DataQualityError, RecordingError: It has none, or cannot be read.
+        ConfigError, DataQualityError, RecordingError: The run has no motion, or cannot be read.
     """
     data = RunData.load(folder, unfinished=unfinished)
     cell, motion = data.cell, folder.file(MOTION)
     if cell is None or not motion.exists():
         raise DataQualityError(
-            f"run {folder.run_id} says nothing of where the robot should have been: a run of this"
-            " program's own is needed",
+            f"run {folder.run_id} contains no commanded positions: use a run that rid-daq has"
+            " recorded",
             code="RID-RUN-FOREIGN",
         )
     ahead = folder.file(FEEDFORWARD)

@@ -1,7 +1,7 @@
-"""`Origins`: which files a run's copies were made from, and in which line of them a key stands.
+"""`Origins`: source files of a run's copies, and the line in which they contain a key.
 
-A run keeps copies of cell, robot and map. Who has to change a key changes the file that the copy
-was made from: it is found again by its path, and compared by its SHA-256.
+A run stores copies of cell, robot and map. To change a key, a person changes the source file of the
+copy. The source file is found by its path and compared by its SHA-256.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ Path_ = tuple[str | int, ...]
 
 
 class Origin(ConfigModel):
-    """A file that a run's copy was made from: its path, or the name of a bundled one."""
+    """Source file of a run's copy: its path, or the name of a bundled file."""
 
     file: str
     sha256: str
 
     @property
     def is_bundled(self) -> bool:
-        """Whether it comes with the program."""
+        """True if the file is bundled with the program."""
         return self.file.endswith(_BUNDLED)
 
 
@@ -49,14 +49,13 @@ class _Document(ConfigModel):
 
 @dataclass(frozen=True)
 class FileLine:
-    """Where a key stands, or where it is to be put.
+    """Line of a file with a key, or at which the key must be added.
 
     Attributes:
-        line: Counted from 1; where the key is not stated, what it belongs to begins there.
-        stated: Whether the key stands there; else it is to be added.
-        text: What the line says, where the key is stated and the file is still the same.
-        remark: What a person should know of the file; empty where it is the one that the run was
-            made with.
+        line: Line number from 1; if the key is missing, the first line of its parent.
+        stated: True if the file contains the key; otherwise it must be added.
+        text: Text of the line, if the file contains the key and is unchanged.
+        remark: Note on the file; empty if it is unchanged since the run.
     """
 
     file: str
@@ -67,50 +66,50 @@ class FileLine:
     remark: str
 
     def __str__(self) -> str:
-        """Return the line as people and editors read it."""
+        """Return the line in the format of editors, `file:line: text`."""
         says = self.text or (self.key if self.stated else f"add {self.key}")
         return f"{self.file}:{self.line}: {says}" + (f" ({self.remark})" if self.remark else "")
 
 
-def note_cell(folder: RunFolder, loaded: LoadedCell) -> None:
-    """Write down which files a run's cell and robot were.
+def write_cell_origin(folder: RunFolder, loaded: LoadedCell) -> None:
+    """Write the source files of a run's cell and robot into its folder.
 
     Raises:
-        RecordingError: It cannot be written.
+        RecordingError: The file cannot be written.
     """
     if loaded.path is None:
         files = {CELL: f"{loaded.config.name}.yaml{_BUNDLED}"}
         files[ROBOT] = f"{loaded.config.robot}.yaml{_BUNDLED}"
     else:
         files = {CELL: str(loaded.path.absolute())}
-        robot = _robot_of(loaded)
+        robot = _robot_file(loaded)
         files |= {} if robot is None else {ROBOT: robot}
-    _note(folder, {name: (file, loaded.files[name]) for name, file in files.items()})
+    _write_origins(folder, {name: (file, loaded.files[name]) for name, file in files.items()})
 
 
-def note_map(folder: RunFolder, reference: str) -> None:
-    """Write down which files an imported run's map and robot were.
+def write_map_origin(folder: RunFolder, reference: str) -> None:
+    """Write the source files of an imported run's map and robot into its folder.
 
     Raises:
-        ConfigError: They cannot be read any more.
-        RecordingError: It cannot be written.
+        ConfigError: The source files cannot be read any more.
+        RecordingError: The file cannot be written.
     """
     text, shown, beside = read_named(reference, "maps", None)
-    found = {MAP: (_absolute(shown), text)}
+    found = {MAP: (_absolute_path(shown), text)}
     robot = parse_yaml(text, shown).data["robot"]
     text, shown, _ = read_named(robot, "robots", beside)
-    _note(folder, found | {ROBOT: (_absolute(shown), text)})
+    _write_origins(folder, found | {ROBOT: (_absolute_path(shown), text)})
 
 
-def cell_of(folder: RunFolder, unknown: str = "CELL") -> str:
-    """Return the cell of a run as commands take it: a bundled name, or the file's path.
+def cell_argument(folder: RunFolder, unknown: str = "CELL") -> str:
+    """Return the cell of a run as a command's argument: a bundled name, or the file's path.
 
-    `unknown` where no run says it, or the file is gone.
+    Return `unknown` if the run does not name its cell, or the file no longer exists.
 
     Raises:
         RecordingError: The run cannot be read.
     """
-    origin = _origins(folder).get(CELL)
+    origin = _read_origins(folder).get(CELL)
     if origin is None:
         return unknown
     if origin.is_bundled:
@@ -118,7 +117,7 @@ def cell_of(folder: RunFolder, unknown: str = "CELL") -> str:
     return origin.file if Path(origin.file).is_file() else unknown
 
 
-def _origins(folder: RunFolder) -> dict[str, Origin]:
+def _read_origins(folder: RunFolder) -> dict[str, Origin]:
     known = folder.file(ORIGINS)
     if not known.exists():
         return {}
@@ -129,22 +128,22 @@ def _origins(folder: RunFolder) -> dict[str, Origin]:
 def key_lines(
     folder: RunFolder, places: Iterable[str], joint_names: Sequence[str]
 ) -> tuple[FileLine, ...]:
-    """Return in which lines of which files keys of a run stand; those not found are left out.
+    """Return the lines of the source files with some keys of a run; skip missing files.
 
     Args:
         folder: The run.
         places: Name of the run's copy, and the path of keys and indices: `cell.yaml
             axes.1.direction`.
-        joint_names: The robot's joints, which a map of messages calls by their names.
+        joint_names: Joints of the robot; a map of messages refers to joints by name.
 
     Raises:
         RecordingError: The run cannot be read.
     """
-    origins = _origins(folder)
+    origins = _read_origins(folder)
 
     @cache
     def source(name: str) -> tuple[YamlTree, list[str], str]:
-        return _source(folder, name, origins.get(name))
+        return _source_lines(folder, name, origins.get(name))
 
     found = {}
     for place in places:
@@ -153,12 +152,12 @@ def key_lines(
             continue
         path = tuple(int(part) if part.isdigit() else part for part in dotted.split("."))
         tree, lines, remark = source(name)
-        line = _line(tree, lines, _of_messages(tree.data, path, joint_names), remark)
+        line = _find_line(tree, lines, _path_in_message_map(tree.data, path, joint_names), remark)
         found[line.file, line.line, line.key] = line
     return tuple(found.values())
 
 
-def _note(folder: RunFolder, files: dict[str, tuple[str, bytes]]) -> None:
+def _write_origins(folder: RunFolder, files: dict[str, tuple[str, bytes]]) -> None:
     document = _Document(
         files={
             name: Origin(file=file, sha256=hashlib.sha256(text).hexdigest())
@@ -168,8 +167,8 @@ def _note(folder: RunFolder, files: dict[str, tuple[str, bytes]]) -> None:
     folder.write(ORIGINS, (document.model_dump_json(indent=1) + "\n").encode())
 
 
-def _robot_of(loaded: LoadedCell) -> str | None:
-    """Return which file a cell's robot is, by its bytes; None where it is none that is there."""
+def _robot_file(loaded: LoadedCell) -> str | None:
+    """Return the source file of a cell's robot, found by its bytes; None if none is found."""
     assert loaded.path is not None
     beside = loaded.path.parent
     for reference in (loaded.config.robot, str(beside.absolute() / ROBOT)):
@@ -178,32 +177,34 @@ def _robot_of(loaded: LoadedCell) -> str | None:
         except ConfigError:
             continue
         if text == loaded.files[ROBOT]:
-            return _absolute(shown)
+            return _absolute_path(shown)
     return None
 
 
-def _absolute(shown: str) -> str:
+def _absolute_path(shown: str) -> str:
     return shown if shown.endswith(_BUNDLED) else str(Path(shown).expanduser().absolute())
 
 
-def _source(folder: RunFolder, name: str, origin: Origin | None) -> tuple[YamlTree, list[str], str]:
-    """Return the file to change, its lines as far as they may be shown, and what to know of it."""
+def _source_lines(
+    folder: RunFolder, name: str, origin: Origin | None
+) -> tuple[YamlTree, list[str], str]:
+    """Return the file to change, its lines if they can be shown, and a note on the file."""
     kept, copy = folder.read(name), str(folder.file(name))
     if origin is None:
-        return _parsed(kept, copy, "the run's copy")
+        return _parse_lines(kept, copy, "the run's copy")
     if origin.is_bundled:
-        text = _bundled(origin, name) or kept
-        return _parsed(text, origin.file, "comes with rid-daq: use a copy of your own")
+        text = _read_bundled(origin, name) or kept
+        return _parse_lines(text, origin.file, "bundled with rid-daq: make your own copy")
     try:
         text = read_file(Path(origin.file), MAX_BYTES)
         same = hashlib.sha256(text).hexdigest() == origin.sha256
-        tree, lines, _ = _parsed(text, origin.file, "")
+        tree, lines, _ = _parse_lines(text, origin.file, "")
     except (OSError, ConfigError):
-        return _parsed(kept, copy, f"the run's copy; {origin.file} cannot be read any more")
+        return _parse_lines(kept, copy, f"the run's copy; {origin.file} can no longer be read")
     return tree, lines if same else [], "" if same else "changed since the run"
 
 
-def _bundled(origin: Origin, name: str) -> bytes | None:
+def _read_bundled(origin: Origin, name: str) -> bytes | None:
     stem = origin.file.removesuffix(_BUNDLED).removesuffix(".yaml")
     try:
         return read_named(stem, _KINDS[name], None)[0]
@@ -211,12 +212,12 @@ def _bundled(origin: Origin, name: str) -> bytes | None:
         return None
 
 
-def _parsed(text: bytes, shown: str, remark: str) -> tuple[YamlTree, list[str], str]:
+def _parse_lines(text: bytes, shown: str, remark: str) -> tuple[YamlTree, list[str], str]:
     lines = text.decode("utf-8-sig", errors="replace").splitlines()
     return parse_yaml(text, shown), lines, remark
 
 
-def _line(tree: YamlTree, lines: list[str], path: Path_, remark: str) -> FileLine:
+def _find_line(tree: YamlTree, lines: list[str], path: Path_, remark: str) -> FileLine:
     depth = next(n for n in range(len(path), -1, -1) if path[:n] in tree.positions)
     number = tree.positions[path[:depth]][0]
     stated = depth == len(path)
@@ -228,8 +229,8 @@ def _line(tree: YamlTree, lines: list[str], path: Path_, remark: str) -> FileLin
     return FileLine(tree.name, number, key, stated, text, remark)
 
 
-def _of_messages(data: Any, path: Path_, joint_names: Sequence[str]) -> Path_:
-    """Return the path of a key in a map of messages, which names only the joints that differ."""
+def _path_in_message_map(data: Any, path: Path_, joint_names: Sequence[str]) -> Path_:
+    """Return the path of a key in a map of messages, which lists only some joints."""
     states = data.get("joint_states")
     if states is None or path[0] not in ("joints", "time", "rate_hz"):
         return path

@@ -1,4 +1,4 @@
-"""The file that a user names for a result: refused, if it must be, before anything is computed."""
+"""Output file of an operation: refuse an unsuitable path before anything is computed."""
 
 from __future__ import annotations
 
@@ -16,32 +16,34 @@ _RESULTS: Final = (".json", ".pdf", ".html")
 
 
 def refuse_output(output: Path | None, overwrite: bool, made: MadeFile) -> None:
-    """Refuse a file that cannot be written, or that was not meant to be replaced.
+    """Refuse an output file that cannot be written or must not be replaced.
 
     Args:
-        output: The file; None, which is never refused, where the result has its place in a run.
-        overwrite: Whether a file that is there may be replaced; a part of a run may never be.
-        made: What is written: only such a file that rid-daq wrote is replaced.
+        output: The file; None (always accepted) if the result is stored in a run.
+        overwrite: True if an existing file can be replaced; a part of a run can never be replaced.
+        made: Kind of the file; only a file of this kind that rid-daq wrote is replaced.
 
     Raises:
-        ConfigError: A file of that name is there, or belongs to a run.
-        RecordingError: No file of that name can be.
+        ConfigError: The file exists already, or belongs to a run.
+        RecordingError: A file of this name cannot be written.
     """
     if output is None:
         return
     if output.exists() and output.is_file():
         if not overwrite:
             raise ConfigError(
-                f"{output}: is already there; give another name, or --overwrite",
+                f"{output}: the file exists already; give another name, or --overwrite",
                 code="RID-OUTPUT-EXISTS",
             )
-        _refuse_part(output)
-        with system_errors(RecordingError, f"{output}: cannot be read", code="RID-FILE-READ"):
+        _refuse_part_of_run(output)
+        with system_errors(
+            RecordingError, f"{output}: the file cannot be read", code="RID-FILE-READ"
+        ):
             is_own = made.is_at(output)
         if not is_own:
             raise ConfigError(
-                f"{output}: is not {made.words} of rid-daq, so it is not replaced: delete it"
-                " yourself, or give another name",
+                f"{output}: the file is not {made.words} of rid-daq, so it is not replaced:"
+                " delete it yourself, or give another name",
                 code="RID-OUTPUT-FOREIGN",
             )
     require_writable(output)
@@ -51,34 +53,38 @@ def require_writable(output: Path) -> None:
     """Refuse a file that cannot be written, or that is a part of a run.
 
     Raises:
-        ConfigError: It belongs to a run.
-        RecordingError: No file of that name can be.
+        ConfigError: The file belongs to a run.
+        RecordingError: A file of this name cannot be written.
     """
     if output.exists() and not output.is_file():
         raise RecordingError(
-            f"{output}: cannot be written: is no file; choose another name", code="RID-FILE-WRITE"
+            f"{output}: cannot be written, because it is not a regular file; choose another name",
+            code="RID-FILE-WRITE",
         )
     if not output.parent.is_dir():
         raise RecordingError(
-            f"{output}: cannot be written: there is no folder {output.parent}",
+            f"{output}: cannot be written: folder {output.parent} does not exist",
             code="RID-FILE-WRITE",
         )
     if not os.access(output.parent, os.W_OK | os.X_OK):
         raise RecordingError(
-            f"{output}: cannot be written: {output.parent} may not be written to",
+            f"{output}: cannot be written: no write permission for {output.parent}",
             code="RID-FILE-WRITE",
         )
-    _refuse_part(output)
+    _refuse_part_of_run(output)
 
 
-def _refuse_part(output: Path) -> None:
-    """Refuse what a run is made of, and what its manifest names besides results."""
+def _refuse_part_of_run(output: Path) -> None:
+    """Refuse the files of a run, except files in its manifest that are results."""
     path = output.resolve()
     folder = next((each for each in path.parents if (each / MANIFEST).is_file()), None)
     if folder is None:
         return
     from rid_daq.report.result_file import REPORT, RESULT
-    from rid_daq.runs.run_data import READ, SESSION  # they load all that reads a run
+    from rid_daq.runs.run_data import (  # imported late: they import all readers of runs
+        READ,
+        SESSION,
+    )
 
     parts = (*READ, SESSION, RESULT, REPORT, MANIFEST)
     name = path.relative_to(folder).as_posix()
@@ -87,11 +93,11 @@ def _refuse_part(output: Path) -> None:
         run_id, files = manifest.run_id, set(manifest.files)
     except RecordingError:
         if not RUN_ID.fullmatch(folder.name):
-            return  # another program's
+            return  # the manifest is another program's
         run_id, files = folder.name, set()
     if name in parts or (name in files and not name.endswith(_RESULTS)):
         raise ConfigError(
-            f"{output}: is a part of run {run_id}, which a result cannot replace:"
-            " give another name",
+            f"{output}: belongs to run {run_id} and cannot be replaced by a result: give another"
+            " name",
             code="RID-OUTPUT-RUN",
         )

@@ -1,4 +1,4 @@
-"""Putting a plate's zero into the text of a cell file, which keeps its comments and its order."""
+"""Write a force plate's zero into the text of a cell file; keep its comments and order."""
 
 from __future__ import annotations
 
@@ -19,42 +19,43 @@ FALLBACK_INDENT = 2
 
 
 def zero_lines(zero: PlateZero, comment: str = "", indent: int = FALLBACK_INDENT) -> str:
-    """Return the lines of `plate.zero` as they stand in a cell file.
+    """Return `plate.zero` as lines of a cell file.
 
     Args:
-        zero: What was found.
-        comment: Put behind the key.
+        zero: The measured offsets.
+        comment: Comment behind the key.
         indent: Spaces before the key.
     """
     space = " " * indent
     head = f"{space}zero:" + (f" # {comment}" if comment else "")
     keys = [
-        f"{space}  {key}: [{', '.join(_number(v) for v in getattr(zero, key))}]"
+        f"{space}  {key}: [{', '.join(_yaml_float(v) for v in getattr(zero, key))}]"
         for key in type(zero).model_fields
     ]
     return "\n".join([head, *keys]) + "\n"
 
 
-def with_zero(text: str, zero: PlateZero, name: str, comment: str = "") -> str:
-    """Return a cell file's text with `plate.zero` put in, or in the place of an older one.
+def replace_zero(text: str, zero: PlateZero, name: str, comment: str = "") -> str:
+    """Return a cell file's text with `plate.zero` added or replaced.
 
-    Everything else stays as it is, comments and order included; the result is read again.
+    Everything else is unchanged, including comments and order; the result is parsed again and
+    compared.
 
     Args:
-        text: The file's text.
-        zero: What was found.
-        name: What to call the file in messages.
-        comment: Put behind the key.
+        text: Text of the file.
+        zero: The measured offsets.
+        name: Name of the file in messages.
+        comment: Comment behind the key.
 
     Raises:
-        ConfigError: The file has no `plate` in lines of its own, or would not say the same
-            otherwise.
+        ConfigError: `plate` is not a block of lines, or the change would alter another key.
     """
     before = parse_yaml(text.encode(), name)
-    plate = _value(yaml.compose(text, Loader=yaml.SafeLoader), "plate")
+    plate = _mapping_value(yaml.compose(text, Loader=yaml.SafeLoader), "plate")
     if not isinstance(plate, yaml.MappingNode) or plate.flow_style or not plate.value:
         raise ConfigError(
-            f"{name}: plate does not stand there as lines of its own; put the zero in by hand",
+            f"{name}: `plate` is not written as a block of lines, so it cannot be changed"
+            " automatically; enter the zero manually",
             code="RID-PLATE-ZERO-WRITE",
         )
     lines = text.splitlines(keepends=True)
@@ -72,7 +73,7 @@ def with_zero(text: str, zero: PlateZero, name: str, comment: str = "") -> str:
     expected["plate"]["zero"] = {key: list(getattr(zero, key)) for key in type(zero).model_fields}
     if after.data != expected:
         raise ConfigError(
-            f"{name}: cannot be changed safely; put the zero in by hand",
+            f"{name}: the change would alter other keys; enter the zero manually",
             code="RID-PLATE-ZERO-WRITE",
         )
     validate(after, CellConfig)
@@ -80,29 +81,31 @@ def with_zero(text: str, zero: PlateZero, name: str, comment: str = "") -> str:
 
 
 def write_zero(path: Path, zero: PlateZero, comment: str = "") -> None:
-    """Put a zero into a cell file; the file is replaced whole or left as it is.
+    """Write a zero into a cell file; the file is replaced completely or not at all.
 
     Raises:
-        ConfigError: The file cannot be read, or cannot take it safely.
-        RecordingError: It cannot be written.
+        ConfigError: The file cannot be read, or cannot be changed safely.
+        RecordingError: The file cannot be written.
     """
     target = path.resolve()
     try:
         text = read_file(target, MAX_BYTES).decode("utf-8")
         mode = target.stat().st_mode
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: cannot be read: {error}", code="RID-FILE-READ") from None
-    write_whole(target, with_zero(text, zero, str(path), comment).encode())
+        raise ConfigError(
+            f"{path}: the file cannot be read: {error}", code="RID-FILE-READ"
+        ) from None
+    write_whole(target, replace_zero(text, zero, str(path), comment).encode())
     target.chmod(mode & 0o777)
 
 
-def _value(node: yaml.Node | None, name: str) -> yaml.Node | None:
+def _mapping_value(node: yaml.Node | None, name: str) -> yaml.Node | None:
     pairs = node.value if isinstance(node, yaml.MappingNode) else []
     return next((value for key, value in pairs if key.value == name), None)
 
 
 def _last_line(node: yaml.Node) -> int:
-    """Return the line on which a node's last word stands; blocks themselves end further down."""
+    """Return the line of a node's last word; the end mark of a block is further down."""
     if isinstance(node, yaml.MappingNode) and not node.flow_style and node.value:
         return _last_line(node.value[-1][1])
     if isinstance(node, yaml.SequenceNode) and not node.flow_style and node.value:
@@ -110,7 +113,7 @@ def _last_line(node: yaml.Node) -> int:
     return int(node.end_mark.line)
 
 
-def _number(value: float) -> str:
-    """Return a number as YAML reads a float."""
+def _yaml_float(value: float) -> str:
+    """Return a number in YAML's syntax of floats."""
     text = repr(float(value))
     return re.sub(r"^([-+]?\d+)e", r"\1.0e", text)

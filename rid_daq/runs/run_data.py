@@ -1,7 +1,7 @@
-"""What a run folder holds, as the objects that the commands work on.
+"""Content of a run folder as objects for operations.
 
-Whatever reads a run reads it by `RunData.load`: files that do not belong to it are refused, and a
-run that was never finished is used only where that is asked for.
+Every reader of a run uses `RunData.load`: it refuses files that do not belong to the run, and
+accepts an unfinished run only if requested.
 """
 
 from __future__ import annotations
@@ -60,22 +60,23 @@ READ = (
     *(RECORDING, PLATE_RECORDING, MONITOR, *SOURCES, MAP, IMPORT),
     *(ROBOT, CELL, MOTION, FEEDFORWARD, ONLINE_MODEL, ONLINE_LOOPS, PLANT, ORIGINS),
 )
-"""What commands read of a run: it must be what the run was made with."""
+"""Files of a run that operations read; they must be unchanged since the run."""
 
 
 @dataclass(frozen=True)
 class RunData:
-    """A run's recording and robot.
+    """Recording and robot of a run.
 
     Attributes:
-        folder: Where they come from.
-        robot: The robot as used in that run.
-        tally: What was measured, or imported, as far as memory does not grow with it.
-        import_report: What the import left out, for an imported run.
-        damage: What the recording has lost, one sentence each.
-        held: All of it, where it was imported or has a force plate's side.
-        monitor: What the drives told of themselves.
-        recorded_clock: Repeated rows of a run that was recorded here.
+        folder: Run folder.
+        robot: The robot as used in the run.
+        tally: Statistics and periods of the recording, of bounded size in memory.
+        import_report: Report of the import, for an imported run.
+        damage: Defects of the recording, one sentence each.
+        held: The whole recording in memory, if it was imported or has a force plate; otherwise
+            None.
+        monitor: Temperatures and other data of the drive monitor.
+        recorded_clock: Repeated rows of a run that rid-daq recorded.
     """
 
     folder: RunFolder
@@ -89,18 +90,18 @@ class RunData:
 
     @property
     def is_periodic(self) -> bool:
-        """Whether the recording holds whole periods to average."""
+        """True if the recording has whole periods that can be averaged."""
         return self.tally.head.samples_per_period is not None
 
     @property
     def clock(self) -> ClockReport | None:
-        """What was found of the clock; None where it was not judged."""
+        """Report on the time stamps; None if they were not checked."""
         report = self.import_report
         return self.recorded_clock if report is None else report.clock
 
     @property
     def has_plate(self) -> bool:
-        """Whether there is a force plate's side."""
+        """True if the recording has the data of a force plate."""
         return self.held is not None and self.held.reaction is not None
 
     @classmethod
@@ -111,24 +112,24 @@ class RunData:
         robot: RobotDescription,
         import_report: ImportReport | None,
     ) -> RunData:
-        """Return a run whose recording was imported."""
+        """Return the data of an imported recording."""
         return cls(folder, robot, RecordingTally(recording), import_report, held=recording)
 
     @classmethod
     def load(cls, folder: RunFolder, *, unfinished: bool = False) -> RunData:
-        """Read a run's recording and robot, once and in pieces.
+        """Read a run's recording and robot, once and in parts.
 
-        If the drives told their temperatures, torques are those of warm torque constants.
+        If the drives reported temperatures, the torques are corrected for warm torque constants.
 
         Args:
             folder: The run.
-            unfinished: Whether a run that was never finished will do.
+            unfinished: True to accept a run that was never finished.
 
         Raises:
-            RecordingError: The folder holds no recording, or it cannot be read; or a file in it is
-                not the run's own.
-            LockedError: It is still being recorded.
-            DataQualityError: The run was never finished, and `unfinished` is not set.
+            RecordingError: The folder contains no recording, the recording cannot be read, or a
+                file does not belong to the run.
+            LockedError: The run is still being recorded.
+            DataQualityError: The run was never finished, and `unfinished` is False.
         """
         _require_readable(folder, unfinished)
         require_own(folder)
@@ -137,7 +138,7 @@ class RunData:
             parts = reader.recordings()
             first = next(parts, None)
             _require_header(folder, reader.header, robot)
-            assert first is not None  # there is no header without a row
+            assert first is not None  # a journal with a header has at least one row
             if first.source == "import":
                 report = ImportReport.from_json(folder.read(IMPORT), str(folder.file(IMPORT)))
                 data = cls.of(folder, concatenate_recordings([first, *parts]), robot, report)
@@ -156,10 +157,10 @@ class RunData:
         return replace(data, held=held, damage=(*data.damage, *lost))
 
     def parts(self) -> Iterator[Recording]:
-        """Yield the recording in parts, of which few need be in memory at a time.
+        """Yield the recording in parts, of which only a few are in memory at a time.
 
         Raises:
-            RecordingError: It cannot be read any more.
+            RecordingError: The recording can no longer be read.
         """
         if self.held is not None:
             yield self.held
@@ -170,22 +171,22 @@ class RunData:
 
     @cached_property
     def recording(self) -> Recording:
-        """All of the recording, for whoever cannot do with its parts; it is read once more."""
+        """The whole recording, for callers that cannot use parts; it is read once more."""
         return concatenate_recordings(self.parts()) if self.held is None else self.held
 
     @cached_property
     def cell(self) -> CellConfig | None:
-        """The cell as used; None of a recording from elsewhere.
+        """The cell as used; None for an imported recording.
 
         Raises:
-            ConfigError: Its file is damaged.
+            ConfigError: The cell file is damaged.
         """
         path = self.folder.file(CELL)
         return load_bundled_or_path(str(path), "cells", CellConfig) if path.exists() else None
 
     @cached_property
     def average(self) -> PeriodAverage:
-        """The mean period.
+        """Mean period.
 
         Raises:
             DataQualityError: The run is not periodic, or not good enough.
@@ -194,120 +195,123 @@ class RunData:
 
 
 def _require_readable(folder: RunFolder, unfinished: bool) -> None:
-    """Refuse a run that cannot be read yet, or not without being asked for."""
+    """Refuse a run that is still open, and an unfinished run unless requested."""
     if not folder.file(RECORDING).exists():
-        words = f"{folder.path}: holds no {RECORDING}; nothing was recorded or imported in this run"
+        words = (
+            f"{folder.path}: the folder contains no {RECORDING}, because no row was recorded"
+            " or imported in this run"
+        )
         raise RecordingError(words, code="RID-RECORDING-EMPTY")
     if being_written(folder.file(RECORDING)):
-        words = f"{folder.path}: is still being recorded; wait until it has ended"
+        words = f"{folder.path}: the run is still being recorded; wait until it has ended"
         raise LockedError(words, code="RID-RUN-OPEN")
     if not unfinished and folder.manifest().status == RunStatus.UNFINISHED:
         raise DataQualityError(
-            f"{folder.path}: was never finished: the program ended before the run did. Write what"
-            f" is readable as a new run: `rid-daq recover {folder.path}`; or use it as it is:"
-            " --unfinished",
+            f"{folder.path}: the run was never finished, because the program ended first. Write"
+            f" its readable part as a new run: `rid-daq recover {folder.path}`; or use it as it"
+            " is: --unfinished",
             code="RID-RUN-UNFINISHED",
         )
 
 
 def require_own(folder: RunFolder) -> None:
-    """Refuse a run with a file that is not the one it was made with.
+    """Refuse a run with a file that was changed or does not belong to it.
 
     Raises:
-        RecordingError: There is one; the message names it, whose it is where that is known, and
-            what to do.
+        RecordingError: There is such a file; the message names it, its own run if known, and the
+            remedy.
     """
     for name, what in folder.find_changes(READ).items():
         path = folder.file(name)
-        whose = _whose(folder, name)
+        whose = _owner_phrase(folder, name)
         words = f"{path}: {what}{whose}."
         if "put into" in what:
-            raise RecordingError(f"{words} Take it out of the folder", code="RID-RUN-MIXED")
+            raise RecordingError(f"{words} Remove it from the folder", code="RID-RUN-MIXED")
         again = "import" if folder.file(SOURCE).exists() else "record"
-        advice = f"; if the new one is right, {again} a run with it"
+        advice = f"; if the new file is right, {again} a run with it"
         if path.suffix == ".mcap" and path.exists() and not whose:
             again = f"`rid-daq recover {folder.path}`"
-            advice = f", or write what is readable of it as a new run: {again}"
-        raise RecordingError(f"{words} Put the original back{advice}", code="RID-RUN-CHANGED")
+            advice = f", or write its readable part as a new run: {again}"
+        raise RecordingError(f"{words} Restore the original file{advice}", code="RID-RUN-CHANGED")
 
 
-def _whose(folder: RunFolder, name: str) -> str:
-    """Say which run beside this one has the file; empty where none has."""
+def _owner_phrase(folder: RunFolder, name: str) -> str:
+    """Return a phrase on the neighbouring run that contains the same file; empty if none does."""
     if not folder.file(name).exists():
         return ""
     for other, manifest in list_runs(folder.path.parent):
         if other.run_id != folder.run_id and name in manifest.files:
             if not (folder.is_unchanged(name, manifest.files[name])):
                 continue
-            return f"; it is that of run {other.run_id} ({manifest.label})"
+            return f"; it is the file of run {other.run_id} ({manifest.label})"
     return ""
 
 
 def _require_run(folder: RunFolder, name: str, run_id: str) -> None:
-    """Refuse a recording whose header does not name the run."""
+    """Refuse a recording whose header names another run."""
     if run_id != folder.run_id:
         raise RecordingError(
             f"{folder.file(name)}: belongs to {f'run {run_id}' if run_id else 'no run'}, not to"
-            f" {folder.run_id}: put the original back",
+            f" {folder.run_id}: restore the original file",
             code="RID-RUN-MIXED",
         )
 
 
 def _require_header(folder: RunFolder, header: JournalHeader, robot: RobotDescription) -> None:
-    """Refuse a recording that says that it is of another run or robot."""
+    """Refuse a recording whose header names another run or robot."""
     _require_run(folder, RECORDING, header.run_id)
     path = folder.file(RECORDING)
     if header.joint_names != robot.joint_names or header.robot_name not in ("", robot.name):
         raise RecordingError(
             f"{path}: is of robot {header.robot_name!r} with the joints"
-            f" {', '.join(header.joint_names)}; {ROBOT} beside it describes {robot.name!r}:"
-            f" put the {ROBOT} back that it was recorded with",
+            f" {', '.join(header.joint_names)}, but {ROBOT} in this folder describes"
+            f" {robot.name!r}: restore the {ROBOT} of this recording",
             code="RID-RUN-MIXED",
         )
 
 
-def clocks_of(runs: Sequence[RunData]) -> list[ClockSection]:
-    """Return what is known of the runs' clocks."""
+def clock_sections(runs: Sequence[RunData]) -> list[ClockSection]:
+    """Return the reports on the runs' time stamps."""
     return [
         ClockSection.of(data.clock, data.folder.run_id) for data in runs if data.clock is not None
     ]
 
 
-def lacks(runs: Sequence[RunData]) -> list[str]:
-    """Return what runs lack, one sentence each: their end, rows that are lost, sound imports."""
+def data_defects(runs: Sequence[RunData]) -> list[str]:
+    """Return the defects of runs, one sentence each: missing end, lost rows, import findings."""
     said = []
     for data in runs:
         manifest = data.folder.manifest()
         name = manifest.label or data.folder.run_id
         match manifest.status:
             case RunStatus.UNFINISHED:
-                said.append(f"{name}: was never finished: its end is missing")
+                said.append(f"{name}: the run was never finished, so its end is missing")
             case RunStatus.STOPPED:
-                said.append(f"{name}: was stopped before its end")
+                said.append(f"{name}: the run was stopped before its end")
             case RunStatus.RECOVERED:
                 lost = manifest.facts.get("rows_lost", 0)
-                said.append(f"{name}: was recovered; {lost} rows are known to be lost")
+                said.append(f"{name}: the run was recovered; {lost} rows are known to be lost")
         found = () if data.import_report is None else data.import_report.findings
         held = held_sentence(next(data.parts()))
         said += [f"{name}: {note}" for note in (*data.damage, *found, *([held] if held else ()))]
     return said
 
 
-def every_lack(runs: Sequence[RunData]) -> list[str]:
-    """Return what runs lack, and what their robot's kinematics lack."""
-    return [*lacks(runs), *(runs[0].robot.kinematics.notes if runs else ())]
+def all_defects(runs: Sequence[RunData]) -> list[str]:
+    """Return the defects of runs, and notes on their robot's kinematics."""
+    return [*data_defects(runs), *(runs[0].robot.kinematics.notes if runs else ())]
 
 
-def report_lacks(context: Context, runs: Sequence[RunData]) -> list[str]:
-    """Say what runs lack, and return it."""
-    said = every_lack(runs)
+def show_defects(context: Context, runs: Sequence[RunData]) -> list[str]:
+    """Show the defects of runs, and return them."""
+    said = all_defects(runs)
     for note in said:
         context.say(f"note: {note}")
     return said
 
 
 def _with_plate(folder: RunFolder, recording: Recording) -> tuple[Recording, tuple[str, ...]]:
-    """Return a recording with its force plate's side, and what that has lost."""
+    """Return a recording with its force plate data, and the defects of these data."""
     path = folder.file(PLATE_RECORDING)
     try:
         rows = read_plate_journal(path)
@@ -318,26 +322,26 @@ def _with_plate(folder: RunFolder, recording: Recording) -> tuple[Recording, tup
     return both, tuple(f"force plate: {note}" for note in rows.damage.notes)
 
 
-def note_output(folder: RunFolder, output: Path) -> None:
-    """Note a file that was written in the manifest, where it is a file of the run's folder.
+def register_output(folder: RunFolder, output: Path) -> None:
+    """Add an output file to the manifest, if it is in the run's folder.
 
     Raises:
-        RecordingError: It cannot be read or noted.
+        RecordingError: The file cannot be read or added.
     """
     if output.resolve().parent == folder.path.resolve():
-        with contextlib.suppress(ConfigError):  # no name of a run's file: a stray
+        with contextlib.suppress(ConfigError):  # the name is not allowed for a run's file
             folder.write(output.name, output.read_bytes())
 
 
 def result_of(data: RunData, notes: Sequence[str] = ()) -> Result:
-    """Return a run's result document, or a first one where it has none yet.
+    """Return a run's result document; a new one if it has none yet.
 
     Args:
         data: The run.
-        notes: What the runs lack that the new part of the document rests on.
+        notes: Defects of the runs on which the new part of the document is based.
 
     Raises:
-        RecordingError: There is one, and it cannot be read.
+        RecordingError: There is a document that cannot be read.
     """
     result = read_result(data.folder) if data.folder.file(RESULT).exists() else _first_result(data)
     return result.updated(notes=tuple(notes) or None)

@@ -1,4 +1,4 @@
-"""`RunQuality`: whether what was recorded is whole enough to go on with, and what is left out."""
+"""`RunQuality`: completeness of a recording, and the rows and periods that are left out."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from config.errors import DataQualityError
 
 @dataclass(frozen=True)
 class RunQuality:
-    """What a whole recording has lost.
+    """Completeness of a recording whose motion ran to its end.
 
     Attributes:
         joint_names: Base to flange.
-        rows: Rows of the motion that were driven.
-        lost: How many of them hold no valid answer, of each joint.
-        average: Its mean period, where it is periodic and good enough.
-        trouble: Why it is not good enough; empty where it is.
+        rows: Number of rows of the motion.
+        lost: For each joint, number of rows without a valid answer.
+        average: Mean period, if the motion is periodic and the recording good enough.
+        trouble: Reason why the recording is not good enough; empty if it is.
     """
 
     joint_names: tuple[str, ...]
@@ -34,16 +34,16 @@ class RunQuality:
 
     @property
     def good(self) -> bool:
-        """Whether the commands that come next take it."""
+        """True if the recording is good enough for the next step."""
         return not self.trouble
 
     def sentences(self) -> list[str]:
-        """Say what is lost and what is left out; nothing where nothing is."""
+        """Return sentences on lost answers and left-out periods."""
         said = []
         if any(self.lost):
             lost = zip(self.lost, self.joint_names, strict=True)
             counts = ", ".join(f"{count} of {name}" for count, name in lost if count)
-            said.append(f"Answers lost in {self.rows} rows of the motion: {counts}.")
+            said.append(f"Lost answers in {self.rows} rows of the motion: {counts}.")
         if self.average is not None:
             if self.average.missing_samples:
                 said.append(
@@ -56,7 +56,7 @@ class RunQuality:
         return said
 
     def to_dict(self) -> dict[str, JsonValue]:
-        """Return it as a command's document has it."""
+        """Return the JSON document."""
         rejected = () if self.average is None else self.average.rejected
         return {
             "good": self.good,
@@ -69,14 +69,14 @@ class RunQuality:
 
 
 def run_quality(tally: RecordingTally, averaged: Callable[[], PeriodAverage]) -> RunQuality:
-    """Judge a recording of a motion that ran to its end.
+    """Evaluate the recording of a motion that ran to its end.
 
-    A periodic one is good enough where its periods can be averaged, any other where no joint's
-    answers are missing in more than 2 % of the rows of the motion.
+    A periodic recording is good enough if its periods can be averaged. Any other recording is good
+    enough if no joint's answers are missing in more than 2 % of the rows of the motion.
 
     Args:
-        tally: What was measured by the program itself.
-        averaged: Averages its periods.
+        tally: Statistics of a recording by rid-daq.
+        averaged: Function that averages the periods.
     """
     names, rows, lost = tally.head.joint_names, tally.motion_rows, tally.lost
     average, trouble = None, ""
@@ -88,8 +88,8 @@ def run_quality(tally: RecordingTally, averaged: Callable[[], PeriodAverage]) ->
     elif max(lost) > MISSING_FRACTION_LIMIT * rows:
         worst = int(np.argmax(lost))
         trouble = (
-            f"joint {names[worst]!r}: {lost[worst]} of {rows} rows of the motion"
-            f" are missing or not valid; more than {MISSING_FRACTION_LIMIT:.0%} is too much: look"
-            " for lost frames on the bus"
+            f"joint {names[worst]!r}: {lost[worst]} of {rows} rows of the motion are missing or"
+            f" invalid; at most {MISSING_FRACTION_LIMIT:.0%} are allowed: look for lost frames on"
+            " the bus"
         )
     return RunQuality(names, rows, lost, average, trouble)

@@ -21,7 +21,7 @@ from identification.estimation.limit_torque import limit_torque
 from rid_daq.blocks.block import AnyBlock, Text
 from rid_daq.blocks.formats import duration, number
 from rid_daq.blocks.plot import Axis, Colour, Line, Panel, Plot
-from rid_daq.operations.cell_files import estimate_for, motion_for
+from rid_daq.operations.cell_files import read_estimate_for, read_motion_for
 
 AT_REFERENCE: Final = "Friction as at its reference temperature."
 COLD_OR_WARM: Final = "Friction as cold or as warm, whichever takes more."
@@ -43,7 +43,7 @@ def motion_blocks(cell: LoadedCell, path: Path, model: Path | None) -> Iterator[
         ConfigError, LimitError: The file is none, or is of another robot, or the motion breaks a
             limit; or the model is of another robot.
     """
-    motion = motion_for(path, cell)
+    motion = read_motion_for(path, cell)
     samples = motion.plan(cell.robot, cell.config.cycle_time_s)
     one = samples.whole(1)
     text = f"{motion.describe()} Duration: {duration(samples.duration_s)}."
@@ -52,7 +52,7 @@ def motion_blocks(cell: LoadedCell, path: Path, model: Path | None) -> Iterator[
     yield Text(text=text)
     torque, caption = None, ""
     if model is not None:
-        estimate = estimate_for(model, cell.robot)
+        estimate = read_estimate_for(model, cell.robot)
         torque = limit_torque(estimate, one.position, one.velocity, one.acceleration)
         if by_temperature(estimate).any():
             caption = AT_REFERENCE if estimate.warming is None else COLD_OR_WARM

@@ -52,7 +52,7 @@ def interrupted_sessions(runs: Path, cell: str, folder: Path) -> tuple[Interrupt
         try:
             state = SessionFile.read(run)
             now = PayloadSessionRequest(cell=state.cell, runs=runs, resume=run.run_id)
-            choices = now.as_begun(state.request).choices
+            choices = now.with_original_options(state.request).choices
         except RidDaqError:  # it cannot be gone on with; the page of runs shows what is wrong
             continue
         if state.cell == cell:

@@ -118,7 +118,7 @@ def test_more_than_five_bad_periods_are_exit_6_and_named(
     assert quality["lost_answers"] == {"axis1": 0, "axis2": 30, "axis3": 0}
     named = [word for word in quality["trouble"].split("; ") if "'axis2': 5 of 200" in word]
     assert [word.split(": joint")[0].split(" ")[-1] for word in named] == list("234567")
-    assert "not good enough to go on with" in done.report
+    assert "not good enough for the next step" in done.report
     assert quality["trouble"].split("; ")[1] in done.report.replace("&#39;", "'")
     measured("6 of 8 periods miss 5 of 200 answers: exit 6, 30 of 30 counted, all 6 named")
 
@@ -157,7 +157,7 @@ def test_the_limit_is_two_percent_of_each_joints_answers(
     borne = quality_of(recording({0: 19, 1: 19}, periods))
     assert borne.good
     assert borne.lost == (19, 19)
-    assert borne.sentences()[0] == "Answers lost in 1000 rows of the motion: 19 of a, 19 of b."
+    assert borne.sentences()[0] == "Lost answers in 1000 rows of the motion: 19 of a, 19 of b."
     refused = quality_of(recording({0: 0, 1: 21}, periods))
     assert not refused.good
     assert refused.lost == (0, 21)

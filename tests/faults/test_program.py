@@ -97,7 +97,7 @@ def test_an_operator_who_does_not_let_go_of_ctrl_c_gets_the_report(
     assert done.journal.damage.notes == ()
     assert len(done.journal.rows) >= AT - 5
     assert done.folder.manifest().status == "stopped"
-    assert "Stopped before its end" in (done.folder.path / "report.html").read_text()
+    assert "The motion was stopped before its end" in (done.folder.path / "report.html").read_text()
     measured("Ctrl-C 200 times a second until the end: exit 130, file closed, report written")
 
 

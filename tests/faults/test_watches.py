@@ -12,7 +12,7 @@ import pytest
 from config.load import LoadedCell
 from drivers.cell import open_cell
 from drivers.servo.watchdog_test import try_watches
-from rid_daq.preflight.bus_check import TRIAL_WAITS, watch_lines
+from rid_daq.preflight.bus_check import NOT_TESTED, watchdog_lines
 
 Measured = Callable[[str], None]
 
@@ -49,7 +49,7 @@ def test_a_drive_that_only_says_that_it_watches_is_red(
     with open_cell(rig.config, loaded.robot) as cell:
         cell.axes.bring_up()
         assert {s.verdict for s in cell.axes.settings()} <= {"ok", "shown"}
-        lines = watch_lines(cell, cleared=True)
+        lines = watchdog_lines(cell, cleared=True)
     red = [(line.where, line.found) for line in lines if line.verdict == "red"]
     assert red == [("axis2, node 2", "never")]
     assert not any(rig.truth.powered[-1])
@@ -64,8 +64,8 @@ def test_where_the_trial_takes_power_it_waits_for_a_clear_cell(
     config = rig.config.model_copy(update={"drive_safety": safety})
     with open_cell(config, loaded.robot) as cell:
         cell.axes.bring_up()
-        (line,) = watch_lines(cell, cleared=False)
-    assert (line.where, line.what, line.verdict) == ("axis1, axis2, axis3", TRIAL_WAITS, "red")
+        (line,) = watchdog_lines(cell, cleared=False)
+    assert (line.where, line.what, line.verdict) == ("axis1, axis2, axis3", NOT_TESTED, "red")
     assert "--i-have-cleared-the-cell" in line.next_action
     assert not any(map(any, rig.truth.powered))
 

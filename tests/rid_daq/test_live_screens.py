@@ -90,7 +90,7 @@ def test_a_jog_is_stopped_from_another_terminal(columns: int, tmp_path: Path, ba
     stopped = " ".join(" ".join(shown(other, columns, ["stop"])).split())
     assert stopped.startswith("Session on arm (process ")
     assert "all axes at rest" in stopped
-    assert stopped.endswith("Then check the cell before the next motion.")
+    assert stopped.endswith("before the next motion.")
 
 
 def test_a_jog_that_is_ended_by_its_key_says_where_its_run_is(tmp_path: Path, bare: str) -> None:

@@ -1,1 +1,1 @@
-"""Operations on a cell: check, reset, motions by hand. A declaration imports no numerics."""
+"""Operations on a cell: check, reset, manual motion. Declarations import no numerical libraries."""

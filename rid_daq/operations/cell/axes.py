@@ -1,4 +1,4 @@
-"""`axes`: the axis test, before the first motion of a cell."""
+"""`axes`: the axis test, required before the first motion of a cell."""
 
 from __future__ import annotations
 
@@ -15,17 +15,18 @@ from rid_daq.requests.option import DEFAULT_RUNS, CellName, Option, RunsFolder
 from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
-    from rid_daq.operations.cell.axis_bench import AxesTested
+    from rid_daq.operations.cell.axis_tester import AxisTestOutcome
 
 
 class AxesRequest(Request):
     """Test direction, encoder and gear of every axis before the first motion.
 
-    One axis at a time moves by 2 degrees (5 mm) at 2 % of its speed while SPACE is held, and stops
-    when it is let go. You say which way it moved and about how far; its drive says what it counted.
-    A mismatch is named, with the line of the file to change (exit code 1). Axes that pass are
-    signed in this account's state; on a real cell every other motion needs that, until the cell or
-    the robot file changes.
+    While SPACE is held, one axis moves by 2 degrees (5 mm) at 2 % of its speed limit; it stops when
+    SPACE is released. You answer in which direction the axis moved and about how far, and your
+    answer is compared with the drive's encoder. A mismatch is reported with the line of the file to
+    change (exit code 1). Axes that pass are recorded in the state folder of this user account. On a
+    real cell all other motions require this record; it expires if the cell file or the robot file
+    changes.
     """
 
     cell: CellName
@@ -37,8 +38,8 @@ class AxesRequest(Request):
     unattended: Annotated[
         bool,
         Field(
-            description="Test a simulated cell without a person: no key is held, and the simulated"
-            " robot's true positions are the answers."
+            description="Test a simulated cell without a person: no key is held, and the true"
+            " positions of the simulated robot serve as answers."
         ),
         Option(group=SIMULATED),
     ] = False
@@ -47,7 +48,10 @@ class AxesRequest(Request):
     practise: Practise = False
     tester: Annotated[
         str,
-        Field(description="Person who tests; the user of this process if empty."),
+        Field(
+            description="Name of the person who performs the test; the user of this process if"
+            " empty."
+        ),
         Option(owned=True, hidden=True),
     ] = ""
     runs: RunsFolder = DEFAULT_RUNS
@@ -58,16 +62,16 @@ class AxesResult:
     """Result of an axis test.
 
     Attributes:
-        request: What was asked for.
-        tested: The verdict of each axis, and the run that was stopped.
+        request: The request.
+        tested: The verdict of each axis, and the run that was stopped, if any.
     """
 
     request: AxesRequest
-    tested: AxesTested
+    tested: AxisTestOutcome
 
     @property
     def exit_code(self) -> int:
-        """That of a run that was stopped; 1 if an axis does not do what the files say."""
+        """Exit code of a run that was stopped; otherwise 1 if an axis does not match the files."""
         from rid_daq.terminal.exit_codes import ExitCode
 
         stopped = self.tested.stopped
@@ -76,7 +80,7 @@ class AxesResult:
         return ExitCode.DONE if self.tested.passed else ExitCode.VERDICT_FAILED
 
     def document(self) -> dict[str, object]:
-        """Return the motion, the answers and the verdict of each axis."""
+        """Return the motion, the person's answer and the verdict of each axis."""
         from rid_daq.recording.recorded_run import stop_document
 
         tested, stopped = self.tested, self.tested.stopped
@@ -101,22 +105,22 @@ class AxesResult:
         """Yield the verdict on all axes, and the next command."""
         tested = self.tested
         if tested.stopped is not None:
-            words = tested.stopped.stop_sentence or "The test was ended."
+            words = tested.stopped.stop_sentence or "The test was ended by the user."
             yield Verdict(passed=False, text=f"{words} The axis test is not complete.")
         elif not tested.passed:
-            text = "Not every axis does what the files say: change the lines above."
+            text = "At least one axis does not match the files: change the lines named above."
             yield Verdict(passed=False, text=text)
             yield Next(words=("axes", self.request.cell))
         else:
-            signed = "" if tested.signed is None else f" Signed in {tested.signed}."
-            text = f"Every axis that was tested does what the files say.{signed}"
+            signed = "" if tested.signed is None else f" Recorded in {tested.signed}."
+            text = f"Every tested axis matches the files.{signed}"
             yield Verdict(passed=True, text=text)
             yield Next(words=("check", self.request.cell))
 
 
 def run(request: AxesRequest, context: Context) -> AxesResult:
-    """Test the axes."""
-    from rid_daq.operations.cell.axis_bench import check_axes
+    """Perform the axis test."""
+    from rid_daq.operations.cell.axis_tester import check_axes
 
     return AxesResult(request, check_axes(request, context))
 
@@ -130,5 +134,5 @@ OPERATION: Final = Operation(
     opens_cell=True,
     moves=True,
     is_held=True,
-    module="rid_daq.operations.cell.axis_bench",
+    module="rid_daq.operations.cell.axis_tester",
 )

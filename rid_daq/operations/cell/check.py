@@ -1,4 +1,4 @@
-"""`check`: the preflight of a cell; any red line means no motion."""
+"""`check`: the preflight of a cell; a red line means no motion."""
 
 from __future__ import annotations
 
@@ -21,36 +21,42 @@ if TYPE_CHECKING:
 
 
 class CheckRequest(Request):
-    """Check a cell before motion: nothing moves.
+    """Check a cell before motion; nothing moves.
 
-    Every drive's communication is reset, every drive is configured and read back; then SYNC is sent
-    for some seconds and every answer is counted and timed. Then the heartbeats of each side are
-    withheld once, to see that the other side reacts. For that the drives are switched on, at rest,
-    if the cell file says trip_watchdog_with_power, or if a drive lacks 6007h, 605Ah or 605Eh or is
-    watched by life guarding: its reaction shows in no other way. A person is asked first. A force
-    plate's amplifier is set as the cell file says and read back; it is not zeroed. If the cell has
-    a drive monitor, every motor's temperature and torque constant are read too. If axes name EDS
-    files, those are looked at first: no drive is asked anything if one lacks an object by its EDS,
-    and nothing is written to a drive that differs from its EDS. Positions are compared with the
-    joints' limits and with the pose in which the last run left the robot. The exit code is 3 if a
-    line is red.
+    The communication of every drive is reset, and every drive is configured and read back. Then
+    SYNC is sent for some seconds, and every answer is counted and timed. Then the heartbeat of each
+    side is interrupted once, to check that the other side reacts.
+
+    The heartbeat check needs drives that are switched on, at rest, in three cases: the cell file
+    says trip_watchdog_with_power, a drive lacks 6007h, 605Ah or 605Eh, or a drive is watched by
+    life guarding. The reaction of such a drive is visible only with power on. A person is asked
+    first.
+
+    The amplifier of a force plate is set as in the cell file and read back; the plate is not
+    zeroed. If the cell has a drive monitor, the temperature and torque constant of every motor are
+    read too. If axes name EDS files, these files are checked first: if an EDS lacks a required
+    object, no drive is contacted, and nothing is written to a drive that differs from its EDS.
+    Positions are compared with the joints' limits and with the pose in which the last run left the
+    robot. The exit code is 3 if a line is red.
     """
 
     cell: CellName
     seconds: Annotated[
-        CheckS, Field(description="Time for which answers are counted."), Option(unit="s")
+        CheckS,
+        Field(description="Time during which the drives' answers are counted."),
+        Option(unit="s"),
     ] = 5.0
     cleared: Cleared = False
     all_lines: Annotated[
         bool,
-        Field(description="Show every line, not only one a device and the red ones."),
+        Field(description="Show all lines, instead of one line per device and the red lines."),
         Option(flag="all"),
     ] = False
     accept_pose: Annotated[
         bool,
         Field(
-            description="Confirm that the drives' positions are right, although the robot is not"
-            " where the last run left it."
+            description="Confirm that the drives' positions are right if the robot is in another"
+            " pose than after the last run."
         ),
     ] = False
     runs: RunsFolder = DEFAULT_RUNS
@@ -61,8 +67,8 @@ class CheckResult:
     """Result of a preflight.
 
     Attributes:
-        request: What was asked for.
-        checked: Its lines, and the error that ended it early.
+        request: The request.
+        checked: Lines of the preflight, and the error that ended it early, if any.
     """
 
     request: CheckRequest
@@ -70,7 +76,7 @@ class CheckResult:
 
     @property
     def failure(self) -> RidDaqError | None:
-        """An error if the cell is not ready."""
+        """Error if the cell is not ready; otherwise None."""
         from drivers.servo.bring_up import common_code
 
         checked = self.checked
@@ -80,20 +86,20 @@ class CheckResult:
         if not red:
             return None
         return PreflightError(
-            f"cell {checked.cell}: red lines in the preflight: {len(red)}; the actions are named"
+            f"cell {checked.cell}: the preflight has {len(red)} red lines; each names its remedy"
             " above",
             code=common_code(line.code for line in red),
         )
 
     @property
     def exit_code(self) -> int:
-        """3 if a line is red; or that of the error."""
+        """Exit code 3 if a line is red, or the exit code of the error that ended the preflight."""
         from rid_daq.terminal.exit_codes import ExitCode, exit_code_of
 
         return ExitCode.DONE if self.failure is None else exit_code_of(self.failure)
 
     def document(self) -> dict[str, object]:
-        """Return every line."""
+        """Return all lines of the preflight."""
         checked = self.checked
         return {
             "cell": checked.cell,
@@ -105,7 +111,7 @@ class CheckResult:
         }
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield all lines if they are wanted, how to undo what was written, and the verdict."""
+        """Yield all lines if requested, the command that undoes the writes, and the verdict."""
         from rid_daq.preflight.check_words import all_blocks
         from rid_daq.terminal.console import as_command
 
@@ -113,7 +119,7 @@ class CheckResult:
         if self.request.all_lines:
             yield from all_blocks(checked.lines)
         else:
-            yield Text(text="Every line: --all.")
+            yield Text(text="Use --all to see every line.")
         if checked.write_log is not None and checked.write_log.exists():
             undo = as_command("drives", "rollback", self.request.cell, checked.write_log)
             yield Text(text=f"To undo what was written to the drives: {undo}")
@@ -122,7 +128,8 @@ class CheckResult:
             return
         yield Verdict(passed=True, text=f"Cell {checked.cell} is ready. Nothing was moved.")
         yield Text(
-            text="This is no check of the emergency stop: press it once yourself, and release."
+            text="The preflight does not test the emergency stop: press it once yourself, then"
+            " release it."
         )
 
 

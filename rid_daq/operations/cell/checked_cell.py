@@ -1,4 +1,4 @@
-"""`check_cell`: the preflight of a cell, and the questions to a person that it needs."""
+"""`check_cell`: perform the preflight of a cell and ask a person before drives get power."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from config.errors import RidDaqError
 from config.load import load_cell
 from rid_daq.operations.cell.check import CheckRequest
 from rid_daq.operations.operation import Context
-from rid_daq.preflight.bus_check import TRIAL_WAITS, CheckLine
-from rid_daq.preflight.check_words import say_devices
+from rid_daq.preflight.bus_check import NOT_TESTED, CheckLine
+from rid_daq.preflight.check_words import show_devices
 from rid_daq.preflight.last_pose import PoseRule
 from rid_daq.preflight.preflight import lines_before_bus, preflight
 from rid_daq.session.cells import mountable_cell
 from rid_daq.session.drive_writes import new_write_log
 from rid_daq.terminal.clearance import ask_clearance
 
-POWER: Final = "The drives will be switched on, at rest, and their brakes open."
+POWER: Final = "The drives will be switched on, at rest, and their brakes will open."
 
 
 @dataclass(frozen=True)
@@ -27,10 +27,12 @@ class CheckedCell:
     """Lines of a preflight.
 
     Attributes:
-        cell, files_hash: The cell's name, and the hash of the files that were read.
+        cell: Name of the cell.
+        files_hash: Hash of the files that were read.
         lines: All lines.
-        problem: What ended the preflight early.
-        write_log: Log of what was written to the drives; None if they were started here.
+        problem: Error that ended the preflight early; None if it was complete.
+        write_log: Log of the writes to the drives; None if the drives are simulated by this
+            process.
     """
 
     cell: str
@@ -41,16 +43,16 @@ class CheckedCell:
 
     @property
     def red(self) -> list[CheckLine]:
-        """The red lines."""
+        """All red lines."""
         return [line for line in self.lines if line.verdict == "red"]
 
 
 def check_cell(request: CheckRequest, context: Context) -> CheckedCell:
-    """Check a cell; each device is shown as soon as its lines are there.
+    """Check a cell; show each device as soon as its lines are known.
 
     Raises:
         ConfigError, LockedError: The cell cannot be opened.
-        PreflightError: Power is needed, and a person did not clear the cell.
+        PreflightError: The check needs power, and no person confirmed that the cell is clear.
     """
     loaded = load_cell(request.cell)
     name = loaded.config.name
@@ -58,9 +60,9 @@ def check_cell(request: CheckRequest, context: Context) -> CheckedCell:
     if loaded.config.drive_safety.trip_watchdog_with_power:
         cleared = ask_clearance(name, cleared, context, POWER)
     before = lines_before_bus(loaded, request.runs)
-    say_devices(context, before)
+    show_devices(context, before)
     with mountable_cell(loaded, any_eds=True) as (reachable, simulated):
-        # the drives of a simulation that was started here end with it: nothing to undo
+        # drives that this process simulates end with it: there is nothing to undo
         write_log = new_write_log(request.runs) if simulated is None else None
         rule = PoseRule.ACCEPTED if request.accept_pose else PoseRule.COMPARED
         if simulated is not None:
@@ -74,12 +76,12 @@ def check_cell(request: CheckRequest, context: Context) -> CheckedCell:
                 request.seconds,
                 cleared=cleared,
                 write_log=write_log,
-                tell=lambda found: say_devices(context, found),
+                tell=lambda found: show_devices(context, found),
                 pose=rule,
             )
 
         lines, problem = look(cleared=cleared)
-        if context.can_ask and any(line.what == TRIAL_WAITS for line in lines):
+        if context.can_ask and any(line.what == NOT_TESTED for line in lines):
             ask_clearance(name, cleared, context, POWER)
             lines, problem = look(cleared=True)
     path = None if write_log is None else write_log.path

@@ -1,4 +1,4 @@
-"""`jog`: move a cell's robot by hand, while a key is held."""
+"""`jog`: move a cell's robot manually, while a key is held."""
 
 from __future__ import annotations
 
@@ -21,20 +21,19 @@ if TYPE_CHECKING:
 
 
 class JogRequest(Request):
-    """Move one joint at a time while a key is held; let go, and the robot stops.
+    """Move one joint at a time while a key is held; the robot stops when the key is released.
 
     Digits choose a joint, + and - move it while they are held, h goes to the home pose, q ends. The
-    way is checked before it is driven: it ends before a joint's limit, and before two bodies come
-    too close. A key counts as held from its second repeat on, and for 0.2 s after the last; the
-    process that runs the cycle asks for it in every cycle, so that the robot also stops if this
-    program is suspended, and is switched off if it is killed. After a minute without a key the
-    power is taken away. Ctrl-C is a quick stop. It is not an enabling device.
+    path is checked before it is driven: it ends before a joint's limit, and before two bodies come
+    too close. A key counts as held from its second repeat on, and for 0.2 s after the last repeat.
+    The process of the cyclic task checks the key in every cycle. The robot therefore also stops if
+    this program is suspended, and its drives are switched off if this program is killed. After a
+    minute without a key the drives are switched off. Ctrl-C is a quick stop. The key is not an
+    enabling device.
     """
 
     cell: CellName
-    home: Annotated[
-        bool, Field(description="Go to the home pose of the cell file, and nowhere else.")
-    ] = False
+    home: Annotated[bool, Field(description="Only go to the home pose of the cell file.")] = False
     speed_percent: Annotated[
         JogPercent,
         Field(
@@ -52,26 +51,26 @@ class JogRequest(Request):
 
 @dataclass(frozen=True)
 class JogResult:
-    """A run in which a person moved the robot."""
+    """A run in which a person moved the robot manually."""
 
     run: RecordedRun
 
     @property
     def exit_code(self) -> int:
-        """That of the run."""
+        """Exit code of the run."""
         return self.run.exit_code
 
     def document(self) -> dict[str, object]:
-        """Return the numbers of the run."""
+        """Return the document of the run."""
         return self.run.document()
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield how the motion ended."""
+        """Yield the motion's outcome."""
         yield from self.run.blocks()
 
 
 def run(request: JogRequest, context: Context) -> JogResult:
-    """Jog."""
+    """Jog the robot."""
     from rid_daq.operations.cell.jogging import jog
 
     return JogResult(jog(request, context))

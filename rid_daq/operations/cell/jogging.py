@@ -1,4 +1,4 @@
-"""Jogging: one joint at a time, or to the home pose, while a key is held."""
+"""JogKeys: move one joint at a time, or go to the home pose, while a key is held."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ FORTH, BACK, HOME, QUIT, HOLD = "+", "-", "h", "q", " "
 
 
 def jog(request: JogRequest, context: Context) -> RecordedRun:
-    """Let a person jog a cell's robot, and record it into a new run folder.
+    """Let a person jog a cell's robot, and record the motion into a new run folder.
 
     Raises:
-        ConfigError: The home pose was asked for, and the cell file has none.
-        PreflightError: There is no keyboard, or it was refused before anything moved.
+        ConfigError: The request asks for the home pose, and the cell file has none.
+        PreflightError: There is no keyboard, or a check before the motion failed.
         RidDaqError: As `RunSession.recording`.
     """
     loaded = load_cell(request.cell)
@@ -36,8 +36,8 @@ def jog(request: JogRequest, context: Context) -> RecordedRun:
     home = None if loaded.config.home is None else np.array(loaded.config.home)
     if request.home and home is None:
         raise ConfigError(
-            f"cell {loaded.config.name}: has no home pose: name one position a joint in the cell"
-            " file, as `home: [0.0, …]`",
+            f"cell {loaded.config.name} has no home pose: add one to the cell file, with one"
+            " position per joint, as `home: [0.0, …]`",
             code="RID-CELL-VALUE",
         )
     check = LineCheck(loaded.config, loaded.robot, request.speed_percent / 100.0)
@@ -52,15 +52,15 @@ def jog(request: JogRequest, context: Context) -> RecordedRun:
     ) as session:
         if request.home:
             assert home is not None
-            return record_held(session, context, _homing(request, loaded, home, check, context))
-        jogging = Jogging(loaded.robot, home, check, context)
+            return record_held(session, context, _home_run(request, loaded, home, check, context))
+        jogging = JogKeys(loaded.robot, home, check, context)
         context.say(jogging.help)
         return record_held(
             session,
             context,
             HeldRun(
                 request.label,
-                "Jogged by hand.",
+                "Manual motion (jog).",
                 "jog",
                 plan=jogging.line,
                 tapped=jogging.tapped,
@@ -69,17 +69,21 @@ def jog(request: JogRequest, context: Context) -> RecordedRun:
         )
 
 
-def _homing(
+def _home_run(
     request: JogRequest, loaded: LoadedCell, home: FloatArray, check: LineCheck, context: Context
 ) -> HeldRun:
-    context.say("Hold SPACE to go to the home pose; let go to stop; q ends.")
+    context.say("Hold SPACE to go to the home pose, release it to stop; q ends.")
 
     def line(key: str, pose: FloatArray) -> HoldLine | None:
-        return _said(check(pose, home), "the home pose", context) if key == HOLD else None
+        return (
+            _with_obstacle_message(check(pose, home), "the home pose", context)
+            if key == HOLD
+            else None
+        )
 
     return HeldRun(
         request.label,
-        "To the home pose, by hand.",
+        "Manual motion to the home pose.",
         "jog",
         plan=line,
         tapped=lambda key: key == QUIT,
@@ -88,14 +92,14 @@ def _homing(
     )
 
 
-class Jogging:
-    """What the keys of a jog mean.
+class JogKeys:
+    """Meaning of each key while a person jogs a robot.
 
     Args:
-        robot: Its joints.
-        home: Shape (joints,). The home pose, where there is one.
-        check: Looks at the lines.
-        context: Where a person reads what is chosen and what stands in the way.
+        robot: Robot with the joints to move.
+        home: Shape (joints,). The home pose; None if the cell has none.
+        check: Shortens a path so that it ends before limits and obstacles.
+        context: Output for the person: the chosen joint and obstacles.
     """
 
     def __init__(
@@ -105,49 +109,53 @@ class Jogging:
         self._home = home
         self._check = check
         self._context = context
-        self._chosen = 0
+        self._choose_sessions = 0
 
     @property
     def help(self) -> str:
-        """Which keys there are."""
+        """Sentence that lists the keys."""
         numbers = ", ".join(f"{i} {each.name}" for i, each in enumerate(self._joints[:9], start=1))
-        home = "" if self._home is None else "hold h to go home; "
+        home = "" if self._home is None else "hold h to go to the home pose;"
         return (
-            f"Choose a joint: {numbers}. Hold + or - to move it; {home}let go to stop; q ends."
-            f" Chosen: {self._joints[self._chosen].name}."
+            f"Choose a joint: {numbers}. Hold + or - to move it; {home}release the key to stop; q"
+            f" ends. Chosen: {self._joints[self._choose_sessions].name}."
         )
 
     def tapped(self, key: str) -> bool:
-        """Choose a joint; return whether the jog is to end."""
+        """Choose a joint by its digit; return True if the key ends the jog."""
         number = int(key) - 1 if key.isascii() and key.isdigit() else -1
-        if 0 <= number < len(self._joints) and number != self._chosen:
-            self._chosen = number
+        if 0 <= number < len(self._joints) and number != self._choose_sessions:
+            self._choose_sessions = number
             self._context.say(f"Chosen: {self._joints[number].name}.")
         return key == QUIT
 
     def line(self, key: str, pose: FloatArray) -> HoldLine | None:
-        """Return where a held key leads from a pose.
+        """Return the path from a pose that a held key asks for; None if the key moves nothing.
 
-        A page says the joint with the key (`2+`), so that no choice which came late, or from
-        another page, has a part in what moves.
+        A page sends the joint's number with the key (`2+`). A choice that arrives late, or comes
+        from another page, can therefore not change the joint that moves.
         """
         if key == HOME and self._home is not None:
-            return _said(self._check(pose, self._home), "the home pose", self._context)
+            return _with_obstacle_message(
+                self._check(pose, self._home), "the home pose", self._context
+            )
         named, direction = key[:-1], key[-1:]
         if direction not in (FORTH, BACK) or not (named.isascii() and (named or "1").isdigit()):
             return None
-        number = int(named) - 1 if named else self._chosen
+        number = int(named) - 1 if named else self._choose_sessions
         if not 0 <= number < len(self._joints):
             return None
         joint = self._joints[number]
         wanted = pose.copy()
         limits = joint.limits
         wanted[number] = limits.position_max if direction == FORTH else limits.position_min
-        return _said(self._check(pose, wanted), f"{joint.name} {direction}", self._context)
+        return _with_obstacle_message(
+            self._check(pose, wanted), f"{joint.name} {direction}", self._context
+        )
 
 
-def _said(line: HoldLine, where: str, context: Context) -> HoldLine:
-    """Say what a line ends in front of, and return it."""
+def _with_obstacle_message(line: HoldLine, where: str, context: Context) -> HoldLine:
+    """Report the obstacle if a path cannot begin; return the path."""
     if line.is_empty and line.obstacle:
-        context.say(f"{where}: no further, {line.obstacle} is in the way.")
+        context.say(f"{where}: the robot cannot move further: {line.obstacle} is in the way.")
     return line

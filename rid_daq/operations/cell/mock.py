@@ -11,7 +11,7 @@ from pydantic import Field
 
 from config.ranges import Pace, Seed
 from rid_daq.blocks.block import AnyBlock, Next, Text
-from rid_daq.operations.ended import EndResult
+from rid_daq.operations.end_result import EndResult
 from rid_daq.operations.operation import Context, Operation, OperationResult
 from rid_daq.requests.option import FILES, Option
 from rid_daq.requests.request import Request
@@ -23,31 +23,31 @@ if TYPE_CHECKING:
 class MockRequest(Request):
     """Serve a cell's simulated drives and force plate until Ctrl-C.
 
-    Other commands that name this cell join it meanwhile, and so does anything that speaks
-    python-can, such as its logger. With --as the devices are another cell's, on this cell's bus:
-    mistakes in wiring and files can be practised. With --eds their data sheets are written and
-    nothing else is done: one file per drive, for the axes' eds in the cell file and for other
+    While they are served, other commands that name this cell use them, and so can any python-can
+    program, such as its logger. With --as the devices of another cell are served on this cell's
+    bus, to practise with mistakes in wiring and files. With --eds the command only writes the EDS
+    files of the drives, one per drive: for the axes' eds keys in the cell file and for other
     CANopen tools.
     """
 
     cell: Annotated[
         str,
-        Field(description="A bundled name or a simulated cell's file."),
+        Field(description="Simulated cell: a bundled name or a cell file."),
         Option(positional=True, metavar="CELL"),
     ]
     devices: Annotated[
         str | None,
         Field(
-            description="Serve the devices of this other simulated cell, so that CELL's files can"
-            " be wrong."
+            description="Serve the devices of this other simulated cell, to practise with wrong"
+            " files of CELL."
         ),
         Option(flag="as", metavar="OTHER"),
     ] = None
     lockstep: Annotated[
         bool,
         Field(
-            description="Let the commanding program advance the simulated time, not the clock"
-            " (rid_sim)."
+            description="Let the commanding program advance the simulated time instead of the"
+            " clock (rid_sim)."
         ),
     ] = False
     pace: Annotated[
@@ -70,12 +70,14 @@ class MockRequest(Request):
     ] = None
     faults: Annotated[
         Path | None,
-        Field(description="Fault script: what is to go wrong."),
+        Field(description="Fault script: faults of the simulated cell and their times."),
         Option(group=FILES, metavar="FILE"),
     ] = None
     eds: Annotated[
         Path | None,
-        Field(description="Write the data sheet (EDS) of each drive here; nothing is served."),
+        Field(
+            description="Write the data sheet (EDS) of each drive into this folder; serve nothing."
+        ),
         Option(group=FILES, metavar="FOLDER"),
     ] = None
 
@@ -90,9 +92,9 @@ class EdsFiles:
     """EDS files that were written.
 
     Attributes:
-        cell: The cell's name.
-        folder: Their folder.
-        files: Their names.
+        cell: Name of the cell.
+        folder: Folder of the files.
+        files: Names of the files.
     """
 
     cell: str
@@ -101,21 +103,23 @@ class EdsFiles:
     exit_code: int = 0
 
     def document(self) -> dict[str, object]:
-        """Return cell, folder and files."""
+        """Return cell, folder and file names."""
         return {"cell": self.cell, "folder": str(self.folder), "files": list(self.files)}
 
     def blocks(self) -> Iterator[Text]:
-        """Yield the files and their use."""
+        """Yield the file names and their use."""
         yield Text(text=f"{self.folder}: wrote {', '.join(self.files)}.")
-        yield Text(text="Name each in its axis of the cell file (eds), by its path from there.")
+        yield Text(
+            text="Name each file in its axis of the cell file (key eds), relative to the cell file."
+        )
 
 
 @dataclass(frozen=True)
-class MockServed:
-    """A cell whose devices are served.
+class MockResult:
+    """A cell whose simulated devices are served.
 
     Attributes:
-        served: The cell.
+        served: Server of the devices.
     """
 
     request: MockRequest
@@ -123,7 +127,7 @@ class MockServed:
     exit_code: int = 0
 
     def document(self) -> dict[str, object]:
-        """Return where the devices are served."""
+        """Return the addresses of the served devices."""
         served, config = self.served, self.served.loaded.config
         document: dict[str, object] = {
             "cell": config.name,
@@ -135,17 +139,19 @@ class MockServed:
         return {**document, "plate": served.address} if served.address else document
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield where the devices are served, and the next command."""
+        """Yield the addresses of the served devices, and the next command."""
         request, served, config = self.request, self.served, self.served.loaded.config
         what = ", ".join(f"{axis.joint} node {axis.node_id}" for axis in config.axes)
-        if request.devices is not None:  # to find out its nodes is part of the practice
+        if (
+            request.devices is not None
+        ):  # the user practises finding the node ids, so they are not shown
             what = f"with the devices of {request.devices}"
         kept = "lock-step" if request.is_in_lockstep else "real"
         yield Text(text=f"Cell {config.name} is served: {what}; {kept} time.")
         if request.faults is not None:
-            yield Text(text=f"Faults:     as {request.faults} says")
+            yield Text(text=f"Faults:     from {request.faults}")
         if served.listen:
-            yield Text(text=f"Listen in:  {served.listen}")
+            yield Text(text=f"Bus frames: {served.listen}")
         else:
             yield Text(text=f"Adapter:    {served.channel} (slcan)")
         if served.address and config.plate is not None:
@@ -153,7 +159,7 @@ class MockServed:
             yield Text(text=f"Plate:      {served.address} at {baud_rate} baud")
         if served.registers:
             yield Text(text=f"Registers:  {served.registers}")
-        yield Text(text="Ctrl-C ends it.")
+        yield Text(text="Press Ctrl-C to end.")
         yield Next(words=("check", request.cell), lead="Next, in another terminal")
 
 
@@ -165,7 +171,7 @@ def run(request: MockRequest, context: Context) -> OperationResult:
         name, files = write_eds_files(request.devices or request.cell, request.eds)
         return EdsFiles(name, request.eds, tuple(files))
     with serve_cell(request) as served:
-        begun = MockServed(request, served)
+        begun = MockResult(request, served)
         context.result(begun.document(), begun.blocks())
         served.wait()
     return EndResult("Ended.")

@@ -1,4 +1,4 @@
-"""`plate zero`: find the offsets of the force plate under the robot."""
+"""`plate zero`: measure the offsets of the force plate under the robot."""
 
 from __future__ import annotations
 
@@ -20,20 +20,21 @@ if TYPE_CHECKING:
 
 
 class PlateZeroRequest(Request):
-    """Find the plate's offsets: read it, turn axis 1 by half a turn, read it, go back, read it.
+    """Measure the force plate's offsets by half a turn of axis 1.
 
-    The robot moves. The amplifier is reset at rest in the first pose, and operates from then on.
-    Half the sum of the readings is the offset, half their difference the moment of gravity; the
-    third reading shows the drift. The lines for the cell file are printed. The exit code is 1 if
-    the zero does not hold.
+    The robot moves. The plate is read, axis 1 turns by half a turn, the plate is read, axis 1 turns
+    back, and the plate is read again. The amplifier is reset while the robot rests in the first
+    pose, and operates from then on. Half the sum of the first two readings is the offset, half
+    their difference the moment of gravity; the third reading shows the drift. The lines for the
+    cell file are printed. The exit code is 1 if the zero is not reproducible.
     """
 
     cell: CellName
     pose: Annotated[
         tuple[PositionRad, ...] | None,
         Field(
-            description="Pose about which axis 1 is turned, one value a joint; the middle of every"
-            " range if not set."
+            description="Pose about which axis 1 is turned, one value per joint; the middle of"
+            " each joint's range if not set."
         ),
         Option(unit="rad or m", metavar="RAD,...", separator=","),
     ] = None
@@ -41,11 +42,13 @@ class PlateZeroRequest(Request):
         ReadingS, Field(description="Duration of each reading."), Option(flag="read", unit="s")
     ] = 5.0
     settle_s: Annotated[
-        SettleS, Field(description="Rest before each reading."), Option(flag="settle", unit="s")
+        SettleS,
+        Field(description="Waiting time at rest before each reading."),
+        Option(flag="settle", unit="s"),
     ] = 2.0
     write: Annotated[
         bool,
-        Field(description="Write the zero into the cell file; everything else in it is kept."),
+        Field(description="Write the zero into the cell file; its other lines stay unchanged."),
     ] = False
     simulation: Simulation = Simulation()
     cleared: Cleared = False
@@ -57,17 +60,17 @@ class PlateZeroRequest(Request):
 
 @dataclass(frozen=True)
 class PlateZeroResult:
-    """Offsets of a plate.
+    """Offsets of a force plate.
 
     Attributes:
-        zeroed: The run, and the zero if the motion was not stopped.
+        zeroed: The run, and the zero unless the motion was stopped.
     """
 
     zeroed: ZeroedPlate
 
     @property
     def exit_code(self) -> int:
-        """That of a run that was stopped; 1 if the zero does not hold."""
+        """Exit code of a run that was stopped; otherwise 1 if the zero failed its check."""
         from rid_daq.terminal.exit_codes import ExitCode
 
         run = self.zeroed.run
@@ -76,7 +79,7 @@ class PlateZeroResult:
         return ExitCode.DONE if run.result.verdict.passed else ExitCode.VERDICT_FAILED
 
     def document(self) -> dict[str, object]:
-        """Return the zero; without one, how the motion was stopped."""
+        """Return the zero; if the motion was stopped, return the stop reason."""
         from rid_daq.recording.recorded_run import stop_document
 
         zeroed, run = self.zeroed, self.zeroed.run
@@ -101,8 +104,8 @@ class PlateZeroResult:
             yield Verdict(passed=False, text=run.stop_sentence)
             if not zeroed.approach_only:
                 yield Text(
-                    text="The plate is not zeroed: start again, or `record` measures from a wrong"
-                    " zero."
+                    text="The plate is not zeroed: repeat `plate zero`, because `record` would"
+                    " subtract wrong offsets."
                 )
                 yield Text(text=f"Report: {run.report}")
             return
@@ -112,16 +115,17 @@ class PlateZeroResult:
         yield Verdict(passed=verdict.passed, text=f"{verdict.headline}. {verdict.sentence}")
         yield Text(text=f"Report: {run.report}")
         if zeroed.written is not None:
-            yield Text(text=f"4 of 4: written into {zeroed.written}")
+            yield Text(text=f"4 of 4: the zero was written into {zeroed.written}")
         elif verdict.passed:
             yield Text(
-                text="4 of 4: put these lines under `plate:` in the cell file (--write does it):"
+                text="4 of 4: add these lines under `plate:` in the cell file (--write does it"
+                " for you):"
             )
             yield Text(text=zeroed.lines.rstrip("\n"))
 
 
 def run(request: PlateZeroRequest, context: Context) -> PlateZeroResult:
-    """Zero the plate."""
+    """Zero the force plate."""
     from rid_daq.operations.cell.zeroed_plate import zero_plate
 
     return PlateZeroResult(zero_plate(request, context))

@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 
 class ResetRequest(Request):
-    """Reset the faults of a cell's drives, once you have found and removed their causes.
+    """Reset the faults of a cell's drives after you have found and removed their causes.
 
-    The program never does this by itself. No power is switched on and nothing moves; motion needs
-    the whole preflight again. The exit code is 3 if a drive stays in fault.
+    The program never resets a fault by itself. No power is switched on and nothing moves; the next
+    motion needs the whole preflight again. The exit code is 3 if a drive stays in fault.
     """
 
     cell: CellName
@@ -31,9 +31,9 @@ class ResetResult:
     """State of each drive after its fault was reset.
 
     Attributes:
-        request: What was asked for.
-        cell: The cell's name.
-        drives: One a drive.
+        request: The request.
+        cell: Name of the cell.
+        drives: State of each drive before and after.
     """
 
     request: ResetRequest
@@ -42,7 +42,7 @@ class ResetResult:
 
     @property
     def failure(self) -> RidDaqError | None:
-        """An error if a fault remains."""
+        """Error if a fault remains; otherwise None."""
         from drivers.device_text import printable
 
         remaining = []
@@ -54,20 +54,20 @@ class ResetResult:
         if not remaining:
             return None
         return PreflightError(
-            f"{'; '.join(remaining)}: remove the cause first, or see the drive's manual for how it"
-            " is reset",
+            f"{'; '.join(remaining)}: remove the cause first, or see the drive's manual on how to"
+            " reset the fault",
             code="RID-DRIVE-FAULT",
         )
 
     @property
     def exit_code(self) -> int:
-        """3 if a fault remains."""
+        """Exit code 3 if a fault remains."""
         from rid_daq.terminal.exit_codes import ExitCode
 
         return ExitCode.PREFLIGHT if self.failure else ExitCode.DONE
 
     def document(self) -> dict[str, object]:
-        """Return the states before and after."""
+        """Return the states before and after the reset."""
         return {
             "cell": self.cell,
             "drives": [
@@ -84,13 +84,13 @@ class ResetResult:
         }
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield the states before and after, the verdict, and the next command."""
+        """Yield the states before and after the reset, the verdict, and the next command."""
         yield table(
             self.drives,
             Cells("drive", lambda drive: f"{drive.joint}, node {drive.node_id}"),
-            Cells("was", lambda drive: drive.before.words),
-            Cells("its error", lambda drive: drive.error),
-            Cells("is", lambda drive: drive.after.words),
+            Cells("state before", lambda drive: drive.before.words),
+            Cells("error code", lambda drive: drive.error),
+            Cells("state after", lambda drive: drive.after.words),
             failed=lambda drive: drive.is_faulty or bool(drive.refusal),
         )
         if self.failure:

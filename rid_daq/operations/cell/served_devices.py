@@ -1,4 +1,4 @@
-"""Serving a cell's simulated devices for other commands, and writing their data sheets."""
+"""Serve a cell's simulated devices for other commands, and write their data sheets."""
 
 from __future__ import annotations
 
@@ -33,12 +33,13 @@ LOOK_S: Final = 2.0
 
 @dataclass(frozen=True)
 class DeviceServer:
-    """A cell whose simulated devices are served.
+    """Server of a cell's simulated devices.
 
     Attributes:
-        loaded: The devices' cell and its files, on the bus that commands join.
+        loaded: Cell of the devices and its files, on the bus that commands use.
         cell: The cell as it is served.
-        channel, address: Of its bus, and of its plate's serial port; empty without one.
+        channel: Channel of the cell's bus.
+        address: Address of the plate's serial port; empty without a plate.
     """
 
     loaded: LoadedCell
@@ -48,7 +49,10 @@ class DeviceServer:
 
     @property
     def listen(self) -> str:
-        """How to see the frames; empty for an slcan adapter, whose port is for one program."""
+        """Command that prints the frames on the bus.
+
+        Empty for slcan (only one program opens a port).
+        """
         interface, channel = self.cell.can.interface, self.loaded.config.can.channel
         if interface == "slcan":
             return ""
@@ -60,7 +64,7 @@ class DeviceServer:
 
     @property
     def registers(self) -> str:
-        """Where the drives' Modbus registers are served; empty where they are not."""
+        """Address of the drives' Modbus registers; empty if they are not served."""
         if self.cell.monitor is None:
             return ""
         link = self.cell.monitor.link
@@ -69,20 +73,21 @@ class DeviceServer:
         return f"Modbus RTU {link.address}, {link.baud_rate} baud"
 
     def wait(self) -> None:
-        """Wait for a signal to end; a hang-up that is ignored (nohup) stays ignored.
+        """Wait for a signal that ends the program; an ignored hang-up (nohup) stays ignored.
 
         Raises:
-            TransportError: The simulated bus is not served any more.
+            TransportError: The simulated bus has ended.
         """
         ending = set(ending_signals())
         came: list[int] = []
-        for number in ending:  # for those that the kernel hands to another thread
+        for number in ending:  # the kernel may deliver a signal to another thread
             signal.signal(number, lambda came_in, _frame: came.append(came_in))
         signal.pthread_sigmask(signal.SIG_BLOCK, ending)
         while not came and signal.sigtimedwait(ending, LOOK_S) is None:
             if not is_served(self.loaded.config):
                 raise TransportError(
-                    f"cell {self.cell.name}: its simulated bus died; start it again",
+                    f"cell {self.cell.name}: its simulated bus has ended; start `rid-daq mock`"
+                    " again",
                     code="RID-MOCK-ENDED",
                 )
         ignore_termination()
@@ -90,19 +95,19 @@ class DeviceServer:
 
 @contextlib.contextmanager
 def serve_cell(request: MockRequest) -> Iterator[DeviceServer]:
-    """Serve a cell's simulated devices as long as the `with` lasts.
+    """Serve a cell's simulated devices until the `with` block ends.
 
     Raises:
         ConfigError, LockedError: The cell is not simulated, cannot be served, or is served already.
         RidDaqError: As `SimulatedCell`.
     """
-    loaded, plant = _devices(request)
+    loaded, plant = _cell_to_simulate(request)
     script = NO_SCRIPT if request.faults is None else load_faults(request.faults, loaded.config)
     if script.program:
         raise ConfigError(
-            f"{request.faults}: program: happens to the program that works with a cell which it"
-            " serves itself, and `mock` serves one for others: leave it out here, or give the"
-            " script to `rid-daq record --faults`",
+            f"{request.faults}: program: this fault acts on a program that simulates the cell"
+            " itself, but `mock` simulates the cell for other programs: remove the key"
+            " `program`, or give the script to `rid-daq record --faults`",
             code="RID-FAULT-SCRIPT",
         )
     _check_channel(loaded.config)
@@ -126,16 +131,16 @@ def serve_cell(request: MockRequest) -> Iterator[DeviceServer]:
 
 
 def write_eds_files(cell: str, folder: Path) -> tuple[str, list[str]]:
-    """Write the data sheet of every simulated drive of a cell; nothing is overwritten.
+    """Write the data sheet of every simulated drive of a cell; refuse to overwrite a file.
 
     Returns:
         The cell's name, and the names of the files.
 
     Raises:
-        ConfigError: The cell is not simulated, or there are such files already.
-        RecordingError: They cannot be written.
+        ConfigError: The cell is not simulated, or one of the files exists already.
+        RecordingError: The files cannot be written.
     """
-    loaded, plant = _simulated(cell)
+    loaded, plant = _load_simulated(cell)
     created = datetime.now()
     eds_files = {}
     for axis, joint, simulated in zip(
@@ -147,7 +152,7 @@ def write_eds_files(cell: str, folder: Path) -> tuple[str, list[str]]:
     present = [name for name in eds_files if (folder / name).exists()]
     if present:
         raise ConfigError(
-            f"{folder}: {', '.join(present)} is already there; nothing was written. Give another"
+            f"{folder}: {', '.join(present)} exists already; nothing was written. Give another"
             " folder, or move the files away.",
             code="RID-FILE-EXISTS",
         )
@@ -162,26 +167,27 @@ def write_eds_files(cell: str, folder: Path) -> tuple[str, list[str]]:
     return loaded.config.name, [*eds_files]
 
 
-def _simulated(cell: str) -> tuple[LoadedCell, PlantConfig]:
+def _load_simulated(cell: str) -> tuple[LoadedCell, PlantConfig]:
     loaded = load_cell(cell)
     if not loaded.config.simulated or loaded.plant is None:
         raise ConfigError(
-            f"cell {loaded.config.name}: is not simulated; say simulated: true and name a plant",
+            f"cell {loaded.config.name} is not simulated: set `simulated: true` and name a plant"
+            " in the cell file",
             code="RID-CELL-NOT-SIMULATED",
         )
     return loaded, loaded.plant
 
 
-def _devices(request: MockRequest) -> tuple[LoadedCell, PlantConfig]:
-    """Return the cell that is simulated, where commands that name the served cell look for it.
+def _cell_to_simulate(request: MockRequest) -> tuple[LoadedCell, PlantConfig]:
+    """Return the cell to simulate, on the bus of the served cell.
 
-    Of another cell come robot, plant, drives and everything else that hangs on the lines; the lines
-    themselves, and what a program says on them, are the served cell's.
+    With `--as`, robot, plant, drives and all other devices are those of the other cell. The bus and
+    its protocol settings are those of the served cell.
     """
-    loaded, plant = _simulated(request.cell)
+    loaded, plant = _load_simulated(request.cell)
     if request.devices is None:
         return loaded, plant
-    other, plant = _simulated(request.devices)
+    other, plant = _load_simulated(request.devices)
     cell, devices = loaded.config, other.config
     monitor = devices.monitor
     if monitor is not None and cell.monitor is not None:
@@ -201,8 +207,8 @@ def _check_channel(cell: CellConfig) -> None:
     refuse_one_process(cell)
     if cell.can.interface == SIMULATED and os.sep in cell.can.channel:
         raise ConfigError(
-            f"cell {cell.name}: can.channel {cell.can.channel}: on interface {SIMULATED} simulated"
-            " devices are served under a plain channel name",
+            f"cell {cell.name}: can.channel {cell.can.channel}: interface {SIMULATED} needs a"
+            f" plain channel name without {os.sep}",
             code="RID-CELL-VALUE",
         )
     if is_served(cell):

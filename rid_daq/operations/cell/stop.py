@@ -1,4 +1,4 @@
-"""`stop`: quick stop of a session that runs on this machine."""
+"""`stop`: quick stop of a session that runs on this computer."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ _NAME: Final = re.compile(r"^name:[ \t]*[\"']?([\w.-]+)", re.MULTILINE)
 
 
 class StopRequest(Request):
-    """Stop the session that runs on this machine: a quick stop of all axes, then power off.
+    """Stop the session that runs on this computer: quick stop of all axes, then power off.
 
-    It works from any terminal of the same user (root: of every user), however busy the session is,
-    and the session keeps what it has recorded. If several sessions run, name the cell, or choose
-    from the list; without a terminal none is stopped then, and the exit code is 2. Exit code 0
-    says that the stop was seen; 1 that no session runs, 4 that one did not answer. It is not an
-    emergency stop.
+    The command works from any terminal of the same user (root: for all users' sessions), even if
+    the session is busy. The session keeps the rows that it has recorded. If several sessions run,
+    name the cell, or choose from the list; without a terminal no session is stopped then, and the
+    exit code is 2. Exit code 0: the session confirmed the stop; 1: no session runs; 4: a session
+    did not answer. This command is not an emergency stop.
     """
 
     cell: Annotated[
@@ -49,11 +49,11 @@ class StopRequest(Request):
 
 @dataclass(frozen=True)
 class StopOutcome:
-    """The sessions that were asked to stop.
+    """Outcome of a stop command.
 
     Attributes:
-        cell: Name of the cell that was to be stopped; None for any.
-        results: Every session and what came of the stop.
+        cell: Name of the cell to stop; None for any cell.
+        results: Sessions that were asked to stop, each with its answer.
         running: Sessions that still run, if none was asked to stop.
     """
 
@@ -63,7 +63,7 @@ class StopOutcome:
 
     @property
     def exit_code(self) -> int:
-        """1 if no session runs, 4 if one did not answer."""
+        """Exit code 1 if no session runs, 4 if a session did not answer."""
         from rid_daq.terminal.exit_codes import ExitCode
 
         if not self.results:
@@ -72,7 +72,7 @@ class StopOutcome:
         return ExitCode.DONE if seen else ExitCode.COMMUNICATION
 
     def document(self) -> dict[str, object]:
-        """Return every session and what came of the stop."""
+        """Return every session with its answer to the stop."""
         return {
             "sessions": [
                 {
@@ -88,13 +88,13 @@ class StopOutcome:
         }
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield what came of every stop, and what to do next."""
+        """Yield the answer of every session, and what to do next."""
         if not self.results:
             where = "" if self.cell is None else f" on cell {self.cell}"
-            text = f"No session runs{where} on this machine: nothing was stopped."
+            text = f"No session runs{where} on this computer: nothing was stopped."
             yield Verdict(passed=False, text=text)
             for each in self.running:
-                text = f"Still running: {each.words}; {_advice(each)}."
+                text = f"Still running: {each.words}; {_stop_advice(each)}."
                 yield Verdict(passed=False, text=text)
             return
         for session, result in self.results:
@@ -104,13 +104,13 @@ class StopOutcome:
             yield Text(text="Use the cell's emergency stop if anything still moves.")
             return
         yield Text(
-            text="The recording is kept. Find out why it had to stop. Then check the cell"
+            text="The recording is kept. Find the cause of the stop, then run `rid-daq check`"
             " before the next motion."
         )
 
 
 def run(request: StopRequest, context: Context) -> StopOutcome:
-    """Stop the sessions that are meant."""
+    """Stop one or all sessions."""
     from rid_daq.session.running_sessions import running_sessions
     from rid_daq.session.stopping import stop_sessions
 
@@ -121,13 +121,13 @@ def run(request: StopRequest, context: Context) -> StopOutcome:
     name = None if request.cell is None else _cell_name(request.cell)
     sessions = running_sessions(name)
     if name is None and not request.every:
-        sessions = _chosen(sessions, context)
+        sessions = _choose_sessions(sessions, context)
     results = stop_sessions(sessions)
     return StopOutcome(name, results, () if results else running_sessions())
 
 
 def _cell_name(cell: str) -> str:
-    """Return the name in a cell file, whatever else is wrong there, or what was given."""
+    """Return the name in a cell file, even an invalid one; return `cell` if it is no file."""
     from config.formats.yaml_tree import MAX_BYTES
 
     try:
@@ -138,22 +138,22 @@ def _cell_name(cell: str) -> str:
     return cell if named is None else named[1]
 
 
-def _advice(session: RunningSession) -> str:
-    return f"`rid-daq stop {session.cell}` stops it" if session.cell else "its cell is not known"
+def _stop_advice(session: RunningSession) -> str:
+    return f"`rid-daq stop {session.cell}` stops it" if session.cell else "its cell is unknown"
 
 
-def _chosen(sessions: list[RunningSession], context: Context) -> list[RunningSession]:
+def _choose_sessions(sessions: list[RunningSession], context: Context) -> list[RunningSession]:
     """Return the only session that can be stopped, or the one that a person chooses.
 
     Raises:
-        ConfigError: Several run and nobody can be asked, or none of them was chosen.
+        ConfigError: Several sessions run and no user can be asked, or the person chose none.
     """
     several = [session for session in sessions if session.refusal is None]
     if len(several) < 2:
         return sessions
     listed = several[:MOST_LISTED]
     if not (context.is_terminal and context.can_ask):
-        listing = "\n".join(f"  {session.words}; {_advice(session)}" for session in several)
+        listing = "\n".join(f"  {session.words}; {_stop_advice(session)}" for session in several)
         raise ConfigError(
             f"{len(several)} sessions run, and none was stopped. Name the cell, or give --all:\n"
             f"{listing}",
@@ -162,7 +162,7 @@ def _chosen(sessions: list[RunningSession], context: Context) -> list[RunningSes
     context.say("Several sessions run. Press the number of the one to stop:")
     for number, session in enumerate(listed, 1):
         context.say(f"  {number}  {session.words}")
-    context.say("  0  all of them")
+    context.say("  0  all sessions")
     from rid_daq.terminal.pressed_key import read_key
 
     key = read_key()
@@ -171,7 +171,7 @@ def _chosen(sessions: list[RunningSession], context: Context) -> list[RunningSes
     if key.isascii() and key.isdigit() and int(key) <= len(listed):
         return [listed[int(key) - 1]]
     raise ConfigError(
-        f"{key!r} is none of the numbers: no session was stopped", code="RID-STOP-WHICH"
+        f"{key!r} is not one of the listed numbers: no session was stopped", code="RID-STOP-WHICH"
     )
 
 

@@ -1,4 +1,4 @@
-"""`zero_plate`: read the force plate, turn axis 1, read it, go back, read it."""
+"""`zero_plate`: read the force plate, turn axis 1, read it, turn back, read it again."""
 
 from __future__ import annotations
 
@@ -35,19 +35,19 @@ from rid_daq.runs.plate_zero_lines import write_zero, zero_lines
 from rid_daq.runs.run_data import RunData
 
 ZERO_FILE: Final = "zero.yaml"
-STAND_S: Final = 0.5
+REST_S: Final = 0.5
 
 
 @dataclass(frozen=True)
 class ZeroedPlate:
-    """Offsets of a plate, and the run that showed them.
+    """Offsets of a force plate, and the run in which they were measured.
 
     Attributes:
-        run: The turn; the way to its first pose where that was stopped.
-        zero: The zero; None where the motion was stopped.
-        lines: It as the cell file has it.
-        written: The cell file that it was written into.
-        approach_only: Whether the robot was stopped on its way to the first pose, which is not
+        run: Run of the turn; if the robot was stopped before the first pose, the approach.
+        zero: Offsets; None if the motion was stopped.
+        lines: The offsets as lines of a cell file.
+        written: Cell file into which the offsets were written; None if not requested.
+        approach_only: True if the robot was stopped before the first pose; the run is then not
             kept.
     """
 
@@ -59,24 +59,24 @@ class ZeroedPlate:
 
 
 def zero_plate(request: PlateZeroRequest, context: Context) -> ZeroedPlate:
-    """Find the plate's offsets, and write them into the cell file where that is asked.
+    """Measure the force plate's offsets, and write them into the cell file if requested.
 
     Raises:
-        ConfigError, PreflightError: It was refused before anything moved.
-        DataQualityError, RidDaqError: The plate's side of the recording cannot be used; or as
-            `RunSession.recording`.
+        ConfigError, PreflightError: The request was refused before anything moved.
+        DataQualityError: The recording of the plate cannot be used.
+        RidDaqError: As `RunSession.recording`.
     """
     loaded = load_cell(request.cell)
     plate = loaded.config.plate
     if plate is None or loaded.amplifier_profile is None:
         raise ConfigError(
-            f"cell {loaded.config.name} has no plate: there is nothing to zero",
+            f"cell {loaded.config.name} has no force plate: `plate zero` needs one",
             code="RID-PLATE-MISSING",
         )
     if request.write and request.cell in bundled_names("cells"):
         raise ConfigError(
-            f"--write: {request.cell} is bundled with the program; `rid-daq init` makes a cell of"
-            " your own",
+            f"--write: cell {request.cell} is bundled with the program and cannot be changed;"
+            " make your own cell with `rid-daq init`",
             code="RID-PLATE-ZERO-WRITE",
         )
     pose = None if request.pose is None else np.array(request.pose)
@@ -91,18 +91,20 @@ def zero_plate(request: PlateZeroRequest, context: Context) -> ZeroedPlate:
         AxisTestRule(request.axis_test),
         simulation=request.simulation,
     ) as session:
-        approach = _approach(session, turn, context).as_step()
+        approach = _drive_to_first_pose(session, turn, context).as_step()
         if approach.outcome.stop is not None:
             return ZeroedPlate(approach, approach_only=True)
-        context.say("2 of 4: the amplifier is reset and operates")
+        context.say("2 of 4: the amplifier is reset, then operates")
         discharge_plate(_plate_of(session.cell), loaded.amplifier_profile)
-        context.say("3 of 4: reading, axis 1 there, reading, back, reading")
-        words = "Axis 1 to one side, to the other and back, with a reading at rest on each."
+        context.say("3 of 4: reading, turn of axis 1, reading, turn back, reading")
+        words = (
+            "Axis 1 turns to one side, to the other and back, with a reading at rest on each side."
+        )
         asked = RunRequest(request.label, words, samples, role="zeroing")
         with replace(session, cell=_without_zero(session.cell)).recording(asked) as run:
             if run.outcome.stop is not None:
                 return ZeroedPlate(run)
-            found = _offset(run.data, _plate_of(session.cell), turn, readings)
+            found = _estimate_offset(run.data, _plate_of(session.cell), turn, readings)
             judged = zero_verdict(found, turn, plate)
             run.result = run.result.updated(
                 title=f"Zero of the plate of {loaded.config.name}",
@@ -111,7 +113,7 @@ def zero_plate(request: PlateZeroRequest, context: Context) -> ZeroedPlate:
             )
             run.facts["zeroed"] = judged.passed
             zero = as_zero(found, turn)
-            source = f"found by `rid-daq plate zero`, run {run.folder.run_id}"
+            source = f"measured by `rid-daq plate zero`, run {run.folder.run_id}"
             lines = zero_lines(zero, source)
             run.folder.write(ZERO_FILE, lines.encode())
     written = None
@@ -127,33 +129,34 @@ def _plate_of(cell: CellConfig) -> PlateConfig:
 
 
 def _without_zero(cell: CellConfig) -> CellConfig:
-    """Return the cell with its plate as the channels show it."""
+    """Return the cell without the plate's offsets, so that the raw channels are recorded."""
     return cell.model_copy(update={"plate": _plate_of(cell).model_copy(update={"zero": None})})
 
 
-def _approach(session: RunSession, turn: ZeroTurn, context: Context) -> RecordedRun:
-    """Go to the first pose and stop there, drives off, without a recording to keep."""
-    context.say(f"1 of 4: to the first pose ({', '.join(f'{q:.3f}' for q in turn.first)})")
+def _drive_to_first_pose(session: RunSession, turn: ZeroTurn, context: Context) -> RecordedRun:
+    """Move to the first pose and stop there with the drives off; do not keep the recording."""
+    context.say(f"1 of 4: moving to the first pose ({', '.join(f'{q:.3f}' for q in turn.first)})")
     bare = session.cell.model_copy(update={"plate": None})
-    there = rest_samples(session.loaded.robot, turn.first, STAND_S, bare.cycle_time_s)
+    there = rest_samples(session.loaded.robot, turn.first, REST_S, bare.cycle_time_s)
     with tempfile.TemporaryDirectory(prefix="rid-daq-") as place:
         elsewhere = replace(session, cell=bare, runs=Path(place))
         return elsewhere.record(
-            RunRequest("approach", "To the first pose.", there, role="approach")
+            RunRequest("approach", "Motion to the first pose.", there, role="approach")
         )
 
 
-def _offset(
+def _estimate_offset(
     data: RunData | None, plate: PlateConfig, turn: ZeroTurn, readings: Sequence[range]
 ) -> PlateOffset:
-    """Return what the recorded turn shows.
+    """Return the offsets from the recorded turn.
 
     Raises:
-        DataQualityError: The plate's side of it cannot be used.
+        DataQualityError: The recording of the plate cannot be used.
     """
     if data is None:
         raise DataQualityError(
-            "nothing was recorded: the plate is not zeroed", code="RID-RECORDING-EMPTY"
+            "no row was recorded: the plate is not zeroed; repeat `rid-daq plate zero`",
+            code="RID-RECORDING-EMPTY",
         )
     both = data.recording
     if both.reaction is None:

@@ -1,1 +1,1 @@
-"""Operations before an estimate: design a motion, import a recording, average its periods."""
+"""Operations before an estimate: design, record and import motions, average periods."""

@@ -1,4 +1,4 @@
-"""`average`: cut a run into periods, reject bad ones, average the rest."""
+"""`average`: cut a periodic run into periods, reject bad periods, average the others."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 
 class AverageRequest(Request):
-    """Cut a periodic run into periods, reject bad ones with a reason, and average the rest.
+    """Cut a periodic run into periods, reject bad periods with a reason, and average the others.
 
-    The scatter between periods is the measurement noise. If too few periods are left, the exit code
-    is 6.
+    The scatter between periods is the measurement noise. The exit code is 6 if too few periods
+    remain.
     """
 
     run: RunName
@@ -30,13 +30,13 @@ class AverageRequest(Request):
 
 @dataclass(frozen=True)
 class AverageResult:
-    """The averaged periods of a run.
+    """Averaged periods of a run.
 
     Attributes:
-        run_id: The run.
-        section: Its periods and their noise.
-        notes: What the run lacks.
-        report: The run's report.
+        run_id: Id of the run.
+        section: Periods and their noise, as a section of the report.
+        notes: Defects of the run's data.
+        report: Path of the run's report.
     """
 
     run_id: str
@@ -46,7 +46,7 @@ class AverageResult:
     exit_code: int = 0
 
     def document(self) -> dict[str, object]:
-        """Return the numbers."""
+        """Return periods and noise as numbers."""
         return {
             "run": self.run_id,
             "average": self.section,
@@ -55,7 +55,7 @@ class AverageResult:
         }
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield notes, periods and noise, and the report."""
+        """Yield the notes, the periods with their noise, and the report's path."""
         from rid_daq.report.section_blocks.average import average_blocks
 
         yield from note_blocks(self.notes)
@@ -68,10 +68,10 @@ def run(request: AverageRequest, _context: Context) -> AverageResult:
     from acquisition.runs.catalogue import find_run
     from rid_daq.report.sections.average import AverageSection
     from rid_daq.report_page.write import write_result
-    from rid_daq.runs.run_data import RunData, every_lack, result_of
+    from rid_daq.runs.run_data import RunData, all_defects, result_of
 
     data = RunData.load(find_run(request.runs, request.run), unfinished=request.unfinished)
-    notes = every_lack([data])
+    notes = all_defects([data])
     section = AverageSection.of(data.average, data.robot)
     report = write_result(data.folder, result_of(data, notes).updated(average=section))
     return AverageResult(data.folder.run_id, section, notes, report)

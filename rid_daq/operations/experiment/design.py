@@ -1,4 +1,4 @@
-"""`design`: choose a motion, verify it against the limits, write the motion file."""
+"""`design`: design a motion, check it against the limits, write the motion file."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from rid_daq.requests.request import Request, shown_fields
 from rid_daq.terminal.choices import Kind
 
 if TYPE_CHECKING:
-    from rid_daq.operations.experiment.motion_design import Designed
+    from rid_daq.operations.experiment.motion_design import DesignedMotion
 
 SEARCH: Final = "Search"
 MULTISINES: Final = "Multisines"
@@ -45,32 +45,32 @@ _OF_EXCITATIONS: Final = _OF_OPTIMAL | _OF_HEURISTIC | {"--method", "--harmonics
 
 Period = Annotated[
     PeriodS,
-    Field(description="Period, a whole number of control cycles; multisines: 8 if not set."),
+    Field(description="Period, a whole number of control cycles; 8 for multisines if not set."),
     Option(unit="s", flag="period"),
 ]
 PeriodCount = Annotated[
     Periods,
-    Field(description="Periods that are recorded for the estimate; multisines: 4 if not set."),
+    Field(description="Number of periods recorded for the estimate; 4 for multisines if not set."),
 ]
-DrawSeed = Annotated[
-    Seed, Field(description="Seed of everything that is drawn at random."), Option(group=SEARCH)
-]
+DrawSeed = Annotated[Seed, Field(description="Random seed."), Option(group=SEARCH)]
 
 
 class Excitation(Request):
-    """How an excitation is found: by gradients from many starts, or by the heuristic."""
+    """Options of an excitation trajectory and of the search for it."""
 
     method: Annotated[
         Literal["optimal", "two-harmonic"],
         Field(
-            description="optimal: by gradients from many starts; two-harmonic: the quick heuristic"
-            " (3.22)."
+            description="Search method. optimal: gradients from many random starts;"
+            " two-harmonic: fast heuristic (3.22)."
         ),
         Option(group=SEARCH),
     ] = "optimal"
     criterion: Annotated[
         Literal["condition", "d-optimal"],
-        Field(description="Smallest condition number, or largest information."),
+        Field(
+            description="Quantity to optimise: smallest condition number, or largest information."
+        ),
         Option(group=SEARCH),
     ] = "d-optimal"
     period_s: Period = 10.0
@@ -79,33 +79,35 @@ class Excitation(Request):
         Harmonics | None,
         Field(
             validation_alias=AliasChoices("harmonics", "highest_harmonic"),
-            description="Highest harmonic; 5 if not set, two-harmonic: 8.",
+            description="Highest harmonic; 5 if not set (8 for two-harmonic).",
         ),
     ] = None
     wanted: Annotated[
         tuple[str, ...],
         Field(
-            description="Parameters to know best in place of --criterion, such as sx3,Izz1; or"
-            " torque."
+            description="Parameters to determine most accurately, instead of --criterion, such"
+            " as sx3,Izz1; or torque."
         ),
         Option(group=SEARCH, flag="for", metavar="NAMES", separator=","),
     ] = ()
     starts: Annotated[
-        Starts, Field(description="Number of starts to refine (optimal)."), Option(group=SEARCH)
+        Starts,
+        Field(description="Number of random starts that are refined (optimal)."),
+        Option(group=SEARCH),
     ] = 12
     budget_s: Annotated[
         BudgetS | None,
-        Field(description="End after the start that is ready after this time."),
+        Field(description="Time after which no further start is refined."),
         Option(group=SEARCH, unit="s", flag="budget"),
     ] = None
     tries: Annotated[
         Tries,
-        Field(description="Number of motions to compare (two-harmonic)."),
+        Field(description="Number of motions that are drawn and compared (two-harmonic)."),
         Option(group=SEARCH),
     ] = 200
     limit_fraction: Annotated[
         LimitFraction,
-        Field(description="Share of the limits that the motion may use (two-harmonic)."),
+        Field(description="Fraction of the limits that the motion can use (two-harmonic)."),
         Option(group=SEARCH),
     ] = 0.85
     seed: DrawSeed = 0
@@ -113,22 +115,27 @@ class Excitation(Request):
     @model_validator(mode="before")
     @classmethod
     def _with_method(cls, values: object, info: ValidationInfo) -> object:
-        """Take the method from options that only it has, for programs that do not know `method`."""
+        """Derive the method from options that only one method has, if a program sends none."""
         if info.mode != "json" or not isinstance(values, dict):
             return values
         own = values.keys() & _METHOD_KEYS
         found: dict[object, object] = {"method": "two-harmonic"} if own else {}
-        for name, value in values.items():  # no longer JSON for pydantic: its lists are tuples
+        for (
+            name,
+            value,
+        ) in (
+            values.items()
+        ):  # pydantic no longer treats the values as JSON, so lists must be tuples
             found[name] = tuple(value) if isinstance(value, list) else value
         return found
 
 
 class Multisine(Request):
-    """What multisines are like."""
+    """Options of a multisine."""
 
     band_hz: Annotated[
         tuple[FrequencyHz, FrequencyHz] | None,
-        Field(description="Lowest and highest frequency; those of the cell file if not set."),
+        Field(description="Lowest and highest frequency; the cell file's if not set."),
         Option(group=MULTISINES, unit="Hz", flag="band", metavar="LOW:HIGH", separator=":"),
     ] = None
     period_s: Annotated[
@@ -139,35 +146,35 @@ class Multisine(Request):
     periods: PeriodCount = 4
     realisations: Annotated[
         Realisations | None,
-        Field(description="Draws of the phases; 4 if not set, schroeder: 1."),
+        Field(description="Number of random phase draws; 4 if not set (1 for schroeder)."),
         Option(group=MULTISINES),
     ] = None
     grid: Annotated[
         Literal["odd", "random_odd", "full"],
-        Field(description="Lines of the band that are excited."),
+        Field(description="Lines of the frequency band that are excited."),
         Option(group=MULTISINES),
     ] = "random_odd"
     phases: Annotated[
         Literal["random", "schroeder"],
-        Field(description="Phases at which the search for low peaks starts."),
+        Field(description="Initial phases of the search for a low crest factor."),
         Option(group=MULTISINES),
     ] = "random"
     slow: Annotated[
         bool,
-        Field(description="Add a slow sine, which keeps friction from sticking."),
+        Field(description="Add a slow sine, which prevents stiction."),
         Option(group=MULTISINES, negatable=True),
     ] = True
     seed: DrawSeed = 0
 
 
 class DesignRequest(Request):
-    """Choose an excitation and verify it densely.
+    """Design an excitation trajectory and check it densely against the limits.
 
     `optimal` refines random starts by exact gradients, on all cores, within the limits on position,
-    speed, acceleration, torque, workspace and self-collision; the same seed and starts give the
-    same file. `two-harmonic` takes the best of many draws of one low and one high harmonic for each
-    axis. The motion has passed the check of every limit, ramps included. Ctrl-C ends the search
-    with the best motion found so far (exit code 130).
+    speed, acceleration, torque, workspace and self-collision. The same seed and number of starts
+    give the same file. `two-harmonic` draws many motions with one low and one high harmonic per
+    axis and takes the best one. The written motion keeps every limit, also in its ramps. Ctrl-C
+    ends the search with the best motion found so far (exit code 130).
     """
 
     cell: CellName
@@ -179,54 +186,56 @@ class DesignRequest(Request):
     kind: Annotated[
         Kind,
         Field(
-            description="excitation: for a robot's parameters; constant-velocity, or reversed, an"
-            " excitation there and back in time: for friction alone; multisine: for velocity loops."
+            description="Kind of motion. excitation: for the robot's parameters;"
+            " constant-velocity: for friction only; reversed: an excitation forward"
+            " and backward in time, for friction only; multisine: for velocity"
+            " loops."
         ),
     ] = Kind.EXCITATION
     excitation: Excitation = Field(default_factory=Excitation)
     model: Annotated[
         Path | None,
-        Field(description="Model file for the torque limits."),
+        Field(description="Model file, for the check of the torque limits."),
         Option(metavar="MODEL", file="input"),
     ] = None
     given: Annotated[
         tuple[Path, ...],
-        Field(description="Model of an earlier run, whose information counts."),
+        Field(description="Model of an earlier run; the search counts its information."),
         Option(metavar="MODEL", file="input"),
     ] = ()
     multisine: Multisine = Field(default_factory=Multisine)
     seed: DrawSeed = 0
     scheduler: Annotated[
         str | None,
-        Field(description="Dask scheduler to compute on, such as tcp://host:8786."),
+        Field(description="Address of a Dask scheduler that computes, such as tcp://host:8786."),
         Option(metavar="ADDRESS", group=FILES, owned=True),
     ] = None
     overwrite: Overwrite = False
 
-    def refuse_useless(self) -> None:
+    def refuse_options_without_effect(self) -> None:
         """Refuse options that have no effect on this kind of motion, or with this method.
 
         Raises:
-            ConfigError: One is set (RID-OPTION-NO-EFFECT), or both --for and --criterion
-                (RID-OPTION-EXCLUSIVE).
+            ConfigError: Such an option is set (RID-OPTION-NO-EFFECT), or both --for and --criterion
+                are set (RID-OPTION-EXCLUSIVE).
         """
-        useless, because = self._useless
+        without_effect, because = self._options_without_effect
         for each in shown_fields(type(self)):
             holder = self if len(each.path) == 1 else getattr(self, each.path[0])
-            if each.flag in useless and each.path[-1] in holder.model_fields_set:
+            if each.flag in without_effect and each.path[-1] in holder.model_fields_set:
                 raise ConfigError(
                     f"{each.flag}: has no effect with {because}; leave it out",
                     code="RID-OPTION-NO-EFFECT",
                 )
         if self.excitation.wanted and "criterion" in self.excitation.model_fields_set:
             raise ConfigError(
-                "--for takes the place of --criterion: leave one of them out",
+                "--for replaces --criterion: leave one of the two out",
                 code="RID-OPTION-EXCLUSIVE",
             )
 
     @property
-    def _useless(self) -> tuple[frozenset[str], str]:
-        """The options without effect, and the option that is the reason."""
+    def _options_without_effect(self) -> tuple[frozenset[str], str]:
+        """Options without effect, and the option that makes them so."""
         by = f"--kind {self.kind.value}"
         if self.kind is Kind.CONSTANT_VELOCITY:
             return _OF_PERIODS | _OF_MULTISINES | _OF_EXCITATIONS | {"--model"}, by
@@ -243,36 +252,36 @@ class DesignResult:
     """A motion that was designed and written.
 
     Attributes:
-        request: What was asked for.
-        designed: The motion, and how it was found.
+        request: The request.
+        designed: The motion, and the result of the search for it.
     """
 
     request: DesignRequest
-    designed: Designed
+    designed: DesignedMotion
 
     @property
     def exit_code(self) -> int:
-        """130 or 143 if the search was interrupted."""
+        """Exit code 130 or 143 if a signal interrupted the search."""
         return 0 if self.designed.found is None else int(self.designed.found.exit_code)
 
     def document(self) -> Mapping[str, object]:
-        """Return the numbers of the motion."""
+        """Return the properties of the motion as numbers."""
         from rid_daq.operations.experiment.shown_motion import motion_document
 
         return motion_document(self.designed, self.request.output)
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield what is in the motion file, how it was found, and the next commands."""
+        """Yield the content of the motion file, the course of the search, and the next commands."""
         from rid_daq.operations.experiment.shown_motion import designed_motion_blocks
 
         return designed_motion_blocks(self.designed, self.request)
 
 
 def run(request: DesignRequest, context: Context) -> DesignResult:
-    """Design the motion, and write it."""
+    """Design the motion and write it."""
     from rid_daq.operations.experiment.motion_design import design_motion
 
-    request.refuse_useless()
+    request.refuse_options_without_effect()
     return DesignResult(request, design_motion(request, context))
 
 

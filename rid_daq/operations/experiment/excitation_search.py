@@ -1,4 +1,4 @@
-"""`search`: the search for an optimal excitation, with progress, budget and interruption."""
+"""`search`: search for an optimal excitation, with progress, time budget and interruption."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from rid_daq.terminal.exit_codes import ExitCode, exit_code_of_stop
 SEEDS_APART: Final = 10_000
 EASIER_STARTS: Final = 4
 ROOM: Final = 0.5
-"""Share of its amplitudes that the best motion must have kept, so that nothing easier is tried."""
+"""Fraction of its amplitudes that the best motion must keep; else easier problems are tried."""
 
 
 @dataclass(frozen=True)
 class SearchTrial:
-    """One start of a search: when it was ready, and what came of it."""
+    """Result of one start of a search; `elapsed_s` is the time since the search began."""
 
     elapsed_s: float
     seed: int
@@ -39,7 +39,7 @@ class SearchTrial:
 
 @dataclass(frozen=True)
 class Search:
-    """A finished search: the best motion that breaks nothing, and every trial in time."""
+    """Result of a search: the best motion that keeps all limits, and all trials by time."""
 
     criterion: Criterion
     best: Candidate
@@ -48,7 +48,7 @@ class Search:
 
     @property
     def curve(self) -> tuple[SearchTrial, ...]:
-        """The trials that were the best so far when they were ready."""
+        """Trials that were the best so far when they ended."""
         best: list[SearchTrial] = []
         for trial in self.trials:
             if not trial.broken and (not best or trial.objective < best[-1].objective):
@@ -57,7 +57,7 @@ class Search:
 
     @property
     def exit_code(self) -> ExitCode:
-        """What a script is told: also that the search was interrupted."""
+        """Exit code of the program; it shows if a signal interrupted the search."""
         if self.interrupted_by is None:
             return ExitCode.DONE
         return exit_code_of_stop(StopCode.INTERRUPTED, self.interrupted_by)
@@ -70,22 +70,23 @@ def search(
     context: Context,
     scheduler: str | None = None,
 ) -> Search:
-    """Refine start after start, and keep the best that breaks no limit.
+    """Refine one start after the other, and return the best motion that keeps all limits.
 
-    Where none keeps half its size within the limits, fewer harmonics and longer periods are tried
-    with a few starts each, and that is said. The result belongs to seed and starts alone, however
-    many processes take part; a budget ends the search early, so that then the machine's speed has a
-    say. An interruption (Ctrl-C) ends it with the best so far.
+    If no motion keeps half its amplitude within the limits, problems with fewer harmonics and
+    longer periods are tried with a few starts each; a message says so. The result depends on seed
+    and number of starts only, not on the number of processes. A time budget ends the search early;
+    the result then also depends on the computer's speed. An interruption (Ctrl-C) ends the search
+    with the best motion so far.
 
     Raises:
-        ConfigError: No motion of any start holds every limit, or there is no pose to start from.
+        ConfigError: No motion of any start keeps all limits, or there is no pose to start from.
     """
-    work = _Work(cell, options, context, time.monotonic(), scheduler)
+    work = _SearchState(cell, options, context, time.monotonic(), scheduler)
     work.refine(problem, options.starts)
     for words, easier in easier_problems(problem):
-        if work.enough:
+        if work.is_done:
             break
-        context.say(f"{work.complaint()} Trying {words}.")
+        context.say(f"{work.reason_for_easier()} Trying {words}.")
         work.refine(easier, min(options.starts, EASIER_STARTS))
     best, trials, interrupted_by = work.best, work.trials, work.interrupted_by
     if best is None:
@@ -93,20 +94,21 @@ def search(
             context.say("Interrupted before any motion was found; nothing was written.")
             raise SystemExit(exit_code_of_stop(StopCode.INTERRUPTED, interrupted_by))
         raise ConfigError(
-            f"none of {len(trials)} starts gave a motion that holds every limit. {work.complaint()}"
-            " Take more --starts, a longer --period, or look at the limits, bodies and workspace",
+            f"none of {len(trials)} starts gave a motion that keeps all limits."
+            f" {work.reason_for_easier()} Use more --starts or a longer --period, or check the"
+            " limits, bodies and workspace in the files",
             code="RID-DESIGN-NONE",
         )
     return Search(problem.criterion, best, tuple(trials), interrupted_by)
 
 
-class _Work:
-    """A search under way: every trial so far, and the best.
+class _SearchState:
+    """State of a running search: all trials so far, and the best candidate.
 
     Args:
         cell, options, context: As for `search`.
-        began_s: When it began [s], by the monotonic clock.
-        scheduler: Address of a Dask scheduler to compute on.
+        began_s: Start of the search [s], by the monotonic clock.
+        scheduler: Address of a Dask scheduler that computes; None for this computer.
     """
 
     def __init__(
@@ -127,21 +129,27 @@ class _Work:
         self.interrupted_by: signal.Signals | None = None
 
     @property
-    def enough(self) -> bool:
-        """Whether nothing easier is to be tried."""
+    def is_done(self) -> bool:
+        """True if no easier problem needs to be tried."""
         roomy = self.best is not None and self.best.amplitude >= ROOM
         return roomy or self.interrupted_by is not None or self._time_is_over()
 
-    def complaint(self) -> str:
-        """Say why something easier is to be tried."""
+    def reason_for_easier(self) -> str:
+        """Return the reason for trying an easier problem, as a sentence."""
         if self.best is not None:
-            return f"Limits leave {100.0 * self.best.amplitude:.0f} % of the best motion's size."
+            return (
+                f"The limits allow only {100.0 * self.best.amplitude:.0f} % of the best"
+                " motion's amplitude."
+            )
         if not self.trials:
-            return "There was no time for any."
-        return f"No start holds every limit; the last one: {'; '.join(self.trials[-1].broken[:3])}."
+            return "The time was too short for any start."
+        return (
+            "No start gives a motion that keeps all limits; the last one:"
+            f" {'; '.join(self.trials[-1].broken[:3])}."
+        )
 
     def refine(self, problem: ExcitationProblem, starts: int) -> None:
-        """Refine some starts, until they, the time or the user's patience are over."""
+        """Refine starts until all are refined, the time is over, or the user interrupts."""
         options, first = self._options, SEEDS_APART * self._options.seed
         stream = candidates(
             problem,
@@ -152,16 +160,16 @@ class _Work:
         )
         ready = 0
         with (
-            signals_handled(_leave_once()) as interruption,
+            signals_handled(_interrupt_once()) as interruption,
             self._context.progress("Designing", float(starts), "starts") as shown,
             closing(stream),
             suppress(KeyboardInterrupt),
         ):
-            shown.update(0.0, "no start is refined yet")
+            shown.update(0.0, "no start refined yet")
             for candidate in stream:
-                self._take(candidate)
+                self._add_trial(candidate)
                 ready += 1
-                line = "none holds every limit yet"
+                line = "no motion keeps all limits yet"
                 if self.best is not None:
                     line = f"best {problem.criterion.describe(self.best.check.objective)}"
                 shown.update(float(ready), line)
@@ -169,10 +177,10 @@ class _Work:
                     break
         self.interrupted_by = interruption.signal
 
-    def _take(self, candidate: Candidate) -> None:
+    def _add_trial(self, candidate: Candidate) -> None:
         elapsed_s, check = time.monotonic() - self._began_s, candidate.check
         self.trials.append(SearchTrial(elapsed_s, candidate.seed, check.objective, check.broken))
-        if not check.broken and (self.best is None or _key(candidate) < _key(self.best)):
+        if not check.broken and (self.best is None or _sort_key(candidate) < _sort_key(self.best)):
             self.best = candidate
 
     def _time_is_over(self) -> bool:
@@ -180,19 +188,22 @@ class _Work:
         return budget_s is not None and time.monotonic() - self._began_s >= budget_s
 
 
-def _leave_once() -> Callable[[], None]:
-    """Return what interrupts the search at its first call, and lets it clean up at others."""
-    left = False
+def _interrupt_once() -> Callable[[], None]:
+    """Return a signal handler that interrupts the search at its first call only."""
+    interrupted = False
 
-    def leave() -> None:
-        nonlocal left
-        if not left:
-            left = True
+    def interrupt() -> None:
+        nonlocal interrupted
+        if not interrupted:
+            interrupted = True
             raise KeyboardInterrupt
 
-    return leave
+    return interrupt
 
 
-def _key(candidate: Candidate) -> tuple[float, int]:
-    """Order candidates, so that the order in which they arrive does not matter."""
+def _sort_key(candidate: Candidate) -> tuple[float, int]:
+    """Return the sort key of a candidate.
+
+    It makes the result independent of the order of arrival.
+    """
     return (candidate.check.objective, candidate.seed)

@@ -1,4 +1,4 @@
-"""`import`: turn a recording of another program into run folders."""
+"""`import`: import a recording of another program as run folders."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 
 
 def first_and_last(rows: str) -> tuple[int, int | None]:
-    """Return the numbers of a range of rows; the last is None if it is left out.
+    """Return the first and last number of a range of rows; the last is None if omitted.
 
     Args:
-        rows: Such as 355-5090, or 355-.
+        rows: Text such as 355-5090, or 355-.
 
     Raises:
-        ValueError: It is no range.
+        ValueError: The text is not a range.
     """
     found = re.fullmatch(r"([1-9]\d{0,8})-(\d{1,9})?", rows)
     first, last = map(int, found.groups("0")) if found else (0, 0)
@@ -35,35 +35,36 @@ def first_and_last(rows: str) -> tuple[int, int | None]:
     return first, last or None
 
 
-def _checked(rows: str) -> str:
+def _check_rows(rows: str) -> str:
     first_and_last(rows)
     return rows
 
 
 class ImportRequest(Request):
-    """Import a recording of another program into a run folder: CSV files, a ROS 2 bag or MCAP file.
+    """Import a recording of another program as a run folder.
 
-    Damaged rows are listed, counted and left out, and so are rows that repeat the one before while
-    the robot moves. Time stamps need not be uniform; if recorded velocities show that they are
-    wrong, the times are rebuilt. If too much of a recording is damaged, or its robot cannot have
-    made it, it is refused with exit code 6.
+    The recording is one or more CSV files, a ROS 2 bag or an MCAP file. Damaged rows are listed,
+    counted and left out; so are rows that repeat the previous row while the robot moves. Time
+    stamps need not be uniform. If recorded velocities show that the time stamps are wrong, the
+    times are reconstructed. The import is refused with exit code 6 if too much of a recording is
+    damaged, or if the named robot cannot have made it.
     """
 
     file: Annotated[
         tuple[Path, ...],
-        Field(min_length=1, description="A CSV file and those of the same motion, or a ROS bag."),
+        Field(min_length=1, description="CSV files of one motion, or one ROS bag."),
         Option(positional=True, metavar="FILE...", file="input"),
     ]
     map: Annotated[
         str,
-        Field(description="Import map, which describes the columns: a bundled name or a file."),
+        Field(description="Import map that describes the columns: a bundled name or a file."),
         Option(metavar="MAP", file="input"),
     ]
     rows: Annotated[
-        tuple[Annotated[str, AfterValidator(_checked)], ...],
+        tuple[Annotated[str, AfterValidator(_check_rows)], ...],
         Field(
             description="Rows (or messages) to use, counted from 1; all if not set. Each range"
-            " makes a run."
+            " becomes a run."
         ),
         Option(metavar="FIRST-LAST"),
     ] = ()
@@ -79,22 +80,22 @@ class ImportRequest(Request):
 
 @dataclass(frozen=True)
 class ImportResult:
-    """Runs that were made of a recording.
+    """Runs that were made from a recording.
 
     Attributes:
-        runs: One for each range of rows.
+        runs: One run for each range of rows.
     """
 
     runs: tuple[ImportedRun, ...]
     exit_code: int = 0
 
     def document(self) -> Mapping[str, object]:
-        """Return what was read, of one run or of a list of runs."""
-        documents = [_document(each) for each in self.runs]
+        """Return the numbers of the import: of one run, or of a list of runs."""
+        documents = [_run_document(each) for each in self.runs]
         return documents[0] if len(documents) == 1 else {"runs": documents}
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield what was read of each run, its folder and report, and the next command."""
+        """Yield the import report of each run, its folder and report, and the next command."""
         for each in self.runs:
             for line in each.report.lines():
                 yield Text(text=line)
@@ -105,7 +106,7 @@ class ImportResult:
             yield Next(words=("identify", str(self.runs[0].folder.path)))
 
 
-def _document(run: ImportedRun) -> dict[str, object]:
+def _run_document(run: ImportedRun) -> dict[str, object]:
     from rid_daq.report.sections.runs import BadRows, ClockSection
 
     report = run.report

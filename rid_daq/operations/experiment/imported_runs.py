@@ -1,4 +1,4 @@
-"""`import_files`: files or a bag of another program to run folders, one for each range of rows."""
+"""`import_files`: import files or a bag of another program, one run for each range of rows."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from config.robot.robot import RobotDescription
 from rid_daq.operations.experiment.import_ import ImportRequest, first_and_last
 from rid_daq.report.sections.verdict import VerdictSection
 from rid_daq.report_page.write import write_result
-from rid_daq.runs.origins import note_map
+from rid_daq.runs.origins import write_map_origin
 from rid_daq.runs.run_data import IMPORT, MAP, ROBOT, SOURCES, RunData, result_of
 from rid_daq.session.session import as_label, unfinished
 from rid_daq.session.versions import software_versions
@@ -30,7 +30,7 @@ from rid_daq.session.versions import software_versions
 
 @dataclass(frozen=True)
 class ImportedRun:
-    """A run that was made: its folder, what was read, and its report."""
+    """A run made by an import: its folder, the import report, and the path of its report page."""
 
     folder: RunFolder
     report: ImportReport
@@ -38,19 +38,19 @@ class ImportedRun:
 
 
 def import_files(request: ImportRequest) -> tuple[ImportedRun, ...]:
-    """Import files; every part is read before the first run folder is made.
+    """Import files; all parts are read before the first run folder is made.
 
     Raises:
-        ConfigError: A file or the map cannot be read, they do not fit, or labels and rows do not;
-            or no run can have a label.
+        ConfigError: A file or the map cannot be read, they do not match, the number of labels
+            differs from the number of runs, or a label is invalid.
         DataQualityError: The recording is not good enough.
         RecordingError: A run cannot be written.
     """
     import_map, robot = load_import_map(request.map)
-    ranges = [_range(rows) for rows in request.rows] or [import_map.rows]
+    ranges = [_parse_range(rows) for rows in request.rows] or [import_map.rows]
     if request.label and len(request.label) != len(ranges):
         raise ConfigError(
-            f"--label: {len(request.label)} labels for {len(ranges)} runs: give one a run",
+            f"--label: {len(request.label)} labels for {len(ranges)} runs: give one label per run",
             code="RID-OPTION-COUNT",
         )
     for label in request.label:
@@ -61,14 +61,14 @@ def import_files(request: ImportRequest) -> tuple[ImportedRun, ...]:
         if import_map.joint_states is not None:
             if further:
                 raise ConfigError(
-                    f"{further[0]}: a bag is imported by itself: leave it out",
+                    f"{further[0]}: a bag is imported alone: leave this file out",
                     code="RID-IMPORT-FILES",
                 )
             file = Path(place) / f"{file.stem}.csv"
             import_map = convert_bag_to_table(named, import_map, robot.joint_names, file)
         elif is_bag(file):
             raise ConfigError(
-                f"{file}: is a bag, and map {import_map.name!r} reads CSV files: give a map with"
+                f"{file}: is a bag, but map {import_map.name!r} is for CSV files: give a map with"
                 " `joint_states: {effort: torque}`",
                 code="RID-IMPORT-FILES",
             )
@@ -78,7 +78,7 @@ def import_files(request: ImportRequest) -> tuple[ImportedRun, ...]:
         names = [f"{stem} {rows.first}-{rows.last or ''}" for rows in ranges]
         labels = request.label or map(as_label, [stem] if len(ranges) == 1 else names)
         return tuple(
-            _keep(
+            _write_run(
                 RunFolder.create(request.runs, label, kind="import", software=software_versions()),
                 (file, *further),
                 layout,
@@ -91,12 +91,12 @@ def import_files(request: ImportRequest) -> tuple[ImportedRun, ...]:
         )
 
 
-def _range(rows: str) -> RowRange:
+def _parse_range(rows: str) -> RowRange:
     first, last = first_and_last(rows)
     return RowRange(first=first, last=last)
 
 
-def _keep(
+def _write_run(
     folder: RunFolder,
     files: tuple[Path, ...],
     import_map: ImportMap,
@@ -105,16 +105,16 @@ def _keep(
     report: ImportReport,
     reference: str,
 ) -> ImportedRun:
-    """Write the files as they came (of a bag its table), the map, the recording, and the report."""
+    """Write the source files (of a bag its table), the map, the recording, and the report."""
     with unfinished(folder):
         names = SOURCES[: len(files)]
         for name, file in zip(names, files, strict=True):
             folder.write(name, read_file(file, LARGEST_FILE_BYTES))
-        told = f"How {' and '.join(names)} was read."
+        told = f"Import map with which {' and '.join(names)} was read."
         folder.write(MAP, to_yaml(import_map, told).encode())
-        folder.write(ROBOT, to_yaml(robot, f"Robot {robot.name} as used.").encode())
+        folder.write(ROBOT, to_yaml(robot, f"Robot {robot.name}, as used by the import.").encode())
         folder.write(IMPORT, report.to_json())
-        note_map(folder, reference)
+        write_map_origin(folder, reference)
         recording = replace(recording, robot_name=robot.name, run_id=folder.run_id)
         write_imported(folder.file(RECORDING), recording)
         data = RunData.of(folder, recording, robot, report)

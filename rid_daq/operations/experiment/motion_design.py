@@ -1,4 +1,4 @@
-"""`design_motion`: choose a motion, verify it within the limits of a cell, and write it."""
+"""`design_motion`: design a motion within the limits of a cell, and write it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from identification.design.two_harmonic import (
 )
 from identification.estimation.limit_torque import limit_warmth
 from identification.friction.motions import constant_velocity_motion, reversed_motion
-from rid_daq.operations.cell_files import estimate_for
+from rid_daq.operations.cell_files import read_estimate_for
 from rid_daq.operations.experiment.design import DesignRequest, Multisine
 from rid_daq.operations.experiment.excitation_search import Search, search
 from rid_daq.operations.operation import Context
@@ -38,17 +38,17 @@ REALISATIONS: Final = 4
 
 
 @dataclass(frozen=True)
-class Designed:
-    """A motion that was written.
+class DesignedMotion:
+    """A motion that was designed and written.
 
     Attributes:
-        cell: The cell that it is for.
-        samples: The same as planned.
-        condition: Condition number of an excitation.
-        found: How the search for it went, where there was one.
+        cell: Cell of the motion.
+        samples: The planned motion.
+        condition: Condition number of an excitation; None for other motions.
+        found: Result of the search for the motion; None without a search.
         use: Shape (joints, 3). Largest share of speed, acceleration and torque limit that a
             multisine uses.
-        notes: What a person should know of it.
+        notes: Sentences about the motion that a person should read.
     """
 
     cell: LoadedCell
@@ -60,16 +60,16 @@ class Designed:
     notes: tuple[str, ...] = ()
 
 
-def design_motion(request: DesignRequest, context: Context) -> Designed:
-    """Choose a motion, verify it within every limit, ramps included, and write it.
+def design_motion(request: DesignRequest, context: Context) -> DesignedMotion:
+    """Design a motion, check that it keeps all limits, ramps included, and write it.
 
     Args:
-        request: What is wanted.
+        request: Kind of motion and options.
         context: Shows progress.
 
     Raises:
-        ConfigError: No such motion holds the limits, or a model is of another robot; or a motion of
-            this kind has no so many periods.
+        ConfigError: No such motion keeps the limits, a model is of another robot, or this kind of
+            motion does not allow so many periods.
         RecordingError: The file cannot be written.
     """
     refuse_output(request.output, request.overwrite, made_file.MOTION)
@@ -79,24 +79,26 @@ def design_motion(request: DesignRequest, context: Context) -> Designed:
     match request.kind:
         case Kind.CONSTANT_VELOCITY:
             steady = constant_velocity_motion(robot, config.workspace, seed=request.seed)
-            return Designed(cell, steady, _written(request, cell, steady))
+            return DesignedMotion(cell, steady, _write_motion(request, cell, steady))
         case Kind.MULTISINE:
-            return _multisine(request, cell)
+            return _design_multisine(request, cell)
         case Kind.EXCITATION | Kind.REVERSED:
-            motion, origin, found = _excitation(request, cell, context)
+            motion, origin, found = _design_excitation(request, cell, context)
     if request.kind is Kind.REVERSED:
         back = reversed_motion(motion)
-        return Designed(cell, back, _written(request, cell, back), found=found)
+        return DesignedMotion(cell, back, _write_motion(request, cell, back), found=found)
     condition = condition_number(robot, motion)
     comment = (
-        f"Excitation for robot {robot.name}, verified within its limits at"
-        f" {config.cycle_time_ms} ms.\nCondition number {condition:.4g}; {origin}"
+        f"Excitation for robot {robot.name}, verified within its limits at {config.cycle_time_ms}"
+        f" ms.\nCondition number {condition:.4g}; {origin}"
     )
-    return Designed(cell, motion, _written(request, cell, motion, comment), condition, found)
+    return DesignedMotion(
+        cell, motion, _write_motion(request, cell, motion, comment), condition, found
+    )
 
 
 def _require_periods(request: DesignRequest) -> None:
-    """Refuse more periods than a motion file of this kind may have."""
+    """Refuse more periods than this kind of motion file allows."""
     multisine = request.kind is Kind.MULTISINE
     periods = (request.multisine if multisine else request.excitation).periods
     kinds: dict[Kind, type[Motion]] = {
@@ -113,10 +115,10 @@ def _require_periods(request: DesignRequest) -> None:
         )
 
 
-def _excitation(
+def _design_excitation(
     request: DesignRequest, cell: LoadedCell, context: Context
 ) -> tuple[FourierMotion, str, Search | None]:
-    """Return an excitation, where it comes from in words, and how the search for it went."""
+    """Return an excitation, its origin as a sentence, and the result of its search, if any."""
     robot, config, how = cell.robot, cell.config, request.excitation
     if how.method == "two-harmonic":
         options = TwoHarmonicOptions(
@@ -130,36 +132,40 @@ def _excitation(
         motion = design_two_harmonic(
             robot, options, config.cycle_time_s, workspace=config.workspace
         )
-        return motion, f"the best of {how.tries} draws of two harmonics from seed {how.seed}.", None
+        return (
+            motion,
+            (f"the best of {how.tries} random motions with two harmonics, seed {how.seed}."),
+            None,
+        )
     problem = excitation_problem(
         config,
         robot,
         period_s=how.period_s,
         harmonics=how.harmonics or HARMONICS,
         criterion=chosen_criterion(robot, how.criterion, how.wanted),
-        model=None if request.model is None else estimate_for(request.model, robot),
-        given=[estimate_for(path, robot) for path in request.given],
+        model=None if request.model is None else read_estimate_for(request.model, robot),
+        given=[read_estimate_for(path, robot) for path in request.given],
     )
     found = search(problem, config, how, context, request.scheduler)
     origin = (
-        f"start {found.best.seed} was the best of {len(found.trials)} from seed {how.seed} for"
-        f" {', '.join(how.wanted) or how.criterion}:"
+        f"start {found.best.seed} was the best of {len(found.trials)} starts of seed {how.seed}"
+        f" for {', '.join(how.wanted) or how.criterion}:"
         f" {problem.criterion.describe(found.best.check.objective)}."
     )
     return found.best.motion, origin, found
 
 
-def _multisine(request: DesignRequest, cell: LoadedCell) -> Designed:
+def _design_multisine(request: DesignRequest, cell: LoadedCell) -> DesignedMotion:
     robot, model = cell.robot, request.model
-    estimate = None if model is None else estimate_for(model, robot)
-    motion = multisine_motion(robot, cell.config, _options(request.multisine), estimate)
-    samples = _written(request, cell, motion)
+    estimate = None if model is None else read_estimate_for(model, robot)
+    motion = multisine_motion(robot, cell.config, _multisine_options(request.multisine), estimate)
+    samples = _write_motion(request, cell, motion)
     warmth = "" if estimate is None else limit_warmth(estimate)
     use = limit_use(samples, robot, estimate)
-    return Designed(cell, motion, samples, use=use, notes=(warmth,) if warmth else ())
+    return DesignedMotion(cell, motion, samples, use=use, notes=(warmth,) if warmth else ())
 
 
-def _options(asked: Multisine) -> MultisineOptions:
+def _multisine_options(asked: Multisine) -> MultisineOptions:
     usual = 1 if asked.phases == "schroeder" else REALISATIONS
     return MultisineOptions(
         asked.band_hz,
@@ -173,14 +179,14 @@ def _options(asked: Multisine) -> MultisineOptions:
     )
 
 
-def _written(
+def _write_motion(
     request: DesignRequest, cell: LoadedCell, motion: AnyMotion, comment: str = ""
 ) -> MotionSamples:
-    """Return a motion as it is planned within the limits, and write its file."""
+    """Plan a motion within the limits, write its file, and return the planned motion."""
     samples = motion.plan(cell.robot, cell.config.cycle_time_s)
     comment = comment or (
-        f"For robot {cell.robot.name}, verified within its limits at"
-        f" {cell.config.cycle_time_ms} ms. {motion.describe()}"
+        f"For robot {cell.robot.name}, verified within its limits at {cell.config.cycle_time_ms}"
+        f" ms. {motion.describe()}"
     )
     write_whole(request.output, to_yaml(motion, comment).encode())
     return samples

@@ -1,4 +1,4 @@
-"""`record`: run a motion on a cell and record it."""
+"""`record`: perform a motion on a cell and record it."""
 
 from __future__ import annotations
 
@@ -29,18 +29,19 @@ if TYPE_CHECKING:
     from rid_daq.recording.accuracy_watch import AccuracyWatch
 
 SINGLE_PERIODS: Final = (
-    "It is of rows of single periods, with their noise and reversals. The residual that `identify`"
-    " prints is another quantity: of the mean of the periods, with reversals left free."
+    "The running estimate uses the rows of single periods, with their noise and reversals. Its"
+    " residual therefore differs from the one that `identify` prints, which uses the mean of the"
+    " periods without reversals."
 )
 
 
 class RecordRequest(Request):
-    """Run a motion on a cell and record it into a new run folder.
+    """Perform a motion on a cell and record it into a new run folder.
 
     The motion is checked against every limit before anything moves (exit code 3). Ctrl-C stops the
-    robot (a quick stop, then power off) and keeps what was recorded. It is not an emergency stop.
-    The exit code is 1 if a goal of --until is not reached by the last period, and 6 if more than
-    2 % of a drive's answers were lost or more than 5 periods are bad.
+    robot (quick stop, then power off) and keeps the recorded rows; it is not an emergency stop. The
+    exit code is 1 if a goal of --until is not reached by the last period. It is 6 if more than 2 %
+    of a drive's answers were lost or more than 5 periods are bad.
     """
 
     cell: CellName
@@ -52,37 +53,40 @@ class RecordRequest(Request):
     until: Annotated[
         tuple[str, ...],
         Field(
-            description="End early when a standard deviation is reached, such as sx3<0.01kgm,"
-            " fv_axis1<5% or torque<1.5Nm."
+            description="End early when these standard deviations are reached, such as"
+            " sx3<0.01kgm, fv_axis1<5% or torque<1.5Nm."
         ),
         Option(metavar="GOAL"),
     ] = ()
     feedforward: Annotated[
         Path | None,
-        Field(description="Feedforward of this motion, a file that `compensate` wrote."),
+        Field(description="Feedforward file of this motion, written by `compensate`."),
         Option(metavar="FEEDFORWARD", file="input"),
     ] = None
     model: Annotated[
         Path | None,
         Field(
-            description="Model file that `identify` wrote; the motion is refused if by this model"
-            " it needs more torque than a joint has."
+            description="Model file, written by `identify`; the motion is refused if the model"
+            " predicts more torque than a joint has."
         ),
         Option(metavar="MODEL", file="input"),
     ] = None
     frames: Annotated[
         bool,
-        Field(description="Keep every frame on the bus in frames.blf of the run."),
+        Field(description="Save all frames on the bus to frames.blf of the run."),
     ] = False
     simulation: Simulation = Simulation()
     faults: Annotated[
         Path | None,
-        Field(description="Fault script: what goes wrong in a simulated cell."),
+        Field(description="Fault script: faults of a simulated cell and their times."),
         Option(group=SIMULATED, metavar="FILE", file="input"),
     ] = None
     rehearse: Annotated[
         bool,
-        Field(description="Drive it once at a quarter of its speed first, into a run of its own."),
+        Field(
+            description="Before the recording, perform the motion once at a quarter of its"
+            " speed, into a separate run."
+        ),
         Option(group=BEFORE),
     ] = False
     cleared: Cleared = False
@@ -95,21 +99,21 @@ class RecordRequest(Request):
 
 @dataclass(frozen=True)
 class RecordResult:
-    """A motion that was driven and recorded.
+    """A motion that was performed and recorded.
 
     Attributes:
-        recorded: The run, and the accuracy that was followed.
+        recorded: The run, and the estimate that was updated during it.
     """
 
     recorded: RecordedMotion
 
     @property
     def exit_code(self) -> int:
-        """That of the run; 1 if a goal of the accuracy was not reached."""
+        """Exit code of the run; 1 if an accuracy goal was not reached."""
         return self.recorded.exit_code
 
     def document(self) -> dict[str, object]:
-        """Return the numbers of the run and of its accuracy."""
+        """Return the numbers of the run and the accuracy reached."""
         from rid_daq.recording.recorded_run import stop_document
 
         run, accuracy = self.recorded.run, self.recorded.accuracy
@@ -119,7 +123,7 @@ class RecordResult:
         return run.document() | {"accuracy": found}
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield timing, accuracy, how the motion ended, and the next command."""
+        """Yield timing, accuracy, the motion's outcome, and the next command."""
         from rid_daq.operations.experiment.recorded_motion import REHEARSAL_ALONE
 
         run, accuracy = self.recorded.run, self.recorded.accuracy

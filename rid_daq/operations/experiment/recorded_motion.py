@@ -1,4 +1,4 @@
-"""`record_motion_file`: plan, check, rehearse, drive and judge the motion of a file."""
+"""`record_motion_file`: plan, check, rehearse, perform and record the motion of a file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from config.cell.cell import CellConfig
 from config.load import load_cell, read_faults
 from config.simulation.faults import NO_SCRIPT, FaultScript
 from identification.estimation.limit_torque import limit_warmth
-from rid_daq.operations.cell_files import add_feedforward, estimate_for, motion_and_bytes
+from rid_daq.operations.cell_files import add_feedforward, read_estimate_for, read_motion_and_bytes
 from rid_daq.operations.experiment.record import RecordRequest
 from rid_daq.operations.operation import Context
 from rid_daq.preflight.axis_test import AxisTestRule
@@ -29,18 +29,20 @@ from rid_daq.session.session import as_label
 from rid_daq.terminal.exit_codes import ExitCode
 
 FAULTS: Final = "faults.yaml"
-REHEARSAL_ALONE = "That was the rehearsal; nothing else was driven."
+REHEARSAL_ALONE = "Only the rehearsal was performed, not the motion itself."
 
 
 @dataclass(frozen=True)
 class RecordedMotion:
-    """A motion that was driven and recorded.
+    """A motion that was performed and recorded.
 
     Attributes:
-        run: The run; that of the rehearsal where the motion was stopped there.
-        motion: What was asked for.
-        accuracy: What followed the periods.
-        rehearsal_only: Whether the rehearsal was stopped, and nothing else was driven.
+        run: The run; if the rehearsal was stopped, the run of the rehearsal.
+        motion: The requested motion.
+        accuracy: Estimate that was updated during the motion; None if the motion is not periodic
+            and no goal was given.
+        rehearsal_only: True if the rehearsal was stopped, so that the motion itself was not
+            performed.
     """
 
     run: RecordedRun
@@ -50,7 +52,7 @@ class RecordedMotion:
 
     @property
     def exit_code(self) -> ExitCode:
-        """What a script is told: also that a goal of the accuracy was not reached."""
+        """Exit code of the run; it shows also if an accuracy goal was not reached."""
         missed = self.accuracy is not None and not self.accuracy.reached
         return self.run.exit_code or (ExitCode.VERDICT_FAILED if missed else ExitCode.DONE)
 
@@ -59,26 +61,28 @@ def record_motion_file(request: RecordRequest, context: Context) -> RecordedMoti
     """Record a motion on a cell into a new run folder.
 
     Raises:
-        ConfigError, PreflightError: It was refused before anything moved.
+        ConfigError, PreflightError: The request was refused before anything moved.
         RidDaqError: As `RunSession.recording`.
     """
     loaded = load_cell(request.cell)
-    motion, text = motion_and_bytes(request.motion, loaded)
-    files = {MOTION: text}  # what the run is made from, beside the cell's own files: read once
+    motion, text = read_motion_and_bytes(request.motion, loaded)
+    files = {
+        MOTION: text
+    }  # source files of the run in addition to the cell's files; each is read only once
     samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
     if request.feedforward is not None:
         samples, files[FEEDFORWARD] = add_feedforward(request.feedforward, motion, samples)
         verify_limits(samples, loaded.robot)
         verify_command(samples, loaded.config, loaded.robot)
     if request.model is not None:
-        estimate = estimate_for(request.model, loaded.robot)
+        estimate = read_estimate_for(request.model, loaded.robot)
         refuse_torque(motion, samples, estimate, loaded.robot)
         driven = commanded_motion(samples, loaded.config.position_gain_per_s)
         refuse_torque(motion, driven, estimate, loaded.robot)
         warmth = limit_warmth(estimate)
         if warmth:
             context.say(warmth)
-    script = _fault_script(request, loaded.config, files)
+    script = _load_fault_script(request, loaded.config, files)
     accuracy = None
     if request.until or samples.samples_per_period is not None:
         accuracy = AccuracyWatch(request.until, loaded.robot, samples)
@@ -105,15 +109,20 @@ def record_motion_file(request: RecordRequest, context: Context) -> RecordedMoti
         live=request.live,
     ) as session:
         if request.rehearse:
-            run = session.record(_rehearsal(name, samples)).as_step()
+            run = session.record(_rehearsal_request(name, samples)).as_step()
             if run.outcome.stop is not None:
                 return RecordedMotion(run, motion, accuracy, rehearsal_only=True)
-            context.say(f"Rehearsed at 1/{SLOWER:g} of the speed: {run.folder.path}")
+            context.say(f"Rehearsal at 1/{SLOWER:g} of the speed is done: {run.folder.path}")
         return RecordedMotion(session.record(asked), motion, accuracy)
 
 
-def _fault_script(request: RecordRequest, cell: CellConfig, files: dict[str, bytes]) -> FaultScript:
-    """Load a fault script, whose full disk must be one that may be filled, and keep its bytes."""
+def _load_fault_script(
+    request: RecordRequest, cell: CellConfig, files: dict[str, bytes]
+) -> FaultScript:
+    """Load a fault script and add its bytes to `files`.
+
+    Refuse to fill a disk that other programs use.
+    """
     if request.faults is None:
         return NO_SCRIPT
     script, files[FAULTS] = read_faults(request.faults, cell)
@@ -124,10 +133,10 @@ def _fault_script(request: RecordRequest, cell: CellConfig, files: dict[str, byt
     return script
 
 
-def _rehearsal(name: str, samples: MotionSamples) -> RunRequest:
+def _rehearsal_request(name: str, samples: MotionSamples) -> RunRequest:
     return RunRequest(
         f"{name[:54]} rehearsal",
-        f"A rehearsal of {name} at 1/{SLOWER:g} of its speed.",
+        f"Rehearsal of {name} at 1/{SLOWER:g} of its speed.",
         rehearsal(samples),
         role="rehearsal",
         epilogue=REHEARSAL_ALONE,

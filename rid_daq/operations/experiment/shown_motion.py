@@ -1,4 +1,4 @@
-"""What people and programs see of a motion that was designed."""
+"""JSON document and blocks of a designed motion."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from config.robot.robot import RobotDescription
 from rid_daq.blocks.block import AnyBlock, Cells, Column, Next, Table, Text, Verdict, table
 from rid_daq.operations.experiment.design import DesignRequest
 from rid_daq.operations.experiment.excitation_search import Search
-from rid_daq.operations.experiment.motion_design import Designed
+from rid_daq.operations.experiment.motion_design import DesignedMotion
 from rid_daq.report.sections.section import joint_units
 from rid_daq.terminal.choices import Kind
 
 
 @dataclass(frozen=True)
 class _MultisineAxis:
-    """An axis in a multisine."""
+    """Properties of one axis of a multisine."""
 
     joint: str
     unit: str
@@ -39,7 +39,7 @@ class _MultisineAxis:
 
 @dataclass(frozen=True)
 class _ExcitationAxis:
-    """The range of an axis in an excitation, and its shares of the limits."""
+    """Range of one axis of an excitation, and its shares of the limits."""
 
     joint: str
     unit: str
@@ -51,12 +51,12 @@ class _ExcitationAxis:
     acceleration_percent: float
 
 
-def motion_document(designed: Designed, output: Path) -> dict[str, object]:
-    """Return the numbers of a motion.
+def motion_document(designed: DesignedMotion, output: Path) -> dict[str, object]:
+    """Return the properties of a motion as numbers.
 
     Args:
         designed: The motion.
-        output: Its file.
+        output: Path of its file.
     """
     motion, found = designed.motion, designed.found
     shown: dict[str, object] = {"motion": str(output), "duration_s": designed.samples.duration_s}
@@ -92,17 +92,19 @@ def motion_document(designed: Designed, output: Path) -> dict[str, object]:
     return shown
 
 
-def designed_motion_blocks(designed: Designed, request: DesignRequest) -> Iterator[AnyBlock]:
-    """Yield what is in a motion file, how it was found, and the next commands.
+def designed_motion_blocks(designed: DesignedMotion, request: DesignRequest) -> Iterator[AnyBlock]:
+    """Yield the content of a motion file, the course of the search, and the next commands.
 
     Args:
         designed: The motion.
-        request: What was asked for.
+        request: The request.
     """
     motion, duration_s = designed.motion, designed.samples.duration_s
     for note in designed.notes:
         yield Text(text=note)
-    sentence = Text(text=f"{request.output}: {motion.describe()} {duration_s:.0f} s in all.")
+    sentence = Text(
+        text=f"{request.output}: {motion.describe()} Total duration {duration_s:.0f} s."
+    )
     match motion:
         case FourierMotion():
             yield from _excitation_blocks(designed, motion, request.output)
@@ -111,7 +113,8 @@ def designed_motion_blocks(designed: Designed, request: DesignRequest) -> Iterat
             yield from _multisine_blocks(_multisine_axes(designed, motion))
             if not request.multisine.slow:
                 yield Text(
-                    text="Without the slow sine, friction sticks: inertia and margins are wrong."
+                    text="Without the slow sine the joints stick: estimates of inertia and"
+                    " stability margins are then wrong."
                 )
         case _:
             yield sentence
@@ -124,7 +127,7 @@ def designed_motion_blocks(designed: Designed, request: DesignRequest) -> Iterat
         yield Next(words=("loop", "latest"))
 
 
-def _multisine_axes(designed: Designed, motion: MultisineMotion) -> list[_MultisineAxis]:
+def _multisine_axes(designed: DesignedMotion, motion: MultisineMotion) -> list[_MultisineAxis]:
     robot = designed.cell.robot
     assert designed.use is not None
     return [
@@ -156,7 +159,7 @@ def _multisine_blocks(axes: list[_MultisineAxis]) -> Iterator[AnyBlock]:
         Cells("axis", lambda axis: axis.joint),
         Cells("unit", lambda axis: axis.unit),
         Cells("lines", lambda axis: axis.lines),
-        Cells("RMS speed, per s", lambda axis: axis.rms_velocity, digits=3),
+        Cells("RMS speed [unit/s]", lambda axis: axis.rms_velocity, digits=3),
         Cells("crest factor", lambda axis: axis.crest_factor, digits=3),
         Cells("slow sine", lambda axis: axis.slow_amplitude, digits=3),
         Cells("speed / limit", lambda axis: axis.velocity_percent, "%", 3),
@@ -164,7 +167,9 @@ def _multisine_blocks(axes: list[_MultisineAxis]) -> Iterator[AnyBlock]:
         Cells("torque / limit", lambda axis: axis.torque_percent, "%", 3),
     )
     if any(axis.torque_percent is None for axis in axes):
-        yield Text(text="The torque is known if the robot file has `cad`, or with --model.")
+        yield Text(
+            text="The torque is predicted only if the robot file has `cad`, or with --model."
+        )
 
 
 def _excitation_axes(samples: MotionSamples, robot: RobotDescription) -> list[_ExcitationAxis]:
@@ -186,15 +191,17 @@ def _excitation_axes(samples: MotionSamples, robot: RobotDescription) -> list[_E
 
 
 def _excitation_blocks(
-    designed: Designed, motion: FourierMotion, output: Path
+    designed: DesignedMotion, motion: FourierMotion, output: Path
 ) -> Iterator[AnyBlock]:
     samples, found = designed.samples, designed.found
     if found is not None and found.interrupted_by is not None:
-        yield Verdict(passed=None, text="Interrupted: this is the best motion found so far.")
+        yield Verdict(
+            passed=None, text="The search was interrupted: this is the best motion found so far."
+        )
     yield Text(
-        text=f"{output}: {motion.periods} periods of {motion.period_s:g} s,"
-        f" {samples.duration_s:.1f} s in all, condition number {designed.condition:.4g}. Verified"
-        " between the samples too."
+        text=f"{output}: {motion.periods} periods of {motion.period_s:g} s, total duration"
+        f" {samples.duration_s:.1f} s, condition number {designed.condition:.4g}. The limits"
+        " are also checked between the samples."
     )
     yield table(
         _excitation_axes(samples, designed.cell.robot),
@@ -202,10 +209,10 @@ def _excitation_blocks(
         Cells("unit", lambda axis: axis.unit),
         Cells("from", lambda axis: axis.position_min),
         Cells("to", lambda axis: axis.position_max),
-        Cells("largest speed, per s", lambda axis: axis.velocity),
-        Cells("of its limit", lambda axis: axis.velocity_percent, "%", 3),
-        Cells("largest acceleration, per s²", lambda axis: axis.acceleration),
-        Cells("of its limit", lambda axis: axis.acceleration_percent, "%", 3),
+        Cells("largest speed [unit/s]", lambda axis: axis.velocity),
+        Cells("speed / limit", lambda axis: axis.velocity_percent, "%", 3),
+        Cells("largest acceleration [unit/s²]", lambda axis: axis.acceleration),
+        Cells("acceleration / limit", lambda axis: axis.acceleration_percent, "%", 3),
     )
     if found is not None:
         for sentence in _search_sentences(found, designed.cell.config):
@@ -213,26 +220,27 @@ def _excitation_blocks(
 
 
 def _search_sentences(found: Search, cell: CellConfig) -> Iterator[str]:
-    """Yield how the search went, and the torques and distances of the motion."""
+    """Yield sentences about the search, and about torques and distances of the motion."""
     curve = "; ".join(
         f"{found.criterion.describe(trial.objective)} after {trial.elapsed_s:.1f} s"
         for trial in found.curve
     )
     broken = sum(bool(trial.broken) for trial in found.trials)
-    yield f"{len(found.trials)} starts, {broken} of them rejected. The best so far: {curve}."
+    yield f"{len(found.trials)} starts, {broken} rejected. Improvements: {curve}."
     uses = found.best.check.uses
     torques = [use for use in uses if use.what.startswith("torque")]
     yield (
-        f"Largest torque expected, axis by axis: {_shares(torques)} % of the planning limit."
+        f"Largest predicted torque of each axis: {_shares_text(torques)} % of the planning limit."
         if torques
         else "Torque is not checked: the robot file has no `cad`, and no --model is given."
     )
     if cell.plate is not None and cell.plate.limits is not None:
         base = [use for use in uses if use.what.endswith("on the base")]
         yield (
-            f"Largest reaction on the base expected, Fx to Mz: {_shares(base)} % of the limit."
+            f"Largest predicted reaction on the base, Fx to Mz: {_shares_text(base)} % of the"
+            " limit."
             if base
-            else "The reaction on the base is not checked: give a combined model by --model."
+            else "The reaction on the base is not checked: it needs a combined model (--model)."
         )
     nearest = min(
         (use for use in uses if use.unit == "m" and use.what.startswith("distance")),
@@ -240,14 +248,14 @@ def _search_sentences(found: Search, cell: CellConfig) -> Iterator[str]:
         default=None,
     )
     yield (
-        f"Nearest approach: {1000.0 * nearest.used:.0f} mm, {nearest.what}."
+        f"Smallest distance: {1000.0 * nearest.used:.0f} mm, {nearest.what}."
         if nearest is not None
-        else "Collisions are not checked: the cell has no `workspace`, and no two of the robot's"
-        " `bodies` can meet (neighbours, and pairs of `may_touch`, are left out)."
+        else "Collisions are not checked: the cell has no `workspace`, and the robot has no pair"
+        " of `bodies` to check (neighbours and pairs in `may_touch` are excluded)."
     )
     active = [use.what for use in uses if use.active]
-    yield f"Limits that hold the motion back: {', '.join(active) or 'none'}."
+    yield f"Active limits: {', '.join(active) or 'none'}."
 
 
-def _shares(uses: list[Any]) -> str:
+def _shares_text(uses: list[Any]) -> str:
     return ", ".join(f"{100.0 * use.used / use.limit:.0f}" for use in uses)

@@ -1,1 +1,1 @@
-"""Operations on estimates of a robot."""
+"""Operations that estimate, validate, compare and export models of a robot."""

@@ -1,4 +1,4 @@
-"""`compare`: the differences of two estimates of one robot."""
+"""`compare`: compare two estimates of the same robot."""
 
 from __future__ import annotations
 
@@ -16,31 +16,32 @@ from rid_daq.requests.option import DEFAULT_RUNS, Option, RunsFolder, Unfinished
 from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
-    from rid_daq.operations.identify.compared_models import Compared, RunPrediction
+    from rid_daq.operations.identify.compared_models import ComparedModels, RunPrediction
     from rid_daq.report.sections.verdict import VerdictSection
 
 
 class CompareRequest(Request):
-    """Compare two estimates of one robot: parameters with intervals, and predicted torques.
+    """Compare two estimates of the same robot: parameters with intervals, and predicted torques.
 
-    Differences are given in standard deviations. The exit code is 1 if one is larger than the noise
-    explains: the robot, its load or its surroundings have changed, or a model lacks an effect.
+    Differences are given in standard deviations. The exit code is 1 if a difference is larger than
+    noise explains: the robot, its load or its surroundings have changed, or a model lacks an
+    effect.
     """
 
     first: Annotated[
         str,
-        Field(description="A run that was identified, or a model file."),
+        Field(description="Run with an identified model, or a model file."),
         Option(positional=True, metavar="FIRST", file="input"),
     ]
     second: Annotated[
         str,
-        Field(description="The run or the model to compare with."),
+        Field(description="Run or model file to compare with."),
         Option(positional=True, metavar="SECOND", file="input"),
     ]
     runs: RunsFolder = DEFAULT_RUNS
     on: Annotated[
         str | None,
-        Field(description="Run whose torques both predict; the runs named if not set."),
+        Field(description="Run whose torques both models predict; the named runs if not set."),
         Option(metavar="RUN"),
     ] = None
     unfinished: Unfinished = False
@@ -48,24 +49,24 @@ class CompareRequest(Request):
 
 @dataclass(frozen=True)
 class CompareResult:
-    """The differences of two estimates.
+    """Differences of two estimates.
 
     Attributes:
-        compared: The differences, and the torque errors of both.
+        compared: The differences, and the torque errors of both models.
     """
 
-    compared: Compared
+    compared: ComparedModels
 
     @property
     def exit_code(self) -> int:
-        """1 if the estimates differ by more than noise."""
+        """Exit code 1 if the estimates differ by more than noise explains."""
         from rid_daq.terminal.exit_codes import ExitCode
 
         return ExitCode.DONE if self.compared.difference.agree else ExitCode.VERDICT_FAILED
 
     @property
     def verdict(self) -> VerdictSection:
-        """The largest difference against its limit."""
+        """Verdict on the largest difference and its limit."""
         from rid_daq.report.sections.verdict import VerdictCheck, VerdictSection
 
         difference = self.compared.difference
@@ -78,24 +79,24 @@ class CompareResult:
             "sigmas",
         )
         headline = (
-            "The two agree: noise explains every difference"
+            "The estimates agree: noise explains every difference"
             if difference.agree
-            else f"They differ: {difference.names[worst]} by {number(line.value, 3)} sigmas, noise"
-            f" explains {number(difference.limit_sigmas, 3)}"
+            else f"The estimates differ: {difference.names[worst]} by {number(line.value, 3)}"
+            f" sigmas; noise explains {number(difference.limit_sigmas, 3)}"
         )
         sentence = (
-            f"{len(difference.names)} parameters compared; among so many, noise alone exceeds"
-            f" {number(difference.limit_sigmas, 3)} sigmas once in a hundred comparisons."
+            f"{len(difference.names)} parameters compared; with so many, noise alone exceeds"
+            f" {number(difference.limit_sigmas, 3)} sigmas in one of a hundred comparisons."
         )
         if difference.shared_runs:
             sentence += (
-                " Both were identified from some of the same runs, so their errors are alike and"
+                " Both estimates use some of the same runs, so their errors are correlated and"
                 " equal parameters prove nothing."
             )
         return VerdictSection.of([line], headline, sentence)
 
     def document(self) -> dict[str, object]:
-        """Return the numbers."""
+        """Return the differences and torque errors as numbers."""
         compared, difference = self.compared, self.compared.difference
         return {
             "first": compared.names[0],
@@ -116,7 +117,7 @@ class CompareResult:
             "only_first": list(difference.only_first),
             "only_second": list(difference.only_second),
             "shared_runs": list(difference.shared_runs),
-            "predictions": [_prediction(each) for each in compared.predictions],
+            "predictions": [_prediction_document(each) for each in compared.predictions],
             "notes": compared.notes,
         }
 
@@ -124,18 +125,18 @@ class CompareResult:
         """Yield notes, parameters side by side, torque errors on each run, and the verdict."""
         compared, verdict = self.compared, self.verdict
         yield from note_blocks(compared.notes)
-        yield self._parameters()
+        yield self._parameter_table()
         difference, (first, second) = compared.difference, compared.names
         for names, side in ((difference.only_first, first), (difference.only_second, second)):
             if names:
                 yield Text(text=f"Only in {side}: {', '.join(names)}")
         for prediction in compared.predictions:
             yield Text(text=f"Torque errors on run {prediction.data.folder.manifest().label!r}:")
-            yield _errors(prediction, compared.names)
+            yield _error_table(prediction, compared.names)
         yield Text(text=verdict.sentence)
         yield VerdictBlock(passed=difference.agree, text=verdict.headline)
 
-    def _parameters(self) -> Table:
+    def _parameter_table(self) -> Table:
         difference, (first, second) = self.compared.difference, self.compared.names
         return table(
             range(len(difference.names)),
@@ -159,7 +160,7 @@ class CompareResult:
         )
 
 
-def _errors(prediction: RunPrediction, names: tuple[str, str]) -> Table:
+def _error_table(prediction: RunPrediction, names: tuple[str, str]) -> Table:
     from rid_daq.report.sections.section import finite_or_none
 
     heads = [
@@ -176,7 +177,7 @@ def _errors(prediction: RunPrediction, names: tuple[str, str]) -> Table:
     return table(range(len(joints)), Cells("joint", lambda j: joints[j]), errors(0), errors(1))
 
 
-def _prediction(prediction: RunPrediction) -> dict[str, object]:
+def _prediction_document(prediction: RunPrediction) -> dict[str, object]:
     from rid_daq.report.sections.section import finite_or_none
 
     data, (first, second) = prediction.data, prediction.seen

@@ -1,4 +1,4 @@
-"""`compare_models`: the differences of two estimates, and their torque errors on runs."""
+"""`compare_models`: compute the differences of two estimates and their torque errors on runs."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from identification.validation.estimate_difference import EstimateDifference, co
 from identification.validation.torque_prediction import relative_of_both, validate_torques
 from rid_daq.operations.identify.compare import CompareRequest
 from rid_daq.runs.measured_torques import require_torques
-from rid_daq.runs.run_data import RunData, every_lack
+from rid_daq.runs.run_data import RunData, all_defects
 from rid_daq.terminal.choices import MODEL
 
 
 @dataclass(frozen=True, eq=False)
 class RunPrediction:
-    """How well both models predict one run.
+    """Torque errors of both models on one run.
 
     Attributes:
         data: The run.
-        seen: Whether each was identified from it.
-        percent: Shape (2, n). Relative torque errors on samples that count for both [%]; not a
-            number of an axis that did not move.
+        seen: For each model, True if it was identified from this run.
+        percent: Shape (2, n). Relative torque errors on samples that count for both models [%]; NaN
+            for an axis that did not move.
     """
 
     data: RunData
@@ -35,14 +35,14 @@ class RunPrediction:
 
 
 @dataclass(frozen=True)
-class Compared:
-    """What came of it.
+class ComparedModels:
+    """Result of a comparison of two models.
 
     Attributes:
-        names: What the two are called.
-        difference: How far their parameters differ.
-        predictions: One a run.
-        notes: What the runs lack.
+        names: Names of the two models.
+        difference: Differences of their parameters.
+        predictions: Torque errors, one entry per run.
+        notes: Defects of the runs' data.
     """
 
     names: tuple[str, str]
@@ -51,42 +51,42 @@ class Compared:
     notes: list[str]
 
 
-def compare_models(request: CompareRequest) -> Compared:
-    """Compare two estimates, and predict runs with both.
+def compare_models(request: CompareRequest) -> ComparedModels:
+    """Compare two estimates, and predict the torques of runs with both.
 
     Raises:
-        ConfigError: A run was not identified, or the two are of different robots.
+        ConfigError: A run has no model, or the two estimates are of different robots.
         RidDaqError: A run or a model cannot be used.
     """
-    first, one, own = _side(request, request.first)
-    second, other, others = _side(request, request.second)
+    first, one, own = _load_side(request, request.first)
+    second, other, others = _load_side(request, request.second)
     difference = compare_estimates(one, other)
     judged = [data for data in (own, others) if data is not None]
     if request.on is not None:
         folder = find_run(request.runs, request.on)
         judged = [RunData.load(folder, unfinished=request.unfinished)]
-    notes = every_lack(judged)
+    notes = all_defects(judged)
     require_torques(judged)
-    predictions = [_prediction(one, other, data) for data in judged]
-    return Compared((first, second), difference, predictions, notes)
+    predictions = [_predict_run(one, other, data) for data in judged]
+    return ComparedModels((first, second), difference, predictions, notes)
 
 
-def _side(request: CompareRequest, what: str) -> tuple[str, Estimate, RunData | None]:
+def _load_side(request: CompareRequest, what: str) -> tuple[str, Estimate, RunData | None]:
     """Return name and estimate of a model file, or of a run with the model identified from it."""
     folder = find_file_or_run(request.runs, what)
     if isinstance(folder, Path):
         return folder.name, read_estimate(folder), None
     if not folder.file(MODEL).exists():
         raise ConfigError(
-            f"run {what!r} has no {MODEL}: identify it first: rid-daq identify {folder.path}",
+            f"run {what!r} has no {MODEL}: identify it first with `rid-daq identify {folder.path}`",
             code="RID-RUN-NO-RESULT",
         )
     data = RunData.load(folder, unfinished=request.unfinished)
-    folder.read(MODEL)  # as it was written there, or refused
+    folder.read(MODEL)  # refuses a file that was changed since it was written
     return folder.manifest().label, read_estimate(folder.file(MODEL)), data
 
 
-def _prediction(one: Estimate, other: Estimate, data: RunData) -> RunPrediction:
+def _predict_run(one: Estimate, other: Estimate, data: RunData) -> RunPrediction:
     run_id = data.folder.run_id
     found = [
         validate_torques(each, data.recording, cutoff_hz=each.band_hz) for each in (one, other)

@@ -1,4 +1,4 @@
-"""`export`: write a model or the recording of a run for other programs."""
+"""`export`: write a model, or the recording of a run, for other programs."""
 
 from __future__ import annotations
 
@@ -24,23 +24,24 @@ if TYPE_CHECKING:
 class ExportRequest(Request):
     """Write an identified model, or the recording of a run, for other programs.
 
-    Of a model, the physically consistent parameters that are closest to the identified ones are
-    written; if no such parameters explain the data, nothing is written. What a format cannot
-    express is listed at its top. Tables hold both sets of parameters, and the intervals of the
-    identified ones. Of a run, every row is written as it was recorded.
+    For a model, the physically consistent parameters closest to the identified ones are written; if
+    no such parameters explain the data, nothing is written. The file lists at its top what its
+    format cannot express. Tables contain both sets of parameters, and the intervals of the
+    identified ones. For a run, every row is written as it was recorded.
     """
 
     what: Annotated[
         str,
-        Field(description="A model file of `identify`; or a run: a folder, an id or a label."),
+        Field(description="Model file of `identify`; or a run: a folder, an id or a label."),
         Option(positional=True, metavar="MODEL|RUN", file="input"),
     ]
     to: Annotated[
         Format,
         Field(
-            description="Of a model: urdf, sdf, pinocchio for a robot description with inertias; c,"
-            " python for a function of inverse dynamics; csv, json for a table of the parameters."
-            " Of a run: csv, parquet, mat, mdf4, one column for each quantity and joint."
+            description="File format. For a model: urdf, sdf, pinocchio (robot description with"
+            " inertias); c, python (function of the inverse dynamics); csv, json"
+            " (table of parameters). For a run: csv, parquet, mat, mdf4, with one"
+            " column per quantity and joint."
         ),
         Option(metavar="FORMAT"),
     ]
@@ -58,16 +59,16 @@ class ExportRequest(Request):
     as_identified: Annotated[
         bool,
         Field(
-            description="Write functions and tables with the identified parameters alone, not with"
-            " physically consistent ones: the torques are those of the model file, but the mass"
-            " matrix may be not positive definite."
+            description="Write functions and tables with the identified parameters only, not"
+            " with physically consistent ones. The torques are those of the model"
+            " file, but the mass matrix can lose positive definiteness."
         ),
     ] = False
     despite_misfit: Annotated[
         bool,
         Field(
-            description="Write the closest physically consistent model even if the data contradict"
-            " it; the file says so."
+            description="Write the closest physically consistent model even if it contradicts"
+            " the data; the file says so."
         ),
     ] = False
     overwrite: Overwrite = False
@@ -80,9 +81,9 @@ class ExportedModel:
     """A model that was written.
 
     Attributes:
-        request: What was asked for.
-        sentence: How far the written parameters are from the identified ones.
-        test: The test of the consistent parameters against the data.
+        request: The request.
+        sentence: Sentence on the distance of the written parameters from the identified ones.
+        test: Test of the consistent parameters against the data.
     """
 
     request: ExportRequest
@@ -92,7 +93,7 @@ class ExportedModel:
     exit_code: int = 0
 
     def document(self) -> dict[str, object]:
-        """Return what was written."""
+        """Return the properties of the written model."""
         from rid_daq.report.consistency_entry import ConsistencyEntry
 
         return {
@@ -105,7 +106,7 @@ class ExportedModel:
         }
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield the sentence and the file."""
+        """Yield the sentence and the file name."""
         yield Text(text=self.sentence)
         yield Verdict(passed=True, text=f"Wrote {self.request.output}")
 
@@ -115,10 +116,10 @@ class ExportedRecording:
     """A recording that was written.
 
     Attributes:
-        request: What was asked for.
+        request: The request.
         data: The run.
-        table: Its columns.
-        notes: What the run lacks.
+        table: Columns of the file.
+        notes: Defects of the run's data.
     """
 
     request: ExportRequest
@@ -128,7 +129,7 @@ class ExportedRecording:
     exit_code: int = 0
 
     def document(self) -> dict[str, object]:
-        """Return what was written."""
+        """Return the properties of the written recording."""
         return {
             "file": str(self.request.output),
             "format": self.request.to.value,
@@ -140,7 +141,7 @@ class ExportedRecording:
         }
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield notes, and the size of the file."""
+        """Yield the notes, and the numbers of rows and columns."""
         yield from note_blocks(self.notes)
         size = f"{len(self.data.recording)} rows, {len(self.table.columns)} columns"
         yield Verdict(passed=True, text=f"Wrote {self.request.output}: {size}")

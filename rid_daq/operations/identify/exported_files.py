@@ -1,4 +1,4 @@
-"""`export_file`: an identified model, or a run's recording, in the format of other programs."""
+"""`export_file`: write an identified model or a run's recording for other programs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from identification.regression.fit_grade import Grade
 from rid_daq.operations.identify.export import ExportedModel, ExportedRecording, ExportRequest
 from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
-from rid_daq.runs.run_data import RunData, every_lack
+from rid_daq.runs.run_data import RunData, all_defects
 from rid_daq.terminal.choices import MODEL, Format
 
 RECORDINGS: Final = tuple(Format(form.value) for form in RecordingFormat)
@@ -48,21 +48,21 @@ def export_file(request: ExportRequest) -> ExportedModel | ExportedRecording:
     """Write the model or the recording that a request names.
 
     Raises:
-        ConfigError: The file exists, or an option has no effect on what is exported.
+        ConfigError: The file exists, or an option has no effect on this export.
         RidDaqError: As `export_model` and `export_recording`.
     """
     refuse_output(request.output, request.overwrite, made_file.EXPORT)
     found = find_file_or_run(request.runs, request.what)
     if isinstance(found, Path):
-        _refuse_useless(request, ("unfinished",), "with a model file")
+        _refuse_without_effect(request, ("unfinished",), "with a model file")
         if request.as_identified:
-            _refuse_useless(request, ("despite_misfit",), "with --as-identified")
+            _refuse_without_effect(request, ("despite_misfit",), "with --as-identified")
         return export_model(request)
-    _refuse_useless(request, ("as_identified", "despite_misfit"), "with a recording")
+    _refuse_without_effect(request, ("as_identified", "despite_misfit"), "with a recording")
     return export_recording(request, found)
 
 
-def _refuse_useless(request: ExportRequest, names: tuple[str, ...], because: str) -> None:
+def _refuse_without_effect(request: ExportRequest, names: tuple[str, ...], because: str) -> None:
     for name in names:
         if getattr(request, name):
             raise ConfigError(
@@ -76,20 +76,20 @@ def export_model(request: ExportRequest) -> ExportedModel:
 
     Raises:
         ConfigError: The format is not for models, or not for parameters as identified.
-        EstimationError: The model does not explain its own data, no robot that can exist does, or
-            the format cannot say the model.
+        EstimationError: The model does not explain its own data, no physically consistent
+            parameters explain them, or the format cannot express the model.
         RecordingError: The file cannot be written.
     """
     to, as_identified = request.to, request.as_identified
     if to not in NEED_NO_LINKS and to not in DESCRIPTIONS:
         raise ConfigError(
-            f"--to {to.value} is for recordings, and {request.what} is a model file",
+            f"--to {to.value} is a format for recordings, but {request.what} is a model file",
             code="RID-EXPORT-FORMAT",
         )
     if as_identified and to not in NEED_NO_LINKS:
         raise ConfigError(
-            f"--as-identified is for {', '.join(NEED_NO_LINKS)}: {to.value} describes links, and"
-            " the identified parameters are sums over several",
+            f"--as-identified works only with {', '.join(NEED_NO_LINKS)}: {to.value} describes"
+            " single links, but the identified parameters are sums over several links",
             code="RID-EXPORT-LINKS",
         )
     estimate = read_estimate(Path(request.what))
@@ -103,56 +103,58 @@ def export_model(request: ExportRequest) -> ExportedModel:
 
 
 def exported_parameters(request: ExportRequest, estimate: Estimate) -> tuple[ExportModel, str]:
-    """Return the parameters of a model that other programs get, and where they come from in words.
+    """Return the parameters of a model for an export, and their origin as a sentence.
 
     Args:
-        request: Which parameters; its `what` names the model in messages.
+        request: Options of the export; `what` names the model in messages.
         estimate: The model.
 
     Raises:
-        EstimationError: The model does not explain its own data, or no robot that can exist does.
+        EstimationError: The model does not explain its own data, or no physically consistent
+            parameters explain them.
     """
     if not request.as_identified:
         refuse_still(estimate.still, request.what)
     bad = [fit.joint for fit in estimate.fit if fit.grade is Grade.BAD]
     if bad and not request.despite_misfit:
         raise EstimationError(
-            f"{request.what}: does not explain the torque of {', '.join(bad)} on its own data;"
-            " correct the files and identify again (`rid-daq identify` says what is wrong), or"
-            " accept it (--despite-misfit)",
+            f"{request.what}: the model does not explain the torque of {', '.join(bad)} on its"
+            " own data; correct the files and identify again (`rid-daq identify` names the"
+            " mistake), or export it nevertheless (--despite-misfit)",
             code="RID-MODEL-MISFIT",
         )
     if request.as_identified:
-        return ExportModel.identified(estimate), "Parameters as identified."
+        return ExportModel.identified(estimate), "The file contains the parameters as identified."
     found = consistent(estimate)
     if not (found.test.is_consistent or request.despite_misfit):
         as_they_are = request.to in NEED_NO_LINKS
-        also = ", write what was identified (--as-identified)" if as_they_are else ""
+        also = ", write the identified parameters (--as-identified)" if as_they_are else ""
         raise EstimationError(
-            f"{found.sentence} The model lacks something, or the intervals are too narrow: compare"
-            f" models and measure with another motion{also}, or accept it (--despite-misfit)",
+            f"{found.sentence} The model lacks an effect, or the intervals are too narrow: compare"
+            f" models and measure with another motion{also}, or export it nevertheless"
+            " (--despite-misfit)",
             code="RID-MODEL-INCONSISTENT",
         )
     return ExportModel.consistent(found), found.sentence
 
 
 def export_recording(request: ExportRequest, folder: RunFolder) -> ExportedRecording:
-    """Write everything that a run has recorded, row by row.
+    """Write all recorded rows of a run.
 
     Raises:
         ConfigError: The format is for models, or needs a library that is not installed.
-        RidDaqError: The run cannot be used, or the file not be written.
+        RidDaqError: The run cannot be used, or the file cannot be written.
     """
     to = request.to
     if to not in RECORDINGS:
         model = folder.path / MODEL
         raise ConfigError(
-            f"--to {to.value} is for models: give a model file"
+            f"--to {to.value} is a format for models: give a model file"
             + (f", as {model}" if model.exists() else " of `rid-daq identify`"),
             code="RID-EXPORT-FORMAT",
         )
     data = RunData.load(folder, unfinished=request.unfinished)
-    notes = every_lack([data])
+    notes = all_defects([data])
     table = recording_table(data.recording, data.robot)
     write_whole(request.output, encode_recording(table, RecordingFormat(to.value)))
     return ExportedRecording(request, data, table, notes)

@@ -1,4 +1,4 @@
-"""`friction`: measure friction alone."""
+"""`friction`: measure the friction of the joints alone."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from rid_daq.requests.option import DEFAULT_RUNS, Option, RunNames, RunsFolder, 
 from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
-    from rid_daq.operations.identify.friction_measurement import FrictionMeasured
+    from rid_daq.operations.identify.friction_measurement import FrictionMeasurement
 
 
 class FrictionRequest(Request):
-    """Measure friction alone: torque over speed, joint by joint, and the models that fit it.
+    """Measure the friction of each joint alone: torque over speed, and the models that fit it.
 
-    RUN is a recording at constant speeds, or of a path that is driven forwards and backwards;
-    `rid-daq design --kind constant-velocity` or `--kind reversed` writes the motion. Several runs
-    of one robot are evaluated together. If no model fits the friction of a joint, the exit code is
-    6.
+    RUN is a recording of a motion at constant speeds, or of a path that is driven forward and
+    backward; `rid-daq design --kind constant-velocity` or `--kind reversed` writes the motion.
+    Several runs of one robot are evaluated together. The exit code is 6 if no model fits the
+    friction of a joint.
     """
 
     run: RunNames
     runs: RunsFolder = DEFAULT_RUNS
     model: Annotated[
         Path | None,
-        Field(description="Model file whose friction is compared with the measured one."),
+        Field(description="Model file; its friction is compared with the measured friction."),
         Option(metavar="MODEL", file="input"),
     ] = None
     unfinished: Unfinished = False
@@ -39,23 +39,23 @@ class FrictionRequest(Request):
 
 @dataclass(frozen=True)
 class FrictionResult:
-    """Friction that was measured, and its report.
+    """Measured friction, and its report.
 
     Attributes:
-        found: The friction, and the files with it.
+        found: The measured friction and the paths of its files.
     """
 
-    found: FrictionMeasured
+    found: FrictionMeasurement
 
     @property
     def exit_code(self) -> int:
-        """6 if no model fits the friction of a joint."""
+        """Exit code 6 if no model fits the friction of a joint."""
         from rid_daq.terminal.exit_codes import ExitCode
 
         return ExitCode.DATA_QUALITY if self.found.section.bad_joints else ExitCode.DONE
 
     def document(self) -> dict[str, object]:
-        """Return the numbers."""
+        """Return curves and models as numbers."""
         found = self.found
         return {
             "run": found.run_id,

@@ -1,4 +1,4 @@
-"""`measure_friction`: friction curves and models of runs that measure friction alone."""
+"""`measure_friction`: friction curves and models, from runs that measure friction alone."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from identification.friction.curve import FrictionCurve, join_curves
 from identification.friction.experiments import constant_velocity_curves, reversed_curves
 from identification.friction.fits import fit_friction
 from identification.validation.estimated_friction import EstimatedFriction
-from rid_daq.operations.cell_files import estimate_for
+from rid_daq.operations.cell_files import read_estimate_for
 from rid_daq.operations.identify.friction import FrictionRequest
 from rid_daq.report.sections.friction import FrictionSection
 from rid_daq.report_page.write import write_result
-from rid_daq.runs.run_data import RunData, lacks, result_of
+from rid_daq.runs.run_data import RunData, data_defects, result_of
 
 
 @dataclass(frozen=True)
-class FrictionMeasured:
+class FrictionMeasurement:
     """Friction that was measured.
 
     Attributes:
-        run_id: The first run.
-        section: Its section of a report.
-        report: The report of the first run.
-        notes: What the runs lack.
+        run_id: Id of the first run.
+        section: Section of the report.
+        report: Path of the first run's report.
+        notes: Defects of the runs' data.
     """
 
     run_id: str
@@ -38,8 +38,8 @@ class FrictionMeasured:
     notes: list[str]
 
 
-def measure_friction(request: FrictionRequest) -> FrictionMeasured:
-    """Measure friction joint by joint, and fit models to it.
+def measure_friction(request: FrictionRequest) -> FrictionMeasurement:
+    """Measure the friction of each joint, and fit models to it.
 
     Raises:
         ConfigError: The runs are of several robots, or of motions that do not measure friction.
@@ -47,29 +47,29 @@ def measure_friction(request: FrictionRequest) -> FrictionMeasured:
     """
     folders = find_runs(request.runs, request.run)
     data = [RunData.load(folder, unfinished=request.unfinished) for folder in folders]
-    notes = lacks(data)
+    notes = data_defects(data)
     first = data[0]
     curves: dict[str, list[FrictionCurve]] = {}
     for one in data:
         if first.robot.differences(one.robot):
             raise ConfigError(
-                f"{one.folder.path}: is of robot {one.robot.name!r},"
-                f" {first.folder.path} of {first.robot.name!r}: give runs of one robot",
+                f"{one.folder.path} is of robot {one.robot.name!r}, but {first.folder.path} is of"
+                f" {first.robot.name!r}: give runs of one robot",
                 code="RID-ROBOT-OTHER",
             )
-        for curve in _curves(one):
+        for curve in _friction_curves(one):
             curves.setdefault(curve.joint, []).append(curve)
     whole = [join_curves(curves[name]) for name in first.robot.joint_names if name in curves]
     model = request.model
-    compared = None if model is None else EstimatedFriction(estimate_for(model, first.robot))
+    compared = None if model is None else EstimatedFriction(read_estimate_for(model, first.robot))
     fits = [fit_friction(curve, first.robot) for curve in whole]
     section = FrictionSection.of(whole, fits, first.robot, compared)
     report = write_result(first.folder, result_of(first, notes).updated(friction=section))
-    return FrictionMeasured(first.folder.run_id, section, report, notes)
+    return FrictionMeasurement(first.folder.run_id, section, report, notes)
 
 
-def _curves(data: RunData) -> tuple[FrictionCurve, ...]:
-    """Return the friction in one run."""
+def _friction_curves(data: RunData) -> tuple[FrictionCurve, ...]:
+    """Return the friction curves of one run."""
     file = data.folder.file("motion.yaml")
     motion = load_motion(file) if file.exists() else None
     match motion:
@@ -78,12 +78,12 @@ def _curves(data: RunData) -> tuple[FrictionCurve, ...]:
         case ReversedMotion():
             return reversed_curves(data.recording, motion, data.robot)
         case None:
-            kind = "a recording from elsewhere"
+            kind = "a recording of an unknown motion"
         case _:
-            kind = f"a motion of kind {motion.kind}"
+            kind = f"a recording of a motion of kind {motion.kind}"
     raise ConfigError(
-        f"{data.folder.path}: is {kind}; friction alone is measured by constant speeds or by a path"
-        " there and back: make one with `rid-daq design CELL --kind constant-velocity -o MOTION`"
-        " (or `--kind reversed`) and record it",
+        f"{data.folder.path} is {kind}; a friction measurement needs constant speeds, or a path"
+        " that is driven forward and backward: design one with `rid-daq design CELL --kind"
+        " constant-velocity -o MOTION` (or `--kind reversed`) and record it",
         code="RID-FRICTION-RUNS",
     )

@@ -1,4 +1,4 @@
-"""`identify_runs`: from runs to a model file and a report."""
+"""`identify_runs`: estimate a robot from runs; write a model file and a report."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ from identification.wiring.held_out import held_out_share
 from rid_daq.operations.identify.identify import IdentifyRequest
 from rid_daq.operations.identify.run_estimation import (
     EstimationJob,
-    asked_terms,
-    check_otherwise,
     compare_friction,
+    cross_check_estimate,
+    estimate_drive_gains,
     estimate_runs,
-    gains_of_drives,
+    missing_friction_terms,
 )
 from rid_daq.operations.identify.wiring_diagnosis import (
     OTHER_ROBOT,
     WiringDiagnosis,
     diagnose_wiring,
-    wired_signals,
+    signals_for_diagnosis,
 )
 from rid_daq.operations.operation import Context
 from rid_daq.report.model_file import ModelFile
@@ -58,7 +58,7 @@ from rid_daq.report_page.write import write_result
 from rid_daq.runs import made_file
 from rid_daq.runs.measured_torques import require_torques
 from rid_daq.runs.output_file import refuse_output
-from rid_daq.runs.run_data import RunData, clocks_of, note_output, report_lacks, result_of
+from rid_daq.runs.run_data import RunData, clock_sections, register_output, result_of, show_defects
 from rid_daq.terminal.choices import MODEL
 
 BAD_FIT = "Failed: the model does not explain this run"
@@ -70,11 +70,12 @@ class IdentifiedRobot:
     """A robot that was identified, before anything is written.
 
     Attributes:
-        section: The estimate as reports show it.
+        estimate: The estimate.
+        section: Section of a report with the estimate.
         averages: Mean periods of periodic runs.
         wiring: Mistakes of wiring, units and files.
-        plate: The fit of the force plate, if it was used.
-        comparison: The choice of the friction terms, if there was one.
+        plate: Fit of the force plate; None if the model does not use it.
+        comparison: Choice of the friction terms; None if they were not chosen.
         gains: Drive gains; None if no load mass was given.
     """
 
@@ -92,12 +93,12 @@ class IdentifiedRuns:
     """A model that was identified and written.
 
     Attributes:
-        model: The model file.
-        result: The first run's result.
-        notes: What the runs lack.
+        model: Path of the model file.
+        result: Result of the first run.
+        notes: Defects of the runs' data.
         gains: Drive gains; None if no load mass was given.
         plate_unused: True if the runs have a force plate that the model does not use.
-        clocks: Repeated, missing and jittered rows of each run, and where its times come from.
+        clocks: Repeated, missing and jittered rows of each run, and the source of its times.
     """
 
     model: Path
@@ -110,25 +111,25 @@ class IdentifiedRuns:
 
     @property
     def section(self) -> EstimateSection:
-        """The estimate in the result."""
+        """Section of the result that contains the estimate."""
         assert self.result.estimate is not None
         return self.result.estimate
 
     @property
     def bad_joints(self) -> tuple[str, ...]:
-        """The joints whose torque the model does not explain."""
+        """Joints whose torque the model does not explain."""
         return tuple(axis.joint for axis in self.section.axes if axis.grade is Grade.BAD)
 
     @property
     def has_mistakes(self) -> bool:
-        """True if a mistake explains the runs far better, or they show what no robot does."""
+        """True if a mistake explains the data far better, or the data are physically impossible."""
         estimate = self.section
         heavy = estimate.arm_weight is not None and not estimate.arm_weight.is_plausible
         return bool(estimate.mistakes or estimate.driving or heavy or self.plate_is_doubted)
 
     @property
     def plate_is_doubted(self) -> bool:
-        """True if the force plate's wrench is not explained, or its description is mistaken."""
+        """True if the model does not explain the force plate, or its description is wrong."""
         plate = self.result.plate
         return plate is not None and bool(plate.bad_components or plate.mistake)
 
@@ -137,29 +138,29 @@ def identify_runs(request: IdentifyRequest, context: Context) -> IdentifiedRuns:
     """Estimate a robot from runs; write the model file and the first run's report.
 
     Args:
-        request: What is asked for.
-        context: Shows progress, and what the runs lack.
+        request: The request.
+        context: Shows progress, and defects of the runs' data.
 
     Raises:
         ConfigError: The runs are of different robots or kinds, or the options exclude one another.
-        DataQualityError, EstimationError: The data do not show the parameters.
-        RecordingError: A run cannot be read, or a file not be written.
+        DataQualityError, EstimationError: The data do not determine the parameters.
+        RecordingError: A run cannot be read, or a file cannot be written.
     """
     request.refuse_contradictions()
     refuse_output(request.output, request.overwrite, made_file.MODEL)
     found = find_runs(request.runs, list(request.names))
     data = tuple(RunData.load(folder, unfinished=request.unfinished) for folder in found)
-    notes = report_lacks(context, data)
+    notes = show_defects(context, data)
     robot = identify_robot(request, data, context)
     first, section, plate = data[0], robot.section, robot.plate
     output = request.output or first.folder.file(MODEL)
     write_estimate(output, robot.estimate)
-    note_output(first.folder, output)
+    register_output(first.folder, output)
     before = result_of(first, notes)
     result = before.with_model_sections(
         ModelFile.of(output), estimate=section, plate=plate, comparison=robot.comparison
     )
-    verdict = _verdict(before.verdict, section, robot.wiring, plate)
+    verdict = _fit_verdict(before.verdict, section, robot.wiring, plate)
     result = result if verdict is None else result.updated(verdict=verdict)
     if first.is_periodic:
         average = robot.averages[0]
@@ -171,7 +172,7 @@ def identify_runs(request: IdentifyRequest, context: Context) -> IdentifiedRuns:
     report = write_result(first.folder, result)
     has_plate = first.is_periodic and all(item.has_plate for item in data)
     unused = has_plate and plate is None
-    return IdentifiedRuns(output, result, report, notes, robot.gains, unused, clocks_of(data))
+    return IdentifiedRuns(output, result, report, notes, robot.gains, unused, clock_sections(data))
 
 
 def identify_robot(
@@ -180,31 +181,31 @@ def identify_robot(
     """Estimate a robot from runs that were read; nothing is written.
 
     Args:
-        request: What is asked for; its names and files are not used.
+        request: Options of the estimate; its names and files are not used.
         data: The runs.
         context: Shows progress.
 
     Raises:
         ConfigError: The runs are of different robots or kinds, or the options exclude one another.
-        DataQualityError, EstimationError: The data do not show the parameters.
+        DataQualityError, EstimationError: The data do not determine the parameters.
     """
     request.refuse_contradictions()
-    how = replace(_method(request), loaded=_loaded(request, data))
+    how = replace(_estimation_job(request), loaded=_loaded_run_ids(request, data))
     if how.options.model.kind != "external":
         require_torques(data)
     first = data[0]
-    comparison = _chosen(data, how, context) if request.choose else None
+    comparison = _choose_model(data, how, context) if request.choose else None
     robot = None if comparison is None else comparison.robot(first.robot)
     identified = estimate_runs(data, how, robot=robot, chosen=comparison)
     estimate, wiring = identified.estimate, WiringDiagnosis()
     if how.options.model.kind != "external":
-        signals = wired_signals(data, how, first.robot)
+        signals = signals_for_diagnosis(data, how, first.robot)
         wiring = diagnose_wiring(signals, first, estimate, search=request.diagnose)
         if request.diagnose:
             estimate = replace(estimate, held_out_share=held_out_share(signals))
     gains = None
     if request.load_mass_kg is not None:
-        gains = gains_of_drives(estimate, data, how, *request.load_mass_kg)
+        gains = estimate_drive_gains(estimate, data, how, *request.load_mass_kg)
     weight = weight_words(estimate)
     plate = None
     if estimate.plate is not None:
@@ -215,15 +216,15 @@ def identify_robot(
             identified.consistency,
             identified.plate_mistake,
         )
-    consistency, consistency_words = _consistency(estimate)
-    findings = [*wiring.sentences, *_findings(estimate, data, weight), consistency_words]
+    consistency, consistency_words = _check_consistency(estimate)
+    findings = [*wiring.sentences, *_estimate_findings(estimate, data, weight), consistency_words]
     if comparison is not None:
         names, delays_s = comparison.joint_names, comparison.refused_delay_s
         findings += refused_delay_findings(names, delays_s)
     findings += [] if gains is None else [f"{sentence}." for sentence in gains.sentences()]
     if request.diagnose and not request.choose:
-        findings += asked_terms(estimate, data, how)
-    findings += _cross_checked(data, how, estimate, context) if request.cross_check else []
+        findings += missing_friction_terms(estimate, data, how)
+    findings += _cross_check(data, how, estimate, context) if request.cross_check else []
     section = EstimateSection.of(
         estimate,
         findings=findings,
@@ -243,8 +244,8 @@ def identify_robot(
     )
 
 
-def _method(request: IdentifyRequest) -> EstimationJob:
-    """Return what is estimated, as a request says it."""
+def _estimation_job(request: IdentifyRequest) -> EstimationJob:
+    """Return the estimation options of a request."""
     asked = request.how.options
     model = asked.model.options()
     model = replace(model, payload=model.payload or bool(request.loaded))
@@ -252,13 +253,17 @@ def _method(request: IdentifyRequest) -> EstimationJob:
     return EstimationJob(options, request.how.cad_prior)
 
 
-def _verdict(
+def _fit_verdict(
     before: VerdictSection,
     section: EstimateSection,
     wiring: WiringDiagnosis,
     plate: PlateSection | None,
 ) -> VerdictSection | None:
-    """Return the verdict of a bad fit or a mistake, what takes its place, or None to leave it."""
+    """Return the verdict on a bad fit or a mistake.
+
+    Without either, an earlier verdict of this kind is reset; None leaves the earlier verdict as it
+    is.
+    """
     bad = [axis.joint for axis in section.axes if axis.grade is Grade.BAD]
     why = [mistake.sentence for mistake in section.mistakes or ()] + list(wiring.sentences)
     if plate is not None and plate.mistake is not None:
@@ -275,46 +280,48 @@ def _verdict(
     return VerdictSection.failed(headline, " ".join(why))
 
 
-def _loaded(request: IdentifyRequest, data: tuple[RunData, ...]) -> tuple[str, ...]:
-    """Return the ids of the runs that carried the payload, which must be among those used."""
+def _loaded_run_ids(request: IdentifyRequest, data: tuple[RunData, ...]) -> tuple[str, ...]:
+    """Return the ids of the runs that carried the payload; they must be among the runs used."""
     ids = tuple(find_run(request.runs, name).run_id for name in request.loaded)
     used = {item.folder.run_id for item in data}
     for name, run_id in zip(request.loaded, ids, strict=True):
         if run_id not in used:
             raise ConfigError(
-                f"--loaded {name}: is not among the runs to identify; name it there",
+                f"--loaded {name}: this run is not among the runs to identify; add it to RUN...",
                 code="RID-PAYLOAD-RUNS",
             )
     if ids and used <= set(ids):
         raise ConfigError(
-            "every run carried the payload, so that it cannot be told from the last link: add a run"
-            " without it",
+            "every run carried the payload, so the payload cannot be separated from the last"
+            " link: add a run without payload",
             code="RID-PAYLOAD-RUNS",
         )
     return ids
 
 
-def _chosen(data: tuple[RunData, ...], how: EstimationJob, context: Context) -> ModelChoice:
+def _choose_model(data: tuple[RunData, ...], how: EstimationJob, context: Context) -> ModelChoice:
     with context.progress("Choosing the model", float(STEPS), "steps") as shown:
         return compare_friction(
             data, how, lambda done, _, name: shown.update(float(done), f"next: {name}")
         )
 
 
-def _cross_checked(
+def _cross_check(
     data: tuple[RunData, ...], how: EstimationJob, estimate: Estimate, context: Context
 ) -> list[str]:
     checks: list[CrossCheck] = []
     with context.progress("Cross-checking", float(len(CrossMethod)), "methods") as shown:
         shown.update(0.0, f"next: {next(iter(CrossMethod))}")
-        for number, check in enumerate(check_otherwise(estimate, data, how), 1):
+        for number, check in enumerate(cross_check_estimate(estimate, data, how), 1):
             checks.append(check)
             shown.update(float(number), check.sentence)
     return [f"{check.sentence}." for check in checks]
 
 
-def _findings(estimate: Estimate, data: tuple[RunData, ...], weight: tuple[str, ...]) -> list[str]:
-    """Return what a person should know of an estimate."""
+def _estimate_findings(
+    estimate: Estimate, data: tuple[RunData, ...], weight: tuple[str, ...]
+) -> list[str]:
+    """Return the findings about an estimate, as sentences."""
     weak = [each for each in weak_parameters(estimate) if each.expression not in weight]
     findings = [
         *still_findings(estimate),
@@ -329,18 +336,17 @@ def _findings(estimate: Estimate, data: tuple[RunData, ...], weight: tuple[str, 
     return findings
 
 
-def _consistency(estimate: Estimate) -> tuple[ConsistencyTest | None, str]:
-    """Return the test of physical consistency, None if it cannot be made, and a sentence."""
+def _check_consistency(estimate: Estimate) -> tuple[ConsistencyTest | None, str]:
+    """Return the test of physical consistency and a sentence; the test is None if it failed."""
     try:
         test = check_consistency(estimate)
     except EstimationError as error:
-        return None, f"Whether the parameters are physically consistent is not known: {error}."
+        return None, f"The physical consistency of the parameters cannot be tested: {error}."
     if test.is_consistent:
         return test, (
-            f"{test.sentence} That does not show that the model fits: see the residual of each"
-            " axis."
+            f"{test.sentence} This test says nothing about the fit: see the residual of each axis."
         )
     return test, (
-        f"{test.sentence} A term is missing in the model, or a sign, ratio or torque constant in"
-        " the robot file is wrong."
+        f"{test.sentence} The model lacks a term, or a sign, gear ratio or torque constant in the"
+        " robot file is wrong."
     )

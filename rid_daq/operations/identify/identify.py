@@ -39,7 +39,7 @@ LOAD: Final = "Known load"
 
 
 class ModelOptions(ModelTerms):
-    """The terms of the model."""
+    """Terms of the model."""
 
     kind: Annotated[
         Literal["internal", "external", "combined"],
@@ -51,7 +51,7 @@ class ModelOptions(ModelTerms):
     ] = "internal"
     friction: Annotated[
         bool,
-        Field(description="Include the friction that the robot file names."),
+        Field(description="Include the friction terms of the robot file."),
         Option(group=EQUATIONS, negatable=True),
     ] = True
     spring: Annotated[
@@ -62,13 +62,14 @@ class ModelOptions(ModelTerms):
 
 
 class EstimationOptions(Request):
-    """The model, and how its equations are weighted."""
+    """Model, and weights of its equations."""
 
     model: ModelOptions = Field(default_factory=ModelOptions)
     weighting: Annotated[
         Literal["ml", "ls", "huber"],
         Field(
-            description="Weights: ml (by noise), ls (none) or huber (by noise, robust to outliers)."
+            description="Weights of the equations: ml (by noise), ls (none) or huber (by noise,"
+            " robust to outliers)."
         ),
         Option(group=EQUATIONS, flag="estimator"),
     ] = "ml"
@@ -77,12 +78,12 @@ class EstimationOptions(Request):
 
 
 class EstimationRequest(Request):
-    """The estimation and its prior knowledge."""
+    """Estimation options and prior knowledge."""
 
     options: EstimationOptions = Field(default_factory=EstimationOptions)
     cad_prior: Annotated[
         bool,
-        Field(description="Use the drawings (CAD) of the robot file as prior knowledge."),
+        Field(description="Use the CAD data of the robot file as prior knowledge."),
         Option(group=EQUATIONS),
     ] = False
 
@@ -90,10 +91,10 @@ class EstimationRequest(Request):
 class IdentifyRequest(Request):
     """Estimate the robot's base parameters, with intervals, from one or more runs.
 
-    Periodic runs are averaged and used on their harmonics; others are low-passed without phase
-    shift and used in the time domain. The model file is complete in itself. If the model does not
-    explain a joint's torque, or a common mistake of wiring, units or files explains it far better,
-    the exit code is 6.
+    Periodic runs are averaged and used at their harmonics; other runs are low-passed without phase
+    shift and used in the time domain. The model file contains everything that its use needs. The
+    exit code is 6 if the model does not explain a joint's torque, or if a common mistake of wiring,
+    units or files explains the torques far better.
     """
 
     names: RunNames
@@ -111,12 +112,12 @@ class IdentifyRequest(Request):
     how: EstimationRequest = Field(default_factory=EstimationRequest)
     loaded: Annotated[
         tuple[str, ...],
-        Field(description="Run among RUN... that carried an unknown payload."),
+        Field(description="Run among RUN... in which the robot carried an unknown payload."),
         Option(group=LOAD, metavar="RUN"),
     ] = ()
     load_mass_kg: Annotated[
         tuple[LoadMassKg, LoadMassSigmaKg] | None,
-        Field(description="Weighed mass of that payload, to estimate drive gains."),
+        Field(description="Weighed mass of that payload, used to estimate drive gains."),
         Option(
             group=LOAD,
             flag="load-mass",
@@ -126,13 +127,13 @@ class IdentifyRequest(Request):
         ),
     ] = None
     cross_check: Annotated[
-        bool, Field(description="Estimate by three other methods as well, and compare.")
+        bool, Field(description="Estimate with three other methods too, and compare.")
     ] = False
     diagnose: Annotated[
         bool,
         Field(
-            description="Look for mistakes of wiring, units and files that explain the runs far"
-            " better."
+            description="Search for mistakes of wiring, units and files that explain the runs"
+            " far better."
         ),
         Option(negatable=True),
     ] = True
@@ -140,15 +141,15 @@ class IdentifyRequest(Request):
     unfinished: Unfinished = False
 
     def refuse_contradictions(self) -> None:
-        """Refuse friction options beside --choose, which chooses the friction terms itself.
+        """Refuse friction options together with --choose, which chooses the friction terms itself.
 
         Raises:
-            ConfigError: One of them is set.
+            ConfigError: Such an option is set.
         """
         terms = self.how.options.model
         if self.choose and (terms.friction_terms is not None or not terms.friction):
             raise ConfigError(
-                "--choose chooses the friction terms: leave the other option out",
+                "--choose selects the friction terms itself: leave the other friction option out",
                 code="RID-OPTION-EXCLUSIVE",
             )
 
@@ -158,24 +159,24 @@ class IdentifyResult:
     """A model that was identified and written.
 
     Attributes:
-        identified: The model, and the files with it.
+        identified: The model and the paths of its files.
     """
 
     identified: IdentifiedRuns
 
     @property
     def exit_code(self) -> int:
-        """6 if a joint is not explained, or a mistake is found."""
+        """Exit code 6 if the model does not explain a joint, or a mistake was found."""
         from rid_daq.terminal.exit_codes import ExitCode
 
         found = self.identified
         return ExitCode.DATA_QUALITY if found.bad_joints or found.has_mistakes else ExitCode.DONE
 
     def document(self) -> dict[str, object]:
-        """Return the numbers."""
+        """Return the model and its quality as numbers."""
         found, result = self.identified, self.identified.result
         parts = {
-            "drive_gains": None if found.gains is None else _gains(found.gains),
+            "drive_gains": None if found.gains is None else _gain_document(found.gains),
             "plate": result.plate,
             "comparison": result.comparison,
         }
@@ -189,7 +190,7 @@ class IdentifyResult:
         }
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield the choice, the parameters, the fit, findings, mistakes and the verdict."""
+        """Yield the chosen terms, the parameters, the fit, findings, mistakes and the verdict."""
         from rid_daq.report.section_blocks.estimate import (
             finding_texts,
             fit_blocks,
@@ -208,12 +209,14 @@ class IdentifyResult:
         if result.plate is not None:
             yield from plate_blocks(result.plate)
         if found.plate_unused:
-            yield Text(text="The runs have a force plate's reaction too: --model combined uses it")
+            yield Text(
+                text="The runs contain the reaction on a force plate too: --model combined uses it."
+            )
         yield from finding_texts(section)
         yield from mistake_blocks(section)
-        yield from self._ending()
+        yield from self._ending_blocks()
 
-    def _ending(self) -> Iterator[AnyBlock]:
+    def _ending_blocks(self) -> Iterator[AnyBlock]:
         from rid_daq.operations.identify.wiring_diagnosis import OTHER_ROBOT
         from rid_daq.report.section_blocks.estimate import fit_verdict
 
@@ -225,11 +228,11 @@ class IdentifyResult:
             if found.section.mistakes == ():
                 yield Text(text=OTHER_ROBOT)
         else:
-            yield Text(text="RUN is a run that was not used here.")
+            yield Text(text="RUN: a run that was not used for this estimate.")
             yield Next(words=("validate", str(found.model), "RUN"))
 
 
-def _gains(gains: DriveGains) -> dict[str, dict[str, float]]:
+def _gain_document(gains: DriveGains) -> dict[str, dict[str, float]]:
     return {
         name: {"value": float(value), "std": float(sigma)}
         for name, value, sigma in zip(gains.joint_names, gains.values, gains.sigma, strict=True)

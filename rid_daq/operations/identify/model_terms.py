@@ -1,4 +1,4 @@
-"""`ModelTerms`: the terms of a robot's model, as a part of requests."""
+"""`ModelTerms`: terms of a robot's model, as a part of requests."""
 
 from __future__ import annotations
 
@@ -19,50 +19,52 @@ EQUATIONS: Final = "Equations"
 
 Band = Annotated[
     BandHz,
-    Field(description="Highest frequency used."),
+    Field(description="Highest frequency of the data that is used."),
     Option(group=EQUATIONS, flag="band", unit="Hz"),
 ]
 Standstill = Annotated[
     StandstillRadS,
-    Field(description="Lowest speed used for friction."),
+    Field(description="Lowest speed of samples that determine friction."),
     Option(group=EQUATIONS, flag="standstill", unit="rad/s"),
 ]
 
 
-def _distinct(terms: tuple[FrictionTerm, ...] | None) -> tuple[FrictionTerm, ...] | None:
+def _require_distinct(terms: tuple[FrictionTerm, ...] | None) -> tuple[FrictionTerm, ...] | None:
     if terms is not None and (not terms or len(set(terms)) != len(terms)):
-        raise ValueError("must name at least one term, and each once")
+        raise ValueError("must name at least one term, and each term once")
     return terms
 
 
 class ModelTerms(Request):
-    """The terms of a model. Programs can set all of them, the command line those of its command."""
+    """Terms of a model. Programs can set every term; each command offers some as options."""
 
     kind: Annotated[
         Literal["internal", "external", "combined"],
         Field(
-            description="Torques (internal), the wrench on a force plate (external), or both"
-            " (combined)."
+            description="Measured quantities: torques (internal), the wrench on a force plate"
+            " (external), or both (combined)."
         ),
         Option(hidden=True),
     ] = "internal"
     rotors: Annotated[
         bool,
-        Field(description="Include the rotors and their coupling."),
+        Field(description="Include the inertia of the rotors and their coupling."),
         Option(group=EQUATIONS, negatable=True),
     ] = True
     friction: Annotated[bool, Field(description="Include friction."), Option(hidden=True)] = True
     spring: Annotated[
-        bool, Field(description="Include the spring of the robot file."), Option(hidden=True)
+        bool,
+        Field(description="Include the gravity spring of the robot file."),
+        Option(hidden=True),
     ] = True
     sign_smoothing_rad_s: Annotated[
         SmoothingRadS,
-        Field(description="Speed over which Coulomb friction changes its sign."),
+        Field(description="Speed range in which Coulomb friction changes its sign."),
         Option(hidden=True),
     ] = 0.0
     friction_terms: Annotated[
         tuple[FrictionTerm, ...] | None,
-        AfterValidator(_distinct),
+        AfterValidator(_require_distinct),
         Field(
             description=f"Friction terms of every joint: {', '.join(get_args(FrictionTerm))}; those"
             " of the robot file if not set."
@@ -79,7 +81,7 @@ class ModelTerms(Request):
     ] = None
 
     def options(self) -> ModelOptions:
-        """Return the terms as the model has them."""
+        """Return the terms as options of a model."""
         from identification.model.options import ModelOptions
 
         return ModelOptions(**self.model_dump())

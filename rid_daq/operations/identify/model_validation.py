@@ -1,4 +1,4 @@
-"""`validate_run`, `predict_motion`: torques of a run and base reactions, predicted and judged."""
+"""`validate_run`, `predict_motion`: predict torques and base reactions, and check the limits."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from identification.validation.diagnosis import diagnose
 from identification.validation.extrapolation import extrapolation_findings
 from identification.validation.torque_prediction import Validation, validate_torques
 from rid_daq.blocks.formats import number
-from rid_daq.operations.cell_files import estimate_for, motion_for, require_robot
+from rid_daq.operations.cell_files import read_estimate_for, read_motion_for, require_same_robot
 from rid_daq.operations.identify.validate import ValidateRequest
 from rid_daq.report.model_file import ModelFile
 from rid_daq.report.sections.curves import CurvesSection, TorqueCurves
@@ -37,30 +37,29 @@ from rid_daq.report.sections.verdict import VerdictCheck, VerdictSection
 from rid_daq.report_page.write import write_result
 from rid_daq.requests.request import refuse_unused
 from rid_daq.runs.measured_torques import require_torques
-from rid_daq.runs.run_data import RunData, clocks_of, every_lack, result_of
+from rid_daq.runs.run_data import RunData, all_defects, clock_sections, result_of
 from rid_daq.terminal.console import as_command
 
 SHORTEST_S: Final = 5.0
-"""A verdict needs so many seconds of motion."""
+"""Shortest motion that allows a verdict [s]."""
 
 OF_RUNS: Final = ("limits", "band_hz", "standstill_rad_s", "unfinished")
 """Fields of the request that apply to runs only."""
 
 
 @dataclass(frozen=True)
-class Validated:
+class ValidatedModel:
     """A prediction and the verdict on it.
 
     Attributes:
-        verdict: Whether the limits hold.
-        validation: Torques; None of a motion file, which nobody has run.
-        reaction: The reaction on the base against the plate's.
-        base_load: The largest reaction on the base, where it is judged.
-        notes: What the run lacks.
-        clocks: Repeated, missing and jittered rows of the run, and where its times come from.
-        report: The run's report.
-        not_compared: Why the reaction on the base is not compared; empty if it is, or there is
-            none.
+        verdict: Verdict on the limits.
+        validation: Torque errors; None for a motion file, which has no recording.
+        reaction: Predicted and measured reaction on the force plate.
+        base_load: Largest reaction on the base, if the request asks for it.
+        notes: Defects of the run's data.
+        clocks: Repeated, missing and jittered rows of the run, and the source of its times.
+        report: Path of the run's report.
+        not_compared: Reason if the reaction on the base cannot be compared; otherwise empty.
     """
 
     verdict: VerdictSection
@@ -74,13 +73,14 @@ class Validated:
 
 
 @dataclass(frozen=True)
-class JudgedTorques:
-    """A prediction of a run and the verdict on it, before anything is written.
+class TorqueVerdict:
+    """Prediction of a run and the verdict on it, before anything is written.
 
     Attributes:
-        validation: Torques over time.
-        section: The errors as reports show them.
-        reaction, load, not_compared: As `Validated` has them.
+        validation: Measured and predicted torques over time.
+        section: Errors as a section of a report.
+        verdict: Verdict on the limits.
+        reaction, load, not_compared: As in `ValidatedModel`.
     """
 
     validation: Validation
@@ -91,11 +91,11 @@ class JudgedTorques:
     not_compared: str
 
 
-def validate_run(request: ValidateRequest) -> Validated:
-    """Predict a run with a model, judge the error, and put it into the run's report.
+def validate_run(request: ValidateRequest) -> ValidatedModel:
+    """Predict a run with a model, check the limits, and add the result to the run's report.
 
     Raises:
-        ConfigError: The limits are invalid, or are missing, or the model is of another robot.
+        ConfigError: The limits are invalid or missing, or the model is of another robot.
         DataQualityError: The run allows no verdict: the model was identified from it, or it is too
             short.
         RidDaqError: The run or the model cannot be used.
@@ -103,13 +103,13 @@ def validate_run(request: ValidateRequest) -> Validated:
     if not request.model.exists() and Path(request.run).is_file():
         turned = as_command("validate", request.run, request.model)
         raise ConfigError(
-            f"{request.run} is a file, not a run: the model comes first: {turned}",
+            f"{request.run} is a file, not a run: give the model first: {turned}",
             code="RID-RUN-IS-FILE",
         )
     estimate = read_estimate(request.model)
     data = RunData.load(find_run(request.runs, request.run), unfinished=request.unfinished)
-    judged = judge_torques(request, estimate, data)
-    notes = every_lack([data])
+    judged = validate_recording(request, estimate, data)
+    notes = all_defects([data])
     result, model = result_of(data, notes), ModelFile.of(request.model)
     curves = (result.curves if result.model == model else None) or CurvesSection()
     torque = TorqueCurves.of(judged.validation, data.robot)
@@ -124,8 +124,8 @@ def validate_run(request: ValidateRequest) -> Validated:
         verdict=judged.verdict,
     )
     report = write_result(data.folder, result)
-    clocks = clocks_of([data])
-    return Validated(
+    clocks = clock_sections([data])
+    return ValidatedModel(
         judged.verdict,
         judged.section,
         judged.reaction,
@@ -137,31 +137,35 @@ def validate_run(request: ValidateRequest) -> Validated:
     )
 
 
-def judge_torques(request: ValidateRequest, estimate: Estimate, data: RunData) -> JudgedTorques:
-    """Predict a run that was read, and judge the error; nothing is written.
+def validate_recording(
+    request: ValidateRequest, estimate: Estimate, data: RunData
+) -> TorqueVerdict:
+    """Predict a run and check the limits; nothing is written.
 
     Args:
-        request: The limits and what counts; the model's file is named in sentences only.
+        request: Limits and options; `model` only names the model in messages.
         estimate: The model.
         data: The run.
 
     Raises:
-        ConfigError: The limits are invalid, or are missing, or the model is of another robot.
+        ConfigError: The limits are invalid or missing, or the model is of another robot.
         DataQualityError: The run allows no verdict: the model was identified from it, or it is too
             short.
     """
-    require_robot(request.model, estimate, data.robot)
+    require_same_robot(request.model, estimate, data.robot)
     external = estimate.options.kind == "external"
     if external and request.limits is not None:
         raise ConfigError(
-            "--limits: has no effect with an external model, which knows no friction; leave it out",
+            "--limits has no effect with an external model, because it contains no friction;"
+            " leave it out",
             code="RID-OPTION-NEEDS",
         )
     recovered_from = data.folder.manifest().facts.get("recovered_from")
     if data.folder.run_id in estimate.run_ids or recovered_from in estimate.run_ids:
         raise DataQualityError(
-            f"{data.folder.path}: no verdict: the model was identified from this very run, which"
-            " says nothing of other motions. Validate on a run that it has not seen",
+            f"{data.folder.path}: no verdict: the model was identified from this run, so the run"
+            " does not show the error on other motions. Validate with a run that was not used"
+            " for the estimate",
             code="RID-VALIDATE-SAME-RUN",
         )
     if not external:
@@ -172,19 +176,19 @@ def judge_torques(request: ValidateRequest, estimate: Estimate, data: RunData) -
         data.recording,
         cutoff_hz=band_hz,
         standstill_rad_s=request.standstill_rad_s,
-        limits_percent=None if external else _limits(request.limits, data),
-        noise_nm=_noise(data),
+        limits_percent=None if external else _torque_limits_percent(request.limits, data),
+        noise_nm=_torque_noise(data),
     )
     _require_motion(validation, data)
-    sentence = f"Run {data.folder.manifest().label!r} predicted by {request.model.name}."
+    sentence = f"Run {data.folder.manifest().label!r}, predicted by {request.model.name}."
     if not external and validation.limits_percent is None:
         validation = replace(validation, limits_percent=validation.default_limits_percent)
         sentence += (
-            f" No limits were given: an error beyond {100.0 * BAD_SHARE:g} % of the torque and the"
-            " noise fails."
+            f" No limits were given, so the default applies: {100.0 * BAD_SHARE:g} % of the"
+            " torque, combined with its noise (root of the sum of squares)."
         )
     if external:
-        sentence += " The external model knows no friction: torques are not judged."
+        sentence += " The external model contains no friction, so the torques get no verdict."
     section = ValidationSection.of(
         validation,
         data.robot,
@@ -202,53 +206,56 @@ def judge_torques(request: ValidateRequest, estimate: Estimate, data: RunData) -
         except DataQualityError as error:
             not_compared = f"The reaction on the base is not compared: {error}"
     if request.base:
-        limits = _limits_of(data.cell, "the run's cell file")
+        limits = _base_limits(data.cell, "the run's cell file")
         motion = (validation.position, validation.velocity, validation.acceleration)
         load = BaseLoadSection.of(
             base_load(estimate, validation.time_s, *motion, limits, mass_kg=request.mass_kg)
         )
-    verdict = _verdict(section, load, estimate.robot.name)
-    return JudgedTorques(validation, section, verdict, reaction, load, not_compared)
+    verdict = _validation_verdict(section, load, estimate.robot.name)
+    return TorqueVerdict(validation, section, verdict, reaction, load, not_compared)
 
 
-def predict_motion(request: ValidateRequest) -> Validated:
-    """Predict the reaction of a motion that nobody has run, and judge it.
+def predict_motion(request: ValidateRequest) -> ValidatedModel:
+    """Predict the reaction on the base of a motion file, and compare it with the limits.
 
     Raises:
-        ConfigError: The reaction was not asked for, no cell is named or it has no limits, or the
-            motion is for another robot or cannot be run.
-        EstimationError: The model is an internal one.
+        ConfigError: The request does not ask for the reaction, it names no cell or a cell without
+            limits, or the motion is for another robot or exceeds its limits.
+        EstimationError: The model is internal, so it cannot predict the reaction.
     """
     motion = Path(request.run)
     refuse_unused(request, OF_RUNS, "with a motion file")
     if not request.base:
         raise ConfigError(
-            f"{motion}: is a motion file: without a run only the reaction on the base can be judged"
-            " (--base-limits); record it to judge torques",
+            f"{motion} is a motion file: without a recording only the reaction on the base can be"
+            " validated (--base-limits); record the motion to validate torques",
             code="RID-OPTION-NEEDS",
         )
     if request.cell is None:
         raise ConfigError(
-            f"{motion}: a motion file needs --cell, which says the limits and the cycle time",
+            f"{motion}: a motion file needs --cell, for the limits and the cycle time",
             code="RID-OPTION-NEEDS",
         )
     cell = load_cell(request.cell)
-    limits = _limits_of(cell.config, f"cell {cell.config.name}")
-    estimate = estimate_for(request.model, cell.robot)
-    asked = motion_for(motion, cell)
+    limits = _base_limits(cell.config, f"cell {cell.config.name}")
+    estimate = read_estimate_for(request.model, cell.robot)
+    asked = read_motion_for(motion, cell)
     samples = asked.plan(cell.robot, cell.config.cycle_time_s).whole()
     time_s = np.arange(len(samples), dtype=np.float64) * samples.sample_period_s
     moved = (samples.position, samples.velocity, samples.acceleration)
     load = BaseLoadSection.of(
         base_load(estimate, time_s, *moved, limits, mass_kg=request.mass_kg),
-        " That is the motion as commanded: overshoot of the drives comes on top.",
+        " This is the reaction of the commanded motion; overshoot of the drives increases it.",
     )
-    passed = f"Passed: {motion.name} keeps the limits of the base"
-    return Validated(_judged(load.checks, passed, load.sentence), base_load=load)
+    passed = f"Passed: {motion.name} keeps the limits of the reaction on the base"
+    return ValidatedModel(_verdict_of_checks(load.checks, passed, load.sentence), base_load=load)
 
 
-def _limits_of(cell: CellConfig | None, where: str) -> PlateLimits:
-    """Return what a cell file, named by `where`, says that the floor may see."""
+def _base_limits(cell: CellConfig | None, where: str) -> PlateLimits:
+    """Return the limits of the reaction on the base from a cell file.
+
+    `where` names it in the error.
+    """
     limits = None if cell is None or cell.plate is None else cell.plate.limits
     if limits is None:
         raise ConfigError(
@@ -264,14 +271,14 @@ def _require_motion(validation: Validation, data: RunData) -> None:
     moved_s = float(np.count_nonzero(validation.counted.any(axis=1)) * period_s)
     if moved_s < SHORTEST_S:
         raise DataQualityError(
-            f"{data.folder.path}: no verdict: the run moves for {moved_s:.1f} s, a verdict needs"
-            f" {SHORTEST_S:g} s of motion. Record a longer one",
+            f"{data.folder.path}: no verdict: the robot moves for {moved_s:.1f} s, but a verdict"
+            f" needs {SHORTEST_S:g} s of motion. Record a longer motion",
             code="RID-RUN-STILL",
         )
 
 
-def _noise(data: RunData) -> FloatArray | None:
-    """Return the noise of one torque sample as periods show it; None where there are none."""
+def _torque_noise(data: RunData) -> FloatArray | None:
+    """Return the noise of one torque sample, from the scatter of periods; None without periods."""
     if not data.is_periodic:
         return None
     try:
@@ -280,8 +287,8 @@ def _noise(data: RunData) -> FloatArray | None:
         return None
 
 
-def _limits(text: str | None, data: RunData) -> tuple[float, ...] | None:
-    """Return the limit of every axis: those given, or the cell file's; None without either."""
+def _torque_limits_percent(text: str | None, data: RunData) -> tuple[float, ...] | None:
+    """Return the limit of every axis, from `text` or else from the cell file; None without both."""
     if text is None:
         return None if data.cell is None else data.cell.validation_limits_percent
     count = len(data.robot.joints)
@@ -298,7 +305,7 @@ def _limits(text: str | None, data: RunData) -> tuple[float, ...] | None:
     return values * (count if len(values) == 1 else 1)
 
 
-def _verdict(
+def _validation_verdict(
     section: ValidationSection, load: BaseLoadSection | None, robot: str
 ) -> VerdictSection:
     checks = [
@@ -314,16 +321,20 @@ def _verdict(
     ]
     checks += [] if load is None else load.checks
     errors = ", ".join(f"{number(axis.relative_error_percent, 3)}" for axis in section.axes)
-    sentence = f"Relative torque error, axis by axis: {errors} %."
+    sentence = f"Relative torque error of each axis: {errors} %."
     if not checks:
-        return VerdictSection.of([], "Torques predicted, and not judged", sentence)
+        return VerdictSection.of([], "Torques predicted; no limits, so no verdict", sentence)
     doubtful = [axis.joint for axis in section.axes if axis.grade is Grade.DOUBTFUL]
     doubt = f"; the fit of {', '.join(doubtful)} is doubtful" if doubtful else ""
-    return _judged(checks, f"Passed: the model of {robot} predicts this run{doubt}", sentence)
+    return _verdict_of_checks(
+        checks, f"Passed: the model of {robot} predicts this run{doubt}", sentence
+    )
 
 
-def _judged(checks: Sequence[VerdictCheck], passed: str, sentence: str) -> VerdictSection:
-    """Return a verdict whose headline names what is beyond its limit."""
+def _verdict_of_checks(
+    checks: Sequence[VerdictCheck], passed: str, sentence: str
+) -> VerdictSection:
+    """Return a verdict whose headline names the quantities beyond their limits."""
     failed = [line.text.rsplit(" ", 1)[-1] for line in checks if not line.passed]
-    headline = f"Failed: {', '.join(failed)} beyond the limit" if failed else passed
+    headline = f"Failed: {', '.join(failed)} exceed the limit" if failed else passed
     return VerdictSection.of(checks, headline, sentence)

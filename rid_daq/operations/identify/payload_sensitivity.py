@@ -1,4 +1,4 @@
-"""`payload_sensitivity`: deviations of a payload's estimate, case by case and by draws."""
+"""`payload_sensitivity`: errors of a payload estimate by wrong assumptions and random draws."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from identification.sensitivity.problem import (
     SensitivityProblem,
     deviation_percent,
 )
-from rid_daq.operations.cell_files import estimate_for
+from rid_daq.operations.cell_files import read_estimate_for
 from rid_daq.operations.identify.sensitivity import SensitivityRequest
 from rid_daq.operations.operation import Context
 from rid_daq.runs import made_file
@@ -41,11 +41,11 @@ from rid_daq.runs.output_file import refuse_output
 
 @dataclass(frozen=True, eq=False)
 class DrawnPayloads:
-    """Estimates with noise and uncertainties.
+    """Payload estimates with random noise and random errors of the robot's parameters.
 
     Attributes:
         values: Shape (draws, 10). The estimates.
-        off_percent: Shape (10,). Errors of their mean [%].
+        off_percent: Shape (10,). Errors of the mean estimate [%].
     """
 
     values: FloatArray
@@ -54,12 +54,12 @@ class DrawnPayloads:
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Deviations of a payload's estimate.
+    """Errors of a payload estimate.
 
     Attributes:
-        problem: The robot that carries its payload with the axes of the wrist's side.
-        rows: One for each wrong assumption.
-        drawn: Estimates with noise and uncertainties; None without draws.
+        problem: Robot with payload; only the wrist axes move.
+        rows: One row for each wrong assumption.
+        drawn: Estimates of the random draws; None without draws.
     """
 
     problem: SensitivityProblem
@@ -68,20 +68,20 @@ class Sensitivity:
 
 
 def payload_sensitivity(request: SensitivityRequest, context: Context) -> Sensitivity:
-    """Estimate the payload with each wrong assumption and by draws, and write the table.
+    """Estimate the payload with each wrong assumption and with random draws, and write the table.
 
     Raises:
-        ConfigError: The robot's true parameters are not known, a file is of another robot or exists
+        ConfigError: The robot's true parameters are unknown, a file is of another robot or exists
             already, or the scheduler cannot be reached.
-        EstimationError: The motion does not show all ten parameters.
+        EstimationError: The motion does not determine all ten parameters.
         RecordingError: The table cannot be written.
     """
     if request.draws == 1:
         raise ConfigError(
-            "--draws 1: one draw has no scatter; give 0, or 2 and more", code="RID-OPTION-RANGE"
+            "--draws 1: one draw has no scatter; give 0, or at least 2", code="RID-OPTION-RANGE"
         )
     refuse_output(request.output, request.overwrite, made_file.TABLE)
-    problems = _problems(load_cell(request.cell), request)
+    problems = _sensitivity_problems(load_cell(request.cell), request)
     problem = problems["wrist"]
     share = request.share_percent / 100.0
     cases = thesis_cases(len(problem.robot.joints), share, request.bias_nm)
@@ -91,7 +91,7 @@ def payload_sensitivity(request: SensitivityRequest, context: Context) -> Sensit
             rows.append(sensitivity_row(case, problems, request.against))
             shown.update(float(done), case.words)
     if request.output is not None:
-        write_whole(request.output, _csv(rows).encode())
+        write_whole(request.output, _csv_table(rows).encode())
     drawn = _draw_payloads(request, problem, context) if request.draws else None
     return Sensitivity(problem, rows, drawn)
 
@@ -99,7 +99,7 @@ def payload_sensitivity(request: SensitivityRequest, context: Context) -> Sensit
 def _draw_payloads(
     request: SensitivityRequest, problem: SensitivityProblem, context: Context
 ) -> DrawnPayloads:
-    """Estimate the payload with noise and uncertainties drawn at random."""
+    """Estimate the payload with random noise and random errors of the robot's parameters."""
     prior = PriorUncertainty(
         torque_constants=request.doubt_torque_percent / 100.0,
         links=request.doubt_links_percent / 100.0,
@@ -124,20 +124,22 @@ def _draw_payloads(
     return DrawnPayloads(values, deviation_percent(problem, values.mean(axis=0)))
 
 
-def _problems(cell: LoadedCell, request: SensitivityRequest) -> dict[Motion, SensitivityProblem]:
+def _sensitivity_problems(
+    cell: LoadedCell, request: SensitivityRequest
+) -> dict[Motion, SensitivityProblem]:
     robot, model = cell.robot, request.model
     terms = RobotModel.from_description(robot)
     n = len(robot.joints)
     if model is not None:
-        estimate = estimate_for(model, robot)
+        estimate = read_estimate_for(model, robot)
         own = estimate.model
         if (own.parameter_names, own.nonlinear_names) != (
             terms.parameter_names,
             terms.nonlinear_names,
         ):
             raise ConfigError(
-                f"{model}: has other terms than robot.yaml states; identify again without options"
-                " that choose terms",
+                f"{model}: the model has other terms than robot.yaml; identify again without"
+                " options that change the terms",
                 code="RID-MODEL-TERMS-DIFFER",
             )
         parameters = consistent(estimate).standard_values
@@ -147,13 +149,13 @@ def _problems(cell: LoadedCell, request: SensitivityRequest) -> dict[Motion, Sen
         noise = np.array([max(axis.torque_noise_nm, 1e-3) for axis in cell.plant.axes])
     else:
         raise ConfigError(
-            f"cell {cell.config.name} is not simulated, so that its robot's true parameters are not"
-            " known: give a model that was identified (--model)",
+            f"cell {cell.config.name} is not simulated, so the true parameters of its robot are"
+            " unknown: give an identified model (--model)",
             code="RID-CELL-NOT-SIMULATED",
         )
-    body = _body(cell, request.payload)
+    body = _payload_body(cell, request.payload)
     if request.motion is not None:
-        wrist = whole = _excitation(cell, request.motion)
+        wrist = whole = _sampled_motion(cell, request.motion)
     else:
         wrist = thesis_motion(robot, range(2 if n >= 6 else 0, n))
         whole = thesis_motion(robot, range(n))
@@ -163,7 +165,7 @@ def _problems(cell: LoadedCell, request: SensitivityRequest) -> dict[Motion, Sen
     }
 
 
-def _body(cell: LoadedCell, payload: str) -> PayloadBody:
+def _payload_body(cell: LoadedCell, payload: str) -> PayloadBody:
     known = {} if cell.plant is None else cell.plant.payloads
     if payload in known:
         body = known[payload]
@@ -173,12 +175,13 @@ def _body(cell: LoadedCell, payload: str) -> PayloadBody:
         return read_payload(Path(payload)).estimate.body
     names = ", ".join(known) or "none"
     raise ConfigError(
-        f"--payload {payload}: neither a file nor a payload of cell {cell.config.name} ({names})",
+        f"--payload {payload}: this is neither a file nor a payload of cell {cell.config.name}"
+        f" (its payloads: {names})",
         code="RID-OPTION-NAME",
     )
 
 
-def _excitation(cell: LoadedCell, motion: Path) -> SampledMotion:
+def _sampled_motion(cell: LoadedCell, motion: Path) -> SampledMotion:
     loaded = FourierMotion.require(
         load_motion(motion), f"--motion {motion}: sensitivity needs a periodic (fourier) motion"
     )
@@ -189,7 +192,7 @@ def _excitation(cell: LoadedCell, motion: Path) -> SampledMotion:
     )
 
 
-def _csv(rows: list[SensitivityRow]) -> str:
+def _csv_table(rows: list[SensitivityRow]) -> str:
     lines = [",".join(("row", "wrong", "less", *(f"{name}_percent" for name in REPORTED)))]
     for row in rows:
         cells = ("" if p is None else f"{p:.6g}" for p in row.percent)

@@ -1,4 +1,4 @@
-"""`report`: write a run's report again from its results."""
+"""`report`: write a run's report again from its result."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class ReportRequest(Request):
-    """Write a run's report again from its result.json, and print its path."""
+    """Write a run's report again from its result.json, and print the report's path."""
 
     run: RunName
     runs: RunsFolder = DEFAULT_RUNS
@@ -36,11 +36,11 @@ class ReportResult:
     exit_code: int = 0
 
     def document(self) -> dict[str, object]:
-        """Return the numbers."""
+        """Return the result of the run and the report's path."""
         return {**self.result.model_dump(mode="json", by_alias=True), "report": str(self.report)}
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield the verdict and the report."""
+        """Yield the verdict and the report's path."""
         verdict = self.result.verdict
         yield Verdict(passed=verdict.passed, text=verdict.headline)
         yield Text(text=verdict.sentence)

@@ -1,4 +1,4 @@
-"""From runs to an estimate: periodic runs on their harmonics, others in the time domain."""
+"""Estimate from runs: periodic runs at their harmonics, other runs in the time domain."""
 
 from __future__ import annotations
 
@@ -44,17 +44,17 @@ from rid_daq.runs.run_data import RunData
 
 PLATE_MISTAKEN: Final = "RID-PLATE-MISTAKEN"
 COMPARED_HZ: Final = 200.0
-"""Rate of the rows on which friction terms are compared that nobody asked for."""
+"""Sampling rate for the search for friction terms that the model lacks."""
 
 
 @dataclass(frozen=True, eq=False)
 class EstimationJob(Ranged):
-    """What a person may choose about an estimate from runs.
+    """Options of an estimate from runs.
 
     Attributes:
-        options: The model's terms and how rows count.
-        cad_prior: Whether the drawings count as prior knowledge.
-        loaded: Ids of the runs that carried an unknown payload.
+        options: Terms of the model and weights of the rows.
+        cad_prior: True if the CAD data are prior knowledge.
+        loaded: Ids of the runs with an unknown payload.
     """
 
     options: EstimationOptions = field(default_factory=EstimationOptions)
@@ -63,15 +63,15 @@ class EstimationJob(Ranged):
 
 
 @dataclass(frozen=True, eq=False)
-class Identified:
-    """An estimate, and what it was made of.
+class EstimatedRobot:
+    """An estimate, with the results that were computed together with it.
 
     Attributes:
-        estimate: The robot.
-        averages: The runs' mean periods, in time; none where the runs are not periodic.
-        improvement: What the force plate improved, for the combined model.
-        consistency: Whether torque constants agree with the plate, for the combined model.
-        plate_mistake: What is probably wrong in the description of the force plate.
+        estimate: The estimate.
+        averages: Mean periods of the runs, in time; empty if the runs are not periodic.
+        improvement: Improvement by the force plate, for a combined model.
+        consistency: Agreement of the torque constants with the force plate, for a combined model.
+        plate_mistake: Probable mistake in the description of the force plate.
     """
 
     estimate: Estimate
@@ -87,20 +87,21 @@ def estimate_runs(
     *,
     robot: RobotDescription | None = None,
     chosen: ModelChoice | None = None,
-) -> Identified:
-    """Estimate from runs of one robot, all periodic or all not.
+) -> EstimatedRobot:
+    """Estimate a robot from its runs; the runs must be all periodic, or all not periodic.
 
-    `robot` stands for the runs' own where its friction terms were chosen by `compare_friction`;
-    `chosen` says what else that found: what the torque went through, and, of runs that are not
-    periodic, how their joints warm up.
+    Args:
+        robot: Robot with the friction terms from `compare_friction`; the runs' own robot if None.
+        chosen: Result of `compare_friction`: its torque channel and, for runs that are not
+            periodic, the warming of the joints.
 
     Raises:
-        ConfigError: The runs are of different robots, or of both kinds; or the robot has no
-            drawings.
-        DataQualityError, EstimationError: The data do not show the parameters.
+        ConfigError: The runs are of different robots, or only some are periodic; or the robot file
+            has no CAD data.
+        DataQualityError, EstimationError: The data do not determine the parameters.
     """
     how = how or EstimationJob()
-    robot = robot or one_robot(data)
+    robot = robot or require_one_robot(data)
     channel = None if chosen is None or not chosen.channel.changes else chosen.channel
     warming = None if chosen is None else chosen.warming
     payload = [item.folder.run_id in how.loaded for item in data]
@@ -113,12 +114,12 @@ def estimate_runs(
     if not data[0].is_periodic:
         estimate = fit_smoothed(
             robot,
-            warmed(signals_of(data, how, channel), robot, warming),
+            with_joint_warming(signals_of(data, how, channel), robot, warming),
             options,
             payload=payload,
         ).estimate(cell_name=cell_name, run_ids=run_ids)
-        return Identified(replace(estimate, channel=channel, warming=warming))
-    averages = averages_of(data, channel)
+        return EstimatedRobot(replace(estimate, channel=channel, warming=warming))
+    averages = period_averages(data, channel)
     cell = data[0].cell
     plate = None if cell is None or options.model.kind == "internal" else cell.plate
     try:
@@ -134,7 +135,7 @@ def estimate_runs(
         raise EstimationError(mistake.sentence, code=PLATE_MISTAKEN) from error
     estimate = replace(fitted.estimate(cell_name, run_ids), channel=channel)
     if options.model.kind == "internal":
-        return Identified(estimate, averages)
+        return EstimatedRobot(estimate, averages)
     mistake = None
     if plate is not None:
         delays_s = fitted.problem.delays_s.tolist()
@@ -142,35 +143,35 @@ def estimate_runs(
             averages, fitted.equations, delays_s, plate, robot, fitted.model, fitted.base
         )
     if options.model.kind == "external":
-        return Identified(estimate, averages, plate_mistake=mistake)
+        return EstimatedRobot(estimate, averages, plate_mistake=mistake)
     improved, agreed = improvement(fitted), torque_consistency(fitted)
-    return Identified(estimate, averages, improved, agreed, mistake)
+    return EstimatedRobot(estimate, averages, improved, agreed, mistake)
 
 
 def compare_friction(
     data: Sequence[RunData], how: EstimationJob, watch: Watch | None = None
 ) -> ModelChoice:
-    """Choose the friction terms of each joint by these runs alone.
+    """Choose the friction terms of each joint by cross-validation with these runs.
 
     Raises:
         ConfigError: The runs are of different robots or kinds, or carry an unknown payload.
-        EstimationError: The data do not show the parameters.
+        EstimationError: The data do not determine the parameters.
     """
-    robot = one_robot(data)
+    robot = require_one_robot(data)
     if how.loaded:
         raise ConfigError(
-            "friction is chosen without a payload: leave --loaded out with --choose",
+            "--choose needs runs without payload: leave --loaded out with --choose",
             code="RID-OPTION-EXCLUSIVE",
         )
     signals = signals_of(data, how)
     motions = [(run.position, run.velocity) for run in signals]
     model, speed = how.options.model.build(robot), how.options.standstill_rad_s
     still = still_joints(model, motions, speed, JERK_SHARE)
-    refuse_still(still, "friction cannot be chosen (--choose)")
+    refuse_still(still, "friction terms cannot be chosen (--choose)")
     if not all(item.clock is None or item.clock.is_known for item in data):
         return choose_model(robot, signals, how.options, kinds=("none",), watch=watch)
     if data[0].is_periodic:
-        return _chosen_by_periods(robot, data, how, watch)
+        return _choose_by_periods(robot, data, how, watch)
     chosen = choose_model(robot, signals, how.options, watch=watch)
     channel, refused_s = without_implausible(chosen.channel, signals[0].sample_period_s)
     if refused_s.any():
@@ -179,11 +180,11 @@ def compare_friction(
     return replace(chosen, channel=channel)
 
 
-def _chosen_by_periods(
+def _choose_by_periods(
     robot: RobotDescription, data: Sequence[RunData], how: EstimationJob, watch: Watch | None
 ) -> ModelChoice:
-    """Choose by mean periods: on their bins a delay is exact, and no filter is looked for."""
-    averages = averages_of(data)
+    """Choose by mean periods; their bins represent a delay exactly, so no filter is searched."""
+    averages = period_averages(data)
     signals = signals_of(data, how)
     chosen = choose_model(robot, signals, how.options, kinds=DELAYS_ALONE, watch=watch)
     channel = choose_period_delays(chosen.robot(robot), averages, how.options)
@@ -194,19 +195,24 @@ def _chosen_by_periods(
     return replace(chosen, refused_delay_s=tuple(refused_s.tolist()))
 
 
-def check_otherwise(
+def cross_check_estimate(
     estimate: Estimate, data: Sequence[RunData], how: EstimationJob
 ) -> Iterator[CrossCheck]:
-    """Estimate by other methods from the runs that an estimate comes from, one after the other."""
+    """Yield estimates by other methods from the runs of an estimate."""
     loaded = [item.folder.run_id in how.loaded for item in data]
-    signals = _signals_for(estimate, data, how)
+    signals = _signals_of_estimate(estimate, data, how)
     yield from cross_checks(estimate, time_runs(estimate.model, signals, loaded))
 
 
-def asked_terms(estimate: Estimate, data: Sequence[RunData], how: EstimationJob) -> tuple[str, ...]:
-    """Name friction terms that held-out parts of the runs ask for; see `asked_findings`.
+def missing_friction_terms(
+    estimate: Estimate, data: Sequence[RunData], how: EstimationJob
+) -> tuple[str, ...]:
+    """Return sentences on friction terms that improve the prediction of held-out parts.
 
-    Rows of recordings come at `COMPARED_HZ` or a little more often: a comparison needs no others.
+    See `asked_findings`.
+
+    Recordings are thinned to `COMPARED_HZ` or a slightly higher rate, which suffices for the
+    comparison.
     """
     if how.loaded or how.options.model.kind != "internal" or estimate.still:
         return ()
@@ -230,84 +236,86 @@ def _thinned_recording(recording: Recording) -> Recording:
     )
 
 
-def gains_of_drives(
+def estimate_drive_gains(
     estimate: Estimate,
     data: Sequence[RunData],
     how: EstimationJob,
     mass_kg: float,
     mass_sigma_kg: float,
 ) -> DriveGains:
-    """Estimate drive gains from the runs of an estimate, some with a load of known mass.
+    """Estimate drive gains from the runs of an estimate; some runs carry a load of known mass.
 
     Raises:
-        EstimationError: The runs or the model do not tell them, or they are such as no drive has.
+        EstimationError: The runs or the model do not determine the gains, or a gain is implausible.
     """
     loaded = [item.folder.run_id in how.loaded for item in data]
-    runs = time_runs(estimate.model, _signals_for(estimate, data, how), loaded)
+    runs = time_runs(estimate.model, _signals_of_estimate(estimate, data, how), loaded)
     gains = drive_gains(estimate, runs, mass_kg, mass_sigma_kg)
     gains.require_plausible(mass_kg)
     return gains
 
 
-def _signals_for(
+def _signals_of_estimate(
     estimate: Estimate, data: Sequence[RunData], how: EstimationJob
 ) -> list[SmoothedSignals]:
-    """Return runs as the estimate had them; mean periods with their unfiltered signals."""
+    """Return the signals from which an estimate was computed; mean periods are unfiltered."""
     if data[0].is_periodic:
-        averages = averages_of(data, estimate.channel)
+        averages = period_averages(data, estimate.channel)
         return [unfiltered_period(average, how.options.band_hz) for average in averages]
-    return warmed(signals_of(data, how, estimate.channel), estimate.robot, estimate.warming)
+    return with_joint_warming(
+        signals_of(data, how, estimate.channel), estimate.robot, estimate.warming
+    )
 
 
-def warmed(
+def with_joint_warming(
     signals: list[SmoothedSignals], robot: RobotDescription, warming: Warming | None
 ) -> list[SmoothedSignals]:
-    """Return recordings with the temperatures that they lead to, where a robot warms up."""
+    """Return the signals with the joint temperatures by friction, if the robot warms up."""
     return signals if warming is None else [warming.warmed(robot, each) for each in signals]
 
 
 def signals_of(
     data: Sequence[RunData], how: EstimationJob, channel: TorqueChannel | None = None
 ) -> list[SmoothedSignals]:
-    """Return runs as low-passed recordings in time: of periodic ones the mean period.
+    """Return runs as low-passed signals in time; of periodic runs the mean period.
 
-    The model's torque passes the channel of the recorded one, if that is known.
+    If the channel of the recorded torque is known, the model's torque passes it too.
     """
     if data[0].is_periodic:
-        averages = averages_of(data, channel)
+        averages = period_averages(data, channel)
         return [period_signals(average, how.options.band_hz) for average in averages]
     signals = [smoothed_recording(item.recording, how.options.band_hz) for item in data]
     return [replace(each, channel=channel) for each in signals]
 
 
-def averages_of(
+def period_averages(
     data: Sequence[RunData], channel: TorqueChannel | None = None
 ) -> tuple[PeriodAverage, ...]:
-    """Return the mean periods of periodic runs, their torques in time where delays are known."""
+    """Return the mean periods of periodic runs; known delays of the torques are removed."""
     averages = (item.average for item in data)
     return tuple(each if channel is None else channel.undelayed_period(each) for each in averages)
 
 
-def one_robot(data: Sequence[RunData]) -> RobotDescription:
-    """Return the robot of some runs, which must be of one kind.
+def require_one_robot(data: Sequence[RunData]) -> RobotDescription:
+    """Return the robot of some runs; the runs must be all periodic, or all not periodic.
 
     Raises:
-        ConfigError: They are of different robots, or some are periodic and some are not.
+        ConfigError: The runs are of different robots, or only some are periodic.
     """
     robot = data[0].robot
     for other in data[1:]:
         if other.robot != robot:
             raise ConfigError(
-                f"run {other.folder.run_id} is of robot {other.robot.name}, run"
-                f" {data[0].folder.run_id} of {robot.name} (or of another description of it):"
-                " identify them one by one",
+                f"run {other.folder.run_id} is of robot {other.robot.name}, but run"
+                f" {data[0].folder.run_id} is of {robot.name} (or of another description of that"
+                " robot): identify each run separately",
                 code="RID-ROBOT-OTHER",
             )
     kinds = {item.is_periodic for item in data}
     if len(kinds) > 1:
         names = ", ".join(item.folder.run_id for item in data if not item.is_periodic)
         raise ConfigError(
-            f"some runs are periodic and some are not ({names}): identify them one by one",
+            f"some runs are periodic, others ({names}) are not: identify each kind separately",
             code="RID-RUN-KINDS-MIXED",
         )
     return robot

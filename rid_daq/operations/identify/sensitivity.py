@@ -1,4 +1,4 @@
-"""`sensitivity`: the effect of wrong knowledge of a robot on the estimate of its payload."""
+"""`sensitivity`: effect of errors in the robot's parameters on a payload estimate."""
 
 from __future__ import annotations
 
@@ -27,83 +27,91 @@ _NO_DECIMAL: Final = 100.0  # percent
 
 
 class SensitivityRequest(Request):
-    """Compute the effect of wrong torque constants, links, rotors, coupling or gears on a payload.
+    """Compute the effect of errors in the robot's parameters on a payload estimate.
 
-    Each row simulates the robot with one thing different from the assumed one, estimates the
-    payload as if everything were right, and gives the deviation in percent of the true value. With
-    --draws, noise and uncertainties are drawn at random, on all cores or on a Dask cluster.
+    The errors are of torque constants, links, rotors, coupling or gears. Each row simulates a robot
+    that differs in one property from the assumed one, estimates the payload with the assumed robot,
+    and gives the error in percent of the true value. With --draws, noise and errors of the robot's
+    parameters are drawn at random, on all cores or on a Dask cluster.
     """
 
     cell: CellName = "kr15"
     payload: Annotated[
         str,
         Field(
-            description="Payload of the simulated cell by name, or a file that `payload identify`"
-            " wrote."
+            description="Payload: a name in the plant file of the simulated cell, or a file that"
+            " `payload identify` wrote."
         ),
         Option(metavar="PAYLOAD"),
     ] = "medium"
     against: Annotated[
         Literal["model", "difference"] | None,
         Field(
-            description="Subtract a model of the unloaded robot (model) or a run without the"
-            " payload (difference); if not set, a run for torque constants, else a model."
+            description="Subtract a model of the unloaded robot (model), or a run without the"
+            " payload (difference). If not set, torque constants use difference and"
+            " other cases use model."
         ),
     ] = None
     model: Annotated[
         Path | None,
-        Field(description="Model file that `identify` wrote, for a robot that is not simulated."),
+        Field(description="Model file of `identify`, for a robot that is not simulated."),
         Option(metavar="MODEL", file="input"),
     ] = None
     motion: Annotated[
         Path | None,
-        Field(description="Periodic motion; harmonics 1 and 20 of 30 s if not set."),
+        Field(
+            description="Motion file of a periodic motion; if not set, harmonics 1 and 20 of 30 s."
+        ),
         Option(metavar="MOTION", file="input"),
     ] = None
     share_percent: Annotated[
         Share,
-        Field(ge=0.001, le=90.0, description="Error of the wrong values."),
+        Field(ge=0.001, le=90.0, description="Relative error of each wrong value."),
         Option(flag="share", unit="%"),
     ] = 10.0
     bias_nm: Annotated[
         float,
         Plausible(1e-2, 1e4, "N m"),
-        Field(description="Torque bias of axis 3 in the table."),
+        Field(description="Torque bias of axis 3 in its case of the table."),
         Option(flag="bias", unit="N m"),
     ] = -12.0
     draws: Annotated[
         int,
-        Field(ge=0, le=10_000_000, description="Draws of noise and uncertainties; 0 for none."),
+        Field(
+            ge=0,
+            le=10_000_000,
+            description="Number of random draws of noise and parameter errors; 0 for none.",
+        ),
         Option(group=MONTE_CARLO),
     ] = 0
     doubt_torque_percent: Annotated[
         Share,
-        Field(description="Standard deviation of each torque constant."),
+        Field(description="Standard deviation of each torque constant, for the draws."),
         Option(group=MONTE_CARLO, flag="doubt-torque-constants", unit="%", needs="draws"),
     ] = 0.0
     doubt_links_percent: Annotated[
         Share,
-        Field(description="Standard deviation of each link parameter."),
+        Field(description="Standard deviation of each link parameter, for the draws."),
         Option(group=MONTE_CARLO, flag="doubt-links", unit="%", needs="draws"),
     ] = 0.0
     doubt_rotors_percent: Annotated[
         Share,
-        Field(description="Standard deviation of each rotor inertia."),
+        Field(description="Standard deviation of each rotor inertia, for the draws."),
         Option(group=MONTE_CARLO, flag="doubt-rotors", unit="%", needs="draws"),
     ] = 0.0
     seed: Annotated[
         Seed,
-        Field(description="Seed of the draws."),
+        Field(description="Random seed of the draws."),
         Option(group=MONTE_CARLO, needs="draws"),
     ] = 0
     scheduler: Annotated[
         str | None,
-        Field(description="Dask scheduler to compute on, such as tcp://host:8786."),
+        Field(description="Address of a Dask scheduler that computes, such as tcp://host:8786."),
         Option(metavar="ADDRESS", group=FILES, needs="draws"),
     ] = None
     output: Annotated[
         Path | None,
-        Field(description="File for the table."),
+        Field(description="File to which the table is written (CSV)."),
         Option(short="o", metavar="CSV", group=FILES, file="output", endings=(".csv",)),
     ] = None
     overwrite: Overwrite = False
@@ -111,10 +119,10 @@ class SensitivityRequest(Request):
 
 @dataclass(frozen=True)
 class SensitivityResult:
-    """Deviations of a payload's estimate.
+    """Errors of a payload estimate.
 
     Attributes:
-        found: The table, and the draws if there are any.
+        found: The table, and the random draws if requested.
     """
 
     request: SensitivityRequest
@@ -122,7 +130,7 @@ class SensitivityResult:
     exit_code: int = 0
 
     def document(self) -> dict[str, object]:
-        """Return the numbers."""
+        """Return the errors as numbers."""
         import numpy as np
 
         problem, drawn = self.found.problem, self.found.drawn
@@ -153,20 +161,22 @@ class SensitivityResult:
         return document
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield the deviations of each case, the file, and the draws."""
+        """Yield the errors of each case, the file name, and the results of the draws."""
         yield Text(
-            text="Deviation of the estimate in percent of the true value, inertia about the centre"
-            " of gravity. Before the estimate, a model of the unloaded robot or a run without the"
-            " payload is subtracted."
+            text="Error of the estimate in percent of the true value; inertia about the centre"
+            " of gravity. Before the estimate, a model of the unloaded robot or a run"
+            " without the payload is subtracted."
         )
-        yield self._rows()
+        yield self._case_table()
         if self.request.output is not None:
             yield Text(text=f"Table: {self.request.output}")
         if self.found.drawn is not None:
-            yield Text(text=f"{len(self.found.drawn.values)} draws of noise and uncertainties:")
-            yield self._draws()
+            yield Text(
+                text=f"{len(self.found.drawn.values)} random draws of noise and parameter errors:"
+            )
+            yield self._draw_table()
 
-    def _rows(self) -> Table:
+    def _case_table(self) -> Table:
         from identification.sensitivity.cases import DIFFERENCE
 
         return table(
@@ -174,11 +184,11 @@ class SensitivityResult:
             Cells("", lambda row: row.case.number),
             Cells("wrong", lambda row: row.case.words),
             Cells("subtracted", lambda row: "a run" if row.against == DIFFERENCE else "a model"),
-            *(_percents(name, i) for i, name in enumerate(REPORTED)),
+            *(_percent_column(name, i) for i, name in enumerate(REPORTED)),
             key=3,
         )
 
-    def _draws(self) -> Table:
+    def _draw_table(self) -> Table:
         from identification.payload.body import REPORTED_UNITS
 
         drawn = self.found.drawn
@@ -195,13 +205,13 @@ class SensitivityResult:
         )
 
 
-def _percents(name: str, i: int) -> Cells[SensitivityRow]:
-    """Return the column of a parameter's deviations [%]."""
-    return Cells(name, lambda row: "–" if (p := row.percent[i]) is None else _percent(p))
+def _percent_column(name: str, i: int) -> Cells[SensitivityRow]:
+    """Return the column with the errors of a parameter [%]."""
+    return Cells(name, lambda row: "–" if (p := row.percent[i]) is None else _percent_text(p))
 
 
-def _percent(value: float) -> str:
-    """Return a deviation [%], below 100 with a decimal."""
+def _percent_text(value: float) -> str:
+    """Format an error [%]; values below 100 get a decimal."""
     return f"{round(value, 1) + 0.0:.1f}" if abs(value) < _NO_DECIMAL else f"{value:.0f}"
 
 

@@ -1,4 +1,4 @@
-"""`validate`: predict another run's torques and judge the error."""
+"""`validate`: predict another run's torques and compare the error with the limits."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ from rid_daq.requests.option import DEFAULT_RUNS, Option, RunsFolder, Unfinished
 from rid_daq.requests.request import Request, refuse_unused
 
 if TYPE_CHECKING:
-    from rid_daq.operations.identify.model_validation import Validated
+    from rid_daq.operations.identify.model_validation import ValidatedModel
 
 BASE: Final = "Reaction on the base"
 
 
 class ValidateRequest(Request):
-    """Predict a run's torques with a model and judge the error, axis by axis.
+    """Predict a run's torques with a model, and compare the error of each axis with its limit.
 
-    If an axis, or the reaction on the base, exceeds its limit, the exit code is 1. If the run
-    allows no verdict, it is 6: the model was identified from this run, or the run moves for less
-    than 5 s.
+    The exit code is 1 if an axis, or the reaction on the base, exceeds its limit. It is 6 if the
+    run allows no verdict, because the model was identified from this run, or the robot moves for
+    less than 5 s.
     """
 
     model: Annotated[
         Path,
-        Field(description="Model file that `identify` wrote."),
+        Field(description="Model file of `identify`."),
         Option(positional=True, metavar="MODEL", file="input"),
     ]
     run: Annotated[
         str,
         Field(
-            description="Run that the model was not identified from; with --base-limits also a"
+            description="Run that was not used to identify the model; with --base-limits also a"
             " motion file, whose reaction is predicted."
         ),
         Option(positional=True, metavar="RUN"),
@@ -46,34 +46,34 @@ class ValidateRequest(Request):
     limits: Annotated[
         str | None,
         Field(
-            description="Largest relative error, one percentage or one an axis; the cell file's if"
-            " not set."
+            description="Largest allowed relative error: one percentage, or one per axis; the"
+            " cell file's if not set."
         ),
         Option(metavar="PERCENT,..."),
     ] = None
     band_hz: Annotated[
         BandHz | None,
-        Field(description="Highest frequency to compare; the model's own band if not set."),
+        Field(description="Highest frequency of the comparison; the model's own band if not set."),
         Option(flag="band", unit="Hz"),
     ] = None
     standstill_rad_s: Annotated[
         StandstillRadS,
-        Field(description="Lowest speed of samples that count."),
+        Field(description="Lowest speed of samples that are compared."),
         Option(flag="standstill", unit="rad/s"),
     ] = STANDSTILL_RAD_S
     base: Annotated[
         bool,
-        Field(description="Judge the reaction on the base by the limits of the cell."),
+        Field(description="Compare the reaction on the base with the limits of the cell."),
         Option(group=BASE, flag="base-limits"),
     ] = False
     mass_kg: Annotated[
         BaseMassKg | None,
-        Field(description="Mass of everything that the base carries; the robot file's if not set."),
+        Field(description="Total mass that the base carries; the robot file's if not set."),
         Option(group=BASE, unit="kg", flag="mass", needs="base"),
     ] = None
     cell: Annotated[
         str | None,
-        Field(description="Cell of a motion file, for its limits and cycle time."),
+        Field(description="Cell of a motion file: defines its limits and cycle time."),
         Option(group=BASE, metavar="CELL", owned=True),
     ] = None
     unfinished: Unfinished = False
@@ -86,33 +86,33 @@ class ValidateRequest(Request):
 
     @model_validator(mode="after")
     def _refuse_cell_of_run(self, info: ValidationInfo) -> Self:
-        """Refuse a cell beside a run; JSON always has one, which the service fills in."""
+        """Refuse a cell together with a run; a JSON request always has one, set by the service."""
         if info.mode == "python" and not self.is_motion_file:
-            refuse_unused(self, ("cell",), "with a run, which has its own")
+            refuse_unused(self, ("cell",), "with a run, because a run contains its cell")
         return self
 
 
 @dataclass(frozen=True)
 class ValidateResult:
-    """A model that was judged.
+    """Verdict on a model.
 
     Attributes:
         validated: The prediction and the verdict.
     """
 
     request: ValidateRequest
-    validated: Validated
+    validated: ValidatedModel
 
     @property
     def exit_code(self) -> int:
-        """1 if a limit is exceeded."""
+        """Exit code 1 if a limit is exceeded."""
         from rid_daq.terminal.exit_codes import ExitCode
 
         failed = self.validated.verdict.passed is False
         return ExitCode.VERDICT_FAILED if failed else ExitCode.DONE
 
     def document(self) -> dict[str, object]:
-        """Return the numbers."""
+        """Return errors, reactions and the verdict as numbers."""
         found = self.validated
         parts = {
             "validation": found.validation,
@@ -151,7 +151,7 @@ class ValidateResult:
 
 
 def run(request: ValidateRequest, _context: Context) -> ValidateResult:
-    """Judge the model by a run, or by a motion file."""
+    """Validate the model with a run, or with a motion file."""
     from rid_daq.operations.identify.model_validation import predict_motion, validate_run
 
     judge = predict_motion if request.is_motion_file else validate_run

@@ -1,4 +1,4 @@
-"""From runs to the mistakes that explain them far better, with the key of the file to change."""
+"""Find mistakes of wiring, units and files that explain runs far better, and the keys to change."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from rid_daq.runs.origins import key_lines
 from rid_daq.runs.run_data import RunData
 
 SMALL_RESIDUAL_SHARE: Final = 0.02
-"""Share of a joint's torque that an estimate may leave and still hide no mistake."""
+"""Largest residual, relative to a joint's torque, with which no mistake can be hidden."""
 
 _IN_MAP: Final[dict[MistakeKind, str]] = {
     MistakeKind.POSITION_SIGN: "map: `position_sign` of {each}",
@@ -97,19 +97,19 @@ _LINES_OF_CELL: Final[dict[MistakeKind, tuple[str, ...]]] = {
     MistakeKind.GRAVITY_REMOVED: (),
 }
 OTHER_ROBOT: Final = (
-    "Compare lengths, axes and zero positions in the robot file with the robot: the file may be"
-    " another robot's."
+    "Compare lengths, axes and zero positions in the robot file with the robot: the file may"
+    " describe another robot."
 )
 ALONG_AXIS: Final = math.cos(math.radians(2.0))
 _NEVER_ADDED: Final = frozenset({"torque", "current", "rate_hz", "time.unit"})
-"""Keys of a map of which it states this or another: where they are not stated, none is to add."""
+"""Keys of a map with an alternative key; if such a key is missing, it must not be added."""
 
 _IN_CELL: Final[dict[MistakeKind, str]] = {
     MistakeKind.POSITION_SIGN: (
         "robot file: the sign of `alpha_rad` in {rows}; cell file: `direction` in {axes}"
     ),
     MistakeKind.TORQUE_SIGN: (
-        "cell file: `direction` in {axes}; the drive: its torque's sign (6077h)"
+        "cell file: `direction` in {axes}; the drive: the sign of its torque (6077h)"
     ),
     MistakeKind.DIRECTION: "cell file: `direction` in {axes}",
     MistakeKind.POSITION_FACTOR: "robot file: `gear_ratio` in {joints}; the drive: its encoder's"
@@ -131,20 +131,22 @@ _IN_CELL: Final[dict[MistakeKind, str]] = {
     MistakeKind.TORQUE_UNIT: (
         "cell file: the rated torque of {axes}; the drive: its rated torque (6076h)"
     ),
-    MistakeKind.TORQUE_QUANTITY: "the drive: what it maps as its torque (6077h)",
-    MistakeKind.GRAVITY_REMOVED: "the drive: what it maps as its torque (6077h)",
+    MistakeKind.TORQUE_QUANTITY: "the drive: the quantity that it maps as torque (6077h)",
+    MistakeKind.GRAVITY_REMOVED: "the drive: the quantity that it maps as torque (6077h)",
 }
 
 
-def wired_signals(
+def signals_for_diagnosis(
     data: Sequence[RunData], how: EstimationJob, robot: RobotDescription
 ) -> WiredSignals:
-    """Return what runs of one robot say, those left out that carried an unknown payload.
+    """Return the signals of runs for the search for mistakes.
+
+    Runs with an unknown payload are left out.
 
     Args:
-        data: The runs, all periodic or all not.
-        how: The highest frequency, and which runs were loaded.
-        robot: The robot as its file says it is.
+        data: The runs; all are periodic, or none.
+        how: Options with the highest frequency and the loaded runs.
+        robot: The robot as its file describes it.
     """
     empty = [item for item in data if item.folder.run_id not in how.loaded]
     return WiredSignals.of(robot, signals_of(empty, how))
@@ -152,12 +154,12 @@ def wired_signals(
 
 @dataclass(frozen=True)
 class WiringDiagnosis:
-    """What runs show of mistakes in wiring, units and files.
+    """Mistakes of wiring, units and files found in runs.
 
     Attributes:
-        mistakes: What explains them far better; None if nobody looked.
-        driving: Joints with negative friction power; None if nobody looked.
-        weight: How heavy the torques make the arm, if they tell.
+        mistakes: Mistakes that explain the runs far better; None without a search.
+        driving: Joints with negative friction power; None without a search.
+        weight: Weight of the arm by the torques; None if the torques do not determine it.
     """
 
     mistakes: tuple[MistakeEntry, ...] | None = None
@@ -166,7 +168,7 @@ class WiringDiagnosis:
 
     @property
     def weight_entry(self) -> ArmWeightEntry | None:
-        """The weight as a section of a report."""
+        """Weight of the arm as a section of a report."""
         return (
             None
             if self.weight is None
@@ -175,18 +177,18 @@ class WiringDiagnosis:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """What no robot does, in words."""
+        """Sentences on physically impossible properties of the runs."""
         said = []
         if self.driving:
             said.append(
-                f"The friction of {_listed(list(self.driving))} has negative power, which no"
-                " friction has: look for a wrong sign of torque or position, or for axes that are"
-                " swapped."
+                f"The friction of {_join_names(list(self.driving))} has negative power, which is"
+                " physically impossible: look for a wrong sign of torque or position, or for"
+                " swapped axes."
             )
         if self.weight is not None and not self.weight.is_plausible:
             words = self.weight.sentence
             said.append(
-                f"{words[0].upper()}{words[1:]}: look for a wrong unit of the torques, for torques"
+                f"{words[0].upper()}{words[1:]}: look for a wrong torque unit, for torques"
                 f" without gravity, or for wrong masses in `cad`. {OTHER_ROBOT}"
             )
         return tuple(said)
@@ -195,12 +197,12 @@ class WiringDiagnosis:
 def diagnose_wiring(
     signals: WiredSignals, run: RunData, estimate: Estimate, *, search: bool = True
 ) -> WiringDiagnosis:
-    """Look for what no robot does, and for the common mistakes that explain it.
+    """Find physically impossible properties of runs, and common mistakes that explain the runs.
 
     Args:
-        signals: What runs of one robot say.
-        run: One of them, which knows the files.
-        estimate: Estimate from these runs; if it explains the torques, no mistake is hidden.
+        signals: Signals of the runs of one robot.
+        run: One of the runs; its folder contains the files.
+        estimate: Estimate from these runs; if it explains the torques, no mistake can be hidden.
         search: True to try the common mistakes of wiring, units and files.
     """
     driving, weight = impossibilities(signals)
@@ -215,7 +217,7 @@ def diagnose_wiring(
 
 
 def _hides_mistakes(estimate: Estimate) -> bool:
-    """Return True if an estimate leaves more of a joint's torque than `SMALL_RESIDUAL_SHARE`."""
+    """Return True if a joint's residual exceeds `SMALL_RESIDUAL_SHARE` of its torque."""
     torque_nm = estimate.torque_nm
     return torque_nm is None or bool(
         (estimate.residual_nm > SMALL_RESIDUAL_SHARE * torque_nm).any()
@@ -225,71 +227,71 @@ def _hides_mistakes(estimate: Estimate) -> bool:
 def mistake_entry(
     found: Found, robot: RobotDescription, *, imported: bool, folder: RunFolder | None = None
 ) -> MistakeEntry:
-    """Return a mistake in words, with the keys to change.
+    """Return a mistake as a section of a report, with the keys to change.
 
     Args:
         found: The mistake and its alternatives.
-        robot: The robot, for its joints' names.
-        imported: Whether a map said how the recording was read; else a cell file did.
-        folder: The run, which knows the files and so the lines to change.
+        robot: Robot with the names of the joints.
+        imported: True if an import map describes the recording; otherwise a cell file does.
+        folder: Run folder with the files to change.
     """
     best, *others = (
         Explanation(
             kind=each.kind,
             joints=tuple(robot.joint_names[j] for j in each.joints),
             factor=each.factor,
-            words=_words(each, robot),
-            change=_changes(each, robot, imported),
-            places=None if folder is None else _places(each, robot, imported, folder),
+            words=_mistake_phrase(each, robot),
+            change=_keys_to_change(each, robot, imported),
+            places=None if folder is None else _lines_to_change(each, robot, imported, folder),
         )
         for each in (found.mistake, *found.alternatives)
     )
     gains = found.times_better
-    worst = max(range(len(gains)), key=lambda j: _finite(float(gains[j])))
+    worst = max(range(len(gains)), key=lambda j: _finite_or_zero(float(gains[j])))
     return MistakeEntry.from_attributes(
         best,
-        times_better=_finite(float(gains[worst])),
-        sentence=_sentence(found, best.words, robot.joint_names, worst),
+        times_better=_finite_or_zero(float(gains[worst])),
+        sentence=_mistake_sentence(found, best.words, robot.joint_names, worst),
         alternatives=tuple(others),
     )
 
 
-def _sentence(found: Found, words: str, joints: Sequence[str], worst: int) -> str:
-    """Return a mistake as a sentence, with what tells it."""
+def _mistake_sentence(found: Found, words: str, joints: Sequence[str], worst: int) -> str:
+    """Return a mistake as a sentence, with its evidence."""
     says = f"{words[0].upper()}{words[1:]}"
     if found.weight is not None:
         return f"{says}: {found.weight.sentence}."
     if found.mistake.kind is MistakeKind.TORQUE_QUANTITY:
-        return f"{says}: the numbers agree row by row."
+        return f"{says}: the values agree in every row."
     if found.held_out_ratio is not None:
         less = 100.0 * (1.0 - found.held_out_ratio)
         sentence = (
-            f"{says}: undone, the squared error on parts of the recording that were left out of the"
-            f" fit falls by {less:.0f} %."
+            f"{says}: without this mistake, the squared error on held-out parts of the recording"
+            f" falls by {less:.0f} %."
         )
         is_table = found.mistake.kind is MistakeKind.KINEMATICS
         return f"{sentence} {OTHER_ROBOT}" if is_table else sentence
-    sentence = f"{says}: that explains the data far better."
+    sentence = f"{says}: without this mistake, the data fit far better."
     before, after = (100.0 * trial.residual_share[worst] for trial in (found.before, found.after))
     if before >= 1.2 * after:
         sentence += (
-            f" Undone, the residual of {joints[worst]} falls from {before:.0f} to"
-            f" {after:.0f} % of the torque."
+            f" The residual of {joints[worst]} falls from {before:.0f} to {after:.0f} % of the"
+            " torque."
         )
     if found.before.driving.any() and not found.after.driving.any():
-        driven = _listed([joints[j] for j in np.flatnonzero(found.before.driving).tolist()])
-        sentence += f" As stated, friction would drive {driven}."
+        driven = _join_names([joints[j] for j in np.flatnonzero(found.before.driving).tolist()])
+        sentence += f" With the files as they are, friction would drive {driven}."
     return sentence
 
 
-def _finite(value: float) -> float:
+def _finite_or_zero(value: float) -> float:
     return value if math.isfinite(value) else 0.0
 
 
-def _places(
+def _lines_to_change(
     mistake: Mistake, robot: RobotDescription, imported: bool, folder: RunFolder
 ) -> tuple[PlaceToChange, ...]:
-    """Return the lines of a run's files that a mistake is in."""
+    """Return the lines in a run's files that contain the mistake."""
     told = {**(_LINES_OF_MAP if imported else _LINES_OF_CELL), **_LINES_OF_ROBOT}
     patterns = told[mistake.kind]
     joints = mistake.changed
@@ -306,7 +308,7 @@ def _places(
     )
 
 
-def _changes(mistake: Mistake, robot: RobotDescription, imported: bool) -> tuple[str, ...]:
+def _keys_to_change(mistake: Mistake, robot: RobotDescription, imported: bool) -> tuple[str, ...]:
     text = (_IN_MAP if imported else _IN_CELL)[mistake.kind]
     joints = mistake.changed
 
@@ -320,52 +322,59 @@ def _changes(mistake: Mistake, robot: RobotDescription, imported: bool) -> tuple
     return tuple(filled.split("; "))
 
 
-def _words(mistake: Mistake, robot: RobotDescription) -> str:
-    """Return what is wrong, as a sentence without its full stop."""
+def _mistake_phrase(mistake: Mistake, robot: RobotDescription) -> str:
+    """Return the mistake as a sentence without its full stop."""
     names = [robot.joint_names[j] for j in mistake.joints]
-    joint = _listed(names) if names else "every joint"
+    joint = _join_names(names) if names else "every joint"
     each = joint if len(names) == 1 else f"{joint} each"
-    order = f"{joint} are swapped" if len(names) == 2 else f"come in the order {', '.join(names)}"
+    in_order = f"come in the order {', '.join(names)}"
+    order = f"{joint} are swapped" if len(names) == 2 else f"the joints {in_order}"
+    axes = f"the axes {joint} are swapped" if len(names) == 2 else f"the axes {in_order}"
     says: dict[MistakeKind, Callable[[], str]] = {
         MistakeKind.POSITION_SIGN: lambda: f"the position of {joint} has the wrong sign",
         MistakeKind.TORQUE_SIGN: lambda: f"the torque of {joint} has the wrong sign",
-        MistakeKind.DIRECTION: lambda: f"{joint} turns the other way than its file says",
-        MistakeKind.POSITION_FACTOR: lambda: _factor(f"the position of {joint}", mistake, robot),
+        MistakeKind.DIRECTION: lambda: f"{joint} turns in the opposite direction to its file",
+        MistakeKind.POSITION_FACTOR: lambda: _factor_phrase(
+            f"the position of {joint}", mistake, robot
+        ),
         MistakeKind.POSITION_OFFSET: lambda: (
-            f"the zero position of {joint} is off: add {math.degrees(mistake.factor):.3g}° to its"
-            " position"
+            f"the zero position of {joint} is wrong: add {math.degrees(mistake.factor):.3g}° to"
+            " its position"
         ),
         MistakeKind.POSITION_ORDER: lambda: f"the positions of {order}",
-        MistakeKind.TORQUE_FACTOR: lambda: _factor(f"the torque of {joint}", mistake, robot),
+        MistakeKind.TORQUE_FACTOR: lambda: _factor_phrase(f"the torque of {joint}", mistake, robot),
         MistakeKind.TORQUE_ORDER: lambda: f"the torques of {order}",
         MistakeKind.TORQUE_UNIT: lambda: f"the torques are in {mistake.what}",
         MistakeKind.TORQUE_QUANTITY: lambda: (
-            f"the torque column of {each} holds its {mistake.what}"
+            f"the torque column of {each} contains its {mistake.what}"
         ),
-        MistakeKind.AXIS_ORDER: lambda: f"the axes {order}",
-        MistakeKind.CLOCK: lambda: f"a second of the time stamps is {number(mistake.factor, 3)} s",
+        MistakeKind.AXIS_ORDER: lambda: axes,
+        MistakeKind.CLOCK: lambda: (
+            f"one second of the time stamps lasts {number(mistake.factor, 3)} s"
+        ),
         MistakeKind.CONVENTION: lambda: (
-            "the kinematic table is written in the other convention than"
-            f" {robot.kinematics.convention}"
+            f"the kinematic table uses another convention than {robot.kinematics.convention}"
         ),
         MistakeKind.COUPLING: lambda: (
-            f"the wrist's coupling at {joint} is another"
+            f"the coupling of the wrist at {joint} differs from the robot file"
             if robot.coupling is not None
             else f"the wrist is coupled at {joint}"
         ),
-        MistakeKind.MOUNTING: lambda: f"gravity points along {_direction(mistake.robot, robot)}",
+        MistakeKind.MOUNTING: lambda: (
+            f"gravity points along {_gravity_direction(mistake.robot, robot)}"
+        ),
         MistakeKind.GRAVITY_REMOVED: lambda: "gravity is missing in the torques",
         MistakeKind.KINEMATICS: lambda: mistake.what,
     }
     return says[mistake.kind]()
 
 
-def _listed(names: list[str]) -> str:
+def _join_names(names: list[str]) -> str:
     return " and ".join([*([", ".join(names[:-1])] if names[:-1] else []), names[-1]])
 
 
-def _direction(right: RobotDescription | None, stated: RobotDescription) -> str:
-    """Return where gravity points in the base's frame, and how far that is from the file's."""
+def _gravity_direction(right: RobotDescription | None, stated: RobotDescription) -> str:
+    """Return the direction of gravity in the base's frame, and its angle from the robot file's."""
     gravity = np.array(stated.gravity_m_s2 if right is None else right.gravity_m_s2)
     unit = gravity / np.linalg.norm(gravity)
     axis = int(np.argmax(np.abs(unit)))
@@ -374,10 +383,10 @@ def _direction(right: RobotDescription | None, stated: RobotDescription) -> str:
     before = np.array(stated.gravity_m_s2)
     tilt = math.degrees(math.acos(float(unit @ before / np.linalg.norm(before))))
     along = ", ".join(f"{value:.2f}" for value in gravity)
-    return f"[{along}] m/s² of the base, {tilt:.0f}° from what the robot file says"
+    return f"[{along}] m/s² of the base, {tilt:.0f}° from the direction in the robot file"
 
 
-def _factor(what: str, mistake: Mistake, robot: RobotDescription) -> str:
+def _factor_phrase(what: str, mistake: Mistake, robot: RobotDescription) -> str:
     if mistake.kind is MistakeKind.POSITION_FACTOR and mistake.factor == DEGREES:
         return f"{what} is in degrees"
     if mistake.kind is MistakeKind.POSITION_FACTOR and mistake.factor == 1.0 / DEGREES:
@@ -386,5 +395,5 @@ def _factor(what: str, mistake: Mistake, robot: RobotDescription) -> str:
         return f"{what} is {mistake.what}"
     gear = abs(robot.joints[mistake.joints[0]].gear_ratio) if mistake.joints else 1.0
     if gear != 1.0 and mistake.factor in (gear, 1.0 / gear):
-        return f"{what} is on the other side of the gear ({gear:g})"
-    return f"{what} must be {number(mistake.factor, 3)} times what is stated"
+        return f"{what} is measured on the other side of the gear ({gear:g})"
+    return f"{what} must be multiplied by {number(mistake.factor, 3)}"

@@ -1,1 +1,1 @@
-"""Operations on paths: timing, feedforward and path errors."""
+"""Operations on paths: timing, feedforward, velocity loops and path errors."""

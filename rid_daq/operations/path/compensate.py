@@ -1,4 +1,4 @@
-"""`compensate`: compute the velocity feedforward that makes a motion accurate."""
+"""`compensate`: compute the velocity feedforward that reduces a motion's path error."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from compensation.feedforward.file import TuningEntry
-    from rid_daq.operations.path.feedforward import Compensated
+    from rid_daq.operations.path.feedforward import CompensatedMotion
 
 
 class CompensateRequest(Request):
-    """Compute the velocity feedforward that makes the drives produce the torques of a motion.
+    """Compute the velocity feedforward with which the drives produce the torques of a motion.
 
-    A reference run tunes scale and delay of the feedforward, joint by joint. It may be of this or
-    of another periodic motion, with or without compensation, and is averaged over its periods.
-    Nothing moves. Run the motion with the result by `rid-daq record CELL MOTION --feedforward
+    A reference run tunes scale and delay of the feedforward for each joint. It is a run of this
+    motion or of another periodic motion, with or without compensation; its periods are averaged.
+    Nothing moves. Perform the motion with the result by `rid-daq record CELL MOTION --feedforward
     FEEDFORWARD`.
     """
 
@@ -61,16 +61,16 @@ class CompensateResult:
     """A feedforward that was written.
 
     Attributes:
-        request: What was asked for.
-        made: Its size, and what the reference run showed.
+        request: The request.
+        made: Size of the feedforward, and its tuning by the reference run.
     """
 
     request: CompensateRequest
-    made: Compensated
+    made: CompensatedMotion
     exit_code: int = 0
 
     def document(self) -> dict[str, object]:
-        """Return the numbers."""
+        """Return size, corrections and tuning as numbers."""
         tuning = self.made.tuning
         return {
             "feedforward": str(self.request.output),
@@ -81,7 +81,7 @@ class CompensateResult:
         }
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield notes, the tuning, the largest corrections, the next command."""
+        """Yield notes, the tuning, the largest corrections, and the next command."""
         yield from note_blocks(self.made.notes)
         if self.made.tuning is not None:
             yield from _tuning_blocks(self.made.tuning, tuple(self.made.largest))
@@ -94,8 +94,8 @@ class CompensateResult:
 
 def _tuning_blocks(tuning: TuningEntry, names: tuple[str, ...]) -> Iterator[AnyBlock]:
     yield Text(
-        text="Scale and delay of the feedforward by the reference run. If it does not determine"
-        " them, 1 and 0 are applied."
+        text="Scale and delay of the feedforward, tuned by the reference run. If the run does"
+        " not determine them, 1 and 0 are applied."
     )
     yield table(
         range(len(names)),

@@ -1,4 +1,4 @@
-"""Feedforward files: computed from model and loops, refined by the error of runs with it."""
+"""Compute feedforward files from a model and velocity loops, and refine them by measured errors."""
 
 from __future__ import annotations
 
@@ -32,28 +32,32 @@ from config.formats.approved_files import sha256_of
 from config.formats.json_file import read_content
 from config.load import load_cell
 from identification.estimation.estimate import Estimate
-from rid_daq.operations.cell_files import estimate_and_bytes, loops_and_bytes, motion_for
+from rid_daq.operations.cell_files import (
+    read_estimate_and_bytes,
+    read_loops_and_bytes,
+    read_motion_for,
+)
 from rid_daq.operations.path.compensate import CompensateRequest
 from rid_daq.operations.path.refine import RefineRequest
 from rid_daq.runs import made_file
 from rid_daq.runs.motion_runs import MotionRun, read_motion_run
-from rid_daq.runs.origins import cell_of
+from rid_daq.runs.origins import cell_argument
 from rid_daq.runs.output_file import refuse_output
-from rid_daq.runs.run_data import MOTION, lacks
+from rid_daq.runs.run_data import MOTION, data_defects
 
 GROWN: Final = 1.2
 STALLED: Final = 0.9
 
 
 @dataclass(frozen=True)
-class Compensated:
+class CompensatedMotion:
     """A feedforward that was written.
 
     Attributes:
-        rows: Rows of the motion.
-        largest: The largest correction of each joint's speed, by its name [rad/s or m/s].
-        tuning: What the reference run tuned.
-        notes: What that run lacks, and how warm joints are taken to be.
+        rows: Number of rows of the motion.
+        largest: Largest correction of the speed, by joint name [rad/s or m/s].
+        tuning: Tuning by the reference run; None without one.
+        notes: Defects of the reference run's data, and the assumed temperature of the joints.
     """
 
     rows: int
@@ -63,16 +67,16 @@ class Compensated:
 
 
 @dataclass(frozen=True)
-class Refined:
-    """A feedforward that was refined, or needs no more of it.
+class RefinedFeedforward:
+    """Result of one refinement of a feedforward.
 
     Attributes:
-        measured: What the robot missed.
-        found: What that asks for.
-        stalled: Whether the error no longer shrinks.
-        notes: What the runs lack, and how warm joints are taken to be.
-        cell: The runs' cell, as commands take it.
-        motion: The motion file of one of the runs.
+        measured: Repeated path error of the runs.
+        found: Correction computed from this error.
+        stalled: True if the error no longer shrinks.
+        notes: Defects of the runs' data, and the assumed temperature of the joints.
+        cell: Cell of the runs, as a command's argument.
+        motion: Motion file of one of the runs.
     """
 
     measured: RepeatedError
@@ -84,31 +88,31 @@ class Refined:
 
     @property
     def finished(self) -> bool:
-        """Whether the feedforward is the one that the run had."""
+        """True if the feedforward stays unchanged: its error is noise or no longer shrinks."""
         return self.found.finished or self.stalled
 
 
-def compensate_motion(request: CompensateRequest) -> Compensated:
+def compensate_motion(request: CompensateRequest) -> CompensatedMotion:
     """Compute a motion's feedforward and write it.
 
     Raises:
-        ConfigError: Files do not belong together, or the file is there already.
-        RidDaqError: The reference run cannot be used, or the motion takes more than the limits.
+        ConfigError: The files do not belong together, or the output file exists already.
+        RidDaqError: The reference run cannot be used, or the motion exceeds the limits.
     """
     refuse_output(request.output, request.overwrite, made_file.FEEDFORWARD)
     loaded = load_cell(request.cell)
-    motion = motion_for(request.motion, loaded)
-    loops, loops_bytes = loops_and_bytes(request.loop, loaded)
+    motion = read_motion_for(request.motion, loaded)
+    loops, loops_bytes = read_loops_and_bytes(request.loop, loaded)
     samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
-    modelled, model_bytes = estimate_and_bytes(request.model, loaded.robot)
+    modelled, model_bytes = read_estimate_and_bytes(request.model, loaded.robot)
     warm = at_operating_temperature(modelled, request.temperature, samples.whole().velocity)
     estimate, notes = warm.estimate, warm.notes
     tuning = None
     if request.reference is not None:
         folder = find_run(request.runs, request.reference)
         driven = read_motion_run(folder, unfinished=request.unfinished)
-        notes = [*lacks([driven.data]), *notes]
-        tuning = _tuned(driven, motion, estimate, loops)
+        notes = [*data_defects([driven.data]), *notes]
+        tuning = _tune_by_run(driven, motion, estimate, loops)
     compensated = compensated_motion(
         samples, estimate, loops, None if tuning is None else tuning.as_tuning()
     )
@@ -125,14 +129,14 @@ def compensate_motion(request: CompensateRequest) -> Compensated:
     assert compensated.feedforward is not None
     more = np.abs(compensated.feedforward - compensated.velocity).max(axis=0)
     largest = dict(zip(loaded.robot.joint_names, more.tolist(), strict=True))
-    return Compensated(len(samples), largest, tuning, notes)
+    return CompensatedMotion(len(samples), largest, tuning, notes)
 
 
-def refine_feedforward(request: RefineRequest) -> Refined:
-    """Correct a feedforward by what the robot missed with it, and write the next one.
+def refine_feedforward(request: RefineRequest) -> RefinedFeedforward:
+    """Correct a feedforward by the path error that was measured with it, and write the new one.
 
     Raises:
-        ConfigError: Runs differ in motion or feedforward, or the file is there already.
+        ConfigError: The runs differ in motion or feedforward, or the output file exists already.
         DataQualityError: The error has grown since the last refinement.
     """
     refuse_output(request.output, request.overwrite, made_file.FEEDFORWARD)
@@ -141,7 +145,7 @@ def refine_feedforward(request: RefineRequest) -> Refined:
     first = driven[0]
     _refuse_mixed(driven)
     samples = first.samples()
-    modelled, model_bytes = estimate_and_bytes(request.model, first.data.robot)
+    modelled, model_bytes = read_estimate_and_bytes(request.model, first.data.robot)
     warm = at_operating_temperature(modelled, request.temperature, samples.whole().velocity)
     estimate = warm.estimate
     names = samples.joint_names
@@ -152,14 +156,14 @@ def refine_feedforward(request: RefineRequest) -> Refined:
     origin = FeedforwardOrigin() if first.file is None else first.file.origin
     _refuse_growth(measured, origin)
     found = refinement(samples, measured, estimate, loops, first.cell.position_gain_per_s)
-    notes = [*lacks([one.data for one in driven]), *warm.notes]
+    notes = [*data_defects([one.data for one in driven]), *warm.notes]
     folder = first.data.folder
-    refined = Refined(
+    refined = RefinedFeedforward(
         measured,
         found,
-        _stalled(measured, origin),
+        _has_stalled(measured, origin),
         notes,
-        cell_of(folder),
+        cell_argument(folder),
         folder.file(MOTION),
     )
     ahead = samples.velocity if samples.feedforward is None else samples.feedforward
@@ -182,10 +186,10 @@ def refine_feedforward(request: RefineRequest) -> Refined:
     return refined
 
 
-def _tuned(
+def _tune_by_run(
     run: MotionRun, motion: AnyMotion, estimate: Estimate, loops: Sequence[VelocityLoop]
 ) -> TuningEntry:
-    """Return what a reference run says of scale and delay."""
+    """Return scale and delay of the feedforward, tuned by a reference run."""
     samples = run.samples()
     ordered = in_order(samples.joint_names, estimate.robot.joint_names, loops)
     measured = repeated_error(samples, [run.data.recording])
@@ -194,7 +198,7 @@ def _tuned(
 
 
 def _refined_origin(
-    origin: FeedforwardOrigin, refined: Refined, runs: tuple[str, ...]
+    origin: FeedforwardOrigin, refined: RefinedFeedforward, runs: tuple[str, ...]
 ) -> FeedforwardOrigin:
     measured, found = refined.measured, refined.found
     entry = RefinementEntry(
@@ -213,16 +217,16 @@ def _refuse_mixed(driven: list[MotionRun]) -> None:
         if other.motion != driven[0].motion or other.file != driven[0].file:
             raise ConfigError(
                 f"runs {driven[0].run_id} and {other.run_id} differ in motion or feedforward:"
-                " refine from repetitions of one",
+                " refine with repetitions of the same motion and feedforward",
                 code="RID-REFINE-RUNS",
             )
 
 
 def _refuse_growth(measured: RepeatedError, origin: FeedforwardOrigin) -> None:
-    """Refuse to go on where the last refinement has made things worse.
+    """Refuse a refinement if the last one has increased the error.
 
     Raises:
-        DataQualityError: It has; the text says in which joint, and what to do.
+        DataQualityError: The error has grown; the text names the joint and what to do.
     """
     if not origin.refinements:
         return
@@ -232,16 +236,17 @@ def _refuse_growth(measured: RepeatedError, origin: FeedforwardOrigin) -> None:
     if total > GROWN:
         worst = int(grown.argmax())
         raise DataQualityError(
-            f"the error has grown since the last refinement, most in {measured.joint_names[worst]}"
-            f" ({before[worst]:.3g} to {measured.rms[worst]:.3g}): robot, payload or loops are not"
-            " those of model and loops. Use the feedforward of run"
-            f" {origin.refinements[-1].runs[0]}, and measure the loops again before you go on",
+            "the error has grown since the last refinement, most in"
+            f" {measured.joint_names[worst]} (from {before[worst]:.3g} to"
+            f" {measured.rms[worst]:.3g}): model and loops do not match the robot, its payload or"
+            f" its loops. Use the feedforward of run {origin.refinements[-1].runs[0]}, and"
+            " measure the loops again before the next refinement",
             code="RID-LOOP-OTHER",
         )
 
 
-def _stalled(measured: RepeatedError, origin: FeedforwardOrigin) -> bool:
-    """Return whether the last refinement has changed next to nothing in any joint."""
+def _has_stalled(measured: RepeatedError, origin: FeedforwardOrigin) -> bool:
+    """Return True if the last refinement has hardly changed the error of any joint."""
     if not origin.refinements:
         return False
     before = np.array(origin.refinements[-1].rms)

@@ -23,22 +23,22 @@ from rid_daq.requests.option import (
 from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
-    from rid_daq.operations.path.loop_measurement import LoopsMeasured
+    from rid_daq.operations.path.loop_measurement import MeasuredLoops
 
 
 class LoopRequest(Request):
     """Measure the frequency responses of the velocity loops, and fit gain and integral time.
 
     The run must be of a motion that `rid-daq design --kind multisine` wrote. Intervals are two
-    standard deviations, from the differences between periods and between realisations. The margins
-    are those of current, velocity and position loop together. The report of the run has all
-    figures. If the fit of a joint is bad, the exit code is 6.
+    standard deviations, from the differences between periods and between realisations. The
+    stability margins are those of current, velocity and position loop together. The report of the
+    run contains all figures. The exit code is 6 if the fit of a joint is bad.
     """
 
     run: RunName
     output: Annotated[
         Path | None,
-        Field(description="File of velocity loops to write; loops.json of the run if not set."),
+        Field(description="Loop file to write; loops.json of the run if not set."),
         Option(short="o", metavar="LOOPS", group=FILES, file="output", endings=(".json",)),
     ] = None
     overwrite: Overwrite = False
@@ -51,20 +51,20 @@ class LoopResult:
     """Velocity loops that were measured and written.
 
     Attributes:
-        found: The loops, and the files with them.
+        found: The loops and the paths of their files.
     """
 
-    found: LoopsMeasured
+    found: MeasuredLoops
 
     @property
     def exit_code(self) -> int:
-        """6 if the fit of a joint is bad."""
+        """Exit code 6 if the fit of a joint is bad."""
         from rid_daq.terminal.exit_codes import ExitCode
 
         return ExitCode.DATA_QUALITY if self.found.section.bad_joints else 0
 
     def document(self) -> dict[str, object]:
-        """Return the numbers."""
+        """Return the loops as numbers."""
         found = self.found
         names = {"run": found.run_id, "loops": str(found.output), "report": str(found.report)}
         return {**names, **found.section.model_dump(mode="json"), "notes": found.notes}

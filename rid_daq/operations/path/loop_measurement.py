@@ -1,4 +1,4 @@
-"""`measure_velocity_loops`: fit the velocity loops of a multisine run, and write them."""
+"""`measure_velocity_loops`: fit the velocity loops with a multisine run, and write them."""
 
 from __future__ import annotations
 
@@ -18,21 +18,22 @@ from rid_daq.operations.path.loop import LoopRequest
 from rid_daq.report.sections.velocity_loops import VelocityLoopsSection
 from rid_daq.report_page.write import write_result
 from rid_daq.runs import made_file
-from rid_daq.runs.origins import cell_of
+from rid_daq.runs.origins import cell_argument
 from rid_daq.runs.output_file import refuse_output
-from rid_daq.runs.run_data import RunData, lacks, note_output, result_of
+from rid_daq.runs.run_data import RunData, data_defects, register_output, result_of
 
 
 @dataclass(frozen=True)
-class LoopsMeasured:
-    """Loops that were written.
+class MeasuredLoops:
+    """Velocity loops that were measured and written.
 
     Attributes:
-        run_id: The run.
-        section: What was found.
-        output, report: Where loops and report are.
-        notes: What the run lacks.
-        cell: The run's cell, as commands take it.
+        run_id: Id of the run.
+        section: Section of the report.
+        output: Path of the loop file.
+        report: Path of the report.
+        notes: Defects of the run's data.
+        cell: Cell of the run, as a command's argument.
     """
 
     run_id: str
@@ -43,32 +44,36 @@ class LoopsMeasured:
     cell: str
 
 
-def measure_velocity_loops(request: LoopRequest) -> LoopsMeasured:
-    """Measure how the drives' velocity loops answer, and write what was found.
+def measure_velocity_loops(request: LoopRequest) -> MeasuredLoops:
+    """Measure the frequency responses of the drives' velocity loops, and write loops and report.
 
     Raises:
-        ConfigError: The run is of another motion, or the file is there already.
+        ConfigError: The run is of another kind of motion, or the output file exists already.
         RidDaqError: The run cannot be used.
     """
     refuse_output(request.output, request.overwrite, made_file.LOOPS)
     data = RunData.load(find_run(request.runs, request.run), unfinished=request.unfinished)
-    notes = lacks([data])
-    motion = _motion(data)
+    notes = data_defects([data])
+    motion = _multisine_motion(data)
     cell = load_bundled_or_path(str(data.folder.file("cell.yaml")), "cells", CellConfig)
     found = measure_loops(data.recording, motion, data.robot, cell.position_gain_per_s)
     section = VelocityLoopsSection.of(data.robot, found, advise(found.cascades))
     output = request.output or data.folder.file("loops.json")
     write_loops(output, found.loops, data.robot.name, data.folder.run_id)
-    note_output(data.folder, output)
+    register_output(data.folder, output)
     report = write_result(data.folder, result_of(data, notes).updated(velocity_loops=section))
-    return LoopsMeasured(data.folder.run_id, section, output, report, notes, cell_of(data.folder))
+    return MeasuredLoops(
+        data.folder.run_id, section, output, report, notes, cell_argument(data.folder)
+    )
 
 
-def _motion(data: RunData) -> MultisineMotion:
+def _multisine_motion(data: RunData) -> MultisineMotion:
     path = data.folder.file("motion.yaml")
     which = f"run {data.folder.run_id} is"
-    instead = "record one by `rid-daq design --kind multisine`"
+    instead = "record a motion of `rid-daq design --kind multisine`"
     if not path.exists():
-        raise ConfigError(f"{which} a recording from elsewhere: {instead}", code="RID-RUN-FOREIGN")
+        raise ConfigError(
+            f"{which} a recording of an unknown motion: {instead}", code="RID-RUN-FOREIGN"
+        )
     motion = load_motion(path)
     return MultisineMotion.require(motion, f"{which} of a {motion.kind} motion: {instead}")

@@ -1,4 +1,4 @@
-"""`refine`: correct a feedforward by the error that remained with it."""
+"""`refine`: correct a feedforward by the path error that was measured with it."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from rid_daq.requests.option import DEFAULT_RUNS, Overwrite, RunNames, RunsFolde
 from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
-    from rid_daq.operations.path.feedforward import Refined
+    from rid_daq.operations.path.feedforward import RefinedFeedforward
 
 
 class RefineRequest(Request):
-    """Correct a feedforward by the error that remained with it.
+    """Correct a feedforward by the path error that was measured with it.
 
     Give one run of a periodic motion, or at least two runs of another motion, all with the same
-    feedforward. Record the motion with the new file, and refine again. Once the remaining error is
-    noise, or no longer shrinks, the command says so and writes the feedforward unchanged. An error
-    that grows is refused.
+    feedforward. Record the motion with the new file, and refine again. If the remaining error is
+    noise, or no longer shrinks, the command says so and writes the feedforward unchanged. If the
+    error has grown, the command is refused.
     """
 
     run: RunNames
@@ -35,8 +35,8 @@ class RefineRequest(Request):
     runs: RunsFolder = DEFAULT_RUNS
 
 
-class _Axis(NamedTuple):
-    """The remaining error of an axis."""
+class _AxisError(NamedTuple):
+    """Remaining error of an axis."""
 
     joint: str
     rms: float
@@ -46,24 +46,24 @@ class _Axis(NamedTuple):
 
 @dataclass(frozen=True)
 class RefineResult:
-    """A feedforward that was refined, or needs no more of it.
+    """Result of one refinement of a feedforward.
 
     Attributes:
-        request: What was asked for.
+        request: The request.
         refined: The remaining error and its correction.
     """
 
     request: RefineRequest
-    refined: Refined
+    refined: RefinedFeedforward
     exit_code: int = 0
 
     @property
     def has_stalled(self) -> bool:
-        """True if the error is not noise and no longer shrinks."""
+        """True if the error is larger than noise but no longer shrinks."""
         return self.refined.stalled and not self.refined.found.finished
 
     def document(self) -> dict[str, object]:
-        """Return the numbers."""
+        """Return errors and bounds as numbers."""
         measured, found = self.refined.measured, self.refined.found
         return {
             "feedforward": str(self.request.output),
@@ -72,36 +72,39 @@ class RefineResult:
             "repetitions": measured.repetitions,
             "noise_limit": found.noise_limit,
             "band_hz": found.bound.band_hz,
-            "axes": [axis._asdict() for axis in self._axes()],
+            "axes": [axis._asdict() for axis in self._axis_errors()],
             "notes": self.refined.notes,
         }
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield notes, the remaining error, and what comes next."""
+        """Yield notes, the remaining error, and the next commands."""
         yield from note_blocks(self.refined.notes)
         yield table(
-            self._axes(),
+            self._axis_errors(),
             Cells("joint", lambda axis: axis.joint),
             Cells("RMS error", lambda axis: 1e3 * axis.rms, "mrad or mm"),
             Cells("power / noise", lambda axis: axis.over_noise, digits=3),
-            Cells("remains at most", lambda axis: 100.0 * axis.bound, "%", 3),
+            Cells("largest remaining share", lambda axis: 100.0 * axis.bound, "%", 3),
         )
         if self.has_stalled:
-            yield Text(text="The error no longer shrinks: the rest does not repeat. Done.")
+            yield Text(
+                text="The error no longer shrinks: the remaining error does not repeat"
+                " from run to run. The refinement is complete."
+            )
         elif self.refined.finished:
-            yield Text(text="The remaining error is noise. Done.")
+            yield Text(text="The remaining error is noise. The refinement is complete.")
         else:
             band_hz = self.refined.found.bound.band_hz
             yield Text(
-                text=f"Up to {band_hz:.3g} Hz at most this share of an error"
-                " remains after each refinement, for loops within their intervals. Friction may"
-                " leave more next to reversals."
+                text=f"Up to {band_hz:.3g} Hz, at most this share of an error remains after each"
+                " refinement, if the loops are within their intervals. Near reversals,"
+                " friction can leave a larger error."
             )
             cell, motion = self.refined.cell, str(self.refined.motion)
             yield Next(words=("record", cell, motion, "--feedforward", str(self.request.output)))
-            yield Text(text="Then refine again with that run.")
+            yield Text(text="Then refine again with the new run.")
 
-    def _axes(self) -> list[_Axis]:
+    def _axis_errors(self) -> list[_AxisError]:
         measured, found = self.refined.measured, self.refined.found
         columns = zip(
             measured.joint_names,
@@ -110,11 +113,11 @@ class RefineResult:
             found.bound.largest.tolist(),
             strict=True,
         )
-        return [_Axis(*row) for row in columns]
+        return [_AxisError(*row) for row in columns]
 
 
 def run(request: RefineRequest, _context: Context) -> RefineResult:
-    """Correct the feedforward and write the next one."""
+    """Correct the feedforward and write the new one."""
     from rid_daq.operations.path.feedforward import refine_feedforward
 
     return RefineResult(request, refine_feedforward(request))

@@ -1,4 +1,4 @@
-"""`retime`: drive a path as fast as the torque limits of a model allow."""
+"""`retime`: compute the fastest timing of a path within the torque limits of a model."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from rid_daq.requests.option import FILES, CellName, Option, Overwrite
 from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
-    from rid_daq.operations.path.retiming import Retimed
+    from rid_daq.operations.path.retiming import RetimedMotion
 
 LIMITS: Final = "Limits"
 DEFAULT_CONFIDENCE: Final = 0.95
 
 
 class RetimeRequest(Request):
-    """Drive a path as fast as the torque limits of a model allow.
+    """Compute the fastest timing of a path within the torque limits of a model.
 
-    The path stays as it is. Its speed follows from the limits of the robot file: speed,
-    acceleration and torque of each joint, and the options below. Every row of the result is checked
-    against the model. Nothing moves: the result is a motion file for the cycle time of this cell.
-    If a limit cannot be kept, the message names the joint and the pose (exit code 3).
+    The path is unchanged. Its speed follows from the limits of the robot file (speed, acceleration
+    and torque of each joint) and from the options below. Every row of the result is checked with
+    the model. Nothing moves: the result is a motion file for the cycle time of this cell. If a
+    limit cannot be kept, the message names the joint and the pose (exit code 3).
     """
 
     cell: CellName
@@ -47,54 +47,57 @@ class RetimeRequest(Request):
     ]
     payload: Annotated[
         Path | None,
-        Field(description="Payload on the flange, a file that `payload` wrote."),
+        Field(description="Payload on the flange: a file that `payload identify` wrote."),
         Option(metavar="PAYLOAD", file="input"),
     ] = None
     confidence: Annotated[
         Confidence,
         Field(
-            description="Probability with which each torque keeps to its limit at any time; 0 uses"
-            " the model without a margin."
+            description="Probability with which each torque stays within its limit at any time;"
+            " 0 uses the model without a margin."
         ),
         Option(group=LIMITS),
     ] = DEFAULT_CONFIDENCE
     margin: Annotated[
         FreeShare,
-        Field(description="Share of the torques and of the base wrench to keep free besides."),
+        Field(
+            description="Additional margin: share of the limits of torques and base wrench"
+            " that stays unused."
+        ),
         Option(group=LIMITS),
     ] = 0.0
     torque_rate: Annotated[
         tuple[Rate, ...],
-        Field(description="Largest rate of the torques; one value, or one a joint."),
+        Field(description="Largest rate of the torques: one value, or one per joint."),
         Option(group=LIMITS, unit="N m/s", metavar="NM_S"),
     ] = ()
     jerk: Annotated[
         tuple[Rate, ...],
-        Field(description="Largest jerk; one value, or one a joint."),
+        Field(description="Largest jerk: one value, or one per joint."),
         Option(group=LIMITS, unit="rad/s³", metavar="RAD_S3"),
     ] = ()
     torque_rms: Annotated[
         tuple[Rate, ...],
-        Field(description="Largest RMS torque; one value, or one a joint."),
+        Field(description="Largest RMS torque: one value, or one per joint."),
         Option(group=LIMITS, unit="N m", metavar="NM", flag="rms-torque"),
     ] = ()
     base: Annotated[
         bool,
         Field(
-            description="Keep the reaction on the base within the limits of the cell's force plate;"
-            " needs a model from torques and plate."
+            description="Keep the reaction on the base within the limits of the cell's force"
+            " plate; needs a combined model."
         ),
         Option(group=LIMITS, flag="base-limits"),
     ] = False
     mass_kg: Annotated[
         BaseMassKg | None,
-        Field(description="Mass of everything that the base carries; the robot file's if not set."),
+        Field(description="Total mass that the base carries; the robot file's if not set."),
         Option(group=LIMITS, unit="kg", flag="mass", needs="base"),
     ] = None
     temperature: Temperature = None
     report: Annotated[
         Path | None,
-        Field(description="Report with the plots to write (HTML)."),
+        Field(description="Report to write (HTML), with plots."),
         Option(group=FILES, metavar="PAGE", file="output", endings=(".html",)),
     ] = None
     overwrite: Overwrite = False
@@ -102,19 +105,19 @@ class RetimeRequest(Request):
 
 @dataclass(frozen=True)
 class RetimeResult:
-    """A motion that was timed and written.
+    """A path that was retimed and written.
 
     Attributes:
-        request: What was asked for.
+        request: The request.
         made: The motion, its section of a report, and notes.
     """
 
     request: RetimeRequest
-    made: Retimed
+    made: RetimedMotion
     exit_code: int = 0
 
     def document(self) -> dict[str, object]:
-        """Return the numbers."""
+        """Return the timing and the used share of each limit as numbers."""
         section, report = self.made.section, self.request.report
         return {
             "motion": str(self.request.output),
@@ -131,7 +134,7 @@ class RetimeResult:
         }
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield notes, what each joint reaches of its limits, the duration, the next command."""
+        """Yield notes, each joint's use of its limits, the duration, and the next command."""
         from rid_daq.report.section_blocks.retiming import retiming_blocks
 
         yield from note_blocks(self.made.notes)
@@ -140,7 +143,7 @@ class RetimeResult:
 
 
 def run(request: RetimeRequest, _context: Context) -> RetimeResult:
-    """Time the path, and write the motion."""
+    """Retime the path, and write the motion."""
     from rid_daq.operations.path.retiming import retime_motion
 
     return RetimeResult(request, retime_motion(request))
@@ -148,7 +151,7 @@ def run(request: RetimeRequest, _context: Context) -> RetimeResult:
 
 OPERATION: Final = Operation(
     name="retime",
-    label="Time a path to its limits",
+    label="Retime a path to its limits",
     request=RetimeRequest,
     run=run,
     examples=(

@@ -1,4 +1,4 @@
-"""`retime_motion`: time the path of a motion file to the limits of a model."""
+"""`retime_motion`: compute the fastest timing of a motion file within the limits of a model."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from identification.estimation.estimate import Estimate, predict
 from identification.payload.body import flange_pose, to_link
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.file import read_payload, refuse_failed
-from rid_daq.operations.cell_files import estimate_for, motion_for
+from rid_daq.operations.cell_files import read_estimate_for, read_motion_for
 from rid_daq.operations.path.retime import RetimeRequest
 from rid_daq.report.result import Result
 from rid_daq.report.sections.retiming import RetimingSection
@@ -36,21 +36,21 @@ from rid_daq.runs.output_file import refuse_output
 
 BY_TIME: Final = {
     "fourier": "its periods",
-    "reversed": "its periods, there and back,",
+    "reversed": "its periods, forward and backward,",
     "multisine": "its periods and frequencies",
     "constant_velocity": "its speeds",
 }
-"""Kinds of motion that measure by when the robot is where, and what of it would be lost."""
+"""Property of each kind of measuring motion that another timing would destroy."""
 
 
 @dataclass(frozen=True)
-class Retimed:
-    """A motion that was timed and written.
+class RetimedMotion:
+    """A path that was retimed and written.
 
     Attributes:
-        timed: The motion.
-        section: Its part of a report.
-        notes: How warm joints are taken to be, where that matters.
+        timed: The retimed motion.
+        section: Section of a report.
+        notes: Assumed temperature of the joints, if friction depends on it.
     """
 
     timed: TimedMotion
@@ -58,35 +58,36 @@ class Retimed:
     notes: list[str]
 
 
-def retime_motion(request: RetimeRequest) -> Retimed:
-    """Time a motion's path to its limits, and write the motion.
+def retime_motion(request: RetimeRequest) -> RetimedMotion:
+    """Compute the fastest timing of a motion's path, and write the motion.
 
     Raises:
-        ConfigError: Files do not belong together, an option is none, or a file is there already; or
-            motion and page are to be one file.
-        EstimationError: The payload did not pass its verdict.
-        LimitError: A limit cannot be kept to; the text names it, and where.
+        ConfigError: The files do not belong together, an option is invalid, a file exists already,
+            or motion and report have the same path.
+        EstimationError: The payload failed its verdict.
+        LimitError: A limit cannot be kept; the text names the limit and the place.
     """
     refuse_output(request.output, request.overwrite, made_file.MOTION)
     refuse_output(request.report, request.overwrite, made_file.REPORT)
     if request.report is not None and request.report.resolve() == request.output.resolve():
         raise ConfigError(
-            f"{request.report}: --report and --output name one file: give the page another name",
+            f"{request.report}: --report and --output name the same file: give the report another"
+            " name",
             code="RID-OPTION-EXCLUSIVE",
         )
     loaded = load_cell(request.cell)
     robot = loaded.robot
-    motion = motion_for(request.motion, loaded)
+    motion = read_motion_for(request.motion, loaded)
     if motion.kind in BY_TIME:
         raise ConfigError(
-            f"{request.motion}: a motion of kind {motion.kind} is there to measure by"
-            f" {BY_TIME[motion.kind]}, which another timing would take away: give a path"
+            f"{request.motion}: a motion of kind {motion.kind} measures by"
+            f" {BY_TIME[motion.kind]}, which another timing would destroy: give a path"
             " (joint_path, path, circle, joint_table, multipoint)",
             code="RID-MOTION-KIND",
         )
-    estimate = estimate_for(request.model, robot)
-    payload = None if request.payload is None else _payload(request.payload, robot)
-    limits = _limits(request, loaded)
+    estimate = read_estimate_for(request.model, robot)
+    payload = None if request.payload is None else _read_payload(request.payload, robot)
+    limits = _timing_limits(request, loaded)
     if request.base:
         estimate = weighed(estimate, request.mass_kg)
     samples = motion.plan(robot, loaded.config.cycle_time_s)
@@ -97,11 +98,11 @@ def retime_motion(request: RetimeRequest) -> Retimed:
         )
         if not again:
             break
-        # What is faster heats more: the motion is timed to the warmth that it makes itself.
+        # A faster motion heats the joints more, so it is retimed with its own temperature.
         faster = timed.motion.plan(robot, loaded.config.cycle_time_s).whole()
         warm = at_operating_temperature(estimate, request.temperature, faster.velocity)
     estimate = warm.estimate
-    _hold_what_is_written(timed, robot, loaded.config.cycle_time_s, estimate, payload)
+    _check_planned_motion(timed, robot, loaded.config.cycle_time_s, estimate, payload)
     section = RetimingSection.of(
         timed,
         robot,
@@ -111,20 +112,20 @@ def retime_motion(request: RetimeRequest) -> Retimed:
         margin=request.margin,
     )
     comment = (
-        f"Timed by `rid-daq retime` from {request.motion.name} with the model"
-        f" {request.model.name}: {timed.moving_s:.6g} s in place of {timed.original_s:.6g} s."
+        f"RetimedMotion by `rid-daq retime` from {request.motion.name} with the model"
+        f" {request.model.name}: {timed.moving_s:.6g} s instead of {timed.original_s:.6g} s."
     )
     write_whole(request.output, to_yaml(timed.motion, comment).encode())
     if request.report is not None:
-        page = Result.new(f"{request.motion.name} timed to its limits", robot.name).updated(
-            verdict=VerdictSection.of(section.checks, "Within every limit", section.sentence),
+        page = Result.new(f"{request.motion.name} retimed to its limits", robot.name).updated(
+            verdict=VerdictSection.of(section.checks, "All limits are kept", section.sentence),
             retiming=section,
         )
         write_whole(request.report, render_report(page).encode())
-    return Retimed(timed, section, warm.notes)
+    return RetimedMotion(timed, section, warm.notes)
 
 
-def _limits(request: RetimeRequest, loaded: LoadedCell) -> TimingLimits:
+def _timing_limits(request: RetimeRequest, loaded: LoadedCell) -> TimingLimits:
     n = len(loaded.robot.joints)
     plate = loaded.config.plate
     if request.base and (plate is None or plate.limits is None):
@@ -137,71 +138,71 @@ def _limits(request: RetimeRequest, loaded: LoadedCell) -> TimingLimits:
     found = replace(
         TimingLimits.of_robot(loaded.robot),
         base=None if own is None else base_limits(own),
-        torque_rate=_each("--torque-rate", request.torque_rate, n),
-        jerk=_each("--jerk", request.jerk, n),
-        torque_rms=_each("--rms-torque", request.torque_rms, n),
+        torque_rate=_values_per_joint("--torque-rate", request.torque_rate, n),
+        jerk=_values_per_joint("--jerk", request.jerk, n),
+        torque_rms=_values_per_joint("--rms-torque", request.torque_rms, n),
     )
     return found.keeping_free(request.margin)
 
 
-def _each(option: str, values: tuple[float, ...], n: int) -> np.ndarray | None:
+def _values_per_joint(option: str, values: tuple[float, ...], n: int) -> np.ndarray | None:
     if not values:
         return None
     if len(values) not in (1, n):
         raise ConfigError(
-            f"{option} has {len(values)} values: give one, or one for each of {n}",
+            f"{option} has {len(values)} values: give one value, or one for each of the {n} joints",
             code="RID-OPTION-COUNT",
         )
     if not all(value > 0.0 for value in values):
-        raise ConfigError(f"{option} must be positive", code="RID-OPTION-RANGE")
+        raise ConfigError(f"{option}: all values must be positive", code="RID-OPTION-RANGE")
     return np.array(values * n if len(values) == 1 else values)
 
 
-def _payload(path: Path, robot: RobotDescription) -> PayloadEstimate:
+def _read_payload(path: Path, robot: RobotDescription) -> PayloadEstimate:
     judged = read_payload(path)
-    refuse_failed(path, judged, "no motion is timed with it")
+    refuse_failed(path, judged, "it cannot be used to retime a motion")
     found = judged.estimate
     differences = robot.differences(found.robot)
     if differences:
         raise ConfigError(
-            f"{path}: is of robot {found.robot.name!r}, which is not this {robot.name!r}: they"
-            f" differ in {', '.join(differences)}",
+            f"{path}: is of robot {found.robot.name!r}, which differs from this {robot.name!r} in"
+            f" {', '.join(differences)}: identify the payload on this robot",
             code="RID-ROBOT-OTHER",
         )
     hidden = found.seen_parameters.count(False)
     if hidden:
         raise ConfigError(
-            f"{path}: its motion did not show {hidden} of the payload's ten parameters: identify it"
-            " from a motion that does",
+            f"{path}: its motion did not determine {hidden} of the payload's ten parameters:"
+            " identify the payload with a motion that determines all",
             code="RID-MOTION-UNINFORMATIVE",
         )
     return found
 
 
-def _hold_what_is_written(
+def _check_planned_motion(
     timed: TimedMotion,
     robot: RobotDescription,
     cycle_s: float,
     estimate: Estimate,
     payload: PayloadEstimate | None,
 ) -> None:
-    """Plan the motion as `record` will, and hold its rows against the robot and the model."""
+    """Plan the motion as `record` does, and check its rows with the robot and the model."""
     planned = timed.motion.plan(robot, cycle_s)
     verify_limits(planned, robot)
-    taken = np.abs(_torque(estimate, payload, planned))
+    taken = np.abs(_motion_torques(estimate, payload, planned))
     for j, joint in enumerate(robot.joints):
         if taken[:, j].max() > joint.limits.torque * (1.0 + 1e-9):
             raise LimitError(
-                f"the timed motion takes {taken[:, j].max():.6g} of joint {joint.name!r} when it"
-                " is planned again: tell the makers",
+                f"internal error: the retimed motion needs {taken[:, j].max():.6g} of joint"
+                f" {joint.name!r}, more than its torque limit; please report this",
                 code="RID-INTERNAL-ERROR",
             )
 
 
-def _torque(
+def _motion_torques(
     estimate: Estimate, payload: PayloadEstimate | None, samples: MotionSamples
 ) -> FloatArray:
-    """Return the torques of a motion by the regressor, with what hangs on the flange."""
+    """Return the torques of a motion by the regressor, including the payload."""
     motion = (samples.position, samples.velocity, samples.acceleration)
     if payload is None:
         return predict(estimate, *motion)

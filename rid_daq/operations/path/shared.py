@@ -1,4 +1,4 @@
-"""Fields that several operations on paths have."""
+"""Request fields that several operations on paths share."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from rid_daq.requests.option import FILES, Option
 
 ModelFile = Annotated[
     Path,
-    Field(description="Model file that `identify` wrote."),
+    Field(description="Model file of `identify`."),
     Option(metavar="MODEL", file="input"),
 ]
 
 Temperature = Annotated[
     str | None,
     Field(
-        description="Temperature of the joints, if the friction of the model depends on it: degrees"
-        " Celsius, one value or one a joint; `warm` (as the motion heats them) or `cold` for a"
-        " model without thermometers."
+        description="Temperature of the joints, if the friction of the model depends on it:"
+        " degrees Celsius, one value or one per joint. For a model without"
+        " thermometers: `warm` (as the motion heats the joints) or `cold`."
     ),
     Option(metavar="°C,..."),
 ]
 
 LoopsFile = Annotated[
     Path,
-    Field(description="File of velocity loops that `loop` wrote."),
+    Field(description="Loop file of `loop`."),
     Option(metavar="LOOPS", file="input"),
 ]
 

@@ -1,4 +1,4 @@
-"""`stream`: follow a path with the compensation computed on line."""
+"""`stream`: follow a path with online compensation."""
 
 from __future__ import annotations
 
@@ -23,37 +23,40 @@ if TYPE_CHECKING:
 
 
 class StreamOptions(Request):
-    """How a path is streamed."""
+    """Options of a streamed path."""
 
     compensated: Annotated[
         bool,
-        Field(description="Compensate the path; `--plain` uses velocity feedforward alone."),
+        Field(
+            description="Compensate the path; `--plain` uses the velocity feedforward without"
+            " model."
+        ),
         Option(flag="plain", value=False),
     ] = True
     buffer_s: Annotated[
         BufferS,
-        Field(description="Least part of the path to read ahead."),
+        Field(description="Shortest time by which the path is read ahead."),
         Option(flag="buffer", unit="s", metavar="SECONDS"),
     ] = BUFFER_S
     patience_s: Annotated[
         PatienceS,
-        Field(description="Time to wait for the first points of another program."),
+        Field(description="Longest wait for the first points of another program."),
         Option(flag="wait", unit="s", metavar="SECONDS"),
     ] = CLIENT_PATIENCE_S
 
 
 class StreamRequest(Request):
-    """Follow a path more closely: the compensation is computed while the robot moves.
+    """Follow a path with online compensation: the feedforward is computed while the robot moves.
 
     The path comes from a motion file, or point by point from another program over a local socket.
-    Every point is checked before it is driven. When points stop coming, or a bad one comes, the
-    robot is slowed down along the points that it has until it rests (exit code 4 or 5).
+    Every point is checked before it is driven. If points stop arriving, or a point is invalid, the
+    robot slows down along the points that it already has until it rests (exit code 4 or 5).
     """
 
     cell: CellName
     motion: Annotated[
         Path | None,
-        Field(description="Motion file; points from another program if not set."),
+        Field(description="Motion file; if not set, another program sends the points."),
         Option(positional=True, metavar="[MOTION]", file="input"),
     ] = None
     model: ModelFile
@@ -61,8 +64,8 @@ class StreamRequest(Request):
     socket: Annotated[
         Path | None,
         Field(
-            description="Socket for the program that sends points, in a folder of your own; in the"
-            " runtime directory if not set."
+            description="Socket for the program that sends points, in a folder that you own; in"
+            " the runtime directory if not set."
         ),
     ] = None
     options: StreamOptions = StreamOptions()
@@ -80,7 +83,7 @@ class StreamResult:
     """A path that was driven and recorded.
 
     Attributes:
-        request: What was asked for.
+        request: The request.
     """
 
     request: StreamRequest
@@ -88,15 +91,15 @@ class StreamResult:
 
     @property
     def exit_code(self) -> int:
-        """That of the run."""
+        """Exit code of the run."""
         return self.run.exit_code
 
     def document(self) -> dict[str, object]:
-        """Return the numbers of the run."""
+        """Return the document of the run."""
         return self.run.document() | {"compensated": self.request.options.compensated}
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield timing, how the motion ended, and the next command."""
+        """Yield timing, the motion's outcome, and the next command."""
         yield Text(text=self.run.timing_sentence)
         yield from self.run.blocks()
         if self.run.is_usable and self.request.motion is not None:

@@ -1,4 +1,4 @@
-"""`stream_path`: follow a path from a motion file, or point by point, and record it."""
+"""`stream_path`: follow a path from a motion file or point by point, and record it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,11 @@ from compensation.operating_temperature import at_operating_temperature
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
 from config.load import LoadedCell, load_cell
-from rid_daq.operations.cell_files import estimate_and_bytes, loops_and_bytes, motion_and_bytes
+from rid_daq.operations.cell_files import (
+    read_estimate_and_bytes,
+    read_loops_and_bytes,
+    read_motion_and_bytes,
+)
 from rid_daq.operations.operation import Context
 from rid_daq.operations.path.stream import StreamRequest
 from rid_daq.preflight.axis_test import AxisTestRule
@@ -28,13 +32,13 @@ def stream_path(request: StreamRequest, context: Context) -> RecordedRun:
     """Stream a path and record it into a new run folder.
 
     Raises:
-        ConfigError, PreflightError: It was refused before anything moved.
+        ConfigError, PreflightError: The request was refused before anything moved.
         RidDaqError: As `RunSession.recording`.
     """
     loaded = load_cell(request.cell)
-    words, samples, files = _planned(request, loaded)
-    loops, loops_bytes = loops_and_bytes(request.loop, loaded)
-    estimate, model_bytes = estimate_and_bytes(request.model, loaded.robot)
+    words, samples, files = _plan_path(request, loaded)
+    loops, loops_bytes = read_loops_and_bytes(request.loop, loaded)
+    estimate, model_bytes = read_estimate_and_bytes(request.model, loaded.robot)
     warm = at_operating_temperature(
         estimate, request.temperature, None if samples is None else samples.whole().velocity
     )
@@ -60,29 +64,29 @@ def stream_path(request: StreamRequest, context: Context) -> RecordedRun:
             if samples is not None:
                 return stream_motion(cell, forward, samples, record, options)
             path = request.socket or _default_socket(cell)
-            listening = _listening(context, path, options.patience_s)
+            listening = _announce_socket(context, path, options.patience_s)
             return stream_socket(cell, forward, path, record, options, listening)
 
         asked = RunRequest(name, words, samples, drive, role="streaming", files=files)
         return session.record(asked)
 
 
-def _planned(
+def _plan_path(
     request: StreamRequest, loaded: LoadedCell
 ) -> tuple[str, MotionSamples | None, dict[str, bytes]]:
-    """Return what is driven in words, its rows where they are known, and its file."""
+    """Return a sentence on the path, its rows if they are known, and its file."""
     if request.motion is None:
-        return "Points that another program sent.", None, {}
+        return "Points sent by another program.", None, {}
     if "patience_s" in request.options.model_fields_set:
         raise ConfigError(
-            "--wait: has no effect with a motion file; leave it out", code="RID-OPTION-NO-EFFECT"
+            "--wait has no effect with a motion file; leave it out", code="RID-OPTION-NO-EFFECT"
         )
     if request.socket is not None:
         raise ConfigError(
-            "points come from the motion file or over --socket: give one of them",
+            "a motion file and --socket exclude each other: leave one out",
             code="RID-OPTION-EXCLUSIVE",
         )
-    motion, text = motion_and_bytes(request.motion, loaded)
+    motion, text = read_motion_and_bytes(request.motion, loaded)
     samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
     return motion.describe(), samples, {MOTION: text}
 
@@ -93,5 +97,5 @@ def _default_socket(cell: CellConfig) -> Path:
     return runtime_directory() / f"{cell.name}.points"
 
 
-def _listening(context: Context, path: Path, patience_s: float) -> Callable[[], None]:
+def _announce_socket(context: Context, path: Path, patience_s: float) -> Callable[[], None]:
     return lambda: context.say(f"Waiting up to {patience_s:g} s for points at {path}")

@@ -9,25 +9,25 @@ from acquisition.runs.catalogue import find_runs
 from config.errors import ConfigError, DataQualityError
 from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
-from rid_daq.operations.cell_files import estimate_for
+from rid_daq.operations.cell_files import read_estimate_for
 from rid_daq.operations.path.tracking import TrackingRequest
 from rid_daq.report.sections.tracking import MOTOR_TORQUES, TrackingSection
 from rid_daq.report_page.write import write_result
-from rid_daq.runs.followed_motion import followed
+from rid_daq.runs.followed_motion import compare_with_motion
 from rid_daq.runs.motion_runs import PLAIN, MotionRun, read_motion_run
-from rid_daq.runs.run_data import every_lack, result_of
+from rid_daq.runs.run_data import all_defects, result_of
 from rid_daq.terminal.console import as_command
 
 
 @dataclass(frozen=True)
-class Tracked:
-    """How closely motions were followed.
+class TrackedRuns:
+    """Path errors of runs.
 
     Attributes:
-        pairs: Each run, with the one that it is compared with.
-        section: How closely, in their order.
-        notes: What the runs lack.
-        report: The first run's report.
+        pairs: Each run, with the run that it is compared with, if any.
+        section: Section of the report, in the order of the runs.
+        notes: Defects of the runs' data.
+        report: Path of the first run's report.
     """
 
     pairs: list[tuple[MotionRun, MotionRun | None]]
@@ -36,15 +36,15 @@ class Tracked:
     report: Path
 
 
-def track_runs(request: TrackingRequest) -> Tracked:
-    """Compare positions reached with positions wanted, and put it into the first run's report.
+def track_runs(request: TrackingRequest) -> TrackedRuns:
+    """Compare measured with commanded positions, and add the result to the first run's report.
 
     Raises:
-        ConfigError: The runs are of several robots, or one of `against` is of another motion; or
-            before and after are the same run, or were taken for each other. The model is of another
-            robot.
-        DataQualityError: Two of `against` are of one motion, or a run does not say where the robot
-            should have been.
+        ConfigError: The runs are of several robots, a run of `against` is of another motion, a run
+            is compared with itself, a compensated run is given as the uncompensated one, or the
+            model is of another robot.
+        DataQualityError: Two runs of `against` are of the same motion, or a run lacks the commanded
+            positions.
         EstimationError: A joint stood still when the model was identified.
     """
     driven, others = (
@@ -56,41 +56,42 @@ def track_runs(request: TrackingRequest) -> Tracked:
     )
     first = driven[0]
     robot = first.data.robot
-    notes = every_lack([one.data for one in (*driven, *others)])
+    notes = all_defects([one.data for one in (*driven, *others)])
     for one in (*driven, *others):
         other_tool = one.data.robot.tool_offset_m != robot.tool_offset_m
         if one.data.robot.differences(robot) or other_tool:
             raise ConfigError(
-                f"run {one.run_id} is of robot {one.data.robot.name!r}, or of another state of its"
-                f" file, run {first.run_id} of {robot.name!r}: compare runs of one",
+                f"run {one.run_id} is of robot {one.data.robot.name!r} (or of another version of"
+                f" its file), but run {first.run_id} is of {robot.name!r}: compare runs of one"
+                " robot",
                 code="RID-ROBOT-OTHER",
             )
-    pairs = [(one, _before(one, others)) for one in driven]
+    pairs = [(one, _run_to_compare_with(one, others)) for one in driven]
     for other in others:
         if all(other is not before for _, before in pairs):
             raise ConfigError(
-                f"--against {other.run_id}: is of none of the motions given; compare runs of the"
-                " same motion",
+                f"--against {other.run_id}: this run is of another motion than the given runs;"
+                " compare runs of the same motion",
                 code="RID-TRACKING-AGAINST",
             )
     for one, before in pairs:
         _require_order(one, before)
-    estimate = None if request.model is None else estimate_for(request.model, robot)
+    estimate = None if request.model is None else read_estimate_for(request.model, robot)
     torques = MOTOR_TORQUES
     if estimate is not None:
         robot, differing = _with_stiffness(robot, estimate.robot)
         notes += differing
         torques = _torque_words(estimate)
-    motions = [followed(*pair, robot, estimate) for pair in pairs]
+    motions = [compare_with_motion(*pair, robot, estimate) for pair in pairs]
     section = TrackingSection.of(motions, robot, torques=torques)
     result = result_of(first.data, notes).updated(
         title=f"Paths of {robot.name}", tracking=section, verdict=section.verdict
     )
-    return Tracked(pairs, section, notes, write_result(first.data.folder, result))
+    return TrackedRuns(pairs, section, notes, write_result(first.data.folder, result))
 
 
 def _torque_words(estimate: Estimate) -> str:
-    """Say which torques of a model bend the gears."""
+    """Return a phrase on the torques of a model that bend the gears."""
     words = "the model's torques of the links (gravity and inertia, no friction"
     names = estimate.robot.joint_names
     told = {f"{kind}{number}" for number in range(1, len(names) + 1) for kind in ("Im", "Ia")}
@@ -101,61 +102,59 @@ def _torque_words(estimate: Estimate) -> str:
         if told.isdisjoint((f"Im{number}", f"Ia{number}"))
     ]
     if lumped:
-        words += (
-            f"; of {', '.join(lumped)} the rotors' inertia too, which the model cannot separate"
-        )
+        words += f"; for {', '.join(lumped)} also rotor inertia, which the model cannot separate"
     return words + ")"
 
 
 def _with_stiffness(
     robot: RobotDescription, model: RobotDescription
 ) -> tuple[RobotDescription, list[str]]:
-    """Return a robot with the stiffness that its model states, and notes on what differs."""
+    """Return a robot with the stiffness of its model, and notes on differences."""
     joints, notes = [], []
     for own, other in zip(robot.joints, model.joints, strict=True):
         stated, newer = own.stiffness_nm_rad, other.stiffness_nm_rad
         if stated is not None and newer is not None and stated != newer:
             notes.append(
-                f"stiffness_nm_rad of {own.name}: {stated:g} in the run's robot file, {newer:g} in"
-                " the model; the model's is used"
+                f"stiffness_nm_rad of {own.name} is {stated:g} in the run's robot file and"
+                f" {newer:g} in the model; the model's value is used"
             )
         joints.append(own.model_copy(update={"stiffness_nm_rad": newer or stated}))
     return robot.model_copy(update={"joints": tuple(joints)}), notes
 
 
 def _require_order(after: MotionRun, before: MotionRun | None) -> None:
-    """Refuse a run that is compared with itself, or a plain one with a compensated one.
+    """Refuse a run compared with itself, or an uncompensated run compared with a compensated one.
 
     Raises:
-        ConfigError: It is so.
+        ConfigError: The pair of runs is such a pair.
     """
     if before is None:
         return
     if before.run_id == after.run_id:
         raise ConfigError(
-            f"--against {before.run_id}: is the run itself; give another run",
+            f"--against {before.run_id}: a run cannot be compared with itself; give another run",
             code="RID-TRACKING-AGAINST",
         )
     if after.use == PLAIN and before.use != PLAIN:
         turned = as_command("tracking", before.run_id, "--against", after.run_id)
         raise ConfigError(
-            f"--against {before.run_id}: is the compensated one, and run {after.run_id} was driven"
-            f" without compensation: turn them round: {turned}",
+            f"--against {before.run_id}: this run was driven with compensation, but run"
+            f" {after.run_id} without: exchange the two: {turned}",
             code="RID-TRACKING-AGAINST",
         )
 
 
-def _before(run: MotionRun, others: list[MotionRun]) -> MotionRun | None:
-    """Return the run to compare with: the one of the same motion.
+def _run_to_compare_with(run: MotionRun, others: list[MotionRun]) -> MotionRun | None:
+    """Return the run of the same motion to compare with; None without one.
 
     Raises:
-        DataQualityError: There are several.
+        DataQualityError: Several runs are of this motion.
     """
     same = [other for other in others if other.motion == run.motion]
     if len(same) > 1:
         raise DataQualityError(
-            f"runs {same[0].run_id} and {same[1].run_id} are of the same motion: give --against"
-            " once for each",
+            f"runs {same[0].run_id} and {same[1].run_id} are of the same motion: give one"
+            " --against per motion",
             code="RID-TRACKING-AGAINST",
         )
     return same[0] if same else None

@@ -15,32 +15,32 @@ from rid_daq.requests.option import DEFAULT_RUNS, Option, RunNames, RunsFolder, 
 from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
-    from rid_daq.operations.path.tracked_runs import Tracked
+    from rid_daq.operations.path.tracked_runs import TrackedRuns
     from rid_daq.report.sections.tracking import ErrorSize
 
 
 class TrackingRequest(Request):
     """Compare measured with commanded positions, joint by joint and along the path of the tool.
 
-    Runs of several motions, each with its own run to compare with, make one table and one report in
-    the folder of the first run. Only the main part of a motion counts. The kinematics are those of
-    the robot file.
+    Runs of several motions, each with its own run to compare with, are shown in one table and in
+    one report in the folder of the first run. Only the main part of a motion is compared. The
+    kinematics are those of the robot file.
     """
 
     run: RunNames
     against: Annotated[
         tuple[str, ...],
         Field(
-            description="Run of the same motion to compare with, such as one without feedforward."
+            description="Run of the same motion to compare with, such as a run without feedforward."
         ),
         Option(metavar="RUN"),
     ] = ()
     model: Annotated[
         Path | None,
         Field(
-            description="Model file that `identify` wrote: its torques of the links, without"
-            " friction, and its stiffness_nm_rad give the bending of the gears (default: the"
-            " measured motor torques and the run's robot file)."
+            description="Model file of `identify`; its link torques, without friction, and its"
+            " stiffness_nm_rad give the bending of the gears (default: the measured"
+            " motor torques and the run's robot file)."
         ),
         Option(metavar="MODEL", file="input"),
     ] = None
@@ -53,17 +53,17 @@ class TrackingResult:
     """Path errors of runs.
 
     Attributes:
-        tracked: The runs in pairs, their section of a report, notes.
+        tracked: The pairs of runs, their section of a report, and notes.
     """
 
-    tracked: Tracked
+    tracked: TrackedRuns
     exit_code: int = 0
 
     def document(self) -> dict[str, object]:
-        """Return the numbers."""
+        """Return the path errors as numbers."""
         section = self.tracked.section
         return {
-            "motions": self._motions(),
+            "motions": self._motion_documents(),
             "measured_at": "motor encoders",
             "unseen": section.unseen,
             "with_stiffness": section.with_stiffness,
@@ -73,7 +73,7 @@ class TrackingResult:
         }
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield notes, the errors before and after, the verdict, the report."""
+        """Yield notes, the errors before and after, the verdict, and the report's path."""
         from rid_daq.report.section_blocks.tracking import tracking_blocks
 
         yield from note_blocks(self.tracked.notes)
@@ -81,16 +81,16 @@ class TrackingResult:
         yield Verdict(passed=None, text=self.tracked.section.verdict.headline)
         yield Text(text=f"Report: {self.tracked.report}")
 
-    def _motions(self) -> list[dict[str, object]]:
+    def _motion_documents(self) -> list[dict[str, object]]:
         joints = self.tracked.pairs[0][0].data.robot.joint_names
         return [
             {
                 "run": one.run_id,
                 "use": motion.use,
-                **_sizes(motion.after, joints),
+                **_error_document(motion.after, joints),
                 "against": None
                 if before is None or motion.before is None
-                else {"run": before.run_id, **_sizes(motion.before, joints)},
+                else {"run": before.run_id, **_error_document(motion.before, joints)},
                 "mean_ratio": motion.mean_ratio,
                 "max_ratio": motion.max_ratio,
             }
@@ -100,7 +100,7 @@ class TrackingResult:
         ]
 
 
-def _sizes(size: ErrorSize, joints: tuple[str, ...]) -> dict[str, object]:
+def _error_document(size: ErrorSize, joints: tuple[str, ...]) -> dict[str, object]:
     return {
         "mean_m": size.mean_m,
         "max_m": size.max_m,

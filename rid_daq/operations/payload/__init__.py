@@ -1,1 +1,1 @@
-"""Operations on payloads: identify them from runs, and hand them on."""
+"""Operations on payloads: identify a payload from runs, certify it, write load data."""

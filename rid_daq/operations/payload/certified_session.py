@@ -28,9 +28,9 @@ from rid_daq.report_page.printed_page import print_pdf
 from rid_daq.report_page.render import render_certificate
 from rid_daq.runs import made_file
 from rid_daq.runs.flange import FACT
-from rid_daq.runs.origins import cell_of
+from rid_daq.runs.origins import cell_argument
 from rid_daq.runs.output_file import refuse_output
-from rid_daq.runs.run_data import CELL, READ, SESSION, note_output, require_own
+from rid_daq.runs.run_data import CELL, READ, SESSION, register_output, require_own
 from rid_daq.session.versions import program_version
 from rid_daq.terminal.choices import CERTIFICATE, PAYLOAD
 from rid_daq.terminal.job_events import SessionState
@@ -39,16 +39,16 @@ _LISTED: Final = (SESSION, PAYLOAD, RESULT, *READ, DRIVE_WRITES)
 
 
 def write_certificate(request: PayloadCertificateRequest) -> tuple[Certificate, Path]:
-    """Write a payload's certificate; return what it says, and the file.
+    """Write a payload's certificate; return its contents and its path.
 
     Raises:
-        ConfigError: No run is meant.
-        DataQualityError: It is not finished, or has no payload with a verdict.
-        RecordingError: A file is not what was written, cannot be read, or cannot be written.
+        ConfigError: There is no such run.
+        DataQualityError: The session or run is unfinished, or has no payload with a verdict.
+        RecordingError: A file was changed, cannot be read, or cannot be written.
     """
     if request.output is not None and request.output.suffix not in (".html", ".pdf"):
         raise ConfigError(
-            f"{request.output}: a certificate ends in .html or .pdf: give such a name",
+            f"{request.output}: the name of a certificate must end in .html or .pdf",
             code="RID-OUTPUT-ENDING",
         )
     made = made_file.REPORT if request.is_page else made_file.CERTIFICATE
@@ -60,19 +60,21 @@ def write_certificate(request: PayloadCertificateRequest) -> tuple[Certificate, 
     if page != output:
         refuse_output(request.output and page, request.overwrite, made_file.REPORT)
     write_whole(page, render_certificate(certificate).encode())
-    note_output(folder, page)
+    register_output(folder, page)
     if page != output:
         print_pdf(page, output)
-        note_output(folder, output)
+        register_output(folder, output)
     return certificate, output
 
 
 def certificate_of(folder: RunFolder, by: str | None) -> Certificate:
-    """Return what the certificate of a payload says; every file that it lists has been compared.
+    """Return the contents of a payload's certificate.
+
+    All listed files are compared with the manifest.
 
     Args:
-        folder: A payload session, or a run that `payload identify` has written a payload into.
-        by: Who answers for it.
+        folder: A payload session, or a run that contains a payload of `payload identify`.
+        by: Person responsible for the certificate.
 
     Raises:
         DataQualityError, RecordingError, ConfigError: As `write_certificate`.
@@ -81,11 +83,12 @@ def certificate_of(folder: RunFolder, by: str | None) -> Certificate:
     _require_finished(folder, state)
     document = PayloadDocument.model_validate_json(folder.read(PAYLOAD))
     payload, result = read_payload(folder.file(PAYLOAD)), read_result(folder)
-    section = _section_of(folder, payload, result)
+    section = _payload_section(folder, payload, result)
     ids = payload.estimate.run_ids
     if state is None and folder.run_id not in ids:
         raise DataQualityError(
-            f"{folder.path}: {PAYLOAD} is of other runs ({', '.join(ids)}): name one of those",
+            f"{folder.path}: {PAYLOAD} was identified from other runs ({', '.join(ids)}): give"
+            " one of these runs",
             code="RID-CERTIFICATE-NOT-READY",
         )
     steps = [("", name) for name in ids] if state is None else list(state.done.items())
@@ -94,8 +97,8 @@ def certificate_of(folder: RunFolder, by: str | None) -> Certificate:
     for each in all_folders:
         _require_ended(each)
         require_own(each)
-    files = tuple(file for each in all_folders for file in _files(each))
-    cells = [cell for each in all_folders if (cell := _cell(each)) is not None]
+    files = tuple(file for each in all_folders for file in _listed_files(each))
+    cells = [cell for each in all_folders if (cell := _cell_of_run(each)) is not None]
     made = {} if result.timing is None else result.timing.made or {}
     return Certificate(
         folder=folder.manifest(),
@@ -108,7 +111,7 @@ def certificate_of(folder: RunFolder, by: str | None) -> Certificate:
         cell=CellSection.of(cells[0]) if cells else None,
         simulated=any(cell.simulated for cell in cells)
         or any(FACT in each.manifest().facts for each in all_folders),
-        devices=_devices(payload.estimate.robot.name, cells, folders),
+        devices=_devices_with_serials(payload.estimate.robot.name, cells, folders),
         runs=tuple((step, each.manifest()) for (step, _), each in zip(steps, folders, strict=True)),
         files=files,
         identified_with=document.software,
@@ -118,53 +121,53 @@ def certificate_of(folder: RunFolder, by: str | None) -> Certificate:
 
 
 def _require_finished(folder: RunFolder, state: SessionFile | None) -> None:
-    """Refuse a session that has not come to its payload.
+    """Refuse a session or run without an identified payload.
 
     Raises:
-        DataQualityError: It has not.
+        DataQualityError: The payload is not identified yet.
     """
     if state is None and PAYLOAD not in folder.manifest().files:
         raise DataQualityError(
-            f"{folder.path}: has no {PAYLOAD} of its own, so there is nothing to certify:"
-            f" `rid-daq payload identify --loaded {folder.run_id} ...` without -o writes it",
+            f"{folder.path}: the run has no {PAYLOAD}, so there is nothing to certify: write one"
+            f" with `rid-daq payload identify --loaded {folder.run_id} ...` without -o",
             code="RID-CERTIFICATE-NOT-READY",
         )
     if state is not None and state.state is not SessionState.DONE:
         done = ", ".join(state.done) or "nothing"
         raise DataQualityError(
-            f"{folder.path}: the session is not finished (state: {state.state.value}; done: {done})"
-            f" and has no verdict: go on with it: rid-daq payload {cell_of(folder, state.cell)}"
-            f" --resume {folder.run_id}",
+            f"{folder.path}: the session is not finished (state: {state.state.value}; done:"
+            f" {done}) and has no verdict: continue it with `rid-daq payload"
+            f" {cell_argument(folder, state.cell)} --resume {folder.run_id}`",
             code="RID-CERTIFICATE-NOT-READY",
         )
 
 
 def _require_ended(folder: RunFolder) -> None:
-    """Refuse a run whose recording has no SHA-256.
+    """Refuse an unfinished run, because its recording has no SHA-256.
 
     Raises:
-        DataQualityError: It was never finished.
+        DataQualityError: The run was never finished.
     """
     manifest = folder.manifest()
     if manifest.status == RunStatus.UNFINISHED or manifest.finished_utc is None:
         raise DataQualityError(
-            f"{folder.path}: was never finished, so its files cannot be certified: write what is"
-            f" readable as a new run with `rid-daq recover {folder.path}`, and identify the payload"
-            " from that",
+            f"{folder.path}: the run was never finished, so its files cannot be certified: write"
+            f" its readable part as a new run with `rid-daq recover {folder.path}`, and identify"
+            " the payload from the new run",
             code="RID-RUN-UNFINISHED",
         )
 
 
-def _section_of(folder: RunFolder, payload: PayloadResult, result: Result) -> PayloadSection:
-    """Return a payload as the result of its folder has it.
+def _payload_section(folder: RunFolder, payload: PayloadResult, result: Result) -> PayloadSection:
+    """Return the payload's section in the result of its folder.
 
     Raises:
-        DataQualityError: Nothing was judged, or the result is of another payload.
+        DataQualityError: The payload has no verdict, or the result is of another payload.
     """
     if not payload.checks:
         raise DataQualityError(
-            f"{folder.file(PAYLOAD)}: has no verdict: nothing was held against a limit; identify"
-            " the payload again",
+            f"{folder.file(PAYLOAD)} has no verdict, because no limit was checked; identify the"
+            " payload again",
             code="RID-CERTIFICATE-NOT-READY",
         )
     section, values = result.payload, payload.estimate.reported.tolist()
@@ -173,18 +176,18 @@ def _section_of(folder: RunFolder, payload: PayloadResult, result: Result) -> Pa
         for said, value in zip(section.parameters, values, strict=True)
     ):
         raise DataQualityError(
-            f"{folder.path}: {RESULT} and {PAYLOAD} are not of the same payload: identify it again,"
-            " without -o",
+            f"{folder.path}: {RESULT} and {PAYLOAD} describe different payloads: identify the"
+            " payload again, without -o",
             code="RID-CERTIFICATE-NOT-READY",
         )
     return section
 
 
-def _files(folder: RunFolder) -> list[tuple[str, str, str]]:
-    """Return a folder's files that matter, each compared with its entry in the manifest.
+def _listed_files(folder: RunFolder) -> list[tuple[str, str, str]]:
+    """Return the files of a folder that the certificate lists, compared with the manifest.
 
     Raises:
-        RecordingError: One of them is not what was written.
+        RecordingError: A file was changed.
     """
     found = []
     for name in _LISTED:
@@ -193,23 +196,23 @@ def _files(folder: RunFolder) -> list[tuple[str, str, str]]:
             continue
         if not folder.is_unchanged(name, entry):
             raise RecordingError(
-                f"{folder.file(name)}: is not what was written (its SHA-256 differs): put the"
-                " original back",
+                f"{folder.file(name)}: its SHA-256 differs from the manifest: restore the"
+                " original file",
                 code="RID-RUN-CHANGED",
             )
         found.append((folder.run_id, name, entry.sha256))
     return found
 
 
-def _cell(folder: RunFolder) -> CellConfig | None:
+def _cell_of_run(folder: RunFolder) -> CellConfig | None:
     path = folder.file(CELL)
     return load_bundled_or_path(str(path), "cells", CellConfig) if path.exists() else None
 
 
-def _devices(
+def _devices_with_serials(
     robot: str, cells: Sequence[CellConfig], folders: Sequence[RunFolder]
 ) -> tuple[tuple[str, str | None], ...]:
-    """Return robot and drives with their serial numbers, as far as runs have recorded them."""
+    """Return robot and drives, with the serial numbers that the runs have recorded."""
     serials: dict[int, list[str]] = {}
     for folder in folders:
         if DRIVE_WRITES not in folder.manifest().files:

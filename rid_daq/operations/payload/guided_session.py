@@ -1,4 +1,4 @@
-"""`run_payload_session`: a guided payload session from its preflight to the payload."""
+"""`run_payload_session`: guided payload session, from the preflight to the identified payload."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from config.load import LoadedCell, load_cell, load_robot, to_yaml
 from identification.payload.motion import PayloadSearch, design_payload_motion
 from identification.payload.procedures import TORQUE_CONSTANT_SIGMA, PayloadOptions
 from identification.payload.rating import refuse_heavier
-from rid_daq.operations.cell_files import estimate_for, motion_for
+from rid_daq.operations.cell_files import read_estimate_for, read_motion_for
 from rid_daq.operations.payload.payload_estimate import PayloadRequest, payload_from_runs
 from rid_daq.operations.payload.payload_session import (
     UNLOADED,
@@ -35,7 +35,7 @@ from rid_daq.report.sections.runs import CellSection, RunSection
 from rid_daq.report.sections.timing import Timing
 from rid_daq.requests.cell_options import Simulation
 from rid_daq.requests.option import DEFAULT_RUNS
-from rid_daq.runs.origins import note_cell
+from rid_daq.runs.origins import write_cell_origin
 from rid_daq.runs.run_data import MOTION, ROBOT, SESSION, RunData, require_own
 from rid_daq.session.session import unfinished
 from rid_daq.session.versions import software_versions
@@ -48,21 +48,21 @@ PERIOD_S: Final = 7.2
 def run_payload_session(
     request: PayloadSessionRequest, context: Context
 ) -> IdentifiedPayload | StoppedSession:
-    """Lead through a session, or go on with an interrupted one.
+    """Lead through a payload session, or continue an interrupted one.
 
     Raises:
-        ConfigError, PreflightError: It was refused before anything moved, also for a model of
-            another robot, or a person said no.
-        LimitError: The payload is said to be heavier than the robot can carry.
+        ConfigError, PreflightError: The session was refused before anything moved (also because the
+            model is of another robot), or a person answered no.
+        LimitError: The stated mass of the payload exceeds the robot's limit.
         RidDaqError: As `RunSession.recording` and `payload_from_runs`.
     """
     loaded = load_cell(request.cell)
     file: SessionFile | None = None
     if request.resume is not None:
         file = SessionFile.read(find_run(request.runs, request.resume, having=SESSION))
-        request = request.as_begun(file.request)
+        request = request.with_original_options(file.request)
     known = tuple(each.known() for each in request.known)
-    robot = None if request.model is None else estimate_for(request.model, loaded.robot)
+    robot = None if request.model is None else read_estimate_for(request.model, loaded.robot)
     how = PayloadOptions(
         procedure="together" if robot is None else "model",
         robot=robot,
@@ -71,22 +71,24 @@ def run_payload_session(
     )
     payload_request = PayloadRequest(how, request.limits.limits())
     done = {} if file is None else file.done
-    moves = any(name not in done for name in request.wanted)
+    moves = any(name not in done for name in request.measured_steps)
     if moves:
         if loaded.plant is not None:
-            loaded.plant.with_payload(request.payload)  # refused before anything moves
-        _require_followed(request, payload_request)
+            loaded.plant.with_payload(
+                request.payload
+            )  # refuses an unknown payload before anything moves
+        _refuse_until_mass(request, payload_request)
         for each in known:
             if each.name == "m":
                 refuse_heavier(loaded.robot, each.value)
     if file is None:
-        file, motion = _begun(request, loaded)
+        file, motion = _begin_session(request, loaded)
     else:
-        motion = _motion_of(file, loaded)
+        motion = _load_motion(file, loaded)
         file.request = request.choices
         context.say(
-            f"Session {file.folder.run_id} goes on; done already:"
-            f" {', '.join(file.done) or 'nothing'}."
+            f"Session {file.folder.run_id} continues; completed steps:"
+            f" {', '.join(file.done) or 'none'}."
         )
     context.say(motion.describe())
     if moves:
@@ -96,14 +98,14 @@ def run_payload_session(
                 loaded,
                 request.runs,
                 context,
-                None,  # its steps ask
+                None,  # the steps of the session ask the person
                 AxisTestRule(request.axis_test),
                 simulation=Simulation(seed=request.seed, pace=request.pace),
                 live=request.live,
             ) as session,
         ):
             guide = PayloadGuide(request, session, file, motion, payload_request, context)
-            failed = guide.lead()
+            failed = guide.perform_steps()
         if failed is not None:
             elsewhere = () if request.runs == DEFAULT_RUNS else ("--runs", str(request.runs))
             words = ("payload", request.cell, "--resume", file.folder.run_id, *elsewhere)
@@ -115,7 +117,7 @@ def run_payload_session(
         [name != UNLOADED for name in file.measurements],
         payload_request,
         folder=file.folder,
-        result=_result_of(file, loaded, motion, data),
+        result=_session_result(file, loaded, motion, data),
         findings=_warm_up_finding(file.facts.get("warm_up")),
         empty=file.empty_flange,
     )
@@ -125,23 +127,25 @@ def run_payload_session(
     return replace(found, session=file)
 
 
-def _require_followed(request: PayloadSessionRequest, payload_request: PayloadRequest) -> None:
-    """Refuse to end runs by a mass that cannot be followed while the robot moves."""
-    only_in_time = payload_request.only_in_time
-    if only_in_time and request.until_mass_kg is not None:
+def _refuse_until_mass(request: PayloadSessionRequest, payload_request: PayloadRequest) -> None:
+    """Refuse --until-mass if the mass cannot be estimated while the robot moves."""
+    time_domain_effects = payload_request.time_domain_effects
+    if time_domain_effects and request.until_mass_kg is not None:
         raise ConfigError(
-            f"--until-mass {request.until_mass_kg:g}: {request.model} says {only_in_time}, which is"
-            " made up for once a run is complete: the mass cannot be followed while the robot"
-            " moves. Leave --until-mass out, or give a model that `rid-daq identify` writes without"
-            " --choose",
+            f"--until-mass {request.until_mass_kg:g}: {request.model} contains"
+            f" {time_domain_effects}; the mass can then be estimated only after a run is"
+            " complete. Leave --until-mass out, or give a model that `rid-daq identify` writes"
+            " without --choose",
             code="RID-OPTION-NO-EFFECT",
         )
 
 
-def _begun(request: PayloadSessionRequest, loaded: LoadedCell) -> tuple[SessionFile, FourierMotion]:
-    """Return a new session's file and motion."""
+def _begin_session(
+    request: PayloadSessionRequest, loaded: LoadedCell
+) -> tuple[SessionFile, FourierMotion]:
+    """Return the file and the motion of a new session."""
     if request.motion is not None:
-        motion = _periodic(motion_for(request.motion, loaded))
+        motion = _require_periodic(read_motion_for(request.motion, loaded))
     else:
         cycle_s = loaded.config.cycle_time_s
         period_s = round(PERIOD_S / cycle_s) * cycle_s
@@ -153,40 +157,41 @@ def _begun(request: PayloadSessionRequest, loaded: LoadedCell) -> tuple[SessionF
     for name, content in loaded.files.items():
         folder.write(name, content)
     folder.write(MOTION, to_yaml(motion, SESSION_MOTION).encode())
-    note_cell(folder, loaded)
+    write_cell_origin(folder, loaded)
     file = SessionFile.begin(folder, loaded.config.name, request.choices)
     motion.plan(loaded.robot, loaded.config.cycle_time_s)  # within all limits, or refused
     return file, motion
 
 
-def _motion_of(file: SessionFile, loaded: LoadedCell) -> FourierMotion:
-    """Return an interrupted session's motion."""
+def _load_motion(file: SessionFile, loaded: LoadedCell) -> FourierMotion:
+    """Return the motion of an interrupted session."""
     session = file.folder.run_id
     if file.cell != loaded.config.name:
         raise ConfigError(
-            f"--resume {session}: was a session on cell {file.cell}", code="RID-SESSION-OTHER-CELL"
+            f"--resume {session}: this session is of cell {file.cell}, not of this cell",
+            code="RID-SESSION-OTHER-CELL",
         )
     require_own(file.folder)
     if load_robot(str(file.folder.file(ROBOT))) != loaded.robot:
         raise ConfigError(
-            f"--resume {session}: the robot file of cell {file.cell} has changed since: put the"
-            " old one back, or begin a new session",
+            f"--resume {session}: the robot file of cell {file.cell} has changed since the"
+            " session began: restore the old file, or begin a new session",
             code="RID-SESSION-OTHER-CELL",
         )
     name = str(file.folder.file(MOTION))
-    motion = _periodic(parse_motion(file.folder.read(MOTION), name))
+    motion = _require_periodic(parse_motion(file.folder.read(MOTION), name))
     motion.plan(loaded.robot, loaded.config.cycle_time_s)
     return motion
 
 
-def _periodic(motion: AnyMotion) -> FourierMotion:
+def _require_periodic(motion: AnyMotion) -> FourierMotion:
     return FourierMotion.require(motion, "a payload session needs a periodic (fourier) motion")
 
 
-def _result_of(
+def _session_result(
     file: SessionFile, loaded: LoadedCell, motion: FourierMotion, data: Sequence[RunData]
 ) -> Result:
-    """Return the session's result, without the payload."""
+    """Return the result of the session, without the payload."""
     return Result.new(f"Payload session on {loaded.config.name}", loaded.robot.name).updated(
         cell=CellSection.of(loaded.config),
         runs=tuple(
@@ -203,6 +208,6 @@ def _warm_up_finding(warm: JsonValue) -> list[str]:
     if not isinstance(warm, dict):
         return []
     return [
-        f"Warm-up: {warm['verdict']} after {warm['periods']} periods; friction still changed by"
-        f" {warm['drift_percent'] or 0.0:.2f} % a period."
+        f"Warm-up: {warm['verdict']} after {warm['periods']} periods; at its end friction changed"
+        f" by {warm['drift_percent'] or 0.0:.2f} % per period."
     ]

@@ -1,4 +1,4 @@
-"""Load data of a controller: write them of a payload, and compare them with it."""
+"""Load data of a robot controller: write them for a payload, and compare them with it."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ from rid_daq.runs.output_file import refuse_output
 from rid_daq.terminal.choices import PAYLOAD
 
 ALONG_Z: Final = frozenset(LoadFormat) - {LoadFormat.URDF}
-"""Formats of makers whose flange frame has Z out of the flange; a URDF has no rule."""
+"""Formats whose flange frame has Z pointing out of the flange; a URDF has no such convention."""
 
 
 def export_payload(request: PayloadExportRequest) -> PayloadExportResult:
-    """Write a payload for a controller; what was written has been read back and compared.
+    """Write a payload for a controller; the file is read back and compared.
 
     Raises:
-        EstimationError: Its verdict is not passed: a controller with wrong load data stops without
-            need, or does not stop when it should. Or no body can have these values.
-        ConfigError, RecordingError: The payload cannot be read, or the file not be written.
+        EstimationError: The payload has not passed its verdict. A controller with wrong load data
+            stops unnecessarily, or does not stop when it should. Or no body can have these values.
+        ConfigError, RecordingError: The payload cannot be read, or the file cannot be written.
     """
     refuse_output(request.output, request.overwrite, made_file.LOAD_DATA)
     path = payload_file(request.runs, request.payload)
@@ -52,20 +52,20 @@ def export_payload(request: PayloadExportRequest) -> PayloadExportResult:
 
 
 def load_text(path: Path, judged: PayloadResult, form: LoadFormat) -> tuple[str, tuple[str, ...]]:
-    """Return load data of a payload, read back and compared, and what a person should look at.
+    """Return load data of a payload as text, read back and compared, and notes to check.
 
     Args:
-        path: The payload's file, for messages.
-        judged: The payload.
-        form: Maker of the controller.
+        path: Path of the payload file, for messages.
+        judged: The payload with its verdict.
+        form: Format of the controller's manufacturer.
 
     Raises:
-        EstimationError: Its verdict is not passed, or no body can have these values.
+        EstimationError: The payload has not passed its verdict, or no body can have these values.
     """
     refuse_failed(path, judged, "it is not exported")
     estimate = judged.estimate
-    notes = _behind_the_flange(estimate) if form in ALONG_Z else ()
-    words = (*_origin(estimate), *notes)
+    notes = _notes_on_centre(estimate) if form in ALONG_Z else ()
+    words = (*_origin_lines(estimate), *notes)
     return load_data(estimate.body, form, words, rounding(estimate.body, estimate.sigma)), notes
 
 
@@ -76,10 +76,10 @@ def read_back_payload(request: PayloadReadBackRequest) -> PayloadReadBackResult:
         ConfigError: A file cannot be read or is not of this format; or file and text are both
             given, or neither.
     """
-    file, text = _source(request), request.text
+    file, text = _source_name(request), request.text
     body = read_payload(payload_file(request.runs, request.payload)).estimate.body
     if request.file is not None:
-        with system_errors(ConfigError, f"{file}: cannot be read", code="RID-FILE-READ"):
+        with system_errors(ConfigError, f"{file}: the file cannot be read", code="RID-FILE-READ"):
             text = read_file(request.file, LARGEST_TEXT).decode("utf-8", errors="replace")
     try:
         found = read_load_data(text, request.form)
@@ -88,16 +88,18 @@ def read_back_payload(request: PayloadReadBackRequest) -> PayloadReadBackResult:
     difference = 100.0 * deviation(body, found, request.form)
     line = VerdictCheck.of("largest difference", difference, "≤", request.tolerance_percent, "%")
     headline = (
-        f"Passed: {file} holds the payload"
+        f"Passed: {file} agrees with the payload"
         if line.passed
         else f"Failed: {file} differs from the payload by {number(difference, 3)} %"
     )
-    verdict = VerdictSection.of([line], headline, "Compared with what was measured.")
+    verdict = VerdictSection.of(
+        [line], headline, "The load data are compared with the measured payload."
+    )
     return PayloadReadBackResult(request, file, body, found, verdict)
 
 
-def _source(request: PayloadReadBackRequest) -> str:
-    """Return what the load data come from: one of file and text."""
+def _source_name(request: PayloadReadBackRequest) -> str:
+    """Return the name of the source of the load data: the file, or the text."""
     if (request.file is None) == (not request.text.strip()):
         raise ConfigError(
             "give the load data either as a file or as text", code="RID-OPTION-EXCLUSIVE"
@@ -106,11 +108,11 @@ def _source(request: PayloadReadBackRequest) -> str:
         raise ConfigError(
             f"the load data are longer than {LARGEST_TEXT} bytes", code="RID-FILE-SIZE"
         )
-    return "what was typed in" if request.file is None else str(request.file)
+    return "the given text" if request.file is None else str(request.file)
 
 
 def payload_file(runs: Path, reference: Path) -> Path:
-    """Return a payload file by its path, or of the session or run that has one.
+    """Return a payload file by its path, or the payload file of a session or run.
 
     Raises:
         ConfigError, RecordingError: As `find_file_or_run`.
@@ -119,23 +121,24 @@ def payload_file(runs: Path, reference: Path) -> Path:
     return found if isinstance(found, Path) else found.file(PAYLOAD)
 
 
-def _behind_the_flange(estimate: PayloadEstimate) -> tuple[str, ...]:
-    """Return what to say if the centre of gravity lies on the arm's side of the flange."""
+def _notes_on_centre(estimate: PayloadEstimate) -> tuple[str, ...]:
+    """Return a note if the centre of gravity is on the arm's side of the flange."""
     z_m, reach_m = float(estimate.reported[3]), 2.0 * float(estimate.sigma[3])
     if z_m + reach_m >= 0.0:
         return ()
     return (
-        f"The centre of gravity lies {-1e3 * z_m:.0f} mm behind the flange (inside the arm), if Z",
-        "points out of the flange as the maker has it: check tool_rpy_rad of the robot file.",
+        f"The centre of gravity is {-1e3 * z_m:.0f} mm behind the flange (inside the arm), if Z",
+        "points out of the flange as the manufacturer defines it: check tool_rpy_rad of the"
+        " robot file.",
     )
 
 
-def _origin(estimate: PayloadEstimate) -> tuple[str, ...]:
+def _origin_lines(estimate: PayloadEstimate) -> tuple[str, ...]:
     where = f", cell {estimate.cell_name}" if estimate.cell_name else ""
     mass, reach = format_measured(float(estimate.reported[0]), 2.0 * float(estimate.sigma[0]))
     return (
         f"Payload on {estimate.robot.name} from {', '.join(estimate.run_ids) or 'runs'}{where},"
         " written by rid-daq.",
-        f"Verdict passed. Measured {mass} kg, 2 sigma {reach} kg; written is the",
-        "closest body that can exist.",
+        f"Verdict passed. Measured {mass} kg, 2 sigma {reach} kg; the values are those of the",
+        "closest physically consistent body.",
     )

@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 class PayloadCertificateRequest(Request):
     """Write a payload's certificate: values with intervals, verdict and limits, origin, SHA-256.
 
-    Every file that it lists is compared with its SHA-256 first. A failed verdict is certified as
-    failed; a session that is not finished is refused. The same session gives the same page.
+    All listed files are compared with their SHA-256 first. A failed verdict is certified as failed;
+    an unfinished session is refused. The same session always gives the same page.
     """
 
     session: Annotated[
         str,
-        Field(description="A payload session, or a run with a payload of `payload identify`."),
+        Field(description="Payload session, or a run with a payload of `payload identify`."),
         Option(positional=True, metavar="SESSION"),
     ]
     output: Annotated[
@@ -43,7 +43,7 @@ class PayloadCertificateRequest(Request):
     by: Annotated[
         Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=200)]
         | None,
-        Field(description="Person who answers for it."),
+        Field(description="Person responsible for the certificate."),
         Option(metavar="NAME"),
     ] = None
     overwrite: Overwrite = False
@@ -51,7 +51,7 @@ class PayloadCertificateRequest(Request):
 
     @property
     def is_page(self) -> bool:
-        """True if no PDF is asked for."""
+        """True if only a page is requested, no PDF."""
         return self.output is not None and self.output.suffix == ".html"
 
 
@@ -60,7 +60,7 @@ class PayloadCertificateResult:
     """A certificate that was written.
 
     Attributes:
-        certificate: Its contents.
+        certificate: Contents of the certificate.
     """
 
     certificate: Certificate
@@ -77,9 +77,9 @@ class PayloadCertificateResult:
         }
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield the certified verdict, and the file."""
+        """Yield the certified verdict, and the file name."""
         if self.certificate.simulated:
-            yield Text(text="The cell is simulated; every page says so.")
+            yield Text(text="The cell is simulated; every page of the certificate states this.")
         yield Text(text=f"Certified verdict: {self.certificate.verdict.headline}")
         yield Verdict(passed=True, text=f"Wrote {self.file}")
 

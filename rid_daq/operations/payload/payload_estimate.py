@@ -1,4 +1,4 @@
-"""From run folders to a payload with its verdict."""
+"""Estimate a payload from run folders, with its verdict."""
 
 from __future__ import annotations
 
@@ -26,25 +26,26 @@ from identification.payload.verdict import (
     repeated,
 )
 from identification.wiring.search import impossibilities
-from rid_daq.operations.identify.run_estimation import EstimationJob, one_robot
-from rid_daq.operations.identify.wiring_diagnosis import wired_signals
+from rid_daq.operations.identify.run_estimation import EstimationJob, require_one_robot
+from rid_daq.operations.identify.wiring_diagnosis import signals_for_diagnosis
 from rid_daq.operations.payload.shared import IdentifiedPayload
 from rid_daq.report.result import Result
 from rid_daq.report.sections.payload import EmptyFlange, PayloadSection, payload_verdict
 from rid_daq.report_page.write import write_result
-from rid_daq.runs.flange import compared
-from rid_daq.runs.run_data import RunData, note_output
+from rid_daq.runs.flange import compare_with_truth
+from rid_daq.runs.run_data import RunData, register_output
 from rid_daq.terminal.choices import PAYLOAD
 
 
 @dataclass(frozen=True)
 class PayloadRequest:
-    """What a person may choose.
+    """Options of a payload estimate.
 
     Attributes:
-        how: The procedure, the model's terms, what is known.
-        limits: How sure the payload must be.
-        band_hz, standstill_rad_s: Highest frequency and lowest speed used.
+        how: Procedure, terms of the model, and known quantities.
+        limits: Largest intervals with which the payload passes.
+        band_hz: Highest frequency used.
+        standstill_rad_s: Lowest speed used for friction.
     """
 
     how: PayloadOptions = field(default_factory=PayloadOptions)
@@ -53,35 +54,38 @@ class PayloadRequest:
     standstill_rad_s: float = STANDSTILL_RAD_S
 
     @property
-    def only_in_time(self) -> str:
-        """What the model of the robot says that no mean period shows; empty where there is none.
+    def time_domain_effects(self) -> str:
+        """Phrase on the effects in the robot's model that mean periods do not show.
 
-        Runs are weighed as they were recorded then, and not before they are complete.
+        Empty without any.
+
+        With such effects the runs are used as recorded, not as mean periods, and only when
+        complete.
         """
         model = self.how.robot
         if model is None:
             return ""
         if model.warming is not None:
-            return "how joints warm up"
+            return "the warming of the joints"
         narrow = model.channel is not None and model.channel.filters
-        return "that torques were low-passed" if narrow else ""
+        return "a low-pass filter of the torques" if narrow else ""
 
 
 def payload_runs(
     data: Sequence[RunData], loaded: Sequence[bool], payload_request: PayloadRequest
 ) -> MeasuredRuns:
-    """Return runs as the estimators take them: averaged periods, or smoothed recordings.
+    """Return the input of the estimators: averaged periods, or smoothed recordings.
 
-    What a model of the robot says of late and low-passed torques and of joints that warm up holds
-    for them too; the last two hold in time, not in a mean period.
+    The delays and filters of the torques and the warming of the joints in the robot's model are
+    applied to the runs too. Filters and warming can be applied in time only, not to a mean period.
 
     Raises:
-        ConfigError: The runs are of different robots, or of both kinds.
+        ConfigError: The runs are of different robots, or only some are periodic.
         DataQualityError: A run is too short or too damaged.
     """
-    one_robot(data)
+    require_one_robot(data)
     model = payload_request.how.robot
-    if data[0].is_periodic and not payload_request.only_in_time:
+    if data[0].is_periodic and not payload_request.time_domain_effects:
         return periodic_runs([item.average for item in data], loaded, payload_request)
     signals = [smoothed_recording(item.recording, payload_request.band_hz) for item in data]
     if model is not None and model.channel is not None:
@@ -94,7 +98,7 @@ def payload_runs(
 def periodic_runs(
     averages: Sequence[PeriodAverage], loaded: Sequence[bool], payload_request: PayloadRequest
 ) -> PeriodicRuns:
-    """Return mean periods as the estimators take them, in time where a model knows the delays."""
+    """Return mean periods as input of the estimators; delays known from a model are removed."""
     model = payload_request.how.robot
     if model is not None and model.channel is not None:
         averages = [model.channel.undelayed_period(each) for each in averages]
@@ -114,46 +118,48 @@ def payload_from_runs(
     findings: Sequence[str] = (),
     empty: EmptyFlange | None = None,
 ) -> IdentifiedPayload:
-    """Estimate a payload from runs, judge it, and write its file and the report of a folder.
+    """Estimate a payload from runs, check its limits, and write its file and the report.
 
     Args:
         data: The runs.
-        loaded: Which of them carried the payload.
-        payload_request: How it is estimated.
+        loaded: For each run, True if it carried the payload.
+        payload_request: Options of the estimate.
         folder: The session, or the run that gets the report.
-        result: The result of the folder, to which the payload is added.
-        output: The file of the payload; in the folder if not set.
-        findings: What else a person should know of the runs.
-        empty: How it is known that nothing hung on the flange without payload.
+        result: Result of the folder, to which the payload is added.
+        output: Path of the payload file; in the folder if not set.
+        findings: Further sentences about the runs for the report.
+        empty: Evidence that the flange was empty in the runs without payload.
 
     Raises:
-        ConfigError: The runs are of different robots, or of both kinds.
-        DataQualityError, EstimationError: The data do not show a payload.
+        ConfigError: The runs are of different robots, or only some are periodic.
+        DataQualityError, EstimationError: The data do not determine a payload.
         RecordingError: A file cannot be written.
     """
-    payload, repeats = judged_payload(data, loaded, payload_request)
+    payload, repeats = estimate_payload(data, loaded, payload_request)
     output = output or folder.file(PAYLOAD)
     write_payload(output, payload)
-    note_output(folder, output)
-    section = PayloadSection.of(payload, repeats, [*compared(data, loaded, payload), *findings])
+    register_output(folder, output)
+    section = PayloadSection.of(
+        payload, repeats, [*compare_with_truth(data, loaded, payload), *findings]
+    )
     verdict = payload_verdict(payload, empty)
     report = write_result(folder, result.updated(payload=section, verdict=verdict))
     return IdentifiedPayload(section, verdict, output, report, payload.fits)
 
 
-def judged_payload(
+def estimate_payload(
     data: Sequence[RunData], loaded: Sequence[bool], payload_request: PayloadRequest
 ) -> tuple[PayloadResult, Repeats | None]:
-    """Return a payload with its verdict, and the same from each run alone; nothing is written.
+    """Return a payload with its verdict, and the estimates of each run alone; nothing is written.
 
     Args:
         data: The runs.
-        loaded: Which of them carried the payload.
-        payload_request: How it is estimated.
+        loaded: For each run, True if it carried the payload.
+        payload_request: Options of the estimate.
 
     Raises:
-        ConfigError: The runs are of different robots, or of both kinds.
-        DataQualityError, EstimationError: The data do not show a payload.
+        ConfigError: The runs are of different robots, or only some are periodic.
+        DataQualityError, EstimationError: The data do not determine a payload.
     """
     how, robot = payload_request.how, data[0].robot
     runs = payload_runs(data, loaded, payload_request)
@@ -167,7 +173,7 @@ def judged_payload(
     repeats = None
     if how.procedure != "difference" and estimate.rank == len(estimate.values):
         repeats = repeated(robot, runs, how)
-    left_on = left_on_flange(robot, runs.part(_compared(data, loaded, how)), how)
+    left_on = left_on_flange(robot, runs.part(_comparison_runs(data, loaded, how)), how)
     held = checks(estimate, payload_request.limits, repeats, left_on)
     unloaded = [run for run, carried in zip(data, loaded, strict=True) if not carried]
     return PayloadResult(estimate, (*held, *_arm_checks(unloaded, payload_request))), repeats
@@ -176,27 +182,29 @@ def judged_payload(
 def _arm_checks(
     empty: Sequence[RunData], payload_request: PayloadRequest
 ) -> tuple[PayloadCheck, ...]:
-    """Hold the arm of the runs without payload against what a robot can be.
+    """Check if the torques of the runs without payload are physically plausible.
 
-    A wrong unit or sign of all torques is the payload's as well, and shows in no residual.
+    A wrong unit or sign of all torques changes the payload too, but no residual shows it.
     """
     if not empty:
         return ()
     how = EstimationJob(EstimationOptions(band_hz=payload_request.band_hz))
-    driving, weight = impossibilities(wired_signals(empty, how, empty[0].robot))
-    said = f"joints with driving friction ({', '.join(driving)})"
+    driving, weight = impossibilities(signals_for_diagnosis(empty, how, empty[0].robot))
+    said = f"joints with negative friction power ({', '.join(driving)})"
     found = [PayloadCheck(said, len(driving), "≤", 0.0, "", BAD_FIT)] if driving else []
     if weight is not None and weight.is_drawn:
         (low, high), sure = weight.plausible, 2.0 * weight.sigma
-        said = "weight of the arm by its torques without payload, over that of its drawings"
+        said = "weight of the arm by its torques without payload, relative to its CAD weight"
         light = weight.share < 1.0
         value, limit = (weight.share + sure, low) if light else (weight.share - sure, high)
         found.append(PayloadCheck(said, value, "≥" if light else "≤", limit, "", HEAVY))
     return tuple(found)
 
 
-def _compared(data: Sequence[RunData], loaded: Sequence[bool], how: PayloadOptions) -> list[int]:
-    """Return the runs without payload that the model was not identified from."""
+def _comparison_runs(
+    data: Sequence[RunData], loaded: Sequence[bool], how: PayloadOptions
+) -> list[int]:
+    """Return the runs without payload that were not used to identify the model."""
     own = () if how.robot is None else how.robot.run_ids
     pairs = enumerate(zip(data, loaded, strict=True))
     return [i for i, (run, carried) in pairs if not carried and run.folder.run_id not in own]

@@ -24,12 +24,12 @@ class PayloadExportRequest(Request):
     """Write a payload in the format of a robot controller, with units and frame at the top.
 
     The frame is the flange, which is the tool frame of the robot file. The values are those of the
-    closest physically consistent body. A payload without a passed verdict is not written. The file
-    is read back and compared.
+    closest physically consistent body. A payload that has not passed its verdict is refused. The
+    file is read back and compared.
     """
 
     payload: PayloadFile
-    to: Annotated[LoadFormat, Field(description="Maker of the controller.")]
+    to: Annotated[LoadFormat, Field(description="Manufacturer of the controller.")]
     output: Annotated[
         Path,
         Field(description="File to write."),
@@ -53,10 +53,10 @@ class PayloadExportResult:
     """Load data that were written.
 
     Attributes:
-        request: What was asked for.
+        request: The request.
         estimate: The payload.
-        text: What was written.
-        notes: What a person should look at.
+        text: Content of the file.
+        notes: Points that a person should check.
     """
 
     request: PayloadExportRequest
@@ -66,7 +66,7 @@ class PayloadExportResult:
     exit_code: int = 0
 
     def document(self) -> dict[str, object]:
-        """Return the text and what it holds."""
+        """Return the text of the file and the payload's mass."""
         estimate = self.estimate
         return {
             "file": str(self.request.output),
@@ -78,14 +78,17 @@ class PayloadExportResult:
         }
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield the text, notes, the file and the next command."""
+        """Yield the text, notes, the file name and the next command."""
         request = self.request
         yield Text(text=self.text.rstrip("\n"))
         if self.notes:
             yield Text(text=f"note: {' '.join(self.notes)}")
-        yield Verdict(passed=True, text=f"Wrote {request.output}; it reads back as the same")
+        yield Verdict(
+            passed=True, text=f"Wrote {request.output}; reading it back gives the same values"
+        )
         yield Text(
-            text="Enter the load data in the controller, save what it holds then, and compare:"
+            text="Enter the load data in the controller, save the controller's load data to a"
+            " file, and compare:"
         )
         words = ("payload", "read-back", str(request.payload), "SAVED", "--from", request.to.value)
         yield Next(words=words)

@@ -1,4 +1,4 @@
-"""`payload identify`: identify a payload from recordings alone."""
+"""`payload identify`: identify a payload from recordings."""
 
 from __future__ import annotations
 
@@ -45,15 +45,15 @@ class KnownQuantity(Request):
     """A quantity of a payload that was measured otherwise, such as its mass on scales."""
 
     name: Annotated[str, Field(description=f"One of {', '.join(REPORTED)}.")]
-    value: Annotated[KnownValue, Field(description="Its value [kg, m or kg m²].")]
+    value: Annotated[KnownValue, Field(description="Value [kg, m or kg m²].")]
     sigma: Annotated[
-        KnownSigma, Field(description="Its standard deviation; 0 holds it at the value.")
+        KnownSigma, Field(description="Standard deviation; 0 fixes the quantity at this value.")
     ]
 
     @model_validator(mode="before")
     @classmethod
     def _of_text(cls, values: object, info: ValidationInfo) -> object:
-        """Read a text of the command line, such as m=2.805+-0.005."""
+        """Parse a text of the command line, such as m=2.805+-0.005."""
         if info.mode == "json" or not isinstance(values, str):
             return values
         name, equals, rest = values.partition("=")
@@ -63,10 +63,10 @@ class KnownQuantity(Request):
         return {"name": name.strip(), "value": value, "sigma": sigma or 0.0}
 
     def known(self) -> Known:
-        """Return it as the estimators take it.
+        """Return the quantity as input of the estimators.
 
         Raises:
-            ConfigError: There is no such quantity, or its value is not possible.
+            ConfigError: There is no such quantity, or its value is impossible.
         """
         from identification.payload.known import Known
 
@@ -77,36 +77,36 @@ class KnownQuantity(Request):
 
 
 class VerdictLimits(Request):
-    """The largest intervals (2σ) with which a payload passes."""
+    """Largest intervals (2σ) with which a payload passes."""
 
     mass_percent: Annotated[
         Share,
-        Field(description="2σ of the mass."),
+        Field(description="Largest 2σ of the mass."),
         Option(group=LIMITS, flag="mass-limit", unit="%"),
     ] = PayloadLimits.mass_percent
     centre_mm: Annotated[
         Millimetres,
-        Field(description="2σ of each coordinate of the centre of gravity."),
+        Field(description="Largest 2σ of each coordinate of the centre of gravity."),
         Option(group=LIMITS, flag="centre-limit", unit="mm"),
     ] = PayloadLimits.centre_mm
     inertia_percent: Annotated[
         Share,
-        Field(description="2σ of the inertia, of the largest moment about the flange."),
+        Field(description="2σ of the inertia, relative to the largest moment about the flange."),
         Option(group=LIMITS, flag="inertia-limit", unit="%"),
     ] = PayloadLimits.inertia_percent
     residual_percent: Annotated[
         Share,
-        Field(description="Residual of the torque of an axis."),
+        Field(description="Largest residual of an axis torque."),
         Option(group=LIMITS, flag="residual-limit", unit="%"),
     ] = PayloadLimits.residual_percent
 
     def limits(self) -> PayloadLimits:
-        """Return them as the verdict takes them."""
+        """Return the limits as input of the verdict."""
         return PayloadLimits(**self.model_dump())
 
 
 def _of_percent(value: object, info: ValidationInfo) -> object:
-    """Return a share; the command line gives percent as text."""
+    """Convert a percentage given as text on the command line to a share."""
     if info.mode == "json" or not isinstance(value, str):
         return value
     try:
@@ -122,9 +122,9 @@ def _of_percent(value: object, info: ValidationInfo) -> object:
 class PayloadIdentifyRequest(Request):
     """Identify a payload: mass, centre of gravity and inertia, from runs with and without it.
 
-    Friction is free in every run. The exit code is 1 if an interval is larger than its limit, and 6
-    if the torque of an axis is not explained. What the motion does not show is named, with a motion
-    that would show it.
+    Friction is estimated separately in every run. The exit code is 1 if an interval is larger than
+    its limit, and 6 if the torque of an axis is not explained. Parameters that the motion does not
+    determine are named, with a motion that would determine them.
     """
 
     loaded: Annotated[
@@ -138,25 +138,26 @@ class PayloadIdentifyRequest(Request):
     model: Annotated[
         Path | None,
         Field(
-            description="Model file of `identify`: the robot without payload, with which the runs"
-            " of --unloaded are compared."
+            description="Model file of `identify` for the robot without payload; the runs of"
+            " --unloaded are compared with it."
         ),
         Option(metavar="MODEL", file="input"),
     ] = None
     procedure: Annotated[
         Literal["together", "difference", "model", "apart"] | None,
         Field(
-            description="together: robot and payload at once (if not set); difference: torques of"
-            " one motion, subtracted; model: less the robot of --model (if that is set); apart: two"
-            " robots, subtracted."
+            description="Procedure. together: estimate robot and payload at once (default"
+            " without --model); difference: subtract the torques of the same motion;"
+            " model: subtract the torques of --model (default with --model); apart:"
+            " estimate two robots and subtract them."
         ),
     ] = None
     known: Annotated[
         tuple[KnownQuantity, ...],
         Field(
-            description="Quantity that was measured otherwise, with its standard deviation; held at"
-            f" the value without one: {', '.join(REPORTED)} [kg, m, kg m² about the centre of"
-            " gravity]."
+            description="Quantity that was measured otherwise, with its standard deviation;"
+            f" without one the quantity is fixed at its value: {', '.join(REPORTED)}"
+            " [kg, m, kg m² about the centre of gravity]."
         ),
         Option(group=PAYLOADS, metavar="NAME=VALUE[±SIGMA]"),
     ] = ()
@@ -164,8 +165,9 @@ class PayloadIdentifyRequest(Request):
         TorqueConstantSigma | None,
         BeforeValidator(_of_percent),
         Field(
-            description="Standard deviation of each torque constant, as a share (in percent on the"
-            " command line): widens the intervals; 1 % if not set, `apart` counts them as exact."
+            description="Standard deviation of each torque constant, as a share (in percent on"
+            " the command line). It widens the intervals. Default: 1 %; `apart`"
+            " treats torque constants as exact."
         ),
         Option(group=PAYLOADS, metavar="PERCENT"),
     ] = None

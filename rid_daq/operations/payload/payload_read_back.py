@@ -25,21 +25,23 @@ if TYPE_CHECKING:
 class PayloadReadBackRequest(Request):
     """Read load data and compare them with a payload; the exit code is 1 if they differ.
 
-    Mass, centre of gravity (as a share of its distance from the flange) and inertia (as a share of
-    its largest moment) are compared.
+    Three quantities are compared: the mass, the centre of gravity (relative to its distance from
+    the flange) and the inertia (relative to its largest moment).
     """
 
     payload: PayloadFile
     file: Annotated[
         Path | None,
-        Field(description="File of load data, as exported or saved from the robot."),
+        Field(description="File with load data, exported by rid-daq or saved by the controller."),
         Option(positional=True, metavar="FILE", file="input"),
     ] = None
-    form: Annotated[LoadFormat, Field(description="Maker of the controller."), Option(flag="from")]
-    text: Annotated[str, Field(description="Load data as text, in place of a file.")] = ""
+    form: Annotated[
+        LoadFormat, Field(description="Manufacturer of the controller."), Option(flag="from")
+    ]
+    text: Annotated[str, Field(description="Load data as text, instead of a file.")] = ""
     tolerance_percent: Annotated[
         TolerancePercent,
-        Field(description="Largest difference; controllers round what they hold."),
+        Field(description="Largest allowed difference; controllers round their values."),
         Option(flag="tolerance", unit="%"),
     ] = 0.1
     runs: RunsFolder = DEFAULT_RUNS
@@ -50,10 +52,11 @@ class PayloadReadBackResult:
     """Load data that were compared.
 
     Attributes:
-        request: What was asked for.
-        source: The file, or a description of the text.
-        measured, found: The payload as measured, and as it was read.
-        verdict: Whether they are the same.
+        request: The request.
+        source: Path of the file, or a description of the text.
+        measured: The measured payload.
+        found: Payload of the load data.
+        verdict: Verdict on the difference.
     """
 
     request: PayloadReadBackRequest
@@ -64,13 +67,13 @@ class PayloadReadBackResult:
 
     @property
     def exit_code(self) -> int:
-        """1 if the load data differ from the payload."""
+        """Exit code 1 if the load data differ from the payload."""
         from rid_daq.terminal.exit_codes import ExitCode
 
         return ExitCode.DONE if self.verdict.passed else ExitCode.VERDICT_FAILED
 
     def document(self) -> dict[str, object]:
-        """Return what was read, and the verdict."""
+        """Return the values that were read, and the verdict."""
         read = self.found.reported.tolist()
         return {
             "file": self.source,

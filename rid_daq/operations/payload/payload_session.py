@@ -1,4 +1,4 @@
-"""`payload session`: a guided session from preflight to a payload with its verdict."""
+"""`payload session`: guided session from the preflight to a payload with its verdict."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from rid_daq.requests.request import Request
 if TYPE_CHECKING:
     from rid_daq.recording.recorded_run import RecordedRun
 
-LENGTHS: Final = "Steps and lengths"
+LENGTHS: Final = "Steps and durations"
 UNLOADED: Final = "unloaded"
 LOADED: Final = "loaded"
 
@@ -41,26 +41,26 @@ _OF_SESSION: Final = frozenset(
         *("rehearsal_percent", "warm_up_percent", "warm_up_periods"),
     }
 )
-"""Fields that a resumed session keeps from its beginning; its motion is in its folder."""
+"""Fields that a resumed session keeps from its beginning; its folder contains its motion."""
 
 
 class PayloadSessionRequest(Request):
     """Lead through a payload session: check, rehearse, warm up, record, attach, record, identify.
 
-    An interrupted session is continued with --resume: recorded runs count, and the options that it
-    was begun with hold unless they are given again. The exit code is 1 if an interval is larger
-    than its limit, and 6 if a run is not good enough or the torque of an axis is not explained.
+    An interrupted session is continued with --resume: its recorded runs are used, and its original
+    options apply unless they are given again. The exit code is 1 if an interval is larger than its
+    limit. It is 6 if a run is not good enough or the torque of an axis is not explained.
     """
 
     cell: CellName
     motion: Annotated[
         Path | None,
-        Field(description="Periodic motion file; a motion is searched if not set."),
+        Field(description="Periodic motion file; if not set, an excitation is designed."),
         Option(metavar="MOTION", file="input"),
     ] = None
     model: Annotated[
         Path | None,
-        Field(description="Model file of the unloaded robot, in place of the unloaded run."),
+        Field(description="Model file of the unloaded robot, instead of the unloaded run."),
         Option(metavar="MODEL", file="input"),
     ] = None
     known: Annotated[
@@ -75,41 +75,40 @@ class PayloadSessionRequest(Request):
     ] = None
     periods: Annotated[
         Periods,
-        Field(description="Periods measured in each run, at most."),
+        Field(description="Largest number of periods measured in each run."),
         Option(group=LENGTHS),
     ] = 18
     repeats: Annotated[
-        Repeats, Field(description="Runs with the payload."), Option(group=LENGTHS)
+        Repeats, Field(description="Number of runs with the payload."), Option(group=LENGTHS)
     ] = 1
     until_mass_kg: Annotated[
         UntilMassKg | None,
-        Field(description="End a loaded run when 2σ of the mass is this small."),
+        Field(description="End a loaded run as soon as 2σ of the mass is below this value."),
         Option(group=LENGTHS, flag="until-mass", unit="kg"),
     ] = None
     rehearsal_percent: Annotated[
         RehearsalPercent,
-        Field(description="Speed of a first, slow period; 0 skips it."),
+        Field(description="Relative speed of a first, slow period (rehearsal); 0 skips it."),
         Option(group=LENGTHS, flag="rehearsal", unit="%"),
     ] = 25.0
     warm_up_percent: Annotated[
         WarmUpPercent,
         Field(
-            description="The robot is warm when friction changes by less in a period; 0 skips the"
-            " warm-up."
+            description="End the warm-up when friction changes by less than this per period; 0"
+            " skips the warm-up."
         ),
         Option(group=LENGTHS, flag="warm-up", unit="%"),
     ] = 1.0
     warm_up_periods: Annotated[
         WarmUpPeriods,
-        Field(description="Periods of the warm-up, at most."),
+        Field(description="Largest number of periods of the warm-up."),
         Option(group=LENGTHS),
     ] = 30
     limits: VerdictLimits = Field(default_factory=VerdictLimits)
     yes: Annotated[
         bool,
         Field(
-            description="Answer every question with yes: the cell is clear, the payload is"
-            " attached."
+            description="Answer all questions with yes: the cell is clear, the payload is attached."
         ),
         Option(group=BEFORE),
     ] = False
@@ -119,7 +118,7 @@ class PayloadSessionRequest(Request):
     pace: SimulatedPace = None
     seed: Annotated[
         Seed,
-        Field(description="Random seed of the searched motion and of a simulated cell."),
+        Field(description="Random seed of the designed motion and of a simulated cell."),
         Option(group=SIMULATED),
     ] = 0
     live: Annotated[Live, Option(owned=True)] = Live()
@@ -130,14 +129,17 @@ class PayloadSessionRequest(Request):
 
     @property
     def choices(self) -> dict[str, JsonValue]:
-        """The fields that a session keeps from its beginning, as JSON has them."""
+        """Options that a session keeps from its beginning, as JSON."""
         found = self.model_dump(mode="json", include=set(_OF_SESSION))
         if self.model is not None:
             found["model"] = str(self.model.absolute())
         return found
 
-    def as_begun(self, begun: Mapping[str, JsonValue]) -> PayloadSessionRequest:
-        """Return the request of a session that has `begun` as `choices`; what is given now counts.
+    def with_original_options(self, begun: Mapping[str, JsonValue]) -> PayloadSessionRequest:
+        """Return the request of a resumed session: its original options, replaced by new ones.
+
+        Args:
+            begun: Original options, as `choices` returned them.
 
         Raises:
             ConfigError: `begun` is not of a payload session (RID-SESSION-STATE).
@@ -151,14 +153,14 @@ class PayloadSessionRequest(Request):
             return PayloadSessionRequest.of_json({**begun, **now, "limits": limits})
         except ConfigError as error:
             raise ConfigError(
-                f"--resume {self.resume}: its file is not that of a session: {error}; was it"
-                " edited?",
+                f"--resume {self.resume}: its file is not the file of a payload session: {error};"
+                " was the file edited?",
                 code="RID-SESSION-STATE",
             ) from None
 
     @property
-    def wanted(self) -> tuple[str, ...]:
-        """The steps whose runs the payload is estimated from."""
+    def measured_steps(self) -> tuple[str, ...]:
+        """Steps that record the runs from which the payload is estimated."""
         loaded = tuple(f"{LOADED} {i + 1}" for i in range(self.repeats))
         return (UNLOADED, *loaded) if self.model is None else loaded
 
@@ -168,8 +170,9 @@ class StoppedSession:
     """A session that can be resumed: a step was stopped, or its run is not good enough.
 
     Attributes:
-        step, run: The step and its run.
-        resume: The command that continues the session.
+        step: Name of the step.
+        run: Run of the step.
+        resume: Command that continues the session.
     """
 
     step: str
@@ -178,11 +181,11 @@ class StoppedSession:
 
     @property
     def exit_code(self) -> int:
-        """That of the run."""
+        """Exit code of the run."""
         return self.run.exit_code
 
     def document(self) -> dict[str, object]:
-        """Return the step, its folder, and why it does not count."""
+        """Return the step, its folder, and the reason why it failed."""
         from rid_daq.recording.recorded_run import stop_document
 
         run = self.run
@@ -192,7 +195,7 @@ class StoppedSession:
         return told if run.quality is None else told | {"quality": run.quality.to_dict()}
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield why the step does not count, and the command that continues."""
+        """Yield the reason why the step failed, and the command that continues."""
         run, name = self.run, self.step
         if run.outcome.stop is not None:
             yield Verdict(passed=False, text=f"Stopped in step {name}: {run.outcome.stop.text}")

@@ -1,8 +1,8 @@
-"""`STATES`: the states of a payload session and their order; `SessionFile`: the file that keeps it.
+"""`STATES`: states of a payload session in order; `SessionFile`: file of a session.
 
-A session goes through the states in the order of the table and leaves out those that its request
-does not need. An interrupted session goes on with the first state whose runs are missing: the robot
-is warmed up again, and a person is asked again whether the payload is attached.
+A session passes the states in the order of the table, without those that its request does not need.
+An interrupted session continues with the first state whose runs are missing. The robot is then
+warmed up again, and a person is asked again whether the payload is attached.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ REHEARSAL: Final = "rehearsal"
 WARM_UP: Final = "warm-up"
 
 
-class Rule(NamedTuple):
-    """What happens in a state, and the states that may follow; a person acts if `by_person`."""
+class StateRule(NamedTuple):
+    """Description of a state, and the states that can follow; `by_person` if a person must act."""
 
     text: str
     next: tuple[State, ...]
@@ -34,43 +34,45 @@ class Rule(NamedTuple):
 
 
 STATES: Final = {
-    State.PREPARE: Rule(
+    State.PREPARE: StateRule(
         "Check the cell: nobody is in it, and the flange is empty.",
         (State.REHEARSE, State.WARM_UP_WITHOUT, State.RECORD_WITHOUT, State.ATTACH),
         by_person=True,
     ),
-    State.REHEARSE: Rule(
+    State.REHEARSE: StateRule(
         "Rehearse: record one slow period.",
         (State.WARM_UP_WITHOUT, State.RECORD_WITHOUT, State.ATTACH),
     ),
-    State.WARM_UP_WITHOUT: Rule(
+    State.WARM_UP_WITHOUT: StateRule(
         "Warm up without the payload until friction settles.", (State.RECORD_WITHOUT, State.ATTACH)
     ),
-    State.RECORD_WITHOUT: Rule("Record without the payload.", (State.ATTACH,)),
-    State.ATTACH: Rule(
+    State.RECORD_WITHOUT: StateRule("Record the motion without the payload.", (State.ATTACH,)),
+    State.ATTACH: StateRule(
         "Attach the payload.", (State.WARM_UP_WITH, State.RECORD_WITH), by_person=True
     ),
-    State.WARM_UP_WITH: Rule(
+    State.WARM_UP_WITH: StateRule(
         "Warm up with the payload until friction settles.", (State.RECORD_WITH,)
     ),
-    State.RECORD_WITH: Rule("Record with the payload.", (State.RECORD_WITH, State.IDENTIFY)),
-    State.IDENTIFY: Rule("Identify the payload.", (State.DONE,)),
-    State.DONE: Rule("The session is done.", ()),
+    State.RECORD_WITH: StateRule(
+        "Record the motion with the payload.", (State.RECORD_WITH, State.IDENTIFY)
+    ),
+    State.IDENTIFY: StateRule("Identify the payload.", (State.DONE,)),
+    State.DONE: StateRule("The session is done.", ()),
 }
-"""Every state, in the order of a session."""
+"""All states, in the order of a session."""
 
 ORDER: Final = tuple(STATES)
 
 
 class SessionFile(BaseModel):
-    """The file of a payload session; written at every change.
+    """File of a payload session; it is written at every change.
 
     Attributes:
         cell: Name of the cell.
-        state: The state that it is in.
-        request: What was asked for, as JSON; the only place of known quantities and limits.
-        done: Step to id of its run, in the order of recording.
-        facts: What was measured on the way: drift, skipped steps.
+        state: Present state.
+        request: Options of the session, as JSON; known quantities and limits are stored only here.
+        done: Run id by step, in the order of recording.
+        facts: Results of the steps: drift, skipped steps, evidence of the empty flange.
     """
 
     model_config = ConfigDict(extra="forbid", populate_by_name=True)
@@ -93,7 +95,7 @@ class SessionFile(BaseModel):
         """Write and return a new session on a cell in a folder.
 
         Args:
-            asked: What is asked for, as JSON.
+            asked: Options of the session, as JSON.
         """
         begun = cls(cell=cell, request=dict(asked or {}))
         begun._folder = folder
@@ -109,7 +111,7 @@ class SessionFile(BaseModel):
         """
         if not folder.file(SESSION).exists():
             raise ConfigError(
-                f"{folder.path}: is not the folder of a payload session", code="RID-SESSION-STATE"
+                f"{folder.path} is not the folder of a payload session", code="RID-SESSION-STATE"
             )
         text = folder.read(SESSION)
         try:
@@ -117,7 +119,7 @@ class SessionFile(BaseModel):
         except ValidationError as error:
             first = error.errors()[0]
             raise ConfigError(
-                f"{folder.file(SESSION)}: not the state of a payload session"
+                f"{folder.file(SESSION)} is not the file of a payload session"
                 f" ({'.'.join(map(str, first['loc']))}: {first['msg']}); was it edited?",
                 code="RID-SESSION-STATE",
             ) from None
@@ -126,17 +128,17 @@ class SessionFile(BaseModel):
 
     @property
     def folder(self) -> RunFolder:
-        """The session's own folder."""
+        """Folder of the session."""
         return self._folder
 
     @property
     def measurements(self) -> tuple[str, ...]:
-        """The steps that are done and that the payload is estimated from."""
+        """Completed steps whose runs are used to estimate the payload."""
         return tuple(name for name in self.done if name.startswith((UNLOADED, LOADED)))
 
     @property
     def empty_flange(self) -> EmptyFlange | None:
-        """How it is known that nothing was on the flange without payload; None if it is not."""
+        """Evidence that the flange was empty without payload; None without evidence."""
         told = self.facts.get(EMPTY_FLANGE)
         return EmptyFlange(told) if isinstance(told, str) and told in set(EmptyFlange) else None
 
@@ -144,17 +146,17 @@ class SessionFile(BaseModel):
         """Return the runs of `measurements`.
 
         Raises:
-            RidDaqError: One of them cannot be used.
+            RidDaqError: A run cannot be used.
         """
         root = self.folder.path.parent
         return [RunData.load(find_run_below(root, self.done[name])) for name in self.measurements]
 
     def enter(self, state: State, *, again: bool = False) -> None:
-        """Keep that the session is in a state now.
+        """Enter a state and write the file.
 
         Args:
-            state: The state.
-            again: The session goes on after an interruption: what is missing decides.
+            state: The new state.
+            again: True if the session continues after an interruption; any state can then follow.
 
         Raises:
             ConfigError: The state must not follow, or another program has changed the session
@@ -163,26 +165,26 @@ class SessionFile(BaseModel):
         session, now = f"session {self.folder.run_id}", self.state
         if self.folder.read(SESSION) != self._text:
             raise ConfigError(
-                f"{session}: another program has changed it since state {now.value}: nothing is"
-                " done; end one of the two programs, then continue with --resume",
+                f"{session}: another program has changed the session since state {now.value}:"
+                " this program stops here; end the other program, then continue with --resume",
                 code="RID-SESSION-ORDER",
             )
         if state not in STATES[now].next and not again:
             raise ConfigError(
-                f"{session}: state {state.value} cannot follow {now.value}, only"
-                f" {', '.join(STATES[now].next) or 'nothing'} can: continue with --resume",
+                f"{session}: state {state.value} cannot follow state {now.value}; only"
+                f" {', '.join(STATES[now].next) or 'no state'} can: continue with --resume",
                 code="RID-SESSION-ORDER",
             )
         self.state = state
         self.write()
 
     def note_step(self, name: str, run_id: str) -> None:
-        """Keep that a step is done, and by which run."""
+        """Write that a step is complete, with the id of its run."""
         self.done[name] = run_id
         self.write()
 
     def note_fact(self, name: str, fact: JsonValue) -> None:
-        """Keep a fact of the session."""
+        """Write a fact of the session."""
         self.facts[name] = fact
         self.write()
 
@@ -190,24 +192,24 @@ class SessionFile(BaseModel):
         """Write the file.
 
         Raises:
-            RecordingError: It cannot be written.
+            RecordingError: The file cannot be written.
         """
         self._text = (self.model_dump_json(indent=1, by_alias=True) + "\n").encode()
         self.folder.write(SESSION, self._text)
 
 
-def needed_after(
+def next_state(
     state: State, request: PayloadSessionRequest, done: dict[str, str], *, is_warm: bool
 ) -> State:
-    """Return the first state after another that a request needs.
+    """Return the next state that a request needs after a state.
 
     Args:
-        state: The state that is over; `PREPARE` if a session begins or goes on.
-        request: What is asked for.
-        done: The steps that are done.
-        is_warm: The robot was moved until friction settled, since the program began.
+        state: The state that has ended; `PREPARE` if a session begins or continues.
+        request: Options of the session.
+        done: Run id by completed step.
+        is_warm: True if the robot was moved until friction settled since the program started.
     """
-    missing = [name for name in request.wanted if name not in done]
+    missing = [name for name in request.measured_steps if name not in done]
     warms_up = request.warm_up_percent > 0.0
     needed = {
         State.REHEARSE: request.rehearsal_percent > 0.0 and REHEARSAL not in done,

@@ -1,4 +1,4 @@
-"""`PayloadGuide`: goes through the states of a payload session in which the robot moves."""
+"""`PayloadGuide`: perform the states of a payload session in which the robot moves."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from rid_daq.operations.payload.session_states import (
     STATES,
     WARM_UP,
     SessionFile,
-    needed_after,
+    next_state,
 )
 from rid_daq.operations.payload.session_watches import MassWatch, WarmUpWatch
 from rid_daq.preflight.axis_test import AxisTestRule
@@ -33,8 +33,8 @@ from rid_daq.terminal.context import Context
 from rid_daq.terminal.job_events import SessionState as State
 
 PREFLIGHT_S: Final = 0.5
-SESSION_MOTION: Final = "Of a payload session."
-"""The comment of the motion that a session keeps; its steps drive it, or slower or longer."""
+SESSION_MOTION: Final = "Motion of a payload session."
+"""Comment of the session's motion file; the steps perform this motion, some slower or longer."""
 
 
 def enter(session: SessionFile, state: State, context: Context, *, again: bool = False) -> None:
@@ -45,15 +45,15 @@ def enter(session: SessionFile, state: State, context: Context, *, again: bool =
 
 @dataclass(frozen=True)
 class PayloadGuide:
-    """Goes through the states of a session up to `IDENTIFY`.
+    """Performs the states of a session up to `IDENTIFY`.
 
     Attributes:
-        request: What was asked for.
+        request: Options of the session.
         session: Records the motions.
-        file: What is done.
-        motion: What is asked about the payload.
-        payload_request: How it will be estimated.
-        context: Where it is told, and a person asked.
+        file: File of the session, with its completed steps.
+        motion: Motion from which the payload is identified.
+        payload_request: Options of the payload estimate.
+        context: Output for the person, and questions.
     """
 
     request: PayloadSessionRequest
@@ -63,48 +63,52 @@ class PayloadGuide:
     payload_request: PayloadRequest
     context: Context
 
-    def lead(self) -> tuple[str, RecordedRun] | None:
-        """Do what is left to do; return the step that failed and its run, if one did."""
+    def perform_steps(self) -> tuple[str, RecordedRun] | None:
+        """Perform the missing steps; if a step fails, return its name and its run."""
         request, file = self.request, self.file
         if self.session.simulated is None and request.payload is not None:
             raise ConfigError(
-                f"--payload is for a simulated cell that is started here, not for {request.cell}",
+                "--payload is only for a simulated cell that this command starts, not for"
+                f" {request.cell}",
                 code="RID-CELL-NOT-OURS",
             )
-        self._preflight()
+        self._run_preflight()
         self._require_cleared()
-        if UNLOADED in self._missing:
-            file.note_fact(EMPTY_FLANGE, self._empty_flange().value)
+        if UNLOADED in self._missing_steps:
+            file.note_fact(EMPTY_FLANGE, self._ask_empty_flange().value)
         if not request.warm_up_percent:
             file.note_fact("warm_up", "skipped")
         again = file.state is not State.PREPARE
-        state, is_warm = needed_after(State.PREPARE, request, file.done, is_warm=False), False
+        state, is_warm = next_state(State.PREPARE, request, file.done, is_warm=False), False
         while state is not State.IDENTIFY:
             enter(file, state, self.context, again=again)
             if state is State.ATTACH:
-                self._attach()
+                self._attach_payload()
             else:
-                failed = self._recorded(state)
+                failed = self._record_state(state)
                 if failed is not None:
                     return failed
                 is_warm = is_warm or state is not State.REHEARSE
-            state = needed_after(state, request, file.done, is_warm=is_warm)
+            state = next_state(state, request, file.done, is_warm=is_warm)
             again = False
         return None
 
     @property
-    def _missing(self) -> list[str]:
-        return [name for name in self.request.wanted if name not in self.file.done]
+    def _missing_steps(self) -> list[str]:
+        return [name for name in self.request.measured_steps if name not in self.file.done]
 
     @property
-    def _asks(self) -> bool:
-        """True if a person is asked: on a real cell, and if a session is practised."""
+    def _asks_person(self) -> bool:
+        """True if a person is asked: on a real cell, or if the session is practised."""
         return self.session.simulated is None or self.request.practise
 
     def _require_cleared(self) -> None:
         config, request = self.session.loaded.config, self.request
         if request.yes and not config.simulated:
-            self.context.say(f"Nobody in cell {config.name}, the emergency stop at hand: by --yes.")
+            self.context.say(
+                f"Confirmed by --yes: nobody is in cell {config.name}, and the"
+                " emergency stop is at hand."
+            )
         motion = to_yaml(self.motion, SESSION_MOTION).encode()
         require_cleared(
             config,
@@ -114,13 +118,13 @@ class PayloadGuide:
             files={**self.session.loaded.files, MOTION: motion},
         )
 
-    def _empty_flange(self) -> EmptyFlange:
-        """Ask whether nothing hangs on the flange: the torques of two runs alone cannot tell.
+    def _ask_empty_flange(self) -> EmptyFlange:
+        """Ask if the flange is empty, because the torques of two runs alone do not show it.
 
         Raises:
-            PreflightError: Something hangs there, or nobody can be asked.
+            PreflightError: The flange is not empty, or nobody can be asked.
         """
-        if not self._asks:
+        if not self._asks_person:
             return EmptyFlange.SIMULATED
         question = "Is the flange empty: no payload, gripper or cable hangs on it?"
         if self.request.yes:
@@ -128,19 +132,19 @@ class PayloadGuide:
             return EmptyFlange.BY_FLAG
         if not self.context.can_ask:
             raise PreflightError(
-                f"{question} Nobody can be asked here: answer by the flags (--yes)",
+                f"{question} No person can be asked here: answer with --yes",
                 code="RID-ANSWER-NOBODY",
             )
         if not self.context.confirm(question):
             raise PreflightError(
-                "nothing was moved: take off what hangs on the flange, then go on with --resume"
-                f" {self.file.folder.run_id}; or weigh against a model of the robot as it stands"
-                " (--model)",
+                "nothing was moved: remove everything from the flange, then continue with"
+                f" --resume {self.file.folder.run_id}; or use a model of the robot with this"
+                " flange (--model)",
                 code="RID-ANSWER-NO",
             )
         return EmptyFlange.SAID if self.session.simulated is None else EmptyFlange.SIMULATED
 
-    def _preflight(self) -> None:
+    def _run_preflight(self) -> None:
         request, session = self.request, self.session
         before = lines_before_bus(session.loaded, request.runs, AxisTestRule(request.axis_test))
         pose = PoseRule.COMPARED if session.simulated is None else PoseRule.LEFT_OUT
@@ -154,40 +158,42 @@ class PayloadGuide:
             raise problem
         if red:
             raise PreflightError(
-                f"red lines in the preflight: {len(red)}; see `rid-daq check`",
+                f"the preflight has {len(red)} red lines; see `rid-daq check`",
                 code="RID-PREFLIGHT-RED",
             )
         self.context.say(f"Preflight: {len(lines)} lines, none red.")
 
-    def _attach(self) -> None:
+    def _attach_payload(self) -> None:
         simulated, payload = self.session.simulated, self.request.payload
-        if self._asks:
-            self.context.say("The robot stands still, its power is off. Attach the payload.")
+        if self._asks_person:
+            self.context.say("The robot is at rest and its drives are off. Attach the payload.")
             require_yes(self.context, "Is the payload attached?", self.request.yes)
             self._require_cleared()
         if simulated is None:
             return
         simulated.attach(payload)
-        self.context.say(f"On the simulated flange: {payload or 'nothing'}.")
+        self.context.say(f"Payload on the simulated flange: {payload or 'none'}.")
 
-    def _recorded(self, state: State) -> tuple[str, RecordedRun] | None:
-        """Record the motion of a state; return step and run if the session cannot go on."""
+    def _record_state(self, state: State) -> tuple[str, RecordedRun] | None:
+        """Record the motion of a state; if the session cannot continue, return step and run."""
         request, motion = self.request, self.motion
         watch: WarmUpWatch | MassWatch | None = None
         match state:
             case State.REHEARSE:
                 name, share = REHEARSAL, request.rehearsal_percent / 100.0
-                motion = rehearsal_of(motion, share, self.session.cell.cycle_time_s)
+                motion = rehearsal_motion(motion, share, self.session.cell.cycle_time_s)
             case State.WARM_UP_WITHOUT | State.WARM_UP_WITH:
                 name = WARM_UP
                 most = {"periods": request.warm_up_periods, "transient_periods": 0}
                 motion = motion.model_copy(update=most)
                 watch = WarmUpWatch(request.warm_up_percent, self.context.announce_warm_up)
             case _:
-                name = self._missing[0]
+                name = self._missing_steps[0]
                 if state is State.RECORD_WITH:
                     robot, goal_kg = self.session.loaded.robot, request.until_mass_kg
-                    watch = MassWatch(robot, self._averages(), self.payload_request, goal_kg)
+                    watch = MassWatch(
+                        robot, self._recorded_averages(), self.payload_request, goal_kg
+                    )
         is_measured = state in (State.RECORD_WITHOUT, State.RECORD_WITH)
         run = self._record(name, motion, watch)
         if is_measured and run.quality is not None:
@@ -198,7 +204,7 @@ class PayloadGuide:
         self.file.note_step(name, run.folder.run_id)
         if isinstance(watch, WarmUpWatch):
             self.file.note_fact("warm_up", watch.fact)
-        if run.outcome.late_stop is not None and self._missing:
+        if run.outcome.late_stop is not None and self._missing_steps:
             return name, run.as_step()
         return None
 
@@ -210,14 +216,14 @@ class PayloadGuide:
                 f"Payload session: {name}. {motion.describe()}",
                 motion.plan(robot, cell.cycle_time_s),
                 role=name,
-                files={MOTION: to_yaml(motion, f"Of a payload session: {name}.").encode()},
+                files={MOTION: to_yaml(motion, f"Motion of a payload session: {name}.").encode()},
                 watch=watch,
             )
         )
 
-    def _averages(self) -> PeriodicRuns | None:
-        """Return the runs so far that the mass is followed from."""
-        if not self.file.measurements or self.payload_request.only_in_time:
+    def _recorded_averages(self) -> PeriodicRuns | None:
+        """Return the recorded runs for the running estimate of the mass; None without any."""
+        if not self.file.measurements or self.payload_request.time_domain_effects:
             return None
         return periodic_runs(
             [item.average for item in self.file.runs()],
@@ -226,8 +232,8 @@ class PayloadGuide:
         )
 
 
-def rehearsal_of(motion: FourierMotion, speed: float, cycle_s: float) -> FourierMotion:
-    """Return one period of the same path at a share of its speed, or a little less."""
+def rehearsal_motion(motion: FourierMotion, speed: float, cycle_s: float) -> FourierMotion:
+    """Return one period of the same path at a share of its speed (or slightly slower)."""
     cycles = math.ceil(motion.period_s / speed / cycle_s - 1e-9)
     return motion.model_copy(
         update={"period_s": cycles * cycle_s, "periods": 1, "transient_periods": 0}

@@ -1,4 +1,4 @@
-"""What is looked at while a payload session moves: whether it is warm, how sure the mass is."""
+"""Watches during a payload session: warm-up of the joints, and accuracy of the mass."""
 
 from __future__ import annotations
 
@@ -20,24 +20,25 @@ from rid_daq.blocks.formats import format_measured
 from rid_daq.operations.payload.payload_estimate import PayloadRequest, periodic_runs
 from rid_daq.recording.average_so_far import AverageSoFar
 
-WarmUpTold = Callable[[Sequence[str], Sequence[Sequence[float]], float], None]
+WarmUpReport = Callable[[Sequence[str], Sequence[Sequence[float]], float], None]
 
 
 class WarmUpWatch:
-    """Tells whether friction has settled: what the motors burn in one period after the other.
+    """Watch of a warm-up: ends it when the friction power per period has settled.
 
-    Over a period that begins and ends alike, the mechanical power of a joint is what its friction
-    takes, and that falls as a motor warms up.
+    Over a period that begins and ends with the same state, the mechanical power of a joint is its
+    friction power. This power falls as a motor warms up.
 
     Args:
-        drift_percent: Settled where no joint's power changes by more in a period.
-        told: Told the joints' names, the power of more periods, one row each [W], and
-            `drift_percent`.
+        drift_percent: Friction has settled if no joint's power changes by more than this per
+            period.
+        report: Function that gets the names of the joints, the power of the new periods (one row
+            each) [W], and `drift_percent`.
     """
 
-    def __init__(self, drift_percent: float, told: WarmUpTold | None = None) -> None:
+    def __init__(self, drift_percent: float, report: WarmUpReport | None = None) -> None:
         self._limit = drift_percent
-        self._told = told
+        self._report = report
         self._power: list[FloatArray] = []
         self.drift_percent: float | None = None
         self.periods = 0
@@ -45,12 +46,12 @@ class WarmUpWatch:
 
     @property
     def settled(self) -> bool:
-        """Whether the last periods agree."""
+        """True if the power of the last periods agrees."""
         return self.drift_percent is not None and self.drift_percent <= self._limit
 
     @property
     def fact(self) -> dict[str, JsonValue]:
-        """How far the warm-up came, as the session's file keeps it."""
+        """Result of the warm-up, as the session's file stores it."""
         return {
             "drift_percent": self.drift_percent,
             "periods": self.periods,
@@ -58,12 +59,12 @@ class WarmUpWatch:
             "settled_percent": self._limit,
         }
 
-    def enough(self, new: NewPeriods) -> bool:
-        """Look at the periods so far."""
+    def add_periods(self, new: NewPeriods) -> bool:
+        """Add periods; return True if friction has settled."""
         more = period_powers(new.recording, new.first_row)
         self._power.extend(more)
-        if self._told is not None and len(more):
-            self._told(new.recording.joint_names, more.tolist(), self._limit)
+        if self._report is not None and len(more):
+            self._report(new.recording.joint_names, more.tolist(), self._limit)
         power = np.array(self._power)
         if len(power) < FEWEST_PERIODS:
             return False
@@ -74,29 +75,29 @@ class WarmUpWatch:
         return self.settled
 
     def sentences(self) -> list[str]:
-        """Say for the report how much the power still changed."""
+        """Return a sentence on the last change of the power, for the report."""
         return [self.line()]
 
     def line(self) -> str:
-        """Say how much the power still changes."""
+        """Return a status line with the change of the power."""
         if self.drift_percent is None:
             return "warming up"
         return (
-            f"friction of {self.worst} changes by {self.drift_percent:.2f} % a period (settled at"
+            f"friction of {self.worst} changes by {self.drift_percent:.2f} % per period (goal:"
             f" {self._limit:g} %)"
         )
 
 
 class MassWatch:
-    """Tells whether the mass of the payload is sure enough.
+    """Watch of a loaded run: ends it when the mass of the payload is accurate enough.
 
-    By a model that says what no mean period shows the mass is not followed: the watch says so,
-    and ends nothing.
+    If the robot's model contains effects that mean periods do not show, the mass cannot be
+    followed; the watch then reports this and never ends the run.
 
     Args:
-        before: The runs recorded until now.
-        payload_request: How it will be estimated.
-        goal_kg: 2 sigma that are enough; None follows only.
+        before: Runs recorded before this one.
+        payload_request: Options of the payload estimate.
+        goal_kg: Goal for 2 sigma of the mass; None never ends the run.
     """
 
     def __init__(
@@ -108,39 +109,39 @@ class MassWatch:
     ) -> None:
         self._robot, self._before = robot, before
         self._payload_request, self._goal_kg = payload_request, goal_kg
-        self._only_in_time = payload_request.only_in_time
-        self._said = ""
-        if self._only_in_time:
-            self._said = (
-                "The mass was not followed while the robot moved: the model says"
-                f" {self._only_in_time}, which is made up for once a run is complete"
+        self._time_domain_effects = payload_request.time_domain_effects
+        self._sentence = ""
+        if self._time_domain_effects:
+            self._sentence = (
+                "The mass was not estimated while the robot moved: the model contains"
+                f" {self._time_domain_effects}, which is applied only to a complete run"
             )
         self._average = AverageSoFar(robot)
 
-    def enough(self, new: NewPeriods) -> bool:
-        """Estimate from the periods so far."""
-        if self._only_in_time:
+    def add_periods(self, new: NewPeriods) -> bool:
+        """Add periods and estimate the mass; return True if the goal is reached."""
+        if self._time_domain_effects:
             return False
         try:
-            runs = self._runs(self._average.with_more(new))
+            runs = self._runs_with(self._average.with_new_periods(new))
             estimate = identify_payload(self._robot, runs, self._payload_request.how)
         except (DataQualityError, EstimationError) as error:
-            self._said = str(error)
+            self._sentence = str(error)
             return False
         two_sigma = 2.0 * float(estimate.sigma[0])
         mass, reach = format_measured(float(estimate.reported[0]), two_sigma)
-        self._said = f"{new.periods} periods: {mass} ± {reach} kg"
+        self._sentence = f"{new.periods} periods: {mass} ± {reach} kg"
         return self._goal_kg is not None and two_sigma <= self._goal_kg
 
     def sentences(self) -> list[str]:
-        """Say for the report what the mass was."""
-        return [self._said] if self._said else []
+        """Return a sentence on the last estimate of the mass, for the report."""
+        return [self._sentence] if self._sentence else []
 
     def line(self) -> str:
-        """Say what the mass is so far."""
-        return "mass not followed" if self._only_in_time else self._said
+        """Return a status line with the present estimate of the mass."""
+        return "mass not estimated during the run" if self._time_domain_effects else self._sentence
 
-    def _runs(self, average: PeriodAverage) -> PeriodicRuns:
+    def _runs_with(self, average: PeriodAverage) -> PeriodicRuns:
         new = periodic_runs((average,), (True,), self._payload_request)
         if self._before is None:
             return new

@@ -1,4 +1,4 @@
-"""What several operations on payloads have: a field, and the payload that two of them identify."""
+"""A request field and a result that several operations on payloads share."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 PayloadFile = Annotated[
     Path,
     Field(
-        description="A payload file; or a session or run that has one: a folder, an id, a label or"
-        " `latest`."
+        description="Payload file; or a session or run with a payload: a folder, an id, a label"
+        " or `latest`."
     ),
     Option(positional=True, metavar="PAYLOAD", file="input"),
 ]
@@ -30,15 +30,16 @@ PayloadFile = Annotated[
 
 @dataclass(frozen=True)
 class IdentifiedPayload:
-    """A payload that was identified, and where it is.
+    """A payload that was identified, and its files.
 
     Attributes:
         section: The payload.
-        verdict: Whether it is as certain as was asked for.
-        file, report: Where payload and report are.
-        fits: True if the residual of every axis kept its limit.
-        notes: What the runs lack.
-        session: The guided session that it is of, if it is of one.
+        verdict: Verdict on the limits of its intervals.
+        file: Path of the payload file.
+        report: Path of the report.
+        fits: True if the residual of every axis is within its limit.
+        notes: Defects of the runs' data.
+        session: File of the guided session; None without a session.
     """
 
     section: PayloadSection
@@ -51,7 +52,7 @@ class IdentifiedPayload:
 
     @property
     def exit_code(self) -> int:
-        """1 if an interval is larger than its limit, 6 if a torque is not explained."""
+        """Exit code 1 if an interval is too large, 6 if the torque of an axis is not explained."""
         from rid_daq.terminal.exit_codes import ExitCode
 
         if self.verdict.passed:
@@ -59,7 +60,7 @@ class IdentifiedPayload:
         return ExitCode.VERDICT_FAILED if self.fits else ExitCode.DATA_QUALITY
 
     def document(self) -> dict[str, object]:
-        """Return the payload, its verdict, and the files; of a session also what was done."""
+        """Return payload, verdict and files; for a session also its completed steps."""
         found: dict[str, object] = {
             "file": str(self.file),
             "payload": self.section,

@@ -1,1 +1,1 @@
-"""Operations on run folders."""
+"""Operations on run folders: list and verify runs, recover damaged recordings."""

@@ -1,4 +1,4 @@
-"""`recover`: write the readable part of a damaged recording as a new one."""
+"""`recover`: write the readable part of a damaged recording as a new recording."""
 
 from __future__ import annotations
 
@@ -21,25 +21,27 @@ if TYPE_CHECKING:
 
 
 class RecoverRequest(Request):
-    """Write the readable part of a damaged recording as a new one; the old one is not changed.
+    """Write the readable part of a damaged recording as a new recording.
 
-    Only blocks with a correct checksum are copied, so no number in the new recording is wrong.
+    The old one is not changed.
+
+    Only blocks with a correct checksum are copied, so all numbers in the new recording are correct.
     Every row that is known to be lost is reported. A run becomes a new run folder that all commands
-    read. The exit code is 0 if no row is known to be lost, 1 if some are, and 7 if nothing is
-    readable.
+    can read. The exit code is 0 if no row is known to be lost, 1 if some are lost, and 7 if nothing
+    is readable.
     """
 
     what: Annotated[
         str,
-        Field(description="A recording (.mcap), or a run folder, its id or its label."),
+        Field(description="Recording (.mcap), or a run: its folder, id or label."),
         Option(positional=True, metavar="FILE|RUN", file="input"),
     ]
     runs: RunsFolder = DEFAULT_RUNS
     output: Annotated[
         Path | None,
         Field(
-            description="Of a file: the file to write. Of a run: the folder for the new run folder."
-            " Beside the old one if not set."
+            description="For a file: the file to write; for a run: the folder in which the new"
+            " run folder is made. If not set, next to the old one."
         ),
         Option(short="o", metavar="PATH", group=FILES, file="output"),
     ] = None
@@ -50,7 +52,7 @@ class RecoverResult:
     """A recording or a run that was recovered.
 
     Attributes:
-        recovery: What was kept and what is lost.
+        recovery: The copied and the lost rows.
         is_run: True for a run folder, False for a file.
     """
 
@@ -59,25 +61,25 @@ class RecoverResult:
 
     @property
     def exit_code(self) -> int:
-        """1 if rows are known to be lost."""
+        """Exit code 1 if rows are known to be lost."""
         from rid_daq.terminal.exit_codes import ExitCode
 
         return ExitCode.VERDICT_FAILED if self.recovery.lost_rows else ExitCode.DONE
 
     def document(self) -> dict[str, object]:
-        """Return the numbers."""
+        """Return the copied and lost rows as numbers."""
         recovery = self.recovery
         return {
             "source": str(recovery.source),
             "recovered": None if recovery.target is None else str(recovery.target),
             "rows_lost": recovery.lost_rows,
             "seconds_lost": recovery.lost_s,
-            "recordings": {name: _entry(each) for name, each in recovery.repairs.items()},
+            "recordings": {name: _repair_document(each) for name, each in recovery.repairs.items()},
             "notes": list(recovery.notes),
         }
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield what was kept of each recording, notes, the verdict and the next command."""
+        """Yield the copied rows of each recording, notes, the verdict and the next command."""
         from acquisition.runs.manifest import RECORDING
 
         recovery = self.recovery
@@ -86,7 +88,7 @@ class RecoverResult:
                 yield Text(text=f"{name}: {sentence}" if number == 0 else f"  {sentence}")
         yield from note_blocks(recovery.notes)
         if recovery.target is None:
-            text = f"{recovery.source}: is whole; there is nothing to recover"
+            text = f"{recovery.source} is undamaged; there is nothing to recover"
             yield Verdict(passed=True, text=text)
             return
         yield Verdict(passed=not recovery.lost_rows, text=f"Recovered: {recovery.target}")
@@ -116,7 +118,7 @@ def _run_folder(runs: Path, what: str) -> Path:
         if what not in ("", ".", "..") and path.is_dir():
             return path
     if Path(what).suffix == ".mcap":
-        raise RecordingError(f"{what}: no such file", code="RID-FILE-UNKNOWN")
+        raise RecordingError(f"{what}: there is no such file", code="RID-FILE-UNKNOWN")
     try:
         return find_run(runs, what).path
     except ConfigError as error:
@@ -125,7 +127,7 @@ def _run_folder(runs: Path, what: str) -> Path:
         ) from error
 
 
-def _entry(repair: Repair) -> dict[str, object]:
+def _repair_document(repair: Repair) -> dict[str, object]:
     return {
         "rows": repair.kept_rows,
         "seconds": repair.kept_s,

@@ -1,4 +1,4 @@
-"""Recovering a run: a new run folder with everything of the old one that can be trusted."""
+"""Recover a run: a new run folder with all data of the old one that are verified."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from rid_daq.session.versions import software_versions
 LARGEST_FILE_BYTES = 1_000_000_000
 _JOURNAL = ".mcap"
 _RESULTS = (".json", ".html")
-_FACTS = ("robot", "simulated_flange", "why")  # the others are results
+_FACTS = ("robot", "simulated_flange", "why")  # all other facts are results
 
 
 @dataclass(frozen=True)
 class Recovery:
-    """What became of a recording or a run.
+    """Result of recovering a recording or a run.
 
     Attributes:
-        source: The old one; it is as it was.
-        target: The new one; None where nothing was wrong with the old one.
-        repairs: What was kept of each journal.
-        notes: What else a person should know, one sentence each.
-        rows_gone: Rows of journals that are missing, or not readable at all.
+        source: The old recording or run; it is unchanged.
+        target: The new recording or run; None if the old one was undamaged.
+        repairs: Copied and lost rows of each journal.
+        notes: Sentences about files that were left out, changed or missing.
+        rows_gone: Number of rows of journals that are missing, or completely unreadable.
     """
 
     source: Path
@@ -45,21 +45,21 @@ class Recovery:
 
     @property
     def lost_rows(self) -> int:
-        """Rows known to be missing, of all journals."""
+        """Number of rows known to be missing, of all journals."""
         return self.rows_gone + sum(repair.lost_rows for repair in self.repairs.values())
 
     @property
     def lost_s(self) -> float:
-        """The longest time that a journal is known to lack [s]."""
+        """Longest time that is known to be missing in a journal [s]."""
         return max((repair.lost_s for repair in self.repairs.values()), default=0.0)
 
 
 def recover_file(source: Path, target: Path) -> Recovery:
-    """Write what is readable of one journal as a new file.
+    """Write the readable part of one journal as a new file.
 
     Raises:
         LockedError: The journal is still being written.
-        RecordingError: It holds nothing readable, or the new file cannot be written.
+        RecordingError: The journal contains nothing readable, or the new file cannot be written.
     """
     _refuse_open(source)
     repair = examine_journal(source)
@@ -73,7 +73,9 @@ def recover_file(source: Path, target: Path) -> Recovery:
     try:
         temporary.unlink(missing_ok=True)
         repair = repair_journal(source, temporary)
-        os.link(temporary, target)  # never replaces, whoever else writes here
+        os.link(
+            temporary, target
+        )  # os.link never replaces a file that another program has made meanwhile
     except OSError as error:
         raise RecordingError(
             f"{target}: cannot be written: {error.strerror}", code="RID-FILE-WRITE"
@@ -84,21 +86,22 @@ def recover_file(source: Path, target: Path) -> Recovery:
 
 
 def recover_run(source: Path, root: Path) -> Recovery:
-    """Make a new run folder under `root` with what can be trusted of an old one.
+    """Make a new run folder under `root` with the verified data of an old one.
 
-    Journals are written again from their checksums; rows that the manifest knows of and that are
-    not there count as lost. Other files are copied where the manifest's SHA-256 vouches for them; a
-    file that differs from it is left out, and only the original will be taken in its place. Results
-    are not copied: they rest on rows that may be lost.
+    Journals are written again from their blocks with correct checksums. Rows that the manifest
+    counts and the journal lacks are reported as lost. Other files are copied if their SHA-256
+    agrees with the manifest. A file that differs is left out; the new folder accepts only the
+    original in its place. Results are not copied, because they were computed from rows that may be
+    lost.
 
     Raises:
         LockedError: The run is still being recorded.
-        RecordingError: Nothing of it is readable, a recording belongs to another run, or the new
-            one cannot be written.
+        RecordingError: The run contains nothing readable, a recording belongs to another run, or
+            the new folder cannot be written.
     """
     source = source.resolve()
-    names, notes = _files(source)
-    manifest, problem = _manifest(source)
+    names, notes = _folder_files(source)
+    manifest, problem = _read_manifest(source)
     notes += problem
     journals = [name for name in names if name.endswith(_JOURNAL)]
     for name in journals:
@@ -106,18 +109,20 @@ def recover_run(source: Path, root: Path) -> Recovery:
     readable = {}
     for name in journals:
         try:
-            readable[name] = examine_journal(source / name, _rows(manifest, name))
+            readable[name] = examine_journal(source / name, _expected_rows(manifest, name))
         except RecordingError as error:
             notes.append(str(error))
-    _refuse_foreign(source, manifest, readable)
+    _refuse_other_runs(source, manifest, readable)
     if not readable:
         raise RecordingError(
-            "; ".join(notes) or f"{source}: no recording ({_JOURNAL}) in it, nothing to recover",
+            "; ".join(notes)
+            or f"{source}: the folder contains no recording ({_JOURNAL}), so"
+            " there is nothing to recover",
             code="RID-RECORDING-EMPTY",
         )
     others = [n for n in names if n not in journals and not _is_result(n)]
-    kept, left_out = _trusted(source, others, manifest)
-    notes += left_out + _changed(source, readable, manifest)
+    kept, left_out = _verified_files(source, others, manifest)
+    notes += left_out + _changed_journals(source, readable, manifest)
     whole = all(repair.whole for repair in readable.values()) and not notes
     if (
         whole
@@ -134,19 +139,21 @@ def recover_run(source: Path, root: Path) -> Recovery:
     with unfinished(folder):
         known_files = () if manifest is None else manifest.files
         gone = [n for n in known_files if n.endswith(_JOURNAL) and n not in readable]
-        rows_gone = sum(_rows(manifest, name) or 0 for name in gone)
+        rows_gone = sum(_expected_rows(manifest, name) or 0 for name in gone)
         recovery = Recovery(source, folder.path, {}, tuple(notes), rows_gone)
-        recovery = _fill(folder, recovery, kept, {n: _rows(manifest, n) for n in readable})
+        recovery = _copy_files(
+            folder, recovery, kept, {n: _expected_rows(manifest, n) for n in readable}
+        )
         known = {} if manifest is None else manifest.facts
         facts: dict[str, JsonValue] = {name: known[name] for name in _FACTS if name in known}
         was = source.name if manifest is None else manifest.run_id
         rows = max(repair.kept_rows for repair in recovery.repairs.values())
         facts |= {"recovered_from": was, "rows": rows, "rows_lost": recovery.lost_rows}
-        folder.finish(RunStatus.RECOVERED, facts, _missing(manifest, kept, journals))
+        folder.finish(RunStatus.RECOVERED, facts, _missing_entries(manifest, kept, journals))
     return recovery
 
 
-def _fill(
+def _copy_files(
     folder: RunFolder, recovery: Recovery, kept: list[str], written: dict[str, int | None]
 ) -> Recovery:
     repairs = {}
@@ -163,8 +170,8 @@ def _is_result(name: str) -> bool:
     return name.endswith(_RESULTS) and name not in READ
 
 
-def _rows(manifest: Manifest | None, name: str) -> int | None:
-    """Return how many rows a journal held when its run ended, where the manifest says it."""
+def _expected_rows(manifest: Manifest | None, name: str) -> int | None:
+    """Return the number of rows of a journal when its run ended; None if the manifest lacks it."""
     if manifest is None:
         return None
     entry = manifest.files.get(name)
@@ -174,11 +181,13 @@ def _rows(manifest: Manifest | None, name: str) -> int | None:
     return rows if name == RECORDING and isinstance(rows, int) else None
 
 
-def _refuse_foreign(source: Path, manifest: Manifest | None, readable: dict[str, Repair]) -> None:
-    """Refuse a folder whose recordings are not all of its own run.
+def _refuse_other_runs(
+    source: Path, manifest: Manifest | None, readable: dict[str, Repair]
+) -> None:
+    """Refuse a folder with recordings of several runs.
 
     Raises:
-        RecordingError: One is not; the message says whose it is.
+        RecordingError: A recording belongs to another run; the text names that run.
     """
     own = {r.run_id for r in readable.values()} if manifest is None else {manifest.run_id}
     own -= {""}
@@ -186,27 +195,29 @@ def _refuse_foreign(source: Path, manifest: Manifest | None, readable: dict[str,
         if "/" not in name and repair.run_id and (own - {repair.run_id}):
             raise RecordingError(
                 f"{source / name}: belongs to run {repair.run_id}, not to"
-                f" {', '.join(sorted(own - {repair.run_id}))}: take it out of the folder, put the"
-                " original back, then recover the run; or recover that file alone",
+                f" {', '.join(sorted(own - {repair.run_id}))}: remove it from the folder, restore"
+                " the original, then recover the run; or recover this file alone",
                 code="RID-RUN-MIXED",
             )
 
 
-def _changed(source: Path, readable: dict[str, Repair], manifest: Manifest | None) -> list[str]:
-    """Return which journals without any damage are not those that the run ended with."""
+def _changed_journals(
+    source: Path, readable: dict[str, Repair], manifest: Manifest | None
+) -> list[str]:
+    """Return notes on undamaged journals that differ from the manifest."""
     entries = {} if manifest is None else manifest.files
     folder = RunFolder(source, "")
     return [
-        f"{name}: is not what was written (its SHA-256 differs), though every block is right"
+        f"{name}: its SHA-256 differs from the manifest, although all blocks are correct"
         for name, repair in readable.items()
         if repair.whole and name in entries and not folder.is_unchanged(name, entries[name])
     ]
 
 
-def _missing(
+def _missing_entries(
     manifest: Manifest | None, kept: list[str], journals: list[str]
 ) -> dict[str, FileEntry]:
-    """Return the entries of files that the new folder lacks, so that only originals fit."""
+    """Return the manifest entries of missing files; only their originals are accepted later."""
     files = {} if manifest is None else manifest.files
     return {
         name: entry
@@ -223,15 +234,17 @@ def _refuse_open(path: Path) -> None:
         )
 
 
-def _manifest(source: Path) -> tuple[Manifest | None, list[str]]:
+def _read_manifest(source: Path) -> tuple[Manifest | None, list[str]]:
     try:
         return RunFolder(source, "").manifest(), []
     except RidDaqError as error:
-        return None, [f"{error}; label and kind are lost, and nothing vouches for the other files"]
+        return None, [
+            f"{error}; label and kind of the run are lost, and the other files cannot be verified"
+        ]
 
 
-def _files(source: Path) -> tuple[list[str], list[str]]:
-    """Return the names of a folder's files, and what of it is not taken."""
+def _folder_files(source: Path) -> tuple[list[str], list[str]]:
+    """Return the names of a folder's files, and notes on entries that are left out."""
     names, notes = [], []
     probe = RunFolder(source, "")
     for folder, folders, files in os.walk(source, followlinks=False):
@@ -248,14 +261,14 @@ def _files(source: Path) -> tuple[list[str], list[str]]:
             if path.is_file():
                 names.append(relative)
             elif not path.is_dir():
-                notes.append(f"left out: {path}: is no file")
+                notes.append(f"left out: {path}: is not a regular file")
     return sorted(names), notes
 
 
-def _trusted(
+def _verified_files(
     source: Path, names: list[str], manifest: Manifest | None
 ) -> tuple[list[str], list[str]]:
-    """Return which files can be copied, and why others are not or should be looked at."""
+    """Return the files to copy, and notes on files that are left out or not verified."""
     kept, notes = [], []
     for name in names:
         path = source / name
@@ -268,15 +281,17 @@ def _trusted(
         entry = None if manifest is None else manifest.files.get(name)
         if entry is not None and entry.sha256 != digest:
             notes.append(
-                f"left out: {name}: is not what was written (its SHA-256 differs): put"
-                " the original into the new folder"
+                f"left out: {name}: its SHA-256 differs from the manifest: put the original into"
+                " the new folder"
             )
             continue
         if manifest is not None and entry is None and manifest.finished_utc and name in READ:
-            notes.append(f"left out: {name}: was put into the folder after the run had ended")
+            notes.append(f"left out: {name}: it was added to the folder after the run had ended")
             continue
         if manifest is not None and entry is None:
-            notes.append(f"{name}: copied, although no manifest vouches for it")
+            notes.append(
+                f"{name}: copied, but the manifest does not list it, so it is not verified"
+            )
         kept.append(name)
     expected = () if manifest is None else sorted(manifest.files)
     missing = [n for n in expected if n not in names and not _is_result(n)]

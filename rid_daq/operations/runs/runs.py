@@ -19,7 +19,7 @@ class RunsRequest(Request):
     """List the runs, oldest first; with --verify, check that no file was changed.
 
     Files that do not belong to a run are named; they are not a problem. With --verify, the exit
-    code is 7 if a file was changed or is gone.
+    code is 7 if a file was changed or is missing.
     """
 
     verify: Annotated[bool, Field(description="Compare every file with the run's manifest.")] = (
@@ -30,7 +30,7 @@ class RunsRequest(Request):
 
 @dataclass(frozen=True)
 class ListedRun:
-    """A run of the list; `problems` and `strays` are None if its files were not compared."""
+    """Run of the list; `problems` and `strays` are None if its files were not compared."""
 
     run: str
     label: str
@@ -43,13 +43,13 @@ class ListedRun:
     strays: list[str] | None
 
     def document(self) -> dict[str, object]:
-        """Return its fields; without problems and strays if its files were not compared."""
+        """Return the fields; without `problems` and `strays` if the files were not compared."""
         return {name: value for name, value in vars(self).items() if value is not None}
 
 
 @dataclass(frozen=True)
 class RunsResult:
-    """The runs of a folder.
+    """Runs of a folder.
 
     Attributes:
         listed: The runs, oldest first.
@@ -62,13 +62,13 @@ class RunsResult:
 
     @property
     def problems(self) -> tuple[tuple[str, str], ...]:
-        """Run and problem of every file that was changed or is gone."""
+        """Run and problem of every file that was changed or is missing."""
         found = tuple((each.run, text) for each in self.listed for text in each.problems or ())
         return found + self.damaged if self.request.verify else ()
 
     @property
     def failure(self) -> RecordingError | None:
-        """The problems; None if there are none."""
+        """Error with all problems; None without problems."""
         if not self.problems:
             return None
         lines = "\n".join(f"  {run}: {problem}" for run, problem in self.problems)
@@ -77,13 +77,13 @@ class RunsResult:
 
     @property
     def exit_code(self) -> int:
-        """7 if a file was changed or is gone."""
+        """Exit code 7 if a file was changed or is missing."""
         from rid_daq.terminal.exit_codes import ExitCode
 
         return ExitCode.STORAGE if self.problems else ExitCode.DONE
 
     def document(self) -> dict[str, object]:
-        """Return the runs, and the problems of damaged ones."""
+        """Return the runs, and the problems of damaged runs."""
         return {
             "runs": [each.document() for each in self.listed],
             "damaged": [problem for _, problem in self.damaged],
@@ -94,16 +94,16 @@ class RunsResult:
         if self.listed:
             yield self._table()
         elif not self.damaged:
-            hint = "`rid-daq demo` or `rid-daq record` make some."
-            yield Text(text=f"{self.request.runs}: no runs yet. {hint}")
+            hint = "`rid-daq demo` and `rid-daq record` make runs."
+            yield Text(text=f"{self.request.runs}: the folder contains no runs yet. {hint}")
         for each in self.listed:
             if each.strays:
                 names = ", ".join(each.strays)
-                yield Text(text=f"note: {each.run}: not of the run, and left alone: {names}")
+                yield Text(text=f"note: {each.run}: files that do not belong to the run: {names}")
         if self.request.verify:
             count = len(self.listed) + len(self.damaged)
             whole = count - len({run for run, _ in self.problems})
-            text = f"Whole, as they were written: {whole} of {count} runs."
+            text = f"Unchanged runs: {whole} of {count}."
             yield Verdict(passed=not self.problems, text=text)
             return
         for _, problem in self.damaged:
@@ -118,7 +118,7 @@ class RunsResult:
             Cells("status", lambda run: run.status),
             Cells("label", lambda run: run.label),
             Cells(
-                "more",
+                "facts",
                 lambda run: ", ".join(f"{name} {value}" for name, value in run.facts.items()),
                 is_optional=True,
             ),
@@ -127,7 +127,7 @@ class RunsResult:
 
 
 def run(request: RunsRequest, _context: Context) -> RunsResult:
-    """List the runs, and compare their files if asked."""
+    """List the runs, and compare their files if requested."""
     from acquisition.runs.catalogue import list_damaged_runs, list_runs
 
     listed = tuple(
@@ -149,7 +149,7 @@ def run(request: RunsRequest, _context: Context) -> RunsResult:
     )
     if request.verify and not listed and not damaged:
         raise ConfigError(
-            f"{request.runs}: there are no runs, so nothing can be verified",
+            f"{request.runs}: the folder contains no runs, so nothing can be verified",
             code="RID-RUN-UNKNOWN",
         )
     return RunsResult(request, listed, damaged)

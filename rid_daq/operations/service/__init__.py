@@ -1,1 +1,1 @@
-"""Operations on the service of this computer."""
+"""Operations on the service of this computer: start it, make a token."""

@@ -1,4 +1,4 @@
-"""`serve`: cells as a service, with a workbench in the browser."""
+"""`serve`: serve cells to browsers and programs, with the workbench."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 from pydantic import Field
 
 from rid_daq.blocks.block import Text
-from rid_daq.operations.ended import EndResult
+from rid_daq.operations.end_result import EndResult
 from rid_daq.operations.operation import Context, Operation, OperationResult
 from rid_daq.requests.option import Option
 from rid_daq.requests.request import Request
@@ -21,38 +21,38 @@ if TYPE_CHECKING:
 
 
 class ServeRequest(Request):
-    """Serve cells: state, jobs and runs to browsers and programs, until Ctrl-C or SIGTERM.
+    """Serve cells to browsers and programs until Ctrl-C or SIGTERM: state, jobs and runs.
 
-    Jobs run in processes of their own; a stop needs no living service (`rid-daq stop`). At the end
-    all motion is stopped and the drives are switched off. Only this computer is served unless
-    --listen and --certificate say otherwise; new devices are let in by a code that a person
+    Jobs run in their own processes; `rid-daq stop` works even if the service has died. At the end
+    all motion is stopped and the drives are switched off. Only this computer can connect unless
+    --listen and --certificate are given; a new device gets access with a code that a person
     confirms.
     """
 
     cells: Annotated[
         tuple[str, ...],
-        Field(min_length=1, description="Bundled names or cell files."),
+        Field(min_length=1, description="Cells to serve: bundled names or cell files."),
         Option(positional=True, metavar="CELL..."),
     ]
     folder: Annotated[
         Path,
         Field(
-            description="Folder of runs, motions and models, in which the service keeps its jobs"
-            " (default: the current one)."
+            description="Folder of runs, motions, models and the service's jobs (default: the"
+            " current folder)."
         ),
         Option(metavar="DIR"),
     ] = Path()
     listen: Annotated[
         str,
         Field(
-            description="Address of the pages; one that other machines can reach needs"
-            " --certificate."
+            description="Address of the workbench; an address that other computers can reach"
+            " needs --certificate."
         ),
         Option(metavar="ADDRESS:PORT"),
     ] = DEFAULT_LISTEN
     certificate: Annotated[
         Path | None,
-        Field(description="Certificate and key (PEM): pages by TLS."),
+        Field(description="Certificate and key (PEM) to serve the workbench by TLS."),
         Option(metavar="FILE"),
     ] = None
     pace: Annotated[
@@ -63,14 +63,13 @@ class ServeRequest(Request):
     install: Annotated[
         bool,
         Field(
-            description="Write a systemd unit that serves this at every start of the computer, and"
-            " end."
+            description="Write a systemd unit that starts this service with the computer, and end."
         ),
     ] = False
 
     @property
     def arguments(self) -> list[str]:
-        """The words behind `rid-daq serve` that serve the same from any folder."""
+        """Arguments of `rid-daq serve` that start the same service from any folder."""
         cells = [str(Path(cell).resolve()) if Path(cell).is_file() else cell for cell in self.cells]
         words = [*cells, "--folder", str(self.folder.resolve()), "--listen", self.listen]
         words += ["--pace", f"{self.pace:g}"]
@@ -89,23 +88,23 @@ class UnitWritten:
     exit_code: int = 0
 
     def document(self) -> dict[str, object]:
-        """Return the unit and the command."""
+        """Return the path of the systemd unit and the command that starts it."""
         return {"unit": str(self.unit), "next": self.next}
 
     def blocks(self) -> Iterator[Text]:
-        """Yield the unit and the command."""
+        """Yield the path of the systemd unit and the command that starts it."""
         yield Text(text=f"Wrote {self.unit}")
         yield Text(text=f"Next: {self.next}")
 
 
 @dataclass(frozen=True)
 class ServiceReady:
-    """A service that serves.
+    """A running service.
 
     Attributes:
         url: Address of its workbench.
-        socket: Its socket for programs of this computer.
-        cells: What it serves.
+        socket: Socket for programs of this computer.
+        cells: Cells that are served.
     """
 
     url: str
@@ -121,7 +120,8 @@ class ServiceReady:
         """Yield the address of the workbench."""
         yield Text(text=f"Workbench: {self.url}")
         yield Text(
-            text="Its stop button is software, not an emergency stop. Ctrl-C ends the service."
+            text="The stop button of the workbench is software, not an emergency stop. Ctrl-C"
+            " ends the service."
         )
 
 
@@ -138,7 +138,7 @@ def run(request: ServeRequest, context: Context) -> OperationResult:
     if request.install:
         return UnitWritten(unit.path, unit.install())
     log_to_stderr()
-    _keep_current(unit)
+    _update_unit(unit)
 
     def ready(link: str, address: Path) -> None:
         begun = ServiceReady(link, address, request.cells)
@@ -148,11 +148,14 @@ def run(request: ServeRequest, context: Context) -> OperationResult:
     return EndResult()
 
 
-def _keep_current(unit: SystemdUnit) -> None:
+def _update_unit(unit: SystemdUnit) -> None:
     from rid_daq.service.logs import LOG
 
     if unit.keep_current():
-        LOG.warning("wrote %s anew; run systemctl daemon-reload", unit.path)
+        LOG.warning(
+            "%s was written again because it was out of date; run systemctl daemon-reload",
+            unit.path,
+        )
 
 
 OPERATION: Final = Operation(

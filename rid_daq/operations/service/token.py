@@ -1,4 +1,4 @@
-"""`token`: let a program or a device in to a service of this computer."""
+"""`token`: make a token for a program or device that uses a service of this computer."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from rid_daq.requests.request import Request
 
 
 class TokenRequest(Request):
-    """Make a token for a service of yours that runs on this computer.
+    """Make a token for a service that you run on this computer.
 
-    Without --code the token is printed, once: a program shows it (RID_DAQ_TOKEN). With --code the
-    device that shows the code is let in. No token is needed for this: the owner of the service's
-    folder can replace a lost administrator token.
+    Without --code the token is printed once; a program sends it as RID_DAQ_TOKEN. With --code, the
+    device that shows the code gets access. This command itself needs no token, so the owner of the
+    service's folder can replace a lost administrator token.
     """
 
     name: Annotated[
         str,
-        Field(description="Name in the list of tokens and in the log."),
+        Field(description="Name of the program or device, for the list of tokens and the log."),
         Option(positional=True),
     ]
     role: Annotated[Literal["viewer", "operator", "administrator"], Field(description="Role.")] = (
@@ -34,22 +34,25 @@ class TokenRequest(Request):
     )
     code: Annotated[
         str | None,
-        Field(description="Let in the device that shows this code (default: a program)."),
+        Field(
+            description="Give access to the device that shows this code (default: make a token"
+            " for a program)."
+        ),
         Option(metavar="DIGITS"),
     ] = None
     folder: Annotated[
         Path,
-        Field(description="Folder of the service (default: the current one)."),
+        Field(description="Folder of the service (default: the current folder)."),
         Option(metavar="DIR"),
     ] = Path()
 
 
 @dataclass(frozen=True)
 class TokenResult:
-    """A program or device that is let in.
+    """A program or device that got access.
 
     Attributes:
-        secret: The token of a program; None for a device.
+        secret: Token of a program; None for a device.
     """
 
     request: TokenRequest
@@ -57,31 +60,31 @@ class TokenResult:
     exit_code: int = 0
 
     def document(self) -> dict[str, object]:
-        """Return name and role, and the token if there is one."""
+        """Return name and role, and the token of a program."""
         asked = self.request
         told: dict[str, object] = {"name": asked.name, "role": asked.role}
         return told if self.secret is None else {**told, "token": self.secret}
 
     def blocks(self) -> Iterator[Text]:
-        """Yield the token, or that the device is let in."""
+        """Yield the token, or a sentence that the device has access."""
         asked = self.request
         if self.secret is None:
-            yield Text(text=f"{asked.name} is let in as {asked.role}.")
+            yield Text(text=f"{asked.name} has access as {asked.role}.")
             return
-        yield Text(text=f"Token of {asked.name}, {asked.role}; it is shown only this once:")
+        yield Text(text=f"Token of {asked.name}, {asked.role}; it is shown only once:")
         yield Text(text=self.secret)
 
 
 def run(request: TokenRequest, _context: Context) -> TokenResult:
-    """Ask the service for a token, or confirm the code of a device."""
+    """Request a token from the service, or confirm the code of a device."""
     from rid_daq.service.client import ServiceClient
     from rid_daq.service.sockets import socket_of
 
     socket = socket_of(request.folder)
     if not socket.is_socket():
         raise ConfigError(
-            f"{request.folder.resolve()}: no service of yours runs in this folder; give its"
-            " --folder, or start it: `rid-daq serve`",
+            f"{request.folder.resolve()}: you run no service in this folder; give its --folder,"
+            " or start it with `rid-daq serve`",
             code="RID-TOKEN-NO-SERVICE",
         )
     wanted = {"name": request.name, "role": request.role}
@@ -96,7 +99,7 @@ def run(request: TokenRequest, _context: Context) -> TokenResult:
 
 OPERATION: Final = Operation(
     name="token",
-    label="Let a program in",
+    label="Give a program access",
     request=TokenRequest,
     run=run,
     examples=("token plotter --role viewer", "token tablet --code 123456 --folder lab"),

@@ -1,4 +1,4 @@
-"""`demo`: the whole story on the bundled simulated cell, with a report, no hardware."""
+"""`demo`: demonstration of all steps on the bundled simulated cell, with a report; no hardware."""
 
 from __future__ import annotations
 
@@ -21,24 +21,26 @@ if TYPE_CHECKING:
 
 
 class DemoRequest(Request):
-    """Run the whole story on the bundled simulated cell; no hardware is needed or moved.
+    """Demonstrate all steps on the bundled simulated cell; no hardware is needed or moved.
 
-    Design an excitation, record it, record a validation motion, average, identify, validate and
-    report. It is done twice side by side: on a robot with effects that no model has, and on one
-    without, where the true parameters must lie inside their intervals. The first then measures its
-    velocity loops and drives a circle and a path, before and after pre-compensation; and a
-    pick-and-place path, before and after it is timed to the limits of torques and base.
+    The demo designs an excitation, records it, records a validation motion, averages, identifies,
+    validates and reports. This is done twice side by side: on a robot with effects that no model
+    contains, and on a robot without such effects, whose true parameters must be inside their
+    intervals. The first robot then measures its velocity loops and drives a circle and a path,
+    before and after pre-compensation. It also drives a pick-and-place path, before and after it is
+    retimed to the limits of torques and base.
     """
 
     seed: Annotated[
         Seed,
-        Field(description="Random seed of motions and noise; it decides every number."),
+        Field(description="Random seed of motions and noise; it determines all numbers."),
     ] = 1
     periods: Annotated[
-        Periods, Field(description=f"Periods of {DEMO_PERIOD_S:g} s to measure.")
+        Periods, Field(description=f"Number of periods of {DEMO_PERIOD_S:g} s to measure.")
     ] = 16
     points: Annotated[
-        int, Field(ge=2, le=100_000, description="Random points of the validation motion.")
+        int,
+        Field(ge=2, le=100_000, description="Number of random points of the validation motion."),
     ] = 20
     paths: Annotated[
         bool,
@@ -50,17 +52,17 @@ class DemoRequest(Request):
 
 @dataclass(frozen=True)
 class DemoResult:
-    """The demo's result and report.
+    """Result and report of the demo.
 
     Attributes:
-        done: What the demo made.
+        done: Result of the demo and its files.
     """
 
     done: Demo
 
     @property
     def exit_code(self) -> int:
-        """1 if a number is outside of its limit."""
+        """Exit code 1 if a number is outside its limit."""
         from rid_daq.terminal.exit_codes import ExitCode
 
         return ExitCode.DONE if self.done.result.verdict.passed else ExitCode.VERDICT_FAILED
@@ -72,7 +74,7 @@ class DemoResult:
         return {**document, "folder": str(folder), "report": str(report)}
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield the errors of the validation, a sentence per chapter, the verdict, the report."""
+        """Yield validation errors, a sentence per chapter, the verdict, and the report's path."""
         result, judged = self.done.result, self.done.result.verdict
         yield Text(text="")
         if result.validation is not None:
@@ -90,11 +92,11 @@ class DemoResult:
         if driven is not None:
             yield Text(text=driven.words)
         if result.timing is not None and result.timing.elapsed_s is not None:
-            yield Text(text=f"Took {result.timing.elapsed_s:.1f} s.")
+            yield Text(text=f"Duration: {result.timing.elapsed_s:.1f} s.")
         yield Verdict(passed=judged.passed, text=judged.headline)
         yield Text(text=f"Report: {self.done.report}")
         if judged.passed:
-            yield Next(words=("docs", "first-hour"), lead="Next, the same step by step")
+            yield Next(words=("docs", "first-hour"), lead="Next: the same steps one by one")
 
 
 def _validation(section: ValidationSection) -> Table:

@@ -27,8 +27,8 @@ class DocsRequest(Request):
     topic: Annotated[
         str | None,
         Field(
-            description="Page to open, such as `payload`, `faults` or the number of a decision, or"
-            " the code of a message, such as RID-FILE-READ (default: the start page)."
+            description="Page to open, such as `payload`, `faults` or the number of a decision;"
+            " or an error code, such as RID-FILE-READ (default: the start page)."
         ),
         Option(positional=True, metavar="[TOPIC]"),
     ] = None
@@ -44,7 +44,7 @@ class DocsResult:
     """A page of the documentation.
 
     Attributes:
-        is_shown: False if a browser was to show it and none could be opened.
+        is_shown: False if no browser could be opened.
     """
 
     page: Path
@@ -59,7 +59,7 @@ class DocsResult:
         """Yield the address of the page."""
         yield Text(text=self.page.as_uri())
         if not self.is_shown:
-            yield Text(text="No browser could be opened; open this address in one.")
+            yield Text(text="No browser could be opened; open this address in a browser.")
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class ExplainedCode:
 
 
 def run(request: DocsRequest, context: Context) -> DocsResult | ExplainedCode:
-    """Explain a code, or find a page and open it; for programs it is only found."""
+    """Explain a code, or find a page and open it; with --json the page is not opened."""
     if request.topic is not None and request.topic.upper().startswith("RID-"):
         return ExplainedCode(find_code(request.topic))
     page = find_page(SITE, request.topic)
@@ -90,7 +90,7 @@ def run(request: DocsRequest, context: Context) -> DocsResult | ExplainedCode:
 
 
 def find_code(name: str) -> ErrorCode:
-    """Return a declared code; upper and lower case are the same.
+    """Return a declared error code; case is ignored.
 
     Raises:
         ConfigError: No message has this code.
@@ -108,17 +108,17 @@ def find_page(site: Path, topic: str | None) -> Path:
     """Return the page of a topic.
 
     Args:
-        site: The folder of the site.
-        topic: How the page's name begins, or a word of it; None for the start page.
+        site: Folder of the documentation site.
+        topic: Name of the page, or a part of its name; None for the start page.
 
     Raises:
-        ConfigError: There is no site, no such page, or more than one.
+        ConfigError: There is no site or no such page, or several pages match.
     """
     start = site / "index.html"
     if not start.is_file():
         raise ConfigError(
-            "this installation has no documentation: read the folder docs of the repository, or"
-            " make the site with docs/site/build.py",
+            "this installation contains no documentation: read the folder docs of the"
+            " repository, or build the site with docs/site/build.py",
             code="RID-DOCS-PAGE",
         )
     if topic is None:
@@ -135,11 +135,11 @@ def find_page(site: Path, topic: str | None) -> Path:
         return pages[found[0]]
     if not found:
         raise ConfigError(
-            f"no page is called {topic!r}; `rid-daq docs` opens the start page",
+            f"no page has a name with {topic!r}; `rid-daq docs` opens the start page",
             code="RID-DOCS-PAGE",
         )
     raise ConfigError(
-        f"{topic!r} may be {', '.join(found)}; name one of them", code="RID-DOCS-PAGE"
+        f"{topic!r} matches {', '.join(found)}; give one of these names", code="RID-DOCS-PAGE"
     )
 
 

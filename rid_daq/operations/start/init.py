@@ -1,4 +1,4 @@
-"""`init`: write a commented cell, robot and motions to start from."""
+"""`init`: write commented example files: cell, robot and motions."""
 
 from __future__ import annotations
 
@@ -23,19 +23,20 @@ FROM_URDF: Final = "URDF"
 
 
 class InitRequest(Request):
-    """Write a commented cell, robot and two motions to start from.
+    """Write a commented cell, a robot and two motions as a starting point.
 
-    They run as they are, on a simulated cell. Change them towards your own robot. With --urdf the
-    robot, its limits and its links come from that file. --range, --velocity, --acceleration and
-    --effort take one number for all joints, or one per joint with commas between; without them they
-    follow from the robot's size. The cell of a URDF is rehearsed in simulated time: checked, and
-    moved for some seconds, more slowly if the motion is stopped. If it does not run, the exit code
-    is 1.
+    The files can be used unchanged, on a simulated cell. Change them step by step to describe your
+    own robot. With --urdf the robot, its limits and its links come from that file. --range,
+    --velocity, --acceleration and --effort take one number for all joints, or one per joint
+    separated by commas; if they are not set, the values follow from the robot's size.
+
+    The cell of a URDF is rehearsed in simulated time: it is checked and moved for some seconds,
+    with lower speeds if the motion is stopped. The exit code is 1 if the rehearsal fails.
     """
 
     folder: Annotated[
         Path,
-        Field(description="Folder to write to; it may exist already."),
+        Field(description="Folder to write to; it can exist already."),
         Option(positional=True, metavar="DIR"),
     ]
     urdf: Annotated[
@@ -45,17 +46,19 @@ class InitRequest(Request):
     ] = None
     base: Annotated[
         str | None,
-        Field(description="Link of the URDF that does not move."),
+        Field(description="Fixed base link of the arm in the URDF."),
         Option(group=FROM_URDF, metavar="LINK", needs="urdf"),
     ] = None
     tip: Annotated[
         str | None,
-        Field(description="Link of the URDF that is the tool point."),
+        Field(description="Link of the arm's tool point in the URDF."),
         Option(group=FROM_URDF, metavar="LINK", needs="urdf"),
     ] = None
     position: Annotated[
         str | None,
-        Field(description="Range of joints from minus to plus, if the URDF states none."),
+        Field(
+            description="Position limit of the joints, symmetric about 0, if the URDF states none."
+        ),
         Option(group=FROM_URDF, flag="range", metavar="RAD", unit="rad or m", needs="urdf"),
     ] = None
     velocity: Annotated[
@@ -75,21 +78,23 @@ class InitRequest(Request):
     ] = None
     rehearsal: Annotated[
         bool,
-        Field(description="Try the cell of a URDF before it is written."),
+        Field(
+            description="Rehearse the cell of a URDF in simulation before its files are written."
+        ),
         Option(group=FROM_URDF, negatable=True),
     ] = True
 
 
 @dataclass(frozen=True)
 class InitResult:
-    """The files that were written.
+    """Files that were written.
 
     Attributes:
-        folder: Their folder.
-        files: Their names.
+        folder: Folder of the files.
+        files: Names of the files.
         notes: Assumptions about the robot, one sentence each.
-        rehearsed: True if the cell was tried.
-        obstacle: What stopped the rehearsal; empty if nothing did.
+        rehearsed: True if the cell was rehearsed.
+        obstacle: Reason why the rehearsal failed; empty if it passed.
     """
 
     folder: Path
@@ -100,7 +105,7 @@ class InitResult:
 
     @property
     def exit_code(self) -> int:
-        """1 if the rehearsal was stopped."""
+        """Exit code 1 if the rehearsal failed."""
         from rid_daq.terminal.exit_codes import ExitCode
 
         return ExitCode.VERDICT_FAILED if self.obstacle else ExitCode.DONE
@@ -121,24 +126,28 @@ class InitResult:
         for note in self.notes:
             yield Text(text=f"  {note}")
         if self.obstacle:
-            text = f"The simulated cell did not run in its rehearsal: {self.obstacle}"
+            text = f"The rehearsal of the simulated cell failed: {self.obstacle}"
             yield Verdict(passed=False, text=text)
             return
         if self.rehearsed:
-            yield Verdict(passed=True, text="Rehearsed: the simulated cell was checked and moved.")
+            yield Verdict(
+                passed=True, text="Rehearsal passed: the simulated cell was checked and moved."
+            )
         cell, motion = self.folder / "cell.yaml", self.folder / "motion.yaml"
         if "motion.yaml" in self.files:
-            yield Text(text="Next, on the simulated cell that they describe:")
+            yield Text(text="Next, on the simulated cell of these files:")
             yield Text(text=f"  {as_command('check', cell)}")
         else:
-            yield Text(text="Next, after a look at limits and rotors in robot.yaml:")
+            yield Text(text="Next, after you have checked limits and rotors in robot.yaml:")
             yield Text(text=f"  {as_command('design', cell, '-o', motion)}")
         yield Text(text=f"  {as_command('record', cell, motion)}")
 
 
 def run(request: InitRequest, _context: Context) -> InitResult:
-    """Make the files, try a URDF's cell, and write them."""
-    files, made = _starter(request) if request.urdf is None else _of_urdf(request, request.urdf)
+    """Make the files, rehearse the cell of a URDF, and write the files."""
+    files, made = (
+        _starter_files(request) if request.urdf is None else _urdf_files(request, request.urdf)
+    )
     _refuse_present(request.folder, files)
     where = f"{request.folder}: cannot make the folder"
     with system_errors(RecordingError, where, code="RID-FILE-WRITE"):
@@ -148,7 +157,7 @@ def run(request: InitRequest, _context: Context) -> InitResult:
     return made
 
 
-def _starter(request: InitRequest) -> tuple[Mapping[str, str], InitResult]:
+def _starter_files(request: InitRequest) -> tuple[Mapping[str, str], InitResult]:
     """Return the bundled files by name, and the result."""
     folder = resources.files("rid_daq") / "starter"
     names = ("cell.yaml", "robot.yaml", "motion.yaml", "validation.yaml")
@@ -156,8 +165,8 @@ def _starter(request: InitRequest) -> tuple[Mapping[str, str], InitResult]:
     return files, InitResult(request.folder, names)
 
 
-def _of_urdf(request: InitRequest, urdf: Path) -> tuple[Mapping[str, str], InitResult]:
-    """Return the files of a URDF by name, and the result."""
+def _urdf_files(request: InitRequest, urdf: Path) -> tuple[Mapping[str, str], InitResult]:
+    """Return the files for a URDF by name, and the result."""
     from rid_daq.operations.start.urdf_starter import starting_files, starting_robot
 
     robot = starting_robot(request, urdf)
@@ -165,9 +174,9 @@ def _of_urdf(request: InitRequest, urdf: Path) -> tuple[Mapping[str, str], InitR
     if not request.rehearsal:
         files = starting_files(urdf, robot)
         return files, InitResult(request.folder, tuple(files), robot.notes)
-    from rid_daq.operations.start.starter_rehearsal import rehearsed
+    from rid_daq.operations.start.starter_rehearsal import rehearse_cell
 
-    tried = rehearsed(urdf, robot)
+    tried = rehearse_cell(urdf, robot)
     notes, names = tried.made.notes, tuple(tried.files)
     return tried.files, InitResult(request.folder, names, notes, True, tried.obstacle)
 
@@ -176,15 +185,15 @@ def _refuse_present(folder: Path, names: Iterable[str]) -> None:
     present = [name for name in names if (folder / name).exists()]
     if present:
         raise ConfigError(
-            f"{folder}: {', '.join(present)} is already there; nothing was written."
-            " Give another folder, or move the files away.",
+            f"{folder}: {', '.join(present)} exists already; nothing was written. Give another"
+            " folder, or move the files away.",
             code="RID-FILE-EXISTS",
         )
 
 
 OPERATION: Final = Operation(
     name="init",
-    label="Files to start from",
+    label="Write example files",
     request=InitRequest,
     run=run,
     examples=("init my-cell --json", "init arm --urdf arm.urdf --base base_link --tip tool0"),

@@ -1,4 +1,4 @@
-"""A simulated plant for a robot whose links are known: motors and loops are invented."""
+"""Simulated plant for a robot whose links are known; motors and velocity loops are assumed."""
 
 from __future__ import annotations
 
@@ -22,14 +22,15 @@ INCREMENTS_PER_TURN: Final = 2_000_000
 def simulated_plant(
     robot: RobotDescription, motors: Sequence[UrdfMotor] | None = None
 ) -> PlantConfig:
-    """Return the robot's links with motors and velocity loops that can move them in every pose.
+    """Return a plant with the robot's links, and with motors and loops for every pose.
 
-    Gains and rotors are `Workload`'s; rotors are plain armatures. The robot stands at zero, or
-    where its validation motion begins if it may not stand there.
+    Velocity gains and rotors are those of `Workload`, so that the motors can move the links in
+    every pose; rotors are simple armatures. The robot starts at joint position zero. If bodies are
+    too close there, it starts at the first pose of its validation motion.
 
     Args:
         robot: The robot, with its `cad`.
-        motors: Friction that is known; what is not is a share of the torque limit.
+        motors: Known friction of the motors; unknown friction is a share of the torque limit.
 
     Raises:
         ConfigError: The robot has no `cad`.
@@ -50,12 +51,12 @@ def simulated_plant(
         name=robot.name,
         links=tuple(links),
         axes=tuple(
-            _axis(*each)
+            _simulated_axis(*each)
             for each in zip(
                 robot.joints,
                 load.gains(robot).tolist(),
                 load.rotors(robot).tolist(),
-                _standing(robot).tolist(),
+                _initial_pose(robot).tolist(),
                 known,
                 strict=True,
             )
@@ -63,7 +64,7 @@ def simulated_plant(
     )
 
 
-def _axis(
+def _simulated_axis(
     joint: Joint, gain: float, rotor: float, position: float, motor: UrdfMotor | None
 ) -> SimulatedAxis:
     torque, ratio = joint.limits.torque, abs(joint.gear_ratio)
@@ -87,15 +88,15 @@ def _axis(
 
 
 def zero_pose(robot: RobotDescription) -> FloatArray:
-    """Return the pose of zeros, (n,), or of mid-range where zero is outside [rad or m]."""
+    """Return joint position 0, or mid-range for a joint whose range excludes 0, (n,) [rad or m]."""
     limits = [joint.limits for joint in robot.joints]
     ends = np.array([(each.position_min, each.position_max) for each in limits])
     inside = (ends[:, 0] < 0.0) & (ends[:, 1] > 0.0)
     return np.where(inside, 0.0, ends.mean(axis=1))
 
 
-def _standing(robot: RobotDescription) -> FloatArray:
-    """Return where the joints stand at first, (n,)."""
+def _initial_pose(robot: RobotDescription) -> FloatArray:
+    """Return the initial joint positions, (n,) [rad or m]."""
     pose = zero_pose(robot)
     if Clearances.of(robot).is_clear(pose[np.newaxis]):
         return pose

@@ -1,4 +1,4 @@
-"""The rehearsal of a cell that `init --urdf` is about to write: checked, and moved a little."""
+"""Rehearsal for `init --urdf`: check and move the simulated cell before its files are written."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ ITERATIONS: Final = 20
 CHECK_S: Final = 0.5
 TRIES: Final = 3
 SPEED: Final = 0.7
-"""Share of its speeds that a cell is tried with again when its motion was stopped."""
+"""Factor on the speeds for the next try, if the motion was stopped."""
 
 
 @dataclass(frozen=True)
-class Rehearsed:
-    """A cell to start from, as it was rehearsed.
+class RehearsedCell:
+    """A starting cell and the outcome of its rehearsal.
 
     Attributes:
-        made: The robot, perhaps slower than before, and its notes.
-        files: The text of every file by name.
-        obstacle: What stands in the way of a motion; empty where the cell ran.
+        made: The robot, possibly with lower speeds, and its notes.
+        files: Text of every file by name.
+        obstacle: Reason why the rehearsal failed; empty if it passed.
     """
 
     made: UrdfRobot
@@ -47,40 +47,45 @@ class Rehearsed:
     obstacle: str
 
 
-def rehearsed(urdf: Path, made: UrdfRobot) -> Rehearsed:
-    """Check the simulated cell of a robot and move it, in simulated time; slower where it stops.
+def rehearse_cell(urdf: Path, made: UrdfRobot) -> RehearsedCell:
+    """Check the simulated cell of a robot and move it in simulated time.
 
-    The motion is a short excitation, designed within every limit. Nothing stays on the disk.
+    The motion is a short excitation within all limits. If it is stopped, the rehearsal is repeated
+    with lower speeds. All its files are temporary.
 
     Raises:
-        RecordingError: There is no room for it.
-        SystemExit: It was interrupted.
+        RecordingError: There is no space for the temporary files.
+        SystemExit: A signal interrupted the rehearsal.
     """
     left = TRIES
     while True:
         left -= 1
         files = starting_files(urdf, made)
         with (
-            system_errors(RecordingError, "no folder for the rehearsal", code="RID-FILE-WRITE"),
+            system_errors(
+                RecordingError,
+                "cannot make a temporary folder for the rehearsal",
+                code="RID-FILE-WRITE",
+            ),
             tempfile.TemporaryDirectory(prefix="rid-daq-") as folder,
         ):
             for name, text in files.items():
                 write_whole(Path(folder) / name, text.encode())
             try:
-                outcome = _run(load_cell(str(Path(folder) / "cell.yaml")), Path(folder))
+                outcome = _check_and_move(load_cell(str(Path(folder) / "cell.yaml")), Path(folder))
             except RidDaqError as error:
-                return Rehearsed(made, files, str(error))
+                return RehearsedCell(made, files, str(error))
         if outcome.stop is None:
-            return Rehearsed(made, files, "")
+            return RehearsedCell(made, files, "")
         if outcome.interrupted_by is not None:
             raise SystemExit(exit_code_of_stop(outcome.stop.code, outcome.interrupted_by))
         if left == 0:
-            return Rehearsed(made, files, outcome.stop.text)
-        made = slower_robot(made, SPEED, f"in the rehearsal {outcome.stop.text}")
+            return RehearsedCell(made, files, outcome.stop.text)
+        made = slower_robot(made, SPEED, f"the rehearsal was stopped: {outcome.stop.text}")
 
 
-def _run(loaded: LoadedCell, folder: Path) -> RecordOutcome:
-    """Check a cell and move it; raise what stands in the way before it moves."""
+def _check_and_move(loaded: LoadedCell, folder: Path) -> RecordOutcome:
+    """Check a cell and move it; raise an error if a check before the motion fails."""
     cell, robot = loaded.config, loaded.robot
     problem = excitation_problem(
         cell, robot, period_s=PERIOD_S, harmonics=HARMONICS, criterion=DOptimal()

@@ -1,4 +1,4 @@
-"""The cell to start from: drives, bus, cycle and supervision for a robot."""
+"""Starting cell of a robot: drives, bus, cycle and supervision."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ VALIDATION_LIMIT_PERCENT: Final = 15.0
 
 
 def starting_cell(robot: RobotDescription, motors: Sequence[UrdfMotor] | None = None) -> CellConfig:
-    """Return a cell of drives at node ids 1, 2, ... with the robot's name, simulated at first.
+    """Return a simulated cell with the robot's name and drives at node ids 1, 2, ...
 
     Args:
-        motors: Which way its motors turn; with their joints if not given.
+        motors: Motors with their directions of rotation; if None, they turn like their joints.
     """
     directions: list[Direction] = [motor.direction for motor in motors or ()]
     directions = directions or [1] * len(robot.joints)

@@ -1,4 +1,4 @@
-"""Pairs of a robot's bodies that touch wherever it stands: by design, not by collision."""
+"""Find pairs of a robot's bodies that touch in (nearly) all poses by design, not by collision."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from config.robot.robot import RobotDescription
 from dynamics.geometry.clearances import Clearances
 
 PLANNED_CLEARANCE_M: Final = 0.03
-"""A workspace's usual clearance, and what a planned motion keeps beyond it."""
+"""Default clearance of a workspace, plus the margin of planned motions [m]."""
 POSES: Final = 150
 FIRST_POSES: Final = 10
 SUSPECT: Final = 0.6
-"""Share of the first poses in which a pair must touch for a closer look."""
+"""Share of the first poses in which a pair must touch to be tested in all poses."""
 MOST_POSES: Final = 0.9
-"""Share of the poses beyond which bodies that touch at rest too touch by design."""
+"""If bodies touch at rest and in a larger share of the poses, they touch by design."""
 
 
-def without_touching(
+def allow_touching_pairs(
     robot: RobotDescription, rest: FloatArray
 ) -> tuple[RobotDescription, tuple[str, ...]]:
-    """Return the robot with the pairs that touch by design in `may_touch`, and a note of them.
+    """Return the robot with the pairs that always touch in `may_touch`, and a note that names them.
 
-    Bodies closer than what motions are planned with count as touching.
+    Bodies closer than the clearance of planned motions count as touching.
 
     Args:
-        rest: Shape (n,). The pose where it stands at first [rad or m].
+        rest: Shape (n,). Initial pose of the robot [rad or m].
     """
     clearances = Clearances.of(robot, Workspace(clearance_m=PLANNED_CLEARANCE_M))
     if not len(clearances):
@@ -41,28 +41,28 @@ def without_touching(
         for end in ("min", "max")
     )
     poses = np.random.default_rng(0).uniform(low, high, (POSES, len(low)))
-    often = _touch(clearances, poses[:FIRST_POSES]).mean(axis=0) > SUSPECT
-    clearances = _only(clearances, often)
-    touch = _touch(clearances, np.vstack([rest, poses]))
+    often = _find_contacts(clearances, poses[:FIRST_POSES]).mean(axis=0) > SUSPECT
+    clearances = _select_pairs(clearances, often)
+    touch = _find_contacts(clearances, np.vstack([rest, poses]))
     share = touch[1:].mean(axis=0)
-    by_design = _only(clearances, (share == 1.0) | (touch[0] & (share > MOST_POSES)))
+    by_design = _select_pairs(clearances, (share == 1.0) | (touch[0] & (share > MOST_POSES)))
     pairs = tuple((first.body, second.body) for first, second in by_design.pairs)
     if not pairs:
         return robot, ()
     told = ", ".join(f"{first} and {second}" for first, second in pairs)
     note = (
-        f"these bodies touch wherever the robot stands, and are not held apart: {told} (`may_touch`"
-        " in robot.yaml)"
+        f"these bodies touch in nearly all poses, so no distance between them is required: {told}"
+        " (`may_touch` in robot.yaml)"
     )
     return robot.model_copy(update={"may_touch": pairs}), (note,)
 
 
-def _touch(clearances: Clearances, poses: FloatArray) -> BoolArray:
-    """Return which pairs touch in which poses, (poses, pairs)."""
+def _find_contacts(clearances: Clearances, poses: FloatArray) -> BoolArray:
+    """Return for each pose and pair if the bodies touch, (poses, pairs)."""
     near = [clearances.nearest(pose[np.newaxis]) for pose in poses]
     return np.asarray(np.array(near) < clearances.margin_m)
 
 
-def _only(clearances: Clearances, chosen: BoolArray) -> Clearances:
-    """Return the chosen pairs."""
+def _select_pairs(clearances: Clearances, chosen: BoolArray) -> Clearances:
+    """Return the clearances of the chosen pairs only."""
     return replace(clearances, pairs=tuple(compress(clearances.pairs, chosen.tolist())))

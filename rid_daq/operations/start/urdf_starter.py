@@ -1,4 +1,4 @@
-"""A robot file, a simulated cell and a validation motion out of a URDF: `init --urdf`."""
+"""Make a robot file, a simulated cell and a validation motion from a URDF (`init --urdf`)."""
 
 from __future__ import annotations
 
@@ -24,90 +24,100 @@ from config.robot.urdf_robot import UrdfRobot, robot_of_urdf
 from rid_daq.operations.start.init import InitRequest
 from rid_daq.operations.start.simulated_plant import simulated_plant, zero_pose
 from rid_daq.operations.start.starting_cell import starting_cell
-from rid_daq.operations.start.touching_bodies import without_touching
-from rid_daq.operations.start.workload import held_by_motors, slower, validation_motion
+from rid_daq.operations.start.touching_bodies import allow_touching_pairs
+from rid_daq.operations.start.workload import limit_to_motors, slow_down, validation_motion
 from rid_daq.terminal.console import as_command
 
 
 def starting_robot(request: InitRequest, path: Path) -> UrdfRobot:
-    """Return the robot of a URDF, with limits that its motors hold.
+    """Return the robot of a URDF, with limits that its motors can keep.
 
     Args:
-        request: Which arm it is, and what to take where it states no limits.
+        request: Choice of the arm, and limits for joints without limits in the URDF.
         path: The URDF.
 
     Raises:
-        ConfigError: The URDF cannot be read or makes no robot, or an option has no numbers.
+        ConfigError: The URDF cannot be read or describes no robot, or an option is no list of
+            numbers.
     """
     defaults = LimitDefaults(
-        _numbers("--range", request.position),
-        _numbers("--velocity", request.velocity),
-        _numbers("--acceleration", request.acceleration),
-        _numbers("--effort", request.effort),
+        _positive_numbers("--range", request.position),
+        _positive_numbers("--velocity", request.velocity),
+        _positive_numbers("--acceleration", request.acceleration),
+        _positive_numbers("--effort", request.effort),
     )
     try:
         data = read_file(path, MAX_BYTES)
     except OSError as error:
-        raise ConfigError(f"{path}: cannot read: {error.strerror}", code="RID-FILE-READ") from None
+        raise ConfigError(
+            f"{path}: the file cannot be read: {error.strerror}", code="RID-FILE-READ"
+        ) from None
     tree = read_urdf(data, str(path))
     try:
         made = robot_of_urdf(tree, base=request.base, tip=request.tip, defaults=defaults)
     except SeveralArmsError as error:
-        raise ConfigError(_which_arm(request, path, error.arms), code=error.refusal) from None
-    robot, touching = without_touching(made.robot, zero_pose(made.robot))
+        raise ConfigError(
+            _several_arms_text(request, path, error.arms), code=error.refusal
+        ) from None
+    robot, touching = allow_touching_pairs(made.robot, zero_pose(made.robot))
     made = replace(made, robot=robot, notes=(*made.notes, *touching))
-    held, notes = held_by_motors(robot)
-    return _with_limits_of(made, held, "as the motors hold the links", notes)
+    held, notes = limit_to_motors(robot)
+    return _with_limits_of(made, held, "so that the motors can move the links", notes)
 
 
 def slower_robot(made: UrdfRobot, speed: float, why: str) -> UrdfRobot:
-    """Return the robot with its speeds times a factor, and the reason said where it stands."""
-    note = f"speeds are {speed:g} of what they were, accelerations in proportion: {why}"
-    return _with_limits_of(made, slower(made.robot, speed), "as the rehearsal ran", (note,))
+    """Return the robot with its speeds multiplied by a factor, and the reason as a note."""
+    note = f"all speeds are multiplied by {speed:g} and accelerations by its square: {why}"
+    return _with_limits_of(
+        made, slow_down(made.robot, speed), "so that the rehearsal passes", (note,)
+    )
 
 
 def starting_files(urdf: Path, made: UrdfRobot) -> dict[str, str]:
-    """Return the text of every file to start from, by name."""
+    """Return the text of every starting file by name."""
     robot = made.robot
     return {
-        "robot.yaml": _text(robot, _robot_comment(urdf, made.notes), made.comments),
-        "plant.yaml": _text(simulated_plant(robot, made.motors), _PLANT_COMMENT),
-        "cell.yaml": _text(starting_cell(robot, made.motors), _CELL_COMMENT),
-        "validation.yaml": _text(
+        "robot.yaml": _yaml_text(robot, _robot_comment(urdf, made.notes), made.comments),
+        "plant.yaml": _yaml_text(simulated_plant(robot, made.motors), _PLANT_COMMENT),
+        "cell.yaml": _yaml_text(starting_cell(robot, made.motors), _CELL_COMMENT),
+        "validation.yaml": _yaml_text(
             validation_motion(robot),
-            "Random points: run it after the excitation and give it to `rid-daq validate`.",
+            "Random points: record this motion after the excitation, then run `rid-daq validate`"
+            " with it.",
         ),
     }
 
 
 _CELL_COMMENT: Final = """\
-A cell: one robot, its drives, their bus, the cycle. `rid-daq init` without a URDF writes one in
-which every key is explained. Node ids, signs and zero positions are yours to correct before
-anything moves; `rid-daq check cell.yaml` shows what the drives say."""
+A cell: one robot, its drives, their bus, the cycle. `rid-daq init` without a URDF writes a cell
+file that explains every key. Correct node ids, signs and zero positions before anything moves;
+`rid-daq check cell.yaml` shows the values of the drives."""
 
 _ROBOT_COMMENT: Final = """\
 Made from {file} by rid-daq init. Frames are those of the modified Denavit-Hartenberg convention:
-frame i on axis i, z along it. What a URDF does not say stands at a default; correct it. Limits that
-are defaults say so above their joint.
-- armature: true stands for a motor whose place is not known; rotor (link, axis) tells where one
-  sits and which way it spins. gear_ratio is motor turns per joint turn, 1 where nobody says.
-- cad is what the URDF says of the links: a prior with `uncertainty`, never a result.
+frame i on axis i, z along it. Values that the URDF does not state are defaults; correct them. A
+comment above a joint marks default limits.
+- armature: true means that the place of the motor is unknown; rotor (link, axis) states the link
+  that carries the motor and its axis of rotation. gear_ratio is motor turns per joint turn; 1 if
+  unknown.
+- cad is the mass data of the links in the URDF: prior knowledge with `uncertainty`, not a result.
 {notes}"""
 
 
 _PLANT_COMMENT: Final = """\
-What is simulated: the links' masses, and friction if the URDF states it; all else is invented.
-Delete it, and `simulated` and `plant` in cell.yaml, once drives are there."""
+True values of the simulated robot: the masses of the links and, if the URDF states it, friction
+come from the URDF; all other values are assumed. When the real drives are connected, delete this
+file, and `simulated` and `plant` in cell.yaml."""
 
 
 def _with_limits_of(
     made: UrdfRobot, robot: RobotDescription, why: str, notes: tuple[str, ...]
 ) -> UrdfRobot:
-    """Return what was made with another robot's limits; what changed is said at its joint."""
+    """Return the URDF's robot with the limits of `robot`; each changed joint gets a comment."""
     comments = dict(made.comments)
     for number, (before, after) in enumerate(zip(made.robot.joints, robot.joints, strict=True)):
         changed = [
-            f"{key}: {getattr(after.limits, key):g} in place of {getattr(before.limits, key):g}"
+            f"{key}: {getattr(after.limits, key):g} instead of {getattr(before.limits, key):g}"
             for key in ("velocity", "acceleration", "torque")
             if getattr(after.limits, key) != getattr(before.limits, key)
         ]
@@ -118,15 +128,16 @@ def _with_limits_of(
     return replace(made, robot=robot, notes=(*made.notes, *notes), comments=comments)
 
 
-def _which_arm(request: InitRequest, path: Path, arms: tuple[UrdfArm, ...]) -> str:
-    """Return what to say where there are several arms: a command for each."""
+def _several_arms_text(request: InitRequest, path: Path, arms: tuple[UrdfArm, ...]) -> str:
+    """Return an error text for a URDF with several arms: a command for each arm."""
     again = ["init", request.folder, "--urdf", path]
     lines = [
         f"  {as_command(*again, '--tip', arm.tip)}  ({len(arm.joints)} joints)" for arm in arms
     ]
     return "\n".join(
         (
-            f"{path}: there are {len(arms)} arms; say which, the others then are fixed:",
+            f"{path}: there are {len(arms)} arms; choose one with --tip, the others are then"
+            " fixed:",
             *lines,
         )
     )
@@ -137,15 +148,17 @@ def _robot_comment(path: Path, notes: tuple[str, ...]) -> str:
     return _ROBOT_COMMENT.format(file=path.name, notes="\n".join(told))
 
 
-def _text(model: ConfigModel, comment: str, comments: Mapping[YamlPath, str] | None = None) -> str:
+def _yaml_text(
+    model: ConfigModel, comment: str, comments: Mapping[YamlPath, str] | None = None
+) -> str:
     return dump_yaml(model.model_dump(mode="json", exclude_defaults=True), comment, comments)
 
 
-def _numbers(option: str, text: str | None) -> tuple[float, ...]:
-    """Return the positive numbers of an option; none if it is not given.
+def _positive_numbers(option: str, text: str | None) -> tuple[float, ...]:
+    """Return the positive numbers of an option; an empty tuple if it is not set.
 
     Raises:
-        ConfigError: It has something else.
+        ConfigError: The text contains anything else.
     """
     try:
         values = parse_numbers(text) if text is not None else ()

@@ -1,4 +1,7 @@
-"""`Workload`: what a robot's motors have to move and to hold; limits such that they can."""
+"""`Workload`: inertia and gravity that a robot's motors must move.
+
+Limits that the motors can keep.
+"""
 
 from __future__ import annotations
 
@@ -18,26 +21,26 @@ POSES: Final = 300
 VALIDATION_POINTS: Final = 12
 SAMPLE_S: Final = 0.02
 TORQUE_SHARE: Final = 0.8
-"""Share of the torque limits for links and rotors; friction and control take the rest."""
+"""Share of the torque limits for links and rotors; friction and control use the rest."""
 GRAVITY_SHARE: Final = 0.6
-"""Share of the torque limits that gravity may take, so that something is left to move with."""
+"""Largest share of the torque limits for gravity; motion needs the rest."""
 LEAST_CROSSING_S: Final = 0.5
-"""In which no joint may cross its range: it must come to rest within it after a fault."""
+"""Shortest time in which a joint may cross its range; it must stop within it after a fault."""
 INTEGRAL_TIME_S: Final = 0.04
 SOFTEST_LOOP_RAD_S: Final = 60.0
 FASTEST_LOOP_RAD_S: Final = 600.0
 ERROR_AT_LIMIT_RAD: Final = 0.02
 ERROR_AT_LIMIT_M: Final = 0.005
-"""How far the torque limit pushes a joint off its set-point: what the velocity loop integrates."""
+"""Position error at which the integral part of the velocity loop reaches the torque limit."""
 
 
 @dataclass(frozen=True, eq=False)
 class Workload:
-    """A robot's drawings in random poses.
+    """Largest loads of a robot's joints in random poses, from its CAD data.
 
     Attributes:
-        inertia: Shape (n,). The largest inertia of the links about each joint [kg m² or kg].
-        gravity_nm: Shape (n,). The largest torque at rest [N m or N].
+        inertia: Shape (n,). Largest inertia of the links about each joint [kg m² or kg].
+        gravity_nm: Shape (n,). Largest torque at rest [N m or N].
     """
 
     inertia: FloatArray
@@ -45,12 +48,14 @@ class Workload:
 
     @classmethod
     def of(cls, robot: RobotDescription) -> Workload:
-        """Take a robot's `cad` and its range; the same robot gives the same poses.
+        """Compute the loads from a robot's `cad` and its position limits.
+
+        The poses are reproducible.
 
         Raises:
             ConfigError: The robot has no `cad`.
         """
-        model, values = _links(robot)
+        model, values = _link_model(robot)
         limits = [joint.limits for joint in robot.joints]
         low, high = ([getattr(x, f"position_{end}") for x in limits] for end in ("min", "max"))
         q = np.random.default_rng(0).uniform(low, high, (POSES, len(limits)))
@@ -64,8 +69,8 @@ class Workload:
     def gains(self, robot: RobotDescription) -> FloatArray:
         """Return gains of the velocity loops, (n,) [N m s/rad or N s/m].
 
-        As stiff as the torque limit asks, and fast enough for the largest inertia about the joint,
-        rotor included.
+        They are stiff enough for the torque limit, and fast enough for the largest inertia about
+        the joint, rotor included.
         """
         errors = [
             ERROR_AT_LIMIT_M if joint.type == "prismatic" else ERROR_AT_LIMIT_RAD
@@ -78,28 +83,29 @@ class Workload:
     def rotors(self, robot: RobotDescription) -> FloatArray:
         """Return inertias of the rotors at the link side, (n,) [kg m² or kg].
 
-        Heavy enough that no loop is too fast where the other joints give way: with gains K and
-        rotors K / `FASTEST_LOOP_RAD_S` no eigenvalue of (M + I)⁻¹ K is above that, whatever the
-        links' M, and so nothing has to be known of the coupling between the joints.
+        They are heavy enough that no loop is too fast if the other joints move freely: with gains K
+        and rotors I = K / `FASTEST_LOOP_RAD_S`, no eigenvalue of (M + I)⁻¹ K exceeds
+        `FASTEST_LOOP_RAD_S` for any mass matrix M of the links. The coupling between the joints
+        therefore need not be known.
         """
         return self.gains(robot) / FASTEST_LOOP_RAD_S
 
 
 def validation_motion(robot: RobotDescription) -> MultipointMotion:
-    """Return the random points that a model is validated with."""
+    """Return a motion through random points for the validation of a model."""
     return MultipointMotion(kind="multipoint", robot=robot.name, points=VALIDATION_POINTS, seed=1)
 
 
-def held_by_motors(robot: RobotDescription) -> tuple[RobotDescription, tuple[str, ...]]:
-    """Return the robot with limits that its motors hold, and what was changed, in words.
+def limit_to_motors(robot: RobotDescription) -> tuple[RobotDescription, tuple[str, ...]]:
+    """Return the robot with limits that its motors can keep, and notes on the changes.
 
-    A torque limit below what gravity takes is raised. A joint that would run through its whole
-    range before anything stopped it is slowed down. Where the validation motion takes more torque
-    than there is, speed and acceleration of all joints are lowered together, so that its path is
-    the same: every torque but gravity's goes with the square of the speed.
+    A torque limit that gravity nearly uses up is raised. A joint that could cross its whole range
+    before a stop is slowed down. If the validation motion needs more torque than available, speed
+    and acceleration of all joints are lowered together; the path stays the same, because all
+    torques except gravity are proportional to the square of the speed.
 
     Raises:
-        ConfigError: The robot has no `cad`, or its bodies leave no room for the validation motion.
+        ConfigError: The robot has no `cad`, or its bodies leave no space for the validation motion.
     """
     load = Workload.of(robot)
     notes: list[str] = []
@@ -107,39 +113,39 @@ def held_by_motors(robot: RobotDescription) -> tuple[RobotDescription, tuple[str
     for joint, gravity in zip(robot.joints, load.gravity_nm.tolist(), strict=True):
         least = gravity / GRAVITY_SHARE
         if joint.limits.torque < least:
-            raised = _two_digits(least)
+            raised = _round_up(least)
             notes.append(
-                f"joint {joint.name!r}: gravity takes up to {gravity:.3g} {_unit(joint)},"
-                f" limits.torque {joint.limits.torque:g} leaves too little to move with:"
-                f" {raised:g} {_unit(joint)} is taken; correct it, or narrow its range"
+                f"joint {joint.name!r}: gravity needs up to {gravity:.3g} {_torque_unit(joint)}, so"
+                f" limits.torque {joint.limits.torque:g} leaves too little for motion: {raised:g}"
+                f" {_torque_unit(joint)} is used; correct it, or reduce the range"
             )
             joint = _with_limits(joint, torque=raised)
         fastest = (joint.limits.position_max - joint.limits.position_min) / LEAST_CROSSING_S
         if joint.limits.velocity > fastest:
             notes.append(
-                f"joint {joint.name!r}: limits.velocity {joint.limits.velocity:g} crosses its range"
-                f" in less than {LEAST_CROSSING_S:g} s, before a fault would stop it:"
-                f" {fastest:.3g} is taken"
+                f"joint {joint.name!r}: with limits.velocity {joint.limits.velocity:g} it crosses"
+                f" its range in less than {LEAST_CROSSING_S:g} s, before a fault would stop it:"
+                f" {fastest:.3g} is used"
             )
             joint = _with_limits(joint, velocity=float(f"{fastest:.3g}"))
         joints.append(joint)
     robot = robot.model_copy(update={"joints": tuple(joints)})
-    room = _room(robot, load)
+    room = _torque_reserve(robot, load)
     tightest = int(np.argmin(room))
     if room[tightest] >= 1.0:
         return robot, tuple(notes)
     speed = float(np.floor(100.0 * np.sqrt(room[tightest])) / 100.0)
     joint = joints[tightest]
     notes.append(
-        f"speeds are {speed:g} of what they were, accelerations in proportion: the torque of joint"
-        f" {joint.name!r}, {joint.limits.torque:g} {_unit(joint)}, does not move the links through"
-        " the validation motion any faster"
+        f"all speeds are multiplied by {speed:g} and accelerations by its square: the torque"
+        f" limit of joint {joint.name!r}, {joint.limits.torque:g} {_torque_unit(joint)}, is too"
+        " low for a faster validation motion"
     )
-    return slower(robot, speed), tuple(notes)
+    return slow_down(robot, speed), tuple(notes)
 
 
-def slower(robot: RobotDescription, speed: float) -> RobotDescription:
-    """Return the robot with its speeds times a factor, its accelerations times the square of it."""
+def slow_down(robot: RobotDescription, speed: float) -> RobotDescription:
+    """Return the robot with speeds multiplied by a factor and accelerations by its square."""
     joints = tuple(
         _with_limits(
             joint,
@@ -151,9 +157,9 @@ def slower(robot: RobotDescription, speed: float) -> RobotDescription:
     return robot.model_copy(update={"joints": joints})
 
 
-def _room(robot: RobotDescription, load: Workload) -> FloatArray:
-    """Return how many times what moves may take as much in the validation motion, (n,)."""
-    model, values = _links(robot)
+def _torque_reserve(robot: RobotDescription, load: Workload) -> FloatArray:
+    """Return the factor by which motion torques of the validation motion could grow, (n,)."""
+    model, values = _link_model(robot)
     motion = validation_motion(robot).plan(robot, SAMPLE_S)
     q, v, a = motion.position, motion.velocity, motion.acceleration
     rest = np.zeros_like(q)
@@ -163,7 +169,7 @@ def _room(robot: RobotDescription, load: Workload) -> FloatArray:
     return np.asarray((left / np.maximum(np.abs(moving), 1e-12)).min(axis=0))
 
 
-def _links(robot: RobotDescription) -> tuple[RobotModel, FloatArray]:
+def _link_model(robot: RobotDescription) -> tuple[RobotModel, FloatArray]:
     model = RobotModel.from_description(robot, rotors=False, friction=False, spring=False)
     return model, cad_parameters(model, robot)[0]
 
@@ -177,11 +183,11 @@ def _with_limits(joint: Joint, **values: float) -> Joint:
     return joint.model_copy(update={"limits": joint.limits.model_copy(update=rounded)})
 
 
-def _unit(joint: Joint) -> str:
+def _torque_unit(joint: Joint) -> str:
     return "N" if joint.type == "prismatic" else "N m"
 
 
-def _two_digits(value: float) -> float:
-    """Return the value with two digits, rounded upwards."""
+def _round_up(value: float) -> float:
+    """Return the value rounded up to two digits."""
     step = 10.0 ** (np.floor(np.log10(value)) - 1.0)
     return float(f"{np.ceil(value / step) * step:.2g}")

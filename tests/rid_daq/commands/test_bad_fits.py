@@ -13,9 +13,9 @@ from identification.friction.fits import fit_friction
 from identification.regression.fit_grade import Grade
 from rid_daq.app import run
 from rid_daq.operations.identify import friction_measurement
-from rid_daq.operations.identify.friction_measurement import FrictionMeasured
+from rid_daq.operations.identify.friction_measurement import FrictionMeasurement
 from rid_daq.operations.path import loop_measurement
-from rid_daq.operations.path.loop_measurement import LoopsMeasured
+from rid_daq.operations.path.loop_measurement import MeasuredLoops
 from rid_daq.report.result import Result
 from rid_daq.report.sections.friction import FrictionSection
 
@@ -44,7 +44,7 @@ def test_friction_that_no_model_explains(
     robot = load_robot("ir361")
     curve = FrictionCurve("axis1", SPEED, torque, np.full(len(SPEED), 0.1))
     section = FrictionSection.of([curve], [fit_friction(curve, robot)], robot)
-    found = FrictionMeasured("a-run", section, Path("report.html"), [])
+    found = FrictionMeasurement("a-run", section, Path("report.html"), [])
     monkeypatch.setattr(friction_measurement, "measure_friction", lambda request: found)
     assert run(["friction", "a-run"]) == code
     assert said in " ".join(capsys.readouterr().out.split())
@@ -60,7 +60,7 @@ def test_a_loop_that_does_not_explain_its_response(
     first, *others = section.axes
     first = first.model_copy(update={"grade": grade, "reason": "40 % is left"})
     section = section.model_copy(update={"axes": (first, *others)})
-    found = LoopsMeasured("a-run", section, Path("loops.json"), Path("report.html"), [], "ir361")
+    found = MeasuredLoops("a-run", section, Path("loops.json"), Path("report.html"), [], "ir361")
     monkeypatch.setattr(loop_measurement, "measure_velocity_loops", lambda request: found)
     assert run(["loop", "a-run"]) == code
     said = " ".join(capsys.readouterr().out.split())

@@ -119,7 +119,7 @@ def test_another_drive_than_the_sheets_is_red_and_nothing_is_written_to_it(
     (red,) = [line for line in lines if line["verdict"] == "red"]
     assert (red["where"], red["what"]) == ("axis2, node 2", "1018h:01 vendor")
     assert (red["required"], red["found"]) == ("FBh", "0h")
-    assert "another drive than the data sheet" in red["next_action"]
+    assert "differs from the data sheet" in red["next_action"]
     assert "name the EDS of this drive" in red["next_action"]
     of_second = [line["what"][:5] for line in lines if line["where"] == "axis2, node 2"]
     assert "1016h" not in of_second
@@ -144,7 +144,7 @@ def test_a_sheet_that_lacks_an_object_is_told_before_a_drive_is_asked(
     said = capsys.readouterr().err
     assert "axis2, node 2" in said
     assert "6077h:00 in TPDO 1 is not in the EDS, required: 16 bit, mappable" in said
-    assert "Nothing was asked of the drives" in said
+    assert "No drive was contacted" in said
     assert not (tmp_path / "runs").exists()
 
 

@@ -83,5 +83,5 @@ def test_no_command_learns_or_judges_by_it(
     capsys.readouterr()
     assert run([*words, "--runs", str(folder / "runs")]) == 6
     said = " ".join(capsys.readouterr().err.split())
-    assert "no torque was measured of joints that move: b (always 0)." in said
+    assert "the torque of moving joints was not measured: b (always 0)." in said
     assert said.endswith("[RID-RUN-NO-TORQUE]")

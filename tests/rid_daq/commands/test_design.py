@@ -74,7 +74,7 @@ def test_it_writes_a_motion_within_all_limits(
     assert list(document["trials"][0]) == ["elapsed_s", "seed", "worth", "broken"]
     assert all(use["held"] for use in document["limits"])
     assert any(use["active"] for use in document["limits"])
-    assert "of 2 from seed 0 for condition: condition number" in path.read_text()
+    assert "of 2 starts of seed 0 for condition: condition number" in path.read_text()
 
 
 def test_the_same_seed_and_starts_give_the_same_file(
@@ -94,7 +94,7 @@ def test_people_read_what_holds_the_motion_back(
     assert run(["design", "ir361", "-o", str(tmp_path / "m.yaml"), "--starts", "1"]) == 0
     said = capsys.readouterr().out
     assert "log determinant" in said
-    assert "Limits that hold the motion back: " in said
+    assert "Active limits: " in said
     assert "Torque is not checked" in said
     assert "Collisions are not checked" in said
 

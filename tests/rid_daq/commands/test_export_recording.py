@@ -208,7 +208,7 @@ def test_another_robots_joints_are_refused(data: RunData) -> None:
 @pytest.mark.parametrize(
     ("words", "code", "said"),
     [
-        (["swing", "--to", "urdf"], 2, "--to urdf is for models"),
+        (["swing", "--to", "urdf"], 2, "--to urdf is a format for models"),
         (["no-such-run", "--to", "csv"], 2, "no run 'no-such-run'"),
         (["missing.json", "--to", "c"], 2, "missing.json: there is no such file, and no run 'mis"),
         (["missing.json", "--to", "mat"], 2, "there is no such file, and no run"),

@@ -170,5 +170,5 @@ def test_design_makes_both_motions(
     motion = load_motion(out)
     assert motion.kind == kind.replace("-", "_")
     samples = motion.plan(CELL.robot, CELL.config.cycle_time_s)
-    assert f"{samples.duration_s:.0f} s in all" in said
+    assert f"Total duration {samples.duration_s:.0f} s" in said
     assert run(words) == 2  # it is there

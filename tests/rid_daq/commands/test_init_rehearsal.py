@@ -35,7 +35,7 @@ def test_a_weak_lift_and_a_light_wrist_run_as_they_are_written(
     said = document(capsys)
     assert said["rehearsed"]
     assert said["obstacle"] == ""
-    assert any("gravity takes up to" in note and "'lift'" in note for note in said["notes"])
+    assert any("gravity needs up to" in note and "'lift'" in note for note in said["notes"])
     assert load_robot(str(folder / "robot.yaml")).joints[0].limits.torque > 15.0
     names = sorted(path.name for path in folder.iterdir())
     assert names == ["cell.yaml", "plant.yaml", "robot.yaml", "validation.yaml"]

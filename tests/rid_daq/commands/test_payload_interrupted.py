@@ -78,7 +78,7 @@ def test_ctrl_c_ends_a_session_that_resumes_and_stops_each_run_when_the_mass_is_
     assert run([*words, "--resume", session, "--json"]) in (0, 1)
     document: dict[str, Any] = json.loads(capsys.readouterr().out)
     report = Path(document["report"])
-    assert "Answers lost" not in report.read_text(encoding="utf-8")  # of rows that were not driven
+    assert "Lost answers" not in report.read_text(encoding="utf-8")  # of rows that were not driven
     assert document["session"] == session
     assert list(document["done"]) == ["unloaded", "loaded 1", "loaded 2"]
     lengths = {
@@ -90,7 +90,7 @@ def test_ctrl_c_ends_a_session_that_resumes_and_stops_each_run_when_the_mass_is_
     assert lengths["loaded 2"] < 0.7 * lengths["unloaded"]
     for name in ("loaded 1", "loaded 2"):
         page = runs / document["done"][name] / "report.html"
-        assert "Answers lost" not in page.read_text(encoding="utf-8")
+        assert "Lost answers" not in page.read_text(encoding="utf-8")
     repeats = document["payload"]["repeats"]
     assert repeats["runs"] == 2
     assert repeats["ratio"] > 0.0

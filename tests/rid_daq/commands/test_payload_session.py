@@ -121,7 +121,7 @@ def test_the_mass_that_is_followed_is_the_one_that_is_reported(
     before = payload_runs([unloaded], [False], payload_request)
     assert isinstance(before, PeriodicRuns)
     watch = MassWatch(unloaded.robot, before, payload_request, None)
-    assert not watch.enough(periods_of(runs / document["done"]["loaded 1"], 0, 3))
+    assert not watch.add_periods(periods_of(runs / document["done"]["loaded 1"], 0, 3))
     mass = document["payload"]["parameters"][0]["value"]
     said = re.match(r"3 periods: ([\d.]+) \u00b1 ", watch.line())
     assert said is not None
@@ -134,15 +134,15 @@ def test_a_warm_up_is_over_when_no_friction_changes_by_more_than_was_asked(
     runs, document, _ = weighed
     run = runs / document["done"]["warm-up"]
     strict = WarmUpWatch(1e-3)
-    assert not strict.enough(periods_of(run, 0, 3))
+    assert not strict.add_periods(periods_of(run, 0, 3))
     assert strict.line() == "warming up"
-    assert not strict.enough(periods_of(run, 3, 4))
+    assert not strict.add_periods(periods_of(run, 3, 4))
     # Motors of one time constant, 60 s, warmed for 19 s: friction falls, by percents a period.
     assert strict.drift_percent is not None
     assert 0.1 < strict.drift_percent < 10.0
     assert strict.line().startswith(f"friction of {strict.worst} changes by ")
-    assert WarmUpWatch(1.01 * strict.drift_percent).enough(periods_of(run, 0, 4))
-    assert not WarmUpWatch(0.99 * strict.drift_percent).enough(periods_of(run, 0, 4))
+    assert WarmUpWatch(1.01 * strict.drift_percent).add_periods(periods_of(run, 0, 4))
+    assert not WarmUpWatch(0.99 * strict.drift_percent).add_periods(periods_of(run, 0, 4))
 
 
 def test_a_session_that_was_interrupted_goes_on_where_it_was(

@@ -100,7 +100,7 @@ def test_the_external_model_is_told_from_the_plate_alone(
     assert len(document(capsys)["estimate"]["parameters"]) == 20
     assert run(["validate", str(model), "validation", "--json", *runs]) == 0
     told = document(capsys)
-    assert "torques are not judged" in told["validation"]["sentence"]
+    assert "torques get no verdict" in told["validation"]["sentence"]
     assert max(c["relative_error_percent"] for c in told["reaction"]["components"]) < 20.0
 
 

@@ -200,13 +200,17 @@ def test_other_commands_measure_from_that_zero(
     runs = ["--runs", str(tmp_path / "runs")]
     assert run(["check", str(cell), "--seconds", "0.3", "--json", *runs]) == 0
     lines = {line["what"]: line for line in json.loads(capsys.readouterr().out)["lines"]}
-    assert lines["force at rest beyond its zero"]["verdict"] == "ok"
-    assert abs(float(lines["force at rest beyond its zero"]["found"].split()[1])) < 2.5
+    assert lines["deviation of the force at rest from its zero"]["verdict"] == "ok"
+    assert (
+        abs(float(lines["deviation of the force at rest from its zero"]["found"].split()[1])) < 2.5
+    )
     moved = cell.with_name("moved.yaml")
     moved.write_text(cell.read_text().replace("    pose: [-1.57", "    pose: [1.57"))
     assert run(["check", str(moved), "--seconds", "0.3", "--json", *runs]) == 0
     lines = {line["what"]: line for line in json.loads(capsys.readouterr().out)["lines"]}
-    elsewhere = lines["force at rest beyond its zero, elsewhere than there"]
+    elsewhere = lines[
+        "deviation of the force at rest from its zero, in another pose than at zeroing"
+    ]
     assert elsewhere["verdict"] == "shown"
 
 

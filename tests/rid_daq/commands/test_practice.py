@@ -126,7 +126,7 @@ def test_the_five_mistakes_of_the_exercise_are_told_one_after_the_other(
         said = [mistake["sentence"] for mistake in identified["estimate"]["mistakes"]]
         assert len(said) == 2
         assert "Gravity points along -y of the base" in said[0]
-        assert "The zero position of axis1 is off: add 60" in said[1]
+        assert "The zero position of axis1 is wrong: add 60" in said[1]
 
         change(robot, "gravity_m_s2: [0.0, 0.0, 9.81]", "gravity_m_s2: [9.81, 0.0, 0.0]")
         change(cell, "# position_zero_counts: 0 ", "position_zero_counts: 165205 ")

@@ -135,7 +135,7 @@ def test_a_run_without_its_manifest_is_recovered_all_the_same(
         manifest.write_bytes(text[:40] if damage == "torn" else b"[]")
     assert run(["recover", str(killed.path), "--json"]) == 0
     told = document(capsys)
-    assert any("nothing vouches" in note for note in told["notes"])
+    assert any("cannot be verified" in note for note in told["notes"])
     new = RunFolder.open(Path(told["recovered"]))
     assert new.manifest().label == killed.path.name
     assert len(RunData.load(new).recording) == ROWS

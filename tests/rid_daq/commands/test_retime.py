@@ -250,10 +250,10 @@ def tool_at(samples: MotionSamples) -> FloatArray:
 @pytest.mark.parametrize(
     ("kind", "keys", "told"),
     [
-        ("fourier", WAVES, "kind fourier is there to measure by its periods"),
-        ("reversed", WAVES, "kind reversed is there to measure by its periods"),
-        ("multisine", MULTISINE, "kind multisine is there to measure by its periods and freq"),
-        ("constant_velocity", CONSTANT, "is there to measure by its speeds, which another timing"),
+        ("fourier", WAVES, "kind fourier measures by its periods"),
+        ("reversed", WAVES, "kind reversed measures by its periods"),
+        ("multisine", MULTISINE, "kind multisine measures by its periods and freq"),
+        ("constant_velocity", CONSTANT, "measures by its speeds, which another timing"),
         ("joint_table", TABLE, "the table must begin and end at rest"),
     ],
 )

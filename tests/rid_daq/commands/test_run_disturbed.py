@@ -90,7 +90,10 @@ def test_strays_are_left_alone_named_and_the_run_is_finished(
     assert (folder.path / "notes (1).txt").read_text() == "mine"
     assert run(["runs", "--verify", *runs]) == 0
     said = capsys.readouterr().out
-    assert f"note: {folder.run_id}: not of the run, and left alone: .DS_Store, a subfolder" in said
+    assert (
+        f"note: {folder.run_id}: files that do not belong to the run: .DS_Store, a subfolder"
+        in said
+    )
     assert run(["export", str(folder.path), "--to", "csv", "-o", str(tmp_path / "all.csv")]) == 0
     measured(f"{len(strays)} of 8 kinds and places: exit 0, complete, named by runs --verify")
 

@@ -179,11 +179,11 @@ def a_feedforward(folder: RunFolder, _other: RunFolder) -> str:
 @pytest.mark.parametrize(
     ("spoil", "why"),
     [
-        (another_recording, "; it is that of run {other} (other)"),
+        (another_recording, "; it is the file of run {other} (other)"),
         (another_gear, "is not the file of run {good} (its SHA-256 differs)"),
-        (another_motion, "; it is that of run {other} (other)"),
+        (another_motion, "; it is the file of run {other} (other)"),
         (no_cell, "is missing. Put the original back"),
-        (a_feedforward, "was put into the folder after the run had ended. Take it out"),
+        (a_feedforward, "was put into the folder after the run had ended. Remove it"),
     ],
 )
 def test_every_reader_refuses_a_file_that_is_not_the_runs_own_and_names_it(
@@ -266,11 +266,11 @@ def test_an_unfinished_run_is_used_only_where_that_is_asked_for_and_then_it_is_s
     for reader in READERS:
         assert run(words(reader, folder, other, tmp_path)) == 6, reader
         said = capsys.readouterr().err
-        assert "was never finished: the program ended before the run did. Write what" in said
+        assert "was never finished, because the program ended first. Write its" in said
         assert f"`rid-daq recover {folder.path}`" in said
         assert "use it as it is: --unfinished" in said
     assert snapshot(folder) == before
-    note = "killed: was never finished: its end is missing"
+    note = "killed: the run was never finished, so its end is missing"
     assert run(["average", str(folder.path), "--unfinished"]) == 0
     assert f"note: {note}\n" in capsys.readouterr().out
     assert run(["identify", str(folder.path), "--unfinished", "--json"]) == 0

@@ -88,7 +88,7 @@ def test_drives_that_lack_what_the_standard_has_are_told_which_key_stands_for_it
     lines = checked(tmp_path, "servo: {lacks: [608Fh, 60C2h]}\n", capsys, 3)
     red = [line for line in lines if line["verdict"] == "red"]
     assert {line["next_action"] for line in red} == {
-        "name encoder_increments, of the motor's encoder, in the axis's servo"
+        "set encoder_increments (of the motor's encoder) in the axis's servo"
     }
 
 

@@ -86,7 +86,7 @@ def test_a_person_holds_the_key_and_says_what_was_seen(
         person.sees("Hold SPACE")
         with person.holding(" "):
             person.sees("Simulated: axis2 has turned by")
-        person.sees("Did axis2 move as was said")
+        person.sees("Did axis2 move as announced")
         person.type("-\n")
         person.sees("By about how much")
         person.type("2\n")

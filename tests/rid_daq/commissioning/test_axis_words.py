@@ -7,7 +7,7 @@ import numpy as np
 from config.load import load_cell
 from config.robot.kinematic_table import KinematicRow, Kinematics
 from config.robot.robot import Joint, JointLimits, RobotDescription
-from rid_daq.commissioning.axis_words import direction_words, tool_way
+from rid_daq.commissioning.axis_words import direction_words, tool_displacement
 
 LIMITS = JointLimits(
     position_min=-3.0, position_max=3.0, velocity=1.0, acceleration=1.0, torque=1.0
@@ -91,5 +91,5 @@ def test_a_tool_point_on_the_axis_goes_nowhere() -> None:
     robot = load_cell("kr15").robot
     last = len(robot.joints) - 1
     at_the_axis = robot.model_copy(update={"tool_offset_m": (0.0, 0.0, 0.1)})
-    assert np.linalg.norm(tool_way(at_the_axis, np.zeros(last + 1), last, 0.03)) < 1e-9
+    assert np.linalg.norm(tool_displacement(at_the_axis, np.zeros(last + 1), last, 0.03)) < 1e-9
     assert "tool point" not in direction_words(at_the_axis, np.zeros(last + 1), last, 0.03)

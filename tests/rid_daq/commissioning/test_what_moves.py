@@ -16,12 +16,12 @@ from acquisition.journal.cycle_row import row_dtype
 from config.arrays import FloatArray
 from config.errors import PreflightError
 from config.load import load_cell
-from rid_daq.commissioning.axis_motion import AxisMotion, travelled
-from rid_daq.commissioning.axis_verdict import Seen, judge_axis
+from rid_daq.commissioning.axis_motion import AxisMotion, travelled_share
+from rid_daq.commissioning.axis_verdict import MotionSeen, check_axis_motion
 from rid_daq.commissioning.held_run import HeldRun
-from rid_daq.operations.cell import axis_bench
-from rid_daq.operations.cell.axis_bench import AxisBench, seen_by
-from rid_daq.operations.cell.jogging import Jogging
+from rid_daq.operations.cell import axis_tester
+from rid_daq.operations.cell.axis_tester import AxisTester, visible_motion
+from rid_daq.operations.cell.jogging import JogKeys
 from rid_daq.recording.run_session import RunSession
 from rid_daq.terminal.console import Console
 from tests.builders.raised_codes import raises_code
@@ -43,13 +43,13 @@ class Said:
         self.lines.append(text)
 
 
-def jogging(said: Said, home: FloatArray | None = None, obstacle: str = "") -> Jogging:
+def jogging(said: Said, home: FloatArray | None = None, obstacle: str = "") -> JogKeys:
     """Return the keys of a jog of which every line is clear, or none is."""
 
     def check(start: FloatArray, wanted: FloatArray) -> HoldLine:
         return HoldLine(start, start if obstacle else wanted, 1.0, obstacle)
 
-    return Jogging(ROBOT, home, cast(LineCheck, check), cast(Console, said))
+    return JogKeys(ROBOT, home, cast(LineCheck, check), cast(Console, said))
 
 
 @pytest.mark.parametrize(("key", "end"), [("+", "position_max"), ("-", "position_min")])
@@ -93,7 +93,7 @@ def test_home_is_a_key_where_there_is_one() -> None:
     line = keys.line("h", np.zeros(N))
     assert line is not None
     assert line.goal.tolist() == home.tolist()
-    assert "hold h to go home" in keys.help
+    assert "hold h to go to the home pose" in keys.help
 
 
 def test_q_ends_a_jog_and_an_obstacle_is_said_where_nothing_moves() -> None:
@@ -102,15 +102,15 @@ def test_q_ends_a_jog_and_an_obstacle_is_said_where_nothing_moves() -> None:
     line = keys.line("+", np.zeros(N))
     assert line is not None
     assert line.is_empty
-    assert said.lines == ["axis1 +: no further, floor is in the way."]
+    assert said.lines == ["axis1 +: the robot cannot move further: floor is in the way."]
     assert keys.tapped("q")
 
 
 def bench(pose: FloatArray, number: int) -> HoldLine:
     """Return the small way that the axis test takes from a pose."""
     session = SimpleNamespace(loaded=LOADED, cell=LOADED.config)
-    made = AxisBench(cast(RunSession, session), cast(Console, Said()), unattended=True)
-    return made._small(number, pose)
+    made = AxisTester(cast(RunSession, session), cast(Console, Said()), unattended=True)
+    return made._plan_small_move(number, pose)
 
 
 def inside(number: int, share: float) -> FloatArray:
@@ -182,7 +182,7 @@ def test_rows_without_an_answer_do_not_count() -> None:
 def test_an_encoder_that_stands_still_is_named_if_the_axis_moved() -> None:
     dead = AxisMotion.of(rows(0.0, told_rad=math.radians(2.0)), ROBOT, 1)
     assert dead.counts == 0
-    verdict = judge_axis(dead, Seen("axis2", 2.0), LOADED.config, ROBOT)
+    verdict = check_axis_motion(dead, MotionSeen("axis2", 2.0), LOADED.config, ROBOT)
     assert not verdict.passed
     assert "6064h" in verdict.sentence
 
@@ -191,22 +191,22 @@ def test_how_much_of_a_line_was_driven_is_told_by_the_set_points() -> None:
     start, goal = np.zeros(N), np.zeros(N)
     start[1], goal[1] = 0.3, 0.3 + math.radians(2.0)
     half = rows(math.radians(2.0))[:101]
-    assert travelled(HoldLine(start, goal, 1.0), half, 1) == pytest.approx(0.5)
+    assert travelled_share(HoldLine(start, goal, 1.0), half, 1) == pytest.approx(0.5)
 
 
 def test_eyes_see_the_joint_that_moved_most_and_nothing_below_a_tenth_of_a_degree() -> None:
     moved = np.zeros(N)
     moved[2], moved[1] = math.radians(-1.9), math.radians(0.2)
-    seen = seen_by(ROBOT, moved)
+    seen = visible_motion(ROBOT, moved)
     assert seen.joint == "axis3"
     assert seen.amount == pytest.approx(-1.9)
-    assert seen_by(ROBOT, np.full(N, math.radians(0.09))).joint == ""
+    assert visible_motion(ROBOT, np.full(N, math.radians(0.09))).joint == ""
 
 
 def test_q_ends_the_axis_test_before_the_next_axis(monkeypatch: pytest.MonkeyPatch) -> None:
     """Also if the axis has moved far enough to be judged."""
     session = SimpleNamespace(loaded=LOADED, cell=LOADED.config, simulated=None)
-    made = AxisBench(cast(RunSession, session), cast(Console, Said()), unattended=True)
+    made = AxisTester(cast(RunSession, session), cast(Console, Said()), unattended=True)
     ended = SimpleNamespace(outcome=SimpleNamespace(stop=None))
     run = SimpleNamespace(as_step=lambda: ended)
 
@@ -217,7 +217,7 @@ def test_q_ends_the_axis_test_before_the_next_axis(monkeypatch: pytest.MonkeyPat
     def never(*_: object) -> None:
         raise AssertionError("nothing is read of a test that was ended")
 
-    monkeypatch.setattr(axis_bench, "record_held", quit_in)
-    monkeypatch.setattr(axis_bench, "simulated_eyes", lambda _session: None)
-    monkeypatch.setattr(AxisBench, "_rows", never)
+    monkeypatch.setattr(axis_tester, "record_held", quit_in)
+    monkeypatch.setattr(axis_tester, "true_position_reader", lambda _session: None)
+    monkeypatch.setattr(AxisTester, "_read_rows", never)
     assert made.test(0) is None

@@ -15,7 +15,7 @@ from config.errors import ConfigError
 from config.load import LoadedCell, load_cell, load_robot, to_yaml
 from identification.estimation.file import write_estimate
 from rid_daq.app import run
-from rid_daq.operations.cell_files import estimate_for, motion_and_bytes, motion_for
+from rid_daq.operations.cell_files import read_estimate_for, read_motion_and_bytes, read_motion_for
 from tests.builders.known_model import known
 from tests.builders.raised_codes import raises_code
 
@@ -43,7 +43,7 @@ def test_a_motion_of_the_cells_robot_is_kept_with_its_comments(
     cell: LoadedCell, tmp_path: Path
 ) -> None:
     path = written(tmp_path, cell.robot.name)
-    motion, kept = motion_and_bytes(path, cell)
+    motion, kept = read_motion_and_bytes(path, cell)
     assert motion.robot == cell.robot.name
     assert kept == path.read_bytes()
 
@@ -53,7 +53,7 @@ def test_a_motion_of_another_robot_is_refused_by_both_names(
 ) -> None:
     path = written(tmp_path, "another")
     with pytest.raises(ConfigError) as refused:
-        motion_for(path, cell)
+        read_motion_for(path, cell)
     for word in (str(path), "'another'", repr(cell.robot.name), cell.config.name):
         assert word in str(refused.value)
 
@@ -65,7 +65,7 @@ def test_a_model_of_the_cells_robot_may_have_other_limits_and_friction(
     text = cell.files["robot.yaml"].decode().replace("velocity: 2.6", "velocity: 2.0")
     (tmp_path / "robot.yaml").write_text(text.replace("[coulomb, viscous]", "[coulomb, cubic]"))
     robot = load_robot(str(tmp_path / "robot.yaml"))
-    assert estimate_for(tmp_path / "model.json", robot).robot == cell.robot
+    assert read_estimate_for(tmp_path / "model.json", robot).robot == cell.robot
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def test_a_model_of_another_robot_with_the_same_joints_is_refused_by_what_differ
     (tmp_path / "robot.yaml").write_text(cell.files["robot.yaml"].decode().replace(right, wrong))
     robot = load_robot(str(tmp_path / "robot.yaml"))
     with raises_code(ConfigError, "RID-ROBOT-OTHER", f" {key}. "):
-        estimate_for(tmp_path / "model.json", robot)
+        read_estimate_for(tmp_path / "model.json", robot)
 
 
 def test_what_differs_at_many_joints_is_told_once(cell: LoadedCell) -> None:

@@ -13,12 +13,12 @@ from config.errors import PreflightError
 from config.load import LoadedCell, load_cell
 from rid_daq.operations.cell import check, checked_cell
 from rid_daq.operations.perform import perform
-from rid_daq.preflight.bus_check import TRIAL_WAITS, CheckLine
+from rid_daq.preflight.bus_check import NOT_TESTED, CheckLine
 from rid_daq.terminal.console import Console
 from tests.builders.raised_codes import raises_code
 
 FINE = CheckLine("drives", "seen to stop", "", "", "ok")
-WAITS = CheckLine("axis1", TRIAL_WAITS, "", "", "red", "clear the cell")
+WAITS = CheckLine("axis1", NOT_TESTED, "", "", "red", "clear the cell")
 Looked = Callable[..., None]
 
 

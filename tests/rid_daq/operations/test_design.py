@@ -42,7 +42,7 @@ def test_what_to_know_best_takes_the_place_of_the_criterion() -> None:
         {**REQUIRED, "excitation": {"wanted": ("torque",), "criterion": "condition"}}
     )
     with raises_code(ConfigError, "RID-OPTION-EXCLUSIVE"):
-        request.refuse_useless()
+        request.refuse_options_without_effect()
 
 
 @pytest.mark.parametrize(

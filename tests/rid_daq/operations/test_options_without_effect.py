@@ -22,14 +22,14 @@ DESIGN = "design ir361 -o motion.yaml"
         (f"{DESIGN} --kind reversed --band 1:2", "--band: has no effect with --kind reversed"),
         (f"{DESIGN} --kind multisine --harmonics 4", "--harmonics: has no effect with --kind mul"),
         (f"{DESIGN} --kind constant-velocity --period 5", "--period: has no effect with --kind"),
-        (f"{DESIGN} --for sx3 --criterion condition", "--for takes the place of --criterion"),
+        (f"{DESIGN} --for sx3 --criterion condition", "--for replaces --criterion"),
         ("validate m.json latest --mass 9", "--mass: has no effect without --base-limits"),
         ("validate m.json latest --cell ir361", "--cell: has no effect with a run"),
         ("validate m.json here.yaml --limits 9", "--limits: has no effect with a motion file"),
         ("sensitivity --doubt-links 5", "--doubt-links: has no effect without --draws"),
         (
             "stream ir361 here.yaml --model m --loop l --wait 9",
-            "--wait: has no effect with a motion file",
+            "--wait has no effect with a motion file",
         ),
     ],
 )
@@ -64,9 +64,9 @@ def test_an_option_without_effect_is_refused(
 @pytest.mark.parametrize(
     ("name", "code", "told"),
     [
-        ("mine", 2, "mine: is already there; give another name, or --overwrite"),
-        ("folder", 7, "folder: cannot be written: is no file"),
-        ("nowhere/mine", 7, "nowhere/mine: cannot be written: there is no folder nowhere"),
+        ("mine", 2, "mine: the file exists already; give another name, or --overwrite"),
+        ("folder", 7, "folder: cannot be written, because it is not a regular file"),
+        ("nowhere/mine", 7, "nowhere/mine: cannot be written: folder nowhere does not exist"),
     ],
 )
 def test_an_output_is_judged_before_anything_is_computed(

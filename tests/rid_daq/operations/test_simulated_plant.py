@@ -18,7 +18,7 @@ from rid_daq.operations.start.workload import (
     GRAVITY_SHARE,
     INTEGRAL_TIME_S,
     Workload,
-    held_by_motors,
+    limit_to_motors,
 )
 
 CYCLE_S = 0.008
@@ -82,7 +82,7 @@ def test_the_torque_limit_pushes_no_joint_farther_off_than_the_loops_are_made_fo
 @pytest.mark.parametrize("wrist_kg", [0.002, 0.05, 2.0])
 def test_a_light_wrist_stands_still_while_a_heavy_arm_swings_below_it(wrist_kg: float) -> None:
     robot = arm((120.0, 150.0, 4.0), wrist_kg)
-    robot, _ = held_by_motors(robot)
+    robot, _ = limit_to_motors(robot)
     plant = Plant(robot, simulated_plant(robot))
     told = np.array(plant.position)
     command = np.zeros(3)
@@ -101,22 +101,22 @@ def test_a_light_wrist_stands_still_while_a_heavy_arm_swings_below_it(wrist_kg: 
 
 def test_a_torque_limit_below_gravity_is_raised_and_said_by_name() -> None:
     robot = arm((120.0, 20.0, 4.0))
-    fitted, notes = held_by_motors(robot)
+    fitted, notes = limit_to_motors(robot)
     load = Workload.of(robot)
     assert fitted.joints[1].limits.torque >= load.gravity_nm[1] / GRAVITY_SHARE
     assert fitted.joints[0].limits.torque == 120.0
-    assert notes[0].startswith("joint 'j2': gravity takes up to 23.8 N m")
+    assert notes[0].startswith("joint 'j2': gravity needs up to 23.8 N m")
     assert "limits.torque 20 leaves too little" in notes[0]
 
 
 def test_weak_motors_make_every_joint_slower_in_the_same_path() -> None:
-    fitted, notes = held_by_motors(arm((6.0, 150.0, 4.0)))
+    fitted, notes = limit_to_motors(arm((6.0, 150.0, 4.0)))
     first, second = fitted.joints[0].limits, fitted.joints[1].limits
     share = first.velocity / 3.0
     assert share < 0.9
     assert second.velocity == pytest.approx(first.velocity)
     assert second.acceleration == pytest.approx(15.0 * share**2)
-    assert "the torque of joint 'j1'" in notes[-1]
+    assert "the torque limit of joint 'j1'" in notes[-1]
 
 
 def test_a_joint_that_crosses_its_range_before_a_fault_stops_it_is_slowed_down() -> None:
@@ -126,11 +126,11 @@ def test_a_joint_that_crosses_its_range_before_a_fault_stops_it_is_slowed_down()
     )
     last = robot.joints[2].model_copy(update={"limits": short})
     robot = robot.model_copy(update={"joints": (*robot.joints[:2], last)})
-    fitted, notes = held_by_motors(robot)
+    fitted, notes = limit_to_motors(robot)
     assert fitted.joints[2].limits.velocity == pytest.approx(0.8)
-    assert "joint 'j3': limits.velocity 5 crosses its range" in notes[0]
+    assert "limits.velocity 5 it crosses its range" in notes[0]
 
 
 def test_strong_motors_keep_their_limits() -> None:
     robot = arm((500.0, 500.0, 40.0))
-    assert held_by_motors(robot) == (robot, ())
+    assert limit_to_motors(robot) == (robot, ())

@@ -9,7 +9,7 @@ from config.robot.bodies import Capsule
 from config.robot.kinematic_table import KinematicRow, Kinematics
 from config.robot.robot import Joint, JointLimits, RobotDescription
 from dynamics.geometry.clearances import Clearances
-from rid_daq.operations.start.touching_bodies import without_touching
+from rid_daq.operations.start.touching_bodies import allow_touching_pairs
 from tests.builders.raised_codes import raises_invalid
 
 REACH = 0.3
@@ -47,11 +47,11 @@ def arm(**more: object) -> RobotDescription:
 
 
 def test_what_touches_in_every_pose_may_touch_and_what_can_part_may_not() -> None:
-    robot, notes = without_touching(arm(), np.zeros(3))
+    robot, notes = allow_touching_pairs(arm(), np.zeros(3))
     assert robot.may_touch == (("base", "upper"),)
     assert notes == (
-        "these bodies touch wherever the robot stands, and are not held apart: base and upper"
-        " (`may_touch` in robot.yaml)",
+        "these bodies touch in nearly all poses, so no distance between them is required: base and"
+        " upper (`may_touch` in robot.yaml)",
     )
     assert Clearances.of(arm()).names == (
         "the base's body base and link 2's body upper",
@@ -62,7 +62,7 @@ def test_what_touches_in_every_pose_may_touch_and_what_can_part_may_not() -> Non
 
 def test_a_robot_whose_bodies_part_stays_as_it_is() -> None:
     apart = arm(bodies=(capsule(0, "base", 0.1), capsule(3, "fore", 0.1)))
-    assert without_touching(apart, np.zeros(3)) == (apart, ())
+    assert allow_touching_pairs(apart, np.zeros(3)) == (apart, ())
 
 
 @pytest.mark.parametrize("pair", [("base", "base"), ("base", "hand")])

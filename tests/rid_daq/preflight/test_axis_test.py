@@ -174,7 +174,7 @@ def test_a_record_of_another_account_or_computer_does_not_count(
 ) -> None:
     loaded = real(tmp_path)
     sign_all(loaded)
-    monkeypatch.setattr("rid_daq.preflight.axis_test._computer", lambda: "another")
+    monkeypatch.setattr("rid_daq.preflight.axis_test._computer_id", lambda: "another")
     assert axis_test_line(loaded, AxisTestRule.REQUIRED).verdict == "red"
     monkeypatch.undo()
     monkeypatch.setenv("XDG_STATE_HOME", str(state.parent))

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from rid_daq.preflight.bus_check import CheckLine, Verdict
-from rid_daq.preflight.check_words import all_blocks, say_devices
+from rid_daq.preflight.check_words import all_blocks, show_devices
 from rid_daq.terminal.block_printer import print_blocks
 from rid_daq.terminal.console import Console
 
@@ -33,7 +33,7 @@ LINES = [
 def test_a_device_is_a_line_and_below_it_what_is_red_or_was_only_allowed(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    say_devices(Console(), LINES)
+    show_devices(Console(), LINES)
     assert capsys.readouterr().out.splitlines() == [
         "ok      bus: load: 9 % (required ≤ 80 %)",
         "ok      axis1, node 1: 2 of 2 requirements hold",
@@ -46,7 +46,7 @@ def test_a_device_is_a_line_and_below_it_what_is_red_or_was_only_allowed(
 
 def test_a_headline_is_shown_even_if_all_is_well(capsys: pytest.CaptureFixture[str]) -> None:
     reference = line("axis1, node 1", "6064h:00 position reference", "not known", verdict="shown")
-    say_devices(Console(), [*LINES[1:3], replace(reference, headline="position reference")])
+    show_devices(Console(), [*LINES[1:3], replace(reference, headline="position reference")])
     assert capsys.readouterr().out.splitlines() == [
         "ok      axis1, node 1: 1 of 1 requirements hold; position reference: not known",
     ]

@@ -27,13 +27,15 @@ def test_keeping_processors_awake_is_tried_and_given_back(tmp_path: Path) -> Non
 
 
 def test_a_refusal_says_what_to_do(tmp_path: Path) -> None:
-    told = f"refused: cycles begin later ({tmp_path}: Is a directory); let this user write to it"
+    told = (
+        f"refused: cycles begin later ({tmp_path}: Is a directory); give this user write permission"
+    )
     assert try_awake(tmp_path) == told
 
 
 def test_how_late_cycles_begin_is_measured_as_the_task_would_begin_them() -> None:
     found = {line.what: line.found for line in time_lines()}
-    source, late = found["clock source; a cycle begins late by, median and worst"].split("; ")
+    source, late = found["clock source; lateness of a cycle, median and largest"].split("; ")
     median, worst = (float(each.removesuffix(" ms")) for each in late.split(", "))
     assert source
     assert 0.0 <= median <= worst + 0.005
@@ -57,7 +59,7 @@ def test_a_disk_that_is_too_slow_is_red(
 
 
 def test_a_date_before_the_program_existed_is_red(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rid_daq.preflight.computer_check.lateness", lambda: "not measured")
+    monkeypatch.setattr("rid_daq.preflight.computer_check.measure_lateness", lambda: "not measured")
     before = time.struct_time((2024, 12, 31, 23, 59, 59, 1, 366, 0))
     monkeypatch.setattr("time.gmtime", lambda *_: before)
     (line,) = [each for each in time_lines() if each.what == "date"]

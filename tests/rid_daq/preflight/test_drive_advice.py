@@ -7,7 +7,7 @@ import pytest
 from drivers.interfaces.servo_axes import DriveSetting
 from rid_daq.preflight.drive_advice import next_action
 
-GUARDED = "name watch: life_guarding in the axis's servo, where the drive has 100Ch and 100Dh"
+GUARDED = "set watch: life_guarding in the axis's servo, if the drive has 100Ch and 100Dh"
 
 
 def red(name: str, found: str) -> DriveSetting:
@@ -30,7 +30,7 @@ def test_a_drive_without_heartbeats_may_be_guarded(name: str) -> None:
 @pytest.mark.parametrize("name", ["1016h:01", "100Ch:00", "100Dh:00"])
 def test_a_watch_that_is_not_taken_leaves_a_drive_that_goes_on(name: str) -> None:
     advice = next_action(red(name, "0"))
-    assert "would not stop when this computer dies" in advice
+    assert "would not stop if this computer fails" in advice
     assert GUARDED not in advice
 
 

@@ -95,7 +95,7 @@ def checked(monkeypatch: pytest.MonkeyPatch) -> Any:
 
         monkeypatch.setattr(drives_check, "open_cell", open_cell)
         monkeypatch.setattr(drives_check, "sender_lines", lambda *_: [])
-        monkeypatch.setattr(drives_check, "watch_lines", lambda _, cleared: [WATCHED])
+        monkeypatch.setattr(drives_check, "watchdog_lines", lambda _, cleared: [WATCHED])
         lines, position = check_drives(
             LOADED.config, LOADED.robot, CYCLES * CYCLE_S, None, cleared=False
         )
@@ -134,7 +134,7 @@ def test_one_slow_answer_in_a_hundred_is_forgiven_and_two_are_not(checked: Any) 
     slow = 0.0051
     assert red(checked(Axes(answer_s=[slow, *[0.001] * 99]))) == []
     (line,) = red(checked(Axes(answer_s=[slow, slow, *[0.001] * 98])))
-    assert line == "drives: from SYNC to the last answer, 99 of 100 5.10 ms"
+    assert line == "drives: time from SYNC to the last answer (99th percentile) 5.10 ms"
 
 
 def test_frames_that_this_computer_lost_are_red(checked: Any) -> None:

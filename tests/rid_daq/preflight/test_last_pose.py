@@ -10,7 +10,7 @@ import pytest
 
 from config.errors import RidDaqError
 from config.load import LoadedCell, load_cell
-from rid_daq.preflight.last_pose import LAST_POSE, PoseRule, keep_pose, known_pose, pose_lines
+from rid_daq.preflight.last_pose import LAST_POSE, PoseRule, known_pose, pose_lines, store_pose
 
 HERE, ELSEWHERE = [0.1, 0.2, 0.3], [0.1, 0.2, 0.5]
 
@@ -42,7 +42,7 @@ def test_the_first_check_has_nothing_to_compare_with_and_the_next_has(real: Load
 
 
 def test_a_person_accepts_another_pose(real: LoadedCell) -> None:
-    keep_pose(real, HERE, "run A")
+    store_pose(real, HERE, "run A")
     assert verdict(real, ELSEWHERE, PoseRule.ACCEPTED) == "allowed"
     assert verdict(real, ELSEWHERE) == "ok"
     assert verdict(real, HERE) == "red"
@@ -51,7 +51,7 @@ def test_a_person_accepts_another_pose(real: LoadedCell) -> None:
 def test_a_simulated_cell_that_is_served_is_told_and_not_refused(real: LoadedCell) -> None:
     config = real.config.model_copy(update={"simulated": True})
     simulated = replace(real, config=config)
-    keep_pose(simulated, HERE, "run A")
+    store_pose(simulated, HERE, "run A")
     assert verdict(simulated, ELSEWHERE) == "allowed"
 
 
@@ -61,7 +61,7 @@ def test_mock_hardware_that_is_started_here_is_not_compared(real: LoadedCell, st
 
 
 def test_each_cell_file_has_a_pose_of_its_own(real: LoadedCell, tmp_path: Path) -> None:
-    keep_pose(real, HERE, "run A")
+    store_pose(real, HERE, "run A")
     assert known_pose(replace(real, path=tmp_path / "other.yaml"), binding=True) is None
     linked = tmp_path / "linked.yaml"
     linked.symlink_to(tmp_path / "cell.yaml")
@@ -69,7 +69,7 @@ def test_each_cell_file_has_a_pose_of_its_own(real: LoadedCell, tmp_path: Path) 
 
 
 def test_a_pose_of_other_joints_is_none_of_this_robot(real: LoadedCell) -> None:
-    keep_pose(real, HERE, "run A")
+    store_pose(real, HERE, "run A")
     joints = tuple(
         joint.model_copy(update={"name": f"{joint.name}b"}) for joint in real.robot.joints
     )
@@ -84,7 +84,7 @@ def test_the_page_of_a_cell_knows_the_line_by_its_name() -> None:
 
 @pytest.mark.parametrize("content", ["", "{", '{"cell": 3}', '{"position": [NaN]}'])
 def test_a_damaged_file_is_refused(real: LoadedCell, state: Path, content: str) -> None:
-    keep_pose(real, HERE, "run A")
+    store_pose(real, HERE, "run A")
     (file,) = state.iterdir()
     file.write_text(content)
     with pytest.raises(RidDaqError) as caught:

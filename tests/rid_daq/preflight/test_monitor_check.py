@@ -88,7 +88,7 @@ def test_another_torque_constant_than_the_robot_files(loaded: LoadedCell, serve:
 
 def test_a_drive_that_is_not_there(loaded: LoadedCell, serve: Serve) -> None:
     (line,) = red(loaded, serve(units=5))
-    assert line.found == "unit 6: none"
+    assert line.found == "no answer of unit 6"
     assert "exception 11" in line.next_action
 
 

@@ -49,7 +49,7 @@ def test_a_zeroed_plate_passes(serve_amplifier: Serve) -> None:
     prepare_plate(served.plate, served.profile, operate=True)
     lines = lines_of(served)
     assert red(lines) == []
-    assert lines["who answers"].found.startswith("rid-daq,simulated")
+    assert lines["amplifier"].found.startswith("rid-daq,simulated")
     assert lines["settings read back"].found == "21"
     assert "force at rest" in lines
 
@@ -82,7 +82,7 @@ def test_a_range_set_here_has_lost_the_zero(serve_amplifier: Serve) -> None:
     )
     lines = lines_of(served, amplifier=other)
     assert red(lines) == ["channels measure"]
-    assert "charge lost" in lines["channels measure"].found
+    assert "reset the charge" in lines["channels measure"].found
 
 
 def stream_some(served: Any) -> None:
@@ -141,4 +141,4 @@ def test_the_bundled_cells_plate_is_checked_with_it(capsys: pytest.CaptureFixtur
     found = {line["what"]: line["verdict"] for line in document["lines"]}
     assert found["channels measure"] == "ok"
     assert found["settings read back"] == "ok"
-    assert found["force at rest, never zeroed"] == "shown"
+    assert found["force at rest, plate never zeroed"] == "shown"

@@ -76,7 +76,7 @@ def test_it_is_that_of_all_periods_at_once(
         if warm:
             monitored_until(tmp_path / MONITOR, T * K * periods)
         new = NewPeriods(recording.part(slice(begin, periods * K)), tmp_path, begin, periods)
-        found = average.with_more(new)
+        found = average.with_new_periods(new)
         raw = recording.part(slice(0, periods * K))
         stream, _ = monitored(raw, tmp_path)
         whole = average_periods(with_temperature_compensation(raw, stream, robot))

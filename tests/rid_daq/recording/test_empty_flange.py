@@ -84,7 +84,7 @@ def lead(monkeypatch: pytest.MonkeyPatch, state: SessionFile, motion: AnyMotion)
         guide = PayloadGuide(
             asked, cast("Any", session), state, cast("Any", motion), PayloadRequest(), console
         )
-        return guide.lead()
+        return guide.perform_steps()
 
     return led
 

@@ -20,8 +20,8 @@ from acquisition.supervision.stop_reason import StopCode, StopReason
 from acquisition.task.states import TaskProgress, TaskState
 from config.load import load_cell
 from rid_daq.app import run
-from rid_daq.operations.cell import axis_bench, zeroed_plate
-from rid_daq.operations.cell.axis_bench import AxisBench
+from rid_daq.operations.cell import axis_tester, zeroed_plate
+from rid_daq.operations.cell.axis_tester import AxisTester
 from rid_daq.operations.cell.plate_zero import PlateZeroRequest
 from rid_daq.operations.cell.zeroed_plate import zero_plate
 from rid_daq.operations.experiment import recorded_motion
@@ -107,7 +107,9 @@ def test_a_payload_session_keeps_the_step_and_begins_no_other(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(PayloadGuide, "_averages", lambda _guide: None)  # nothing was measured
+    monkeypatch.setattr(
+        PayloadGuide, "_recorded_averages", lambda _guide: None
+    )  # nothing was measured
     loaded = load_cell("kr15")
     state = SessionFile.begin(RunFolder.create(tmp_path, "payload", kind="payload session"), "kr15")
     simulated = SimpleNamespace(attach=lambda payload: None)
@@ -120,11 +122,11 @@ def test_a_payload_session_keeps_the_step_and_begins_no_other(
         Console(),
     )
     for step in ("rehearsal", "unloaded"):  # each time it is resumed
-        failed = guide.lead()
+        failed = guide.perform_steps()
         assert failed is not None
         assert failed[0] == step
         require_stopped(failed[1])
-    assert guide.lead() is None  # nothing is driven after the last one
+    assert guide.perform_steps() is None  # nothing is driven after the last one
     assert driven == list(state.done) == ["rehearsal", "unloaded", "loaded 1"]
 
 
@@ -134,12 +136,12 @@ def test_no_other_axis_is_tested(
     loaded = load_cell("ir361")
     session = RunSession(loaded, loaded.config, tmp_path, Console())
     monkeypatch.setattr(
-        axis_bench,
+        axis_tester,
         "record_held",
         lambda session, console, held: session.record(RunRequest("", "", None, role=held.role)),
     )
-    monkeypatch.setattr(axis_bench, "simulated_eyes", lambda _session: None)
-    bench = AxisBench(session, Console(), unattended=True)
+    monkeypatch.setattr(axis_tester, "true_position_reader", lambda _session: None)
+    bench = AxisTester(session, Console(), unattended=True)
     assert bench.test(0) is None
     assert driven == ["axis test"]
     require_stopped(bench.last)

@@ -14,7 +14,7 @@ from identification.design.two_harmonic import TwoHarmonicOptions, design_two_ha
 from rid_daq.operations.payload.payload_identify import KnownQuantity, VerdictLimits
 from rid_daq.operations.payload.payload_session import PayloadSessionRequest
 from rid_daq.operations.payload.session_states import SessionFile
-from rid_daq.operations.payload.session_steps import rehearsal_of
+from rid_daq.operations.payload.session_steps import rehearsal_motion
 from tests.builders.raised_codes import raises_code
 
 
@@ -63,7 +63,7 @@ def test_a_rehearsal_is_one_period_of_whole_cycles_no_faster_than_was_asked() ->
         TwoHarmonicOptions(4.0, highest_harmonic=4, tries=1, limit_fraction=0.3, seed=1),
         cycle_s,
     )
-    slow = rehearsal_of(motion, 0.3, cycle_s)
+    slow = rehearsal_motion(motion, 0.3, cycle_s)
     assert (slow.periods, slow.transient_periods) == (1, 0)
     assert slow.period_s >= motion.period_s / 0.3
     assert slow.period_s / cycle_s == pytest.approx(round(slow.period_s / cycle_s), abs=1e-9)
@@ -85,16 +85,16 @@ def test_a_session_that_goes_on_keeps_what_it_was_begun_with_unless_that_is_said
     SessionFile.begin(folder, "kr15", begun.choices)
     asked = SessionFile.read(folder).request
     again = PayloadSessionRequest(cell="kr15", runs=folder.path.parent, resume="latest", yes=True)
-    kept = again.as_begun(asked)
+    kept = again.with_original_options(asked)
     assert kept.model == Path("model.json").absolute()
     assert (kept.warm_up_percent, kept.repeats, kept.known) == (0.0, 2, begun.known)
     assert (kept.limits, kept.resume, kept.yes) == (begun.limits, "latest", True)
     warm = {"warm_up_percent": 1.0, "limits": VerdictLimits(centre_mm=1.0)}
-    kept = again.model_copy(update=warm).as_begun(asked)
+    kept = again.model_copy(update=warm).with_original_options(asked)
     assert (kept.warm_up_percent, kept.repeats) == (1.0, 2)
     assert kept.limits == VerdictLimits(mass_percent=2.0, centre_mm=1.0)
     with raises_code(ConfigError, "RID-SESSION-STATE", "--resume", "latest", "repeats"):
-        again.as_begun({"repeats": "many"})
+        again.with_original_options({"repeats": "many"})
 
 
 def test_what_a_person_says_anew_counts_be_it_the_usual(folder: RunFolder) -> None:
@@ -109,10 +109,10 @@ def test_what_a_person_says_anew_counts_be_it_the_usual(folder: RunFolder) -> No
     again = PayloadSessionRequest(cell="kr15", runs=folder.path.parent, resume="latest")
     usual = VerdictLimits(**VerdictLimits().model_dump())  # each of them is given
     taken_back = {"known": (), "model": None, "repeats": 1, "limits": usual}
-    kept = again.model_copy(update=taken_back).as_begun(begun.choices)
+    kept = again.model_copy(update=taken_back).with_original_options(begun.choices)
     assert (kept.known, kept.model, kept.repeats) == ((), None, 1)
     assert kept.limits == VerdictLimits()
     usual = VerdictLimits(mass_percent=VerdictLimits().mass_percent)
-    kept = again.model_copy(update={"limits": usual}).as_begun(begun.choices)
+    kept = again.model_copy(update={"limits": usual}).with_original_options(begun.choices)
     assert kept.limits == VerdictLimits(centre_mm=30.0)
     assert (kept.known, kept.repeats) == (begun.known, 3)

@@ -12,7 +12,7 @@ from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError
 from rid_daq.app import run
 from rid_daq.operations.payload.payload_session import PayloadSessionRequest
-from rid_daq.operations.payload.session_states import ORDER, STATES, SessionFile, needed_after
+from rid_daq.operations.payload.session_states import ORDER, STATES, SessionFile, next_state
 from rid_daq.terminal.job_events import SessionState as State
 from tests.builders.raised_codes import raises_code
 
@@ -31,10 +31,10 @@ def states_from(request: PayloadSessionRequest, *done: str) -> list[State]:
     state, passed = State.PREPARE, list[State]()
     is_warm = False
     while state is not State.IDENTIFY:
-        state = needed_after(state, request, runs, is_warm=is_warm)
+        state = next_state(state, request, runs, is_warm=is_warm)
         passed.append(state)
         is_warm = is_warm or state in (State.WARM_UP_WITHOUT, State.RECORD_WITHOUT)
-        missing = [name for name in request.wanted if name not in runs]
+        missing = [name for name in request.measured_steps if name not in runs]
         if state in (State.RECORD_WITHOUT, State.RECORD_WITH):
             runs[missing[0]] = "RUN"
     return passed

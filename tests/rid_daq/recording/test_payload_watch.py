@@ -40,7 +40,7 @@ def watched(
     for piece in pieces:
         power = np.array(piece).reshape(-1, len(JOINTS))
         monkeypatch.setattr(session_watches, "period_powers", lambda *_, power=power: power)
-        said.append(watch.enough(NEW))
+        said.append(watch.add_periods(NEW))
     return said
 
 
@@ -62,7 +62,7 @@ def test_one_joint_that_still_changes_is_enough_to_go_on_and_is_named(
     assert watched(watch, monkeypatch, [[10.0, 20.0 * 0.97**k] for k in range(6)]) == [False]
     assert watch.worst == "axis2"
     assert "friction of axis2 changes by 3" in watch.line()
-    assert "(settled at 1 %)" in watch.line()
+    assert "(goal: 1 %)" in watch.line()
 
 
 def test_three_periods_settle_nothing_however_even_they_are(
@@ -90,7 +90,7 @@ def weighing(goal_kg: float | None, monkeypatch: pytest.MonkeyPatch, sigma_kg: f
     """Return a watch whose estimate is 9.3 kg with a standard deviation."""
     watch = MassWatch(load_robot("ir361"), None, PayloadRequest(), goal_kg)
     average = cast(PeriodAverage, SimpleNamespace())
-    monkeypatch.setattr(AverageSoFar, "with_more", lambda _self, _new: average)
+    monkeypatch.setattr(AverageSoFar, "with_new_periods", lambda _self, _new: average)
     estimate = SimpleNamespace(sigma=np.array([sigma_kg]), reported=np.array([9.3]))
     monkeypatch.setattr(session_watches, "identify_payload", lambda *_: estimate)
     return watch
@@ -107,7 +107,7 @@ def test_a_mass_is_sure_where_two_standard_deviations_are_within_the_goal(
 ) -> None:
     watch = weighing(goal_kg, monkeypatch, sigma_kg=0.02)
     assert watch.sentences() == []
-    assert watch.enough(PERIODS) is enough
+    assert watch.add_periods(PERIODS) is enough
     assert watch.line() == "5 periods: 9.300 ± 0.040 kg"
 
 
@@ -118,37 +118,37 @@ def test_an_estimate_that_fails_says_why_and_ends_nothing(monkeypatch: pytest.Mo
         raise EstimationError("the motion does not show the mass")
 
     monkeypatch.setattr(session_watches, "identify_payload", fail)
-    assert not watch.enough(PERIODS)
+    assert not watch.add_periods(PERIODS)
     assert watch.sentences() == ["the motion does not show the mass"]
 
 
 def says_of_time(what: str) -> Estimate:
     """Return a model that says what no mean period shows."""
-    if what == "how joints warm up":
+    if what == "the warming of the joints":
         return by_temperature(load_cell("ir361"), measured=False)
     narrow = replace(TorqueChannel.none(3), width_s=np.full(3, 0.05))
     return replace(known(load_cell("ir361"), {}), channel=narrow)
 
 
-@pytest.mark.parametrize("what", ["how joints warm up", "that torques were low-passed"])
+@pytest.mark.parametrize("what", ["the warming of the joints", "a low-pass filter of the torques"])
 def test_a_mass_is_not_followed_by_a_model_that_holds_in_time_alone(
     what: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     how = PayloadRequest(PayloadOptions("model", robot=says_of_time(what)))
     weighing(None, monkeypatch, sigma_kg=0.001)
     watch = MassWatch(load_robot("ir361"), None, how, 0.1)
-    assert not watch.enough(PERIODS)
-    assert watch.line() == "mass not followed"
+    assert not watch.add_periods(PERIODS)
+    assert watch.line() == "mass not estimated during the run"
     (sentence,) = watch.sentences()
-    assert sentence.startswith("The mass was not followed while the robot moved")
+    assert sentence.startswith("The mass was not estimated while the robot moved")
     assert what in sentence
 
 
-@pytest.mark.parametrize("what", ["how joints warm up", "that torques were low-passed"])
+@pytest.mark.parametrize("what", ["the warming of the joints", "a low-pass filter of the torques"])
 def test_until_mass_with_such_a_model_is_refused_before_there_is_a_session(
     what: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(guided_session, "estimate_for", lambda *_: says_of_time(what))
+    monkeypatch.setattr(guided_session, "read_estimate_for", lambda *_: says_of_time(what))
     request = PayloadSessionRequest(
         cell="ir361",
         runs=tmp_path / "runs",

@@ -14,7 +14,12 @@ from acquisition.session.outcome import RecordOutcome
 from acquisition.session.timing import CycleTally
 from acquisition.supervision.stop_reason import StopCode, StopReason
 from config.errors import DataQualityError, RecordingError
-from rid_daq.recording.recorded_run import RecordedRun, ending_said, stop_document, stop_words
+from rid_daq.recording.recorded_run import (
+    RecordedRun,
+    prefix_errors_with_outcome,
+    stop_document,
+    stop_words,
+)
 from rid_daq.report.result import Result
 from rid_daq.runs.run_quality import RunQuality
 from rid_daq.terminal.exit_codes import ExitCode
@@ -62,14 +67,14 @@ def test_a_run_that_lost_too_much_says_so_first_and_is_exit_6(ended: RecordedRun
     assert poor.exit_code == ExitCode.DATA_QUALITY
     assert (verdict.passed, verdict.headline) == (
         False,
-        "Recorded, but not good enough to go on with",
+        "Recorded, but the data are not good enough for the next step",
     )
     assert verdict.sentence.startswith(f"{TROUBLE}. ")
     assert "12 of axis1" in verdict.sentence
 
 
 @pytest.mark.parametrize(
-    ("held", "after"), [(False, "; the robot goes to the start by itself"), (True, "")]
+    ("held", "after"), [(False, "; the robot moves to the start pose by itself"), (True, "")]
 )
 def test_nothing_goes_anywhere_by_itself_where_a_key_is_held(
     ended: RecordedRun, held: bool, after: str
@@ -129,7 +134,7 @@ def test_a_disk_that_fails_afterwards_does_not_hide_how_the_motion_ended(
 ) -> None:
     with (
         pytest.raises(RecordingError) as failed,
-        ending_said(outcome(stop), "That was the rehearsal."),
+        prefix_errors_with_outcome(outcome(stop), "That was the rehearsal."),
     ):
         raise RecordingError("disk full")
     assert str(failed.value) == words

@@ -80,7 +80,8 @@ def test_nobody_who_listens_is_no_error_and_a_full_disk_is_one(
         ([], "The motion ended as planned. "),
         (
             ["--rehearse"],
-            "The motion ended as planned. That was the rehearsal; nothing else was driven. ",
+            "The motion ended as planned. Only the rehearsal was performed, not the motion"
+            " itself. ",
         ),
     ],
 )

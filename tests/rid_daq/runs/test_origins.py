@@ -8,7 +8,7 @@ import pytest
 
 from acquisition.runs.folder import RunFolder
 from config.load import load_cell
-from rid_daq.runs.origins import FileLine, key_lines, note_cell, note_map
+from rid_daq.runs.origins import FileLine, key_lines, write_cell_origin, write_map_origin
 from rid_daq.runs.run_data import ORIGINS
 
 JOINTS = ("axis1", "axis2", "axis3")
@@ -30,7 +30,7 @@ def recorded(tmp_path: Path, reference: str) -> RunFolder:
     loaded = load_cell(reference)
     for name, content in loaded.files.items():
         folder.write(name, content)
-    note_cell(folder, loaded)
+    write_cell_origin(folder, loaded)
     return folder
 
 
@@ -81,7 +81,7 @@ def test_a_file_that_is_gone_leaves_the_runs_copy(tmp_path: Path, cell_file: Pat
     cell_file.unlink()
     (line,) = lines_of(folder, "cell.yaml cycle_time_ms")
     assert line.file == str(folder.file("cell.yaml"))
-    assert line.remark == f"the run's copy; {cell_file} cannot be read any more"
+    assert line.remark == f"the run's copy; {cell_file} can no longer be read"
 
 
 def test_a_run_that_does_not_tell_its_origins_shows_its_copies(
@@ -98,7 +98,7 @@ def test_a_bundled_file_is_said_to_be_one(tmp_path: Path) -> None:
         recorded(tmp_path, "ir361"), "cell.yaml cycle_time_ms", "robot.yaml gravity_m_s2"
     )
     assert (cell.file, robot.file) == ("ir361.yaml (bundled)", "ir361.yaml (bundled)")
-    assert cell.remark == "comes with rid-daq: use a copy of your own"
+    assert cell.remark == "bundled with rid-daq: make your own copy"
     assert cell.text is not None
     assert cell.text.startswith("cycle_time_ms: ")
 
@@ -118,7 +118,7 @@ def test_a_map_of_messages_names_only_the_joints_that_differ(tmp_path: Path) -> 
     file.write_text(MESSAGES)
     folder = RunFolder.create(tmp_path / "runs", "a run", kind="import")
     folder.write("map.yaml", b"name: as read\n")
-    note_map(folder, str(file))
+    write_map_origin(folder, str(file))
     third, second, order = lines_of(
         folder,
         "map.yaml joints.2.torque_sign",

@@ -9,7 +9,7 @@ from pathlib import Path
 from config.cell.plate import PlateZero
 from config.errors import ConfigError
 from config.load import load_cell
-from rid_daq.runs.plate_zero_lines import with_zero, write_zero, zero_lines
+from rid_daq.runs.plate_zero_lines import replace_zero, write_zero, zero_lines
 from tests.builders.raised_codes import raises_code
 
 ZERO = PlateZero(
@@ -37,7 +37,7 @@ def without_new(text: str) -> str:
 
 
 def test_it_is_read_back_and_nothing_else_has_changed(tmp_path: Path) -> None:
-    changed = with_zero(BUNDLED, ZERO, "cell.yaml", "run 1")
+    changed = replace_zero(BUNDLED, ZERO, "cell.yaml", "run 1")
     assert zero_of(changed, tmp_path) == ZERO
     assert without_new(changed) == BUNDLED
     assert "  zero: # run 1\n" in changed
@@ -49,31 +49,31 @@ def test_an_older_one_is_replaced_in_its_place(tmp_path: Path) -> None:
         "  zero: # of May\n    offset_n: [1.0, 2.0, 3.0, 4.0,\n      5.0, 6.0, 7.0, 8.0]\n"
         "  # the amplifier stands on the shelf\n  amplifier:\n",
     )
-    changed = with_zero(old, OTHER, "cell.yaml")
+    changed = replace_zero(old, OTHER, "cell.yaml")
     assert zero_of(changed, tmp_path) == OTHER
     assert "of May" not in changed
     assert "  # the amplifier stands on the shelf\n  amplifier:\n" in changed
-    assert with_zero(changed, ZERO, "c").count("zero:") == 1
+    assert replace_zero(changed, ZERO, "c").count("zero:") == 1
 
 
 def test_other_line_ends_and_a_last_line_without_one_are_kept(tmp_path: Path) -> None:
     windows = BUNDLED.rstrip("\n").replace("\n", "\r\n")
-    changed = with_zero(windows, ZERO, "cell.yaml")
+    changed = replace_zero(windows, ZERO, "cell.yaml")
     assert "\n" not in changed.replace("\r\n", "")
     assert without_new(changed) == windows
 
 
 def test_a_zero_at_the_very_end_without_a_line_end(tmp_path: Path) -> None:
     old = BUNDLED.rstrip("\n") + "\n  zero: {offset_n: [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]}"
-    assert zero_of(with_zero(old, ZERO, "cell.yaml"), tmp_path) == ZERO
+    assert zero_of(replace_zero(old, ZERO, "cell.yaml"), tmp_path) == ZERO
 
 
 def test_a_plate_that_stands_on_one_line_is_left_alone() -> None:
     text = "name: x\nplate: {a_m: 0.1}\n"
     with raises_code(ConfigError, "RID-PLATE-ZERO-WRITE"):
-        with_zero(text, ZERO, "cell.yaml")
+        replace_zero(text, ZERO, "cell.yaml")
     with raises_code(ConfigError, "RID-PLATE-ZERO-WRITE"):
-        with_zero("name: x\n", ZERO, "cell.yaml")
+        replace_zero("name: x\n", ZERO, "cell.yaml")
 
 
 def test_the_file_is_replaced_behind_a_link_and_keeps_its_mode(tmp_path: Path) -> None:
@@ -88,4 +88,4 @@ def test_the_file_is_replaced_behind_a_link_and_keeps_its_mode(tmp_path: Path) -
 
 
 def test_the_printed_lines_are_the_written_ones() -> None:
-    assert zero_lines(ZERO, "run 1") in with_zero(BUNDLED, ZERO, "cell.yaml", "run 1")
+    assert zero_lines(ZERO, "run 1") in replace_zero(BUNDLED, ZERO, "cell.yaml", "run 1")

@@ -11,9 +11,9 @@ import pytest
 
 from acquisition.runs.folder import RunFolder
 from acquisition.supervision.stop_reason import StopCode, StopReason
-from rid_daq.operations.cell import axis_bench
+from rid_daq.operations.cell import axis_tester
 from rid_daq.operations.cell.axes import OPERATION, AxesRequest
-from rid_daq.operations.cell.axis_bench import AxesTested
+from rid_daq.operations.cell.axis_tester import AxisTestOutcome
 from rid_daq.operations.perform import perform
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.report.result import Result
@@ -49,8 +49,8 @@ def test_a_fault_that_stops_the_axis_test_is_one_of_its_cell(
     folder = RunFolder.create(tmp_path, "axis test axis1")
     ended = replace(outcome(RUNAWAY), notes=("the power was taken away at once",))
     stopped = RecordedRun(folder, ended, None, None, Result.new("Recording", "arm"), held=True)
-    tested = AxesTested("ir361", (), stopped, None)
-    monkeypatch.setattr(axis_bench, "check_axes", lambda _request, _context: tested)
+    tested = AxisTestOutcome("ir361", (), stopped, None)
+    monkeypatch.setattr(axis_tester, "check_axes", lambda _request, _context: tested)
     with pytest.raises(SystemExit):
         perform(OPERATION, AxesRequest(cell="ir361", runs=tmp_path), Console(as_json=True))
     told = json.loads(capsys.readouterr().out)

@@ -23,7 +23,7 @@ from websockets.sync.client import connect
 from config.errors import LockedError, PreflightError
 from config.load import LoadedCell, load_cell
 from rid_daq.preflight.axis_test import AXIS_TEST
-from rid_daq.preflight.last_pose import LAST_POSE, keep_pose, known_pose
+from rid_daq.preflight.last_pose import LAST_POSE, known_pose, store_pose
 from rid_daq.service.client import ServiceClient
 from rid_daq.service.records import CellState, Job
 from tests.mock_hw.test_bus_acceptance import patient_cell
@@ -103,7 +103,7 @@ def attend(client: ServiceClient, job: Job, lease: str, holder: Holder) -> None:
                 time.sleep(0.05)
             holder.hold("")
         else:
-            text = "+" if "move as was said" in str(question["text"]) else "2"
+            text = "+" if "move as announced" in str(question["text"]) else "2"
             wanted = {"question": question["question"], "text": text}
             with contextlib.suppress(LockedError):  # it reads of the question a moment later
                 client.ask("POST", f"/jobs/{job.id}/answer", wanted, lease)
@@ -152,7 +152,7 @@ def refuse_a_displaced_robot(client: ServiceClient, lease: str, loaded: LoadedCe
     assert known is not None
     assert known.seen.startswith("run ")
     turn_rad = 2.0 * math.pi / abs(loaded.robot.joints[1].gear_ratio)
-    keep_pose(loaded, np.add(known.position, (0.0, turn_rad, 0.0)).tolist(), known.seen)
+    store_pose(loaded, np.add(known.position, (0.0, turn_rad, 0.0)).tolist(), known.seen)
     refused = begin(client, lease, "record", motion="motion.yaml")
     client.follow(refused)
     assert events(client, refused)[-1]["code"] == "RID-POSE-MOVED"

@@ -142,9 +142,9 @@ def test_verifying_ends_with_a_verdict_and_an_exit_code(
     made.write("motion.yaml", b"kind: fourier")
     made.finish(RunStatus.COMPLETE, {})
     assert run(["runs", "--verify", "--runs", str(runs)]) == 0
-    assert capsys.readouterr().out.endswith("Whole, as they were written: 2 of 2 runs.\n")
+    assert capsys.readouterr().out.endswith("Unchanged runs: 2 of 2.\n")
     made.file("motion.yaml").write_text("kind: circle")
     assert run(["runs", "--verify", "--runs", str(runs)]) == 7
     said = capsys.readouterr()
-    assert said.out.endswith("Whole, as they were written: 1 of 2 runs.\n")
+    assert said.out.endswith("Unchanged runs: 1 of 2.\n")
     assert "motion.yaml" in said.err

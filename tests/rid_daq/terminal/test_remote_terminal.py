@@ -130,7 +130,7 @@ def test_a_simulated_cell_goes_on_over_a_remote_terminal(
     def come_so_far(*_: object, **_more: object) -> None:
         raise ComeSoFarError
 
-    module = {"jog": "jogging", "axes": "axis_bench"}[command]
+    module = {"jog": "jogging", "axes": "axis_tester"}[command]
     monkeypatch.setattr(f"rid_daq.operations.cell.{module}.open_session", come_so_far)
     monkeypatch.setattr(keyboard, "require_keyboard", lambda: None)
     monkeypatch.setenv("SSH_CONNECTION", OF_SSH["SSH_CONNECTION"])

@@ -132,7 +132,7 @@ def test_a_newcomer_comes_to_a_payload_verdict(
     expect(page.locator("#payload")).to_have_value("medium")
     expect(page.locator("#centre-limit")).to_have_value("30")
     begin_motion(page, "#begin")
-    expect(page.locator("#job")).to_contain_text("goes on; done already: rehearsal.")
+    expect(page.locator("#job")).to_contain_text("continues; completed steps: rehearsal.")
     expect(page.locator("#result .verdict").first).to_contain_text(
         "✓ Passed: the payload's mass is 9.", timeout=LONG_MS
     )

@@ -1,1 +1,1 @@
-"""Operations on the settings of drives."""
+"""Operations on the settings of drives: back up, restore, undo, and fit a data sheet."""

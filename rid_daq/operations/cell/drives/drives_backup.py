@@ -1,4 +1,4 @@
-"""`drives backup`: write every setting of a cell's drives into a file."""
+"""`drives backup`: save all settings of a cell's drives to a file."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 
 class DrivesBackupRequest(Request):
-    """Write down every setting of a cell's drives; nothing is written to them.
+    """Save all settings of a cell's drives to a file; nothing is written to the drives.
 
-    If an axis names a data sheet (EDS), all objects of its drive that may be written are saved,
-    otherwise those that CiA 301 and 402 define.
+    If an axis names a data sheet (EDS), all writable objects of its drive are saved; otherwise the
+    objects that CiA 301 and CiA 402 define.
     """
 
     cell: CellName
@@ -36,10 +36,10 @@ class DrivesBackupRequest(Request):
 
 @dataclass(frozen=True)
 class DrivesBackup:
-    """A backup that was written.
+    """Result of a backup.
 
     Attributes:
-        backup: The settings.
+        backup: The saved settings.
     """
 
     request: DrivesBackupRequest
@@ -48,16 +48,16 @@ class DrivesBackup:
 
     @property
     def counts(self) -> dict[int, int]:
-        """Number of settings by node."""
+        """Number of settings by node id."""
         return {drive.node_id: len(drive.values) for drive in self.backup.drives}
 
     def document(self) -> dict[str, object]:
-        """Return the file and the number of settings of every node."""
+        """Return the file name and the number of settings of every node."""
         file = str(self.request.output)
         return {"cell": self.backup.cell, "file": file, "settings": self.counts}
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield the file and the command that compares it with the drives."""
+        """Yield the file name, and the command that compares the file with the drives."""
         cell, output = self.request.cell, str(self.request.output)
         counts = (f"{count} settings of node {node}" for node, count in self.counts.items())
         yield Text(text=f"{output}: wrote {', '.join(counts)}.")

@@ -1,4 +1,4 @@
-"""`drives fit`: the keys that a drive's data sheet needs in a cell file."""
+"""`drives fit`: print the cell file keys that a drive needs, from its data sheet (EDS)."""
 
 from __future__ import annotations
 
@@ -19,11 +19,10 @@ if TYPE_CHECKING:
 
 
 class DrivesFitRequest(Request):
-    """Print the keys for a cell file so that the drive of a data sheet can be used.
+    """Print the keys of the cell file that adapt rid-daq to the drive of a data sheet.
 
-    Numbers that no data sheet has are printed as '?': a cell file is refused until they are
-    replaced. The exit code is 1 if the drive cannot be used; the reason says whether it concerns
-    safety.
+    Numbers that no data sheet contains are printed as '?'; a cell file is refused until they are
+    replaced. The exit code is 1 if the drive cannot be used; the reason says if it concerns safety.
     """
 
     eds: Annotated[
@@ -40,11 +39,11 @@ class DrivesFitRequest(Request):
 
 @dataclass(frozen=True)
 class DrivesFitResult:
-    """The profile that fits a data sheet.
+    """Profile that fits a data sheet.
 
     Attributes:
-        eds: The data sheet.
-        found: The profile.
+        eds: Path of the data sheet.
+        found: The profile and its keys.
     """
 
     eds: Path
@@ -52,13 +51,13 @@ class DrivesFitResult:
 
     @property
     def exit_code(self) -> int:
-        """1 if the drive cannot be used."""
+        """Exit code 1 if the drive cannot be used."""
         from rid_daq.terminal.exit_codes import ExitCode
 
         return ExitCode.DONE if self.found.fit.accepted else ExitCode.VERDICT_FAILED
 
     def document(self) -> dict[str, object]:
-        """Return the keys, and what the drive lacks."""
+        """Return the keys, and the objects that the drive lacks."""
         done = self.found.fit
         return {
             "file": str(self.eds),
@@ -75,13 +74,13 @@ class DrivesFitResult:
         }
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield the keys, what the drive lacks, and the verdict."""
+        """Yield the keys, the objects that the drive lacks, and the verdict."""
         done = self.found.fit
         for line in done.lines:
             yield Text(text=line)
         for each in done.findings:
-            safety = "safety" if done.protects(each) else "no safety"
-            yield Text(text=f"lacks {each.object_name} {each.name} ({safety})")
+            safety = "needed for safety" if done.protects(each) else "not needed for safety"
+            yield Text(text=f"the drive lacks {each.object_name} {each.name} ({safety})")
         if not done.accepted:
             text = f"{self.eds}: this drive cannot be used: {done.reason}."
             yield Verdict(passed=False, text=text)

@@ -1,4 +1,4 @@
-"""`drives restore`: make the drives hold what a backup says."""
+"""`drives restore`: restore the settings of a cell's drives from a backup."""
 
 from __future__ import annotations
 
@@ -13,21 +13,22 @@ from rid_daq.requests.option import Option
 
 
 class DrivesRestoreRequest(RestoreRequest):
-    """Make a cell's drives hold what a backup says; differing settings are written and read back.
+    """Restore the settings of a cell's drives from a backup.
 
-    Refused while a session runs, if a drive is powered, or if one is another drive than the
-    backup's (1018h). The exit code is 3 if a drive does not hold the saved settings afterwards.
+    Settings that differ are written and read back. The command is refused while a session runs, if
+    a drive is powered, or if a drive is not the one in the backup (1018h). The exit code is 3 if a
+    drive does not contain the saved settings afterwards.
     """
 
     file: Annotated[
         Path,
-        Field(description="A backup of these drives."),
+        Field(description="Backup of these drives, from `drives backup`."),
         Option(positional=True, metavar="FILE", file="input"),
     ]
 
 
 def run(request: DrivesRestoreRequest, _context: Context) -> RestoredDrives:
-    """Put the settings of a backup back."""
+    """Restore the settings of a backup."""
     from rid_daq.operations.cell.drives.settings_files import restore_backup
 
     return restore_backup(request.file, request)

@@ -1,4 +1,4 @@
-"""`drives rollback`: undo what a run wrote to the drives."""
+"""`drives rollback`: undo the writes of a run to the drives."""
 
 from __future__ import annotations
 
@@ -12,20 +12,21 @@ from rid_daq.requests.option import Option
 
 
 class DrivesRollbackRequest(RestoreRequest):
-    """Undo what a run wrote to a cell's drives: they hold what they held before it.
+    """Undo the writes of a run to a cell's drives: restore the values before the run.
 
-    It also undoes a run whose program was killed. Refusals and exit codes are those of `restore`.
+    The command also works for a run whose program was killed. Refusals and exit codes are those of
+    `restore`.
     """
 
     run: Annotated[
         str,
-        Field(description="A run, or the write log of another command."),
+        Field(description="Run, or the write log of another command."),
         Option(positional=True, metavar="RUN"),
     ]
 
 
 def run(request: DrivesRollbackRequest, _context: Context) -> RestoredDrives:
-    """Put the settings before a run back."""
+    """Restore the settings as they were before a run."""
     from rid_daq.operations.cell.drives.settings_files import roll_back
 
     return roll_back(request.run, request)

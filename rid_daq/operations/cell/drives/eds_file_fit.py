@@ -1,4 +1,4 @@
-"""`EdsFileFit`: what a cell file must say so that the drive of a data sheet can be used."""
+"""`EdsFileFit`: the cell file keys with which the drive of a data sheet can be used."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from drivers.servo.eds_fit import EdsFit, fit_eds
 
 @dataclass(frozen=True)
 class EdsFileFit:
-    """A data sheet and the profile that fits it.
+    """A data sheet and the drive profile that fits it.
 
     Attributes:
         eds: The data sheet.
-        fit: The profile, its keys, and what the drive lacks.
+        fit: The profile, its keys, and the objects that the drive lacks.
     """
 
     eds: ElectronicDataSheet
@@ -28,17 +28,17 @@ class EdsFileFit:
 
     @property
     def identity(self) -> dict[str, int]:
-        """The drive's answer at 1018h, by its data sheet."""
+        """Identity of the drive by its data sheet, as it answers at 1018h."""
         known = {"vendor": self.eds.vendor, "product": self.eds.product}
         return {name: value for name, value in known.items() if value is not None}
 
 
 def fit_eds_file(path: Path, cell: str) -> EdsFileFit:
-    """Return what fits a data sheet, as a cell asks its drives.
+    """Return the profile that fits a data sheet.
 
     Args:
         path: An EDS or DCF file.
-        cell: A bundled name or a cell file: its first axis says what is asked of a drive.
+        cell: A bundled name or a cell file. Its first axis defines which objects a drive must have.
 
     Raises:
         ConfigError: A file cannot be read.

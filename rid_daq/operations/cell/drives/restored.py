@@ -1,4 +1,4 @@
-"""`RestoredDrives`: the settings of drives that were put back, and the request for it."""
+"""`RestoredDrives`: result of restoring drive settings, and the request for it."""
 
 from __future__ import annotations
 
@@ -19,25 +19,26 @@ if TYPE_CHECKING:
 
 
 class RestoreRequest(Request):
-    """Put settings of drives back."""
+    """Restore settings of drives."""
 
     cell: CellName
-    dry_run: Annotated[bool, Field(description="Show the differences; write nothing.")] = False
+    dry_run: Annotated[bool, Field(description="Show the differences only; write nothing.")] = False
     store: Annotated[
-        bool, Field(description="Then let the drives store all their settings (1010h).")
+        bool,
+        Field(description="Afterwards store all settings in the drives' permanent memory (1010h)."),
     ] = False
     runs: RunsFolder = DEFAULT_RUNS
 
 
 @dataclass(frozen=True)
 class RestoredDrives:
-    """The settings of drives that were put back, or that differ.
+    """Drive settings that were restored, or that differ.
 
     Attributes:
-        cell: The cell's name.
-        joints: The joint of every node.
-        settings: What differed, or is not known.
-        write_log: What was written, and what was there; None if nothing was.
+        cell: Name of the cell.
+        joints: Joint name by node id.
+        settings: Settings that differed, or whose previous value is unknown.
+        write_log: Log of written and previous values; None if nothing was written.
     """
 
     request: RestoreRequest
@@ -47,28 +48,30 @@ class RestoredDrives:
     write_log: Path | None
 
     @property
-    def left(self) -> tuple[RestoredSetting, ...]:
-        """The settings that differ from the saved ones after they were put back."""
+    def unrestored(self) -> tuple[RestoredSetting, ...]:
+        """Settings that still differ from the saved ones after they were written."""
         if self.request.dry_run:
             return ()
         return tuple(each for each in self.settings if not each.restored)
 
     @property
     def failure(self) -> PreflightError | None:
-        """The settings that could not be put back; None if there are none."""
-        if not self.left:
+        """Error with the settings that could not be restored; None if all were restored."""
+        if not self.unrestored:
             return None
-        return PreflightError("; ".join(map(self._sentence, self.left)), code="RID-DRIVE-SETTINGS")
+        return PreflightError(
+            "; ".join(map(self._sentence, self.unrestored)), code="RID-DRIVE-SETTINGS"
+        )
 
     @property
     def exit_code(self) -> int:
-        """3 if a drive does not hold what was saved."""
+        """Exit code 3 if a drive does not contain the saved settings."""
         from rid_daq.terminal.exit_codes import ExitCode
 
-        return ExitCode.PREFLIGHT if self.left else ExitCode.DONE
+        return ExitCode.PREFLIGHT if self.unrestored else ExitCode.DONE
 
     def document(self) -> dict[str, object]:
-        """Return every setting that differed, before and after."""
+        """Return every setting that differed, with its values before and after."""
         return {
             "cell": self.cell,
             "dry_run": self.request.dry_run,
@@ -78,9 +81,9 @@ class RestoredDrives:
                     "joint": self.joints[each.node_id],
                     "node": each.node_id,
                     "object": each.name,
-                    "saved": _shown(each.saved),
-                    "before": _shown(each.before),
-                    "after": _shown(each.after),
+                    "saved": _value_text(each.saved),
+                    "before": _value_text(each.before),
+                    "after": _value_text(each.after),
                     "restored": each.restored,
                     "refusal": each.refusal,
                 }
@@ -89,46 +92,46 @@ class RestoredDrives:
         }
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield the table, the write log and the verdict."""
+        """Yield the table of settings, the write log and the verdict."""
         request = self.request
         yield table(
             self.settings,
             Cells("drive", lambda each: f"{self.joints[each.node_id]}, node {each.node_id}"),
             Cells("object", lambda each: each.name),
-            Cells("saved", lambda each: _shown(each.saved)),
-            Cells("before", lambda each: _shown(each.before)),
-            Cells("now", lambda each: _shown(each.after)),
+            Cells("saved", lambda each: _value_text(each.saved)),
+            Cells("before", lambda each: _value_text(each.before)),
+            Cells("now", lambda each: _value_text(each.after)),
             failed=lambda each: not request.dry_run and not each.restored,
         )
         if request.dry_run:
             yield Text(text=f"{len(self.settings)} settings differ. Nothing was written.")
             return
         if self.write_log is not None:
-            yield Text(text=f"Written values, and those before: {self.write_log}")
-        if self.left:
-            text = f"Cell {self.cell}: its drives do not hold all that was saved."
+            yield Text(text=f"Log of written and previous values: {self.write_log}")
+        if self.unrestored:
+            text = f"Cell {self.cell}: the drives do not contain all saved settings."
             yield Verdict(passed=False, text=text)
             return
         count = len(self.settings)
-        what = f"{count} settings were put back" if count else "Nothing differed"
-        kept = " The drives keep it." if request.store else ""
-        yield Verdict(passed=True, text=f"{what}; the drives hold what was saved.{kept}")
+        what = f"{count} settings were restored" if count else "No setting differed"
+        kept = " The drives have stored them permanently." if request.store else ""
+        yield Verdict(passed=True, text=f"{what}; the drives contain the saved settings.{kept}")
 
     def _sentence(self, each: RestoredSetting) -> str:
         where = f"{self.joints[each.node_id]} (node {each.node_id}), {each.name}"
         if each.saved is None:
-            before = _shown(each.before)
-            return f"{where}: its value before is not known ({before}); set it by hand"
+            before = _value_text(each.before)
+            return f"{where}: the value before the run is unknown ({before}); set it manually"
         why = f" ({each.refusal})" if each.refusal else ""
-        return f"{where}: holds {_shown(each.after)} instead of {_shown(each.saved)}{why}"
+        return f"{where}: is {_value_text(each.after)} instead of {_value_text(each.saved)}{why}"
 
 
-def _shown(value: bytes | str | None) -> str:
-    """Return what an object holds: a number as hexadecimal digits, a text as one."""
+def _value_text(value: bytes | str | None) -> str:
+    """Return the value of an object as text: hexadecimal digits for a number."""
     from drivers.device_text import printable
 
     if value is None:
-        return "not known"
+        return "unknown"
     if isinstance(value, str):
         return value
     if len(value) <= 8:

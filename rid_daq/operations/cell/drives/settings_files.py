@@ -1,4 +1,4 @@
-"""Keeping what a cell's drives hold, and putting it back."""
+"""Save the settings of a cell's drives, and restore them."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ STORE_TIMEOUT_S = 10.0
 
 
 def backup_drives(cell: str, path: Path, *, overwrite: bool) -> DriveBackup:
-    """Write down every setting of a cell's drives; nothing is written to them.
+    """Save all settings of a cell's drives to a file; nothing is written to the drives.
 
     Raises:
-        ConfigError, RecordingError: The file is there already, or cannot be written.
-        RidDaqError: The cell is held by another session, or a drive does not answer.
+        ConfigError, RecordingError: The file exists already, or cannot be written.
+        RidDaqError: Another session holds the cell, or a drive does not answer.
     """
     refuse_output(path, overwrite, made_file.BACKUP)
     loaded = load_cell(cell)
     eds_files = loaded.eds_files or (None,) * len(loaded.config.axes)
     eds_of = {axis.node_id: eds for axis, eds in zip(loaded.config.axes, eds_files, strict=True)}
-    with _service(loaded) as service:
+    with _open_drive_service(loaded) as service:
         drives = tuple(read_drive(port, eds_of[port.node_id]) for port in service.ports())
     backup = DriveBackup(
         format=1,
@@ -52,38 +52,38 @@ def backup_drives(cell: str, path: Path, *, overwrite: bool) -> DriveBackup:
 
 
 def restore_backup(path: Path, request: RestoreRequest) -> RestoredDrives:
-    """Make a cell's drives hold what a backup says; parameters and errors as `roll_back`."""
-    return _restore(DriveBackup.read(path).drives, request)
+    """Restore the settings of drives from a backup; parameters and errors as `roll_back`."""
+    return _restore_settings(DriveBackup.read(path).drives, request)
 
 
 def roll_back(run: str, request: RestoreRequest) -> RestoredDrives:
-    """Make a cell's drives hold what they held before a run.
+    """Restore the settings of a cell's drives as they were before a run.
 
     Args:
         run: A run, or the path of a command's write log.
-        request: How.
+        request: Options of the command.
 
     Raises:
         ConfigError: There is no such run, or it is of drives that the cell does not have.
-        PreflightError: A drive is another one than it was, or is powered; nothing was written. Or
-            one does not store its settings.
-        RidDaqError: The cell is held by another session, or a drive does not answer.
+        PreflightError: A drive was replaced by another one, or is powered; nothing was written. Or
+            a drive does not store its settings.
+        RidDaqError: Another session holds the cell, or a drive does not answer.
     """
-    return _restore(held_before(request.runs, run), request)
+    return _restore_settings(held_before(request.runs, run), request)
 
 
-def _restore(saved: Sequence[SavedDrive], request: RestoreRequest) -> RestoredDrives:
+def _restore_settings(saved: Sequence[SavedDrive], request: RestoreRequest) -> RestoredDrives:
     loaded = load_cell(request.cell)
     joints = {axis.node_id: axis.joint for axis in loaded.config.axes}
     strange = [str(drive.node_id) for drive in saved if drive.node_id not in joints]
     if strange:
         raise ConfigError(
             f"cell {loaded.config.name} has no drive with node id {', '.join(strange)}: give the"
-            " cell that this was saved of",
+            " cell from which the settings were saved",
             code="RID-CELL-JOINTS",
         )
     write_log = None if request.dry_run else new_write_log(request.runs)
-    with _service(loaded, write_log) as service:
+    with _open_drive_service(loaded, write_log) as service:
         ports = {port.node_id: port for port in service.ports()}
         for drive in saved:
             refuse_other_drive(ports[drive.node_id], drive)
@@ -108,8 +108,10 @@ def _restore(saved: Sequence[SavedDrive], request: RestoreRequest) -> RestoredDr
 
 
 @contextlib.contextmanager
-def _service(loaded: LoadedCell, write_log: WriteLog | None = None) -> Iterator[DriveService]:
-    """Yield what asks the drives of a cell, which is held alone as long as the `with` lasts."""
+def _open_drive_service(
+    loaded: LoadedCell, write_log: WriteLog | None = None
+) -> Iterator[DriveService]:
+    """Yield the drive service of a cell; the cell is locked until the `with` block ends."""
     with (
         mountable_cell(loaded, any_eds=True) as (cell, _),
         open_cell(cell, loaded.robot, write_log) as opened,

@@ -1,4 +1,4 @@
-"""`EndResult`: the result of an operation that has announced all else while it ran."""
+"""`EndResult`: result of an operation that has shown everything before it ended."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from rid_daq.blocks.block import Text
 
 @dataclass(frozen=True)
 class EndResult:
-    """Result of an operation that has shown all else before its end.
+    """Result of an operation that has shown everything before it ended.
 
     Attributes:
-        text: A last sentence for people.
+        text: Last sentence for people.
     """
 
     text: str = ""
     exit_code: int = 0
 
     def document(self) -> dict[str, object]:
-        """Return nothing: programs have the document already."""
+        """Return an empty document: programs have already received everything."""
         return {}
 
     def blocks(self) -> Iterator[Text]:

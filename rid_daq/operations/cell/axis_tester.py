@@ -1,4 +1,4 @@
-"""The axis test: one axis at a time, moved by a little while a key is held, and looked at."""
+"""Axis test: move one axis at a time while a key is held, and ask a person for the motion seen."""
 
 from __future__ import annotations
 
@@ -17,9 +17,14 @@ from config.arrays import FloatArray
 from config.errors import ConfigError, PreflightError
 from config.load import load_cell
 from config.robot.robot import RobotDescription
-from rid_daq.commissioning.axis_motion import AxisMotion, travelled
-from rid_daq.commissioning.axis_verdict import AxisVerdict, Seen, judge_axis, parse_amount
-from rid_daq.commissioning.axis_words import direction_words, tool_way
+from rid_daq.commissioning.axis_motion import AxisMotion, travelled_share
+from rid_daq.commissioning.axis_verdict import (
+    AxisVerdict,
+    MotionSeen,
+    check_axis_motion,
+    parse_amount,
+)
+from rid_daq.commissioning.axis_words import direction_words, tool_displacement
 from rid_daq.commissioning.held_run import HeldRun, record_held
 from rid_daq.operations.cell.axes import AxesRequest
 from rid_daq.operations.operation import Context
@@ -28,23 +33,23 @@ from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import Clearance, RunSession, open_session
 
 SPEED_SHARE: Final = 0.02
-TURN: Final = np.deg2rad(2.0)
+TURN_RAD: Final = np.deg2rad(2.0)
 SHIFT_M: Final = 0.005
-ENOUGH: Final = 0.5
-"""Which share of the way must be driven to be judged."""
+LEAST_SHARE: Final = 0.5
+"""Least share of the planned motion that must be driven before the axis is judged."""
 
 HOLD, QUIT = " ", "q"
 
 
 @dataclass(frozen=True)
-class AxesTested:
+class AxisTestOutcome:
     """Verdicts of an axis test.
 
     Attributes:
-        cell: The cell's name.
-        verdicts: One an axis that was tested.
-        stopped: The run that was stopped, after which no axis was tested.
-        signed: Where the axes that passed are signed; None for a bundled cell.
+        cell: Name of the cell.
+        verdicts: One for each axis that was tested.
+        stopped: Run that was stopped; the test ended with it. None if no run was stopped.
+        signed: File with the axes that have passed; None for a bundled cell.
     """
 
     cell: str
@@ -54,21 +59,21 @@ class AxesTested:
 
     @property
     def passed(self) -> bool:
-        """Whether every axis that was asked for does what the files say."""
+        """True if every requested axis matches the files."""
         return self.stopped is None and all(each.passed for each in self.verdicts)
 
 
-Eyes = Callable[[], FloatArray]
-"""Returns where the joints of a simulated robot really are, (joints,) [rad or m]."""
+PositionReader = Callable[[], FloatArray]
+"""Function that returns a simulated robot's true joint positions, shape (joints,) [rad or m]."""
 
 
-def check_axes(request: AxesRequest, context: Context) -> AxesTested:
-    """Test a cell's axes, one after the other, each in a run folder of its own.
+def check_axes(request: AxesRequest, context: Context) -> AxisTestOutcome:
+    """Test a cell's axes, one after the other, each in its own run folder.
 
     Raises:
         ConfigError: The cell has no such joint.
-        PreflightError: There is no keyboard, nobody answered, or it was refused before anything
-            moved.
+        PreflightError: There is no keyboard, the user did not answer, or a check before the motion
+            failed.
         RidDaqError: As `RunSession.recording`.
     """
     loaded = load_cell(request.cell)
@@ -84,7 +89,8 @@ def check_axes(request: AxesRequest, context: Context) -> AxesTested:
         context.require_keys(simulated=loaded.config.simulated)
     elif not loaded.config.simulated:
         raise PreflightError(
-            f"cell {loaded.config.name} is real: somebody must hold the key and look at the robot",
+            f"cell {loaded.config.name} is real: the axis test needs a person who holds the key"
+            " and watches the robot; leave --unattended out",
             code="RID-KEY-NEEDED",
         )
     verdicts: list[AxisVerdict] = []
@@ -96,25 +102,27 @@ def check_axes(request: AxesRequest, context: Context) -> AxesTested:
         AxisTestRule.HELD,
         simulation=request.simulation,
     ) as session:
-        bench = AxisBench(session, context, request.unattended)
+        bench = AxisTester(session, context, request.unattended)
         for name in request.joints or names:
             tested = bench.test(names.index(name))
             if tested is None:
-                return AxesTested(loaded.config.name, verdicts, bench.last, axis_test_file(loaded))
+                return AxisTestOutcome(
+                    loaded.config.name, verdicts, bench.last, axis_test_file(loaded)
+                )
             verdicts.append(tested)
             context.verdict(tested.passed, tested.sentence)
             if tested.passed:
                 sign_axis(loaded, name, bench.last.folder.run_id, request.tester)
-    return AxesTested(loaded.config.name, verdicts, None, axis_test_file(loaded))
+    return AxisTestOutcome(loaded.config.name, verdicts, None, axis_test_file(loaded))
 
 
-class AxisBench:
-    """Moves the axes of one cell and asks what was seen.
+class AxisTester:
+    """Moves the axes of one cell and asks for the motion that a person saw.
 
     Args:
-        session: The cell.
-        context: Where a person reads what will move.
-        unattended: Whether the simulated robot's truth is the answer.
+        session: Session that controls the cell.
+        context: Output for the person.
+        unattended: True if the true positions of the simulated robot replace the person's answers.
     """
 
     last: RecordedRun
@@ -129,47 +137,52 @@ class AxisBench:
         self._gave_up = False
 
     def test(self, number: int) -> AxisVerdict | None:
-        """Test one axis; return None where its run was stopped, or a person gave up."""
+        """Test one axis; return None if its run was stopped or the person ended the test."""
         name = self._robot.joints[number].name
         while True:
-            eyes = simulated_eyes(self._session)
+            eyes = true_position_reader(self._session)
             before = None if eyes is None else eyes()
-            self.last = self._move(number).as_step()
+            self.last = self._record_move(number).as_step()
             if self.last.outcome.stop is not None or self._gave_up:
                 return None
-            line, rows = self._line, self._rows()
-            if line is not None and travelled(line, rows, number) >= ENOUGH:
+            line, rows = self._line, self._read_rows()
+            if line is not None and travelled_share(line, rows, number) >= LEAST_SHARE:
                 break
-            self._context.say(f"{name}: the key was let go too early; once more.")
+            self._context.say(
+                f"{name}: the key was released too early to judge the motion; the"
+                " axis is tested again."
+            )
         motion = AxisMotion.of(rows, self._robot, number)
         seen = None
         if eyes is not None and before is not None:
             moved = eyes() - before
-            seen = seen_by(self._robot, moved)
+            seen = visible_motion(self._robot, moved)
             if not self._unattended:
-                self._context.say(f"Simulated: {_as_words(seen, self._robot, before, moved)}.")
+                self._context.say(f"Simulated: {_motion_words(seen, self._robot, before, moved)}.")
         if not self._unattended:
-            seen = self._answered(motion, number, line)
+            seen = self._ask_motion_seen(motion, number, line)
         if seen is None:
             raise PreflightError(
-                f"cell {self._session.cell.name}: its axes cannot be seen here: leave --unattended"
-                " out",
+                f"cell {self._session.cell.name}: this process cannot read the simulated robot's"
+                " true positions: leave --unattended out",
                 code="RID-CELL-NOT-OURS",
             )
-        return judge_axis(motion, seen, self._session.cell, self._robot)
+        return check_axis_motion(motion, seen, self._session.cell, self._robot)
 
-    def _move(self, number: int) -> RecordedRun:
+    def _record_move(self, number: int) -> RecordedRun:
         name = self._robot.joints[number].name
 
         def line(key: str, pose: FloatArray) -> HoldLine | None:
             return self._line if key == HOLD else None
 
         def ready(pose: FloatArray) -> None:
-            self._line = self._small(number, pose)
+            self._line = self._plan_small_move(number, pose)
             amount = self._line.goal[number] - pose[number]
             self._context.say(f"{direction_words(self._robot, pose, number, amount)}.")
             if not self._unattended:
-                self._context.say("Hold SPACE until it rests, and look; q ends the test.")
+                self._context.say(
+                    "Hold SPACE until the axis stops, and watch the robot; q ends the test."
+                )
 
         def tapped(key: str) -> bool:
             self._gave_up = self._gave_up or key == QUIT
@@ -190,88 +203,90 @@ class AxisBench:
             ),
         )
 
-    def _small(self, number: int, pose: FloatArray) -> HoldLine:
-        """Return a small way of one joint, towards the middle of its range.
+    def _plan_small_move(self, number: int, pose: FloatArray) -> HoldLine:
+        """Return a small motion of one joint, towards the middle of its range.
 
         Raises:
-            PreflightError: There is no room for it.
+            PreflightError: An obstacle leaves too little space.
         """
         joint = self._robot.joints[number]
         middle = 0.5 * (joint.limits.position_min + joint.limits.position_max)
-        size = TURN if joint.type == "revolute" else SHIFT_M
+        size = TURN_RAD if joint.type == "revolute" else SHIFT_M
         goal = pose.copy()
         goal[number] += size if pose[number] <= middle else -size
         line = self._check(pose, goal)
-        if abs(line.goal[number] - pose[number]) < ENOUGH * size:
+        if abs(line.goal[number] - pose[number]) < LEAST_SHARE * size:
             raise PreflightError(
-                f"{joint.name}: {line.obstacle} is in the way of {size:.3g} rad or m: `rid-daq jog`"
-                " leads the robot to where there is room",
+                f"{joint.name}: {line.obstacle} prevents a motion of {size:.3g} rad or m: move"
+                " the robot to a free pose with `rid-daq jog`",
                 code="RID-POSE-OUTSIDE",
             )
         return line
 
-    def _rows(self) -> NDArray[Any]:
+    def _read_rows(self) -> NDArray[Any]:
         return read_journal(self.last.folder.file(RECORDING)).rows
 
-    def _answered(self, motion: AxisMotion, number: int, line: HoldLine) -> Seen:
-        """Ask a person what was seen.
+    def _ask_motion_seen(self, motion: AxisMotion, number: int, line: HoldLine) -> MotionSeen:
+        """Ask a person for the motion seen.
 
         Raises:
-            PreflightError: Nobody answered.
+            PreflightError: The user did not answer.
         """
         names = self._robot.joint_names
 
         def which(text: str) -> str:
-            word = text.strip()  # SPACE was held
+            word = text.strip()  # the held SPACE key may precede the answer
             if word not in ("+", "-", "0", *names):
                 raise ConfigError("answer +, -, 0 or a joint's name", code="RID-AXIS-TEST-ANSWER")
             return word
 
         way = self._context.ask(
-            f"Did {motion.joint} move as was said (+), the other way (-), did nothing move (0), or"
-            " another joint (its name)?",
+            f"Did {motion.joint} move as announced (+), in the opposite direction (-), did"
+            " nothing move (0), or did another joint move (type its name)?",
             which,
             [
-                ("As was said", "+"),
-                ("The other way", "-"),
+                ("As announced", "+"),
+                ("In the opposite direction", "-"),
                 ("Nothing moved", "0"),
                 *((f"{name} moved", name) for name in names if name != motion.joint),
             ],
         )
         if way == "0":
-            return Seen("")
+            return MotionSeen("")
         if way in names and way != motion.joint:
-            return Seen(way, motion.commanded)
+            return MotionSeen(way, motion.commanded)
         tool_m = float(
             np.linalg.norm(
-                tool_way(self._robot, line.start, number, line.goal[number] - line.start[number])
+                tool_displacement(
+                    self._robot, line.start, number, line.goal[number] - line.start[number]
+                )
             )
         )
 
         amount = self._context.ask(
             f"By about how much, in {motion.unit}"
-            + (", or in mm of the tool point (24mm)?" if motion.unit == "°" else "?"),
+            + (", or in mm of the tool point (example: 24mm)?" if motion.unit == "°" else "?"),
             lambda text: parse_amount(text, motion, 1e3 * tool_m),
         )
         sign = -1.0 if way == "-" else 1.0
-        return Seen(motion.joint, sign * amount * np.sign(motion.commanded))
+        return MotionSeen(motion.joint, sign * amount * np.sign(motion.commanded))
 
 
-def seen_by(robot: RobotDescription, moved: FloatArray) -> Seen:
-    """Return what eyes would have seen of how far joints moved, (joints,) [rad or m]."""
+def visible_motion(robot: RobotDescription, moved: FloatArray) -> MotionSeen:
+    """Return the motion that a person sees if joints move by `moved`, (joints,) [rad or m]."""
     size = np.array(
-        [TURN if joint.type == "revolute" else SHIFT_M for joint in robot.joints], dtype=float
+        [TURN_RAD if joint.type == "revolute" else SHIFT_M for joint in robot.joints], dtype=float
     )
     most = int(np.argmax(np.abs(moved) / size))
     if abs(moved[most]) < 0.05 * size[most]:
-        return Seen("")
+        return MotionSeen("")
     joint = robot.joints[most]
     per = np.rad2deg(1.0) if joint.type == "revolute" else 1e3
-    return Seen(joint.name, float(per * moved[most]))
+    return MotionSeen(joint.name, float(per * moved[most]))
 
 
-def simulated_eyes(session: RunSession) -> Eyes | None:
-    """Return what sees where a simulated robot really is; None where that cannot be seen."""
+def true_position_reader(session: RunSession) -> PositionReader | None:
+    """Return a reader of a simulated robot's true positions; None if they cannot be read."""
     cell = session.cell
     if not cell.simulated:
         return None
@@ -288,7 +303,9 @@ def simulated_eyes(session: RunSession) -> Eyes | None:
     return lambda: SnapshotReader(path).read().position
 
 
-def _as_words(seen: Seen, robot: RobotDescription, before: FloatArray, moved: FloatArray) -> str:
+def _motion_words(
+    seen: MotionSeen, robot: RobotDescription, before: FloatArray, moved: FloatArray
+) -> str:
     if not seen.joint:
         return "nothing moved"
     number = robot.joint_names.index(seen.joint)
