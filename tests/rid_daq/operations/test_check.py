@@ -95,7 +95,7 @@ def test_where_nobody_can_be_asked_it_stays_red(looked: Looked, looks: list[bool
 def test_who_does_not_type_the_name_of_the_cell_gets_no_power(
     looked: Looked, looks: list[bool], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with raises_code(PreflightError, "RID-ANSWER-NO", "moved", "'yes'", "'ir361'"):
+    with raises_code(PreflightError, "RID-ANSWER-NO", "no motion", "'yes'", "'ir361'"):
         looked(typed="yes")
     assert looks == [False]
     assert "brakes" in capsys.readouterr().out
