@@ -26,7 +26,7 @@ class PlateZeroRequest(Request):
     back, and the plate is read again. The amplifier is reset while the robot rests in the first
     pose, and operates from then on. Half the sum of the first two readings is the offset, half
     their difference the moment of gravity; the third reading shows the drift. The lines for the
-    cell file are printed. The exit code is 1 if the zero is not reproducible.
+    cell file are printed. The exit code is 1 if the zero fails its check.
     """
 
     cell: CellName

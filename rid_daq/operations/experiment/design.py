@@ -97,7 +97,10 @@ class Excitation(Request):
     ] = 12
     budget_s: Annotated[
         BudgetS | None,
-        Field(description="Time after which no further start is refined."),
+        Field(
+            description="Time budget: the search ends with the first start that is completed"
+            " after this time."
+        ),
         Option(group=SEARCH, unit="s", flag="budget"),
     ] = None
     tries: Annotated[

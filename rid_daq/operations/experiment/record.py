@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 SINGLE_PERIODS: Final = (
     "The running estimate uses the rows of single periods, with their noise and reversals. Its"
-    " residual therefore differs from the one that `identify` prints, which uses the mean of the"
-    " periods without reversals."
+    " residual therefore differs from the one that `identify` prints: `identify` uses the mean"
+    " of the periods and leaves the torque near reversals free."
 )
 
 

@@ -57,7 +57,7 @@ class Sensitivity:
     """Errors of a payload estimate.
 
     Attributes:
-        problem: Robot with payload; only the wrist axes move.
+        problem: Robot with payload, and a motion of the axes on the wrist side.
         rows: One row for each wrong assumption.
         drawn: Estimates of the random draws; None without draws.
     """
