@@ -62,7 +62,7 @@ def in_a_terminal(key: bytes) -> tuple[int, str]:
     os.close(its)
     shown = b""
     try:
-        while b"all of them" not in shown:
+        while b"all sessions" not in shown:
             shown += os.read(ours, 4096)
         os.write(ours, key)
         while True:
