@@ -232,6 +232,6 @@ def test_ctrl_c_keeps_the_best_motion_so_far_and_is_130(tmp_path: Path) -> None:
         os.kill(process, signal.SIGKILL)
     _, status = os.waitpid(process, 0)
     assert os.waitstatus_to_exitcode(status) == 130
-    assert b"Interrupted: this is the best motion found so far." in said
+    assert b"The search was interrupted: this is the best motion found so far." in said
     assert b"Traceback" not in said
     assert isinstance(load_motion(output), FourierMotion)
