@@ -30,7 +30,7 @@ SPEED = np.array([0.1, 0.2, 0.4, 0.8, 1.2, 1.6])
         (
             np.array([40.0, 5.0, 60.0, 3.0, 70.0, 10.0]),
             6,
-            "axis1: no model fits, cube root comes closest. Look at the curve in the report",
+            "axis1: no model fits; cube root is closest. Check the curve in the report",
         ),
     ],
 )

@@ -132,7 +132,7 @@ def test_what_cannot_be_compared_is_told(
     for words, said in (
         (["monday", "raw"], "identify it first"),
         (["monday", "nobody"], "no run 'nobody'"),
-        ([str(tmp_path / "missing.json"), "monday"], "there is no such file, and no run"),
+        ([str(tmp_path / "missing.json"), "monday"], "the file does not exist, and no run"),
     ):
         assert run(["compare", *words, "--runs", str(root)]) == 2
         assert said in capsys.readouterr().err

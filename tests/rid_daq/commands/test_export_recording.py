@@ -210,8 +210,12 @@ def test_another_robots_joints_are_refused(data: RunData) -> None:
     [
         (["swing", "--to", "urdf"], 2, "--to urdf is a format for models"),
         (["no-such-run", "--to", "csv"], 2, "no run 'no-such-run'"),
-        (["missing.json", "--to", "c"], 2, "missing.json: there is no such file, and no run 'mis"),
-        (["missing.json", "--to", "mat"], 2, "there is no such file, and no run"),
+        (
+            ["missing.json", "--to", "c"],
+            2,
+            "missing.json: the file does not exist, and no run 'mis",
+        ),
+        (["missing.json", "--to", "mat"], 2, "the file does not exist, and no run"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(

@@ -284,4 +284,4 @@ def test_a_static_recording_is_compared_with_a_model_by_its_gravity(
     assert run(["validate", model, "standing", "--standstill", "0", *runs]) == 1
     said = capsys.readouterr().out
     assert "note: standing: Static: no joint moves" in said
-    assert "faster (100, 100 % of each axis)" in said
+    assert "(100, 100 % of each axis)" in said

@@ -178,7 +178,7 @@ def test_of_several_arms_each_is_named_in_a_command(
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--urdf", "{}/none.urdf"], "none.urdf: cannot read: No such file"),
+        (["--urdf", "{}/none.urdf"], "none.urdf: the file cannot be read: No such file"),
         (["--urdf", "{}/two.urdf", "--base", "leg"], "no link is named 'leg'; links are base,"),
         (["--urdf", "{}/two.urdf", "--base", "fore", "--tip", "base"], "is not below 'fore'"),
         (["--tip", "hand"], "--tip: has no effect without --urdf"),

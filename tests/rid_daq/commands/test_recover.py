@@ -118,7 +118,7 @@ def test_a_file_that_the_manifest_does_not_vouch_for_is_left_out(
     flip(killed.file("robot.yaml"), 300)
     assert run(["recover", killed.run_id, *runs, "--json"]) == 0
     told = document(capsys)
-    assert any("robot.yaml: is not what was written" in note for note in told["notes"])
+    assert any("robot.yaml: its SHA-256 differs" in note for note in told["notes"])
     new = RunFolder.open(Path(told["recovered"]))
     assert not new.file("robot.yaml").exists()
     assert new.file("cell.yaml").exists()

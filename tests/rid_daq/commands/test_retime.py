@@ -280,7 +280,10 @@ def test_the_next_command_is_to_record(folder: Path, capsys: pytest.CaptureFixtu
         (["--confidence", "1.5"], "--confidence: 1.5 is outside its range"),
         (["--margin", "2"], "--margin: 2 is outside its range"),
         (["--margin", "0.97"], "at any speed: torque of axis3"),
-        (["--jerk", "1", "--jerk", "2"], "--jerk has 2 values: give one, or one for each of 3"),
+        (
+            ["--jerk", "1", "--jerk", "2"],
+            "--jerk has 2 values: give one value, or one for each of the 3",
+        ),
         (["--torque-rate", "-1"], "--torque-rate: -1 is outside its range"),
         (["--mass", "300"], "--mass"),
         (["--base-limits"], "--base-limits: cell ir361 has no `plate` with `limits`"),

@@ -182,7 +182,7 @@ def a_feedforward(folder: RunFolder, _other: RunFolder) -> str:
         (another_recording, "; it is the file of run {other} (other)"),
         (another_gear, "is not the file of run {good} (its SHA-256 differs)"),
         (another_motion, "; it is the file of run {other} (other)"),
-        (no_cell, "is missing. Put the original back"),
+        (no_cell, "is missing. Restore the original file"),
         (a_feedforward, "was put into the folder after the run had ended. Remove it"),
     ],
 )
@@ -306,7 +306,10 @@ def test_a_cut_run_is_recovered_by_the_manifests_count_and_without_its_results(
     assert new.verify() == ()
     assert run(["average", str(new.path)]) == 0
     said = capsys.readouterr().out
-    assert f"note: good: was recovered; {told['rows_lost']} rows are known to be lost\n" in said
+    assert (
+        f"note: good: the run was recovered; {told['rows_lost']} rows are known to be lost\n"
+        in said
+    )
     measured(f"{told['rows_lost']} of {len(whole)} rows lost, counted exactly; no result copied")
 
 
@@ -326,7 +329,9 @@ def test_where_a_file_was_left_out_only_the_original_is_taken(
     another_gear(copy, copy)
     assert run(["recover", str(copy.path), "--json"]) == 0
     told = document(capsys)
-    assert any(note.startswith("left out: robot.yaml: is not what") for note in told["notes"])
+    assert any(
+        note.startswith("left out: robot.yaml: its SHA-256 differs") for note in told["notes"]
+    )
     new = Path(told["recovered"])
     assert run(["average", str(new)]) == 7
     assert "RID-RUN-CHANGED" in capsys.readouterr().err
