@@ -73,7 +73,7 @@ def test_it_says_so_to_people(
     text = " ".join(capsys.readouterr().out.split())
     assert "The force plate divides the standard deviations" in text
     assert "measured over expected torque" in text or "Compared with the force plate" in text
-    assert "m1 + m2 + m3 is the standing weight" in text
+    assert "m1 + m2 + m3: identifiable only from the robot's weight" in text
 
 
 def test_the_average_says_what_became_of_the_channels(

@@ -126,7 +126,7 @@ def test_a_report_is_of_one_model_however_many_were_made(workshop: Path) -> None
     assert result.model == ModelFile.of(own)
     assert result.validation is None
     assert result.verdict.passed is None
-    assert any("what was of other.json" in note for note in result.notes or ())
+    assert any("the sections of other.json" in note for note in result.notes or ())
 
 
 @pytest.mark.parametrize(
