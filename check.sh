@@ -1,25 +1,25 @@
 #!/usr/bin/env bash
-# Every check, and every test that is not marked as slow, long or to be run alone: see CONTRIBUTING.md.
+# Run all checks, and all tests that are not marked slow, long or alone: see CONTRIBUTING.md.
 set -euo pipefail
 cd "$(dirname "$0")"
 . ./environment.sh
 rid_daq_environment
-unset PYTHONDONTWRITEBYTECODE # the tests start hundreds of processes; compiled once, they start fast
+unset PYTHONDONTWRITEBYTECODE # the tests start hundreds of processes, which start faster from compiled files
 bin=.venv/bin
 step() { printf '\n== %s\n' "$*"; "$@"; }
-lines="" # where the lines that tests reach are counted; nowhere if only some of the tests run
+lines="" # folder for the line counts; empty if only some tests run
 tests() { step env RID_DAQ_LINES="$lines" $bin/python -m pytest -q -m "not slow and not alone and not long" "$@"; }
 step $bin/ruff format --check .
 step $bin/ruff check .
 step $bin/lint-imports --no-cache
-step nice $bin/pyright & # beside the tests that one process runs, and behind them
+step nice $bin/pyright & # runs at the same time as the first tests, which use one process
 pyright=$!
 step nice $bin/mypy &
 mypy=$!
 if [ $# = 0 ]; then
     lines=$(mktemp -d)
     trap 'rm -rf "$lines"' EXIT
-    # One process compiles the tests, if they are not yet, and the kernels: three would each do the others' work too.
+    # One process compiles the tests and the kernels first: three processes would each compile all of them.
     if [ -z "$(find tests -name '*.pyc' -print -quit)" ]; then
         collected=$(step $bin/python -m pytest --collect-only -qq) || { echo "$collected"; exit 1; }
     fi

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The main job on the bundled simulated cell, from nothing to a report. Arguments go to `rid-daq demo`.
+# Run the complete workflow on the bundled simulated cell, up to the report. Arguments go to `rid-daq demo`.
 set -euo pipefail
 cd "$(dirname "$0")"
 . ./environment.sh

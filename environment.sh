@@ -1,6 +1,6 @@
-# Sourced by demo.sh and check.sh: makes or refreshes .venv from uv.lock, with what it needs itself.
-# Needs Python 3.11 or newer; uses uv where it is installed, else a copy of its own under .uv/.
-# Arguments are handed to `uv sync`.
+# Functions for demo.sh and check.sh that create or update .venv from uv.lock.
+# They need Python 3.11 or newer, and use the installed uv or a copy in .uv/.
+# Arguments go to `uv sync`.
 
 rid_daq_python() {
     for candidate in python3 python3.14 python3.13 python3.12 python3.11 python; do
@@ -10,11 +10,11 @@ rid_daq_python() {
             return 0
         fi
     done
-    echo "rid-daq needs Python 3.11 or newer on the PATH; found none." >&2
+    echo "rid-daq needs Python 3.11 or newer on the PATH; but none was found: install it." >&2
     return 1
 }
 
-# Prints the path of uv: the installed one, else a copy under .uv/ that is made here.
+# Prints the path of the installed uv, or of a copy that is created in .uv/.
 rid_daq_uv() {
     local python
     if command -v uv; then
@@ -23,7 +23,7 @@ rid_daq_uv() {
     python=$(rid_daq_python) || return 2
     if [ ! -x .uv/bin/uv ]; then
         if ! "$python" -m venv .uv; then
-            echo "$python cannot make a virtual environment; on Debian: apt install python3-venv" >&2
+            echo "$python cannot create a virtual environment; on Debian: apt install python3-venv" >&2
             return 2
         fi
         .uv/bin/python -m pip install --quiet --disable-pip-version-check 'uv>=0.9' >&2 || return 2
@@ -37,7 +37,7 @@ rid_daq_environment() {
     uv=$(rid_daq_uv) || return 2
     UV_PYTHON_DOWNLOADS=never "$uv" sync --quiet --frozen --inexact --compile-bytecode \
         --python "$python" "$@" || {
-        echo "Could not make the environment .venv from uv.lock (is this machine on line?)." >&2
+        echo "Could not create the environment .venv from uv.lock: check the internet connection." >&2
         return 2
     }
 }

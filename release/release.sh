@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
-# Makes a release of the commit that is checked out: release/release.sh FOLDER
+# Create a release of the checked-out commit: release/release.sh FOLDER
 #
-# sdist and wheel (built twice: the bytes must be the same), the locked requirements with their hashes and,
-# as constraints, without (pip wants a hash of the wheel itself where any is given), a bill of materials (CycloneDX), the licences of all that is installed, checksums, and their signature by the
-# SSH key that RID_DAQ_SIGNING_KEY names. `--unsigned`: a trial, of the last commit too.
+# The release contains sdist and wheel (built twice; both builds must be identical), the locked requirements
+# with hashes, the same as constraints without hashes (pip would require a hash of the wheel, too), a bill of
+# materials (CycloneDX), the licences of all installed packages, and checksums. The checksums are signed with
+# the SSH key in RID_DAQ_SIGNING_KEY. `--unsigned` makes a trial release of the last commit.
 set -euo pipefail
 usage="usage: RID_DAQ_SIGNING_KEY=FILE release/release.sh [--unsigned] FOLDER"
 signed=yes
@@ -13,7 +14,7 @@ if [ "${1:-}" = --unsigned ]; then
 fi
 [ $# = 1 ] || { echo "$usage" >&2; exit 2; }
 if [ $signed = yes ] && [ ! -f "${RID_DAQ_SIGNING_KEY:-}" ]; then
-    echo "RID_DAQ_SIGNING_KEY must name the SSH key that signs; $usage" >&2
+    echo "RID_DAQ_SIGNING_KEY must name the SSH key for the signature; $usage" >&2
     exit 2
 fi
 mkdir -p "$1"
@@ -21,7 +22,7 @@ out=$(cd "$1" && pwd)
 [ -z "$(ls -A "$out")" ] || { echo "$out is not empty; name a new folder" >&2; exit 2; }
 cd "$(dirname "$0")/.."
 if [ $signed = yes ] && [ -n "$(git status --porcelain)" ]; then
-    echo "Commit first: a release is of a commit." >&2
+    echo "There are uncommitted changes: commit them first." >&2
     exit 2
 fi
 . ./environment.sh
@@ -38,7 +39,7 @@ for build in first second; do
     "$uv" build --quiet --out-dir "$work/$build" "$work/source"
     rm -rf "$work/source" "$work/$build/.gitignore"
 done
-diff -r "$work/first" "$work/second" || { echo "Two builds differ: this is not reproducible." >&2; exit 1; }
+diff -r "$work/first" "$work/second" || { echo "The two builds differ: the release is not reproducible." >&2; exit 1; }
 cp "$work"/first/* "$out"
 
 "$uv" export --quiet --frozen --no-dev --no-emit-project --output-file "$out/requirements.txt" >/dev/null

@@ -1,8 +1,8 @@
-"""The licences of everything that is installed with rid-daq.
+"""Licences of all packages that are installed with rid-daq.
 
 `python release/third_party.py` writes `docs/reference/third-party.md`, which
-`tests/test_release.py` compares; `python release/third_party.py FILE` writes the texts of the
-licences into a file.
+`tests/test_release.py` checks. `python release/third_party.py FILE` writes the texts of the
+licences to a file.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _LICENCE_FILE = re.compile(r"(?i)^(licen[cs]e|copying|notice|copyright|lgpl)")
 
 
 def needed() -> list[str]:
-    """Return the names of the packages that rid-daq needs here, from `uv.lock`, sorted."""
+    """Return the packages that rid-daq needs on this computer, from `uv.lock`, sorted."""
     from packaging.markers import Marker
 
     locked = tomllib.loads((ROOT / "uv.lock").read_text(encoding="utf-8"))["package"]
@@ -50,7 +50,7 @@ def needed() -> list[str]:
 
 
 def licence(name: str) -> str:
-    """Return a package's licence, as its metadata says it."""
+    """Return the licence of a package according to its metadata."""
     about = metadata.metadata(name).json
     if expression := about.get("license_expression"):
         return str(expression)
@@ -66,12 +66,12 @@ def licence(name: str) -> str:
 
 
 def page() -> str:
-    """Return the page that lists them."""
+    """Return the page that lists the licences."""
     return _HEAD + "".join(f"| {name} | {licence(name)} |\n" for name in needed())
 
 
 def texts() -> str:
-    """Return the texts of all licences, each under its package's name and version."""
+    """Return the texts of all licences, each with its package's name and version."""
     return "\n".join(
         f"{'=' * 72}\n{name} {metadata.version(name)}: {licence(name)}\n{'=' * 72}\n{text}"
         for name in needed()

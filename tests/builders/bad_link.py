@@ -1,7 +1,7 @@
-"""`BadLink`: a TCP proxy to a served cell, which stalls, delays or cuts what a test says.
+"""`BadLink`: a TCP proxy to a served cell that can stall, delay or cut connections.
 
-A connection to the service carries one request or one WebSocket, so its path says what it is. The
-proxy has a port of its own: it puts the service's address in the place of its own in each head.
+Each connection to the service carries one request or one WebSocket, and is identified by its path.
+The proxy has its own port and replaces its address by that of the service in each request head.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ _LOOK_S = 0.01
 
 
 class BadLink:
-    """A proxy on the loopback interface; its rules hold at once, for open connections too.
+    """A proxy on the loopback interface; its rules take effect at once, also for open connections.
 
     Args:
-        port: Where the service listens.
+        port: Port of the service.
 
     Attributes:
-        port: Where the proxy listens.
-        paths: The paths of all connections, in the order of their coming.
+        port: Port of the proxy.
+        paths: Paths of all connections, in the order of their arrival.
     """
 
     def __init__(self, port: int) -> None:
@@ -44,25 +44,25 @@ class BadLink:
         self._thread = threading.Thread(target=self._run, daemon=True)
 
     def stall(self, paths: str) -> None:
-        """Let connections whose path matches carry nothing, in both directions."""
+        """Stop the traffic of connections with a matching path, in both directions."""
         self._stalled = re.compile(paths)
 
     def stall_after(self, passing: int, paths: str) -> None:
-        """Do so but for the first connections from now on whose path matches."""
+        """Stop new connections with a matching path, except for the first `passing` ones."""
         self._passing = passing
         self.stall(paths)
 
     def make_late(self, share: float, least_s: float, most_s: float) -> None:
-        """Let a share of all pieces come so much later; what follows in a connection waits."""
+        """Delay a share of all data; later data of the same connection wait."""
         self._late = (share, least_s, most_s)
 
     def cut(self) -> None:
-        """End all connections, and take no more."""
+        """End all connections, and accept no new ones."""
         self._cut = True
         self._loop.call_soon_threadsafe(self._end_all)
 
     def mend(self) -> None:
-        """Carry everything again; what was stalled comes now."""
+        """Remove all rules; stalled data are sent now."""
         self._stalled = None
         self._late = None
         self._cut = False
@@ -142,7 +142,7 @@ class BadLink:
 
 @contextlib.contextmanager
 def bad_link(port: int) -> Iterator[BadLink]:
-    """Have a proxy to a port for as long as the `with` lasts."""
+    """Run a proxy to a port while the `with` block is active."""
     link = BadLink(port)
     link._thread.start()
     link._listens.wait()

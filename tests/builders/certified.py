@@ -1,4 +1,4 @@
-"""A payload session as it lies in its folders, without a motion having been recorded for it."""
+"""Files of a completed payload session, without recording a motion."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SIGMA = 5e-3
 
 @dataclass(frozen=True)
 class Session:
-    """A session's folder, the runs that its payload is of, and the payload."""
+    """Folder of a session, the runs of its payload, and the payload."""
 
     folder: RunFolder
     state: SessionFile
@@ -43,13 +43,13 @@ class Session:
 def certified_session(
     runs: Path, label: str = "gripper 4", *, simulated: bool = True, mass_percent: float = 5.0
 ) -> Session:
-    """Write a payload session that has come to its verdict.
+    """Write a payload session that has reached its verdict.
 
     Args:
-        runs: The folder of the run folders.
-        label: What it is called.
-        simulated: Whether its cell file says that the cell is simulated.
-        mass_percent: The limit of the mass.
+        runs: Folder of all runs.
+        label: Label of the session.
+        simulated: True if the cell file declares a simulated cell.
+        mass_percent: Limit of the mass in the verdict.
     """
     loaded = load_cell("kr15")
     folder = RunFolder.create(runs, label, kind="payload session", software={"rid-daq": "0.1.0"})
@@ -84,7 +84,7 @@ def note_payload(folder: RunFolder, payload: PayloadResult) -> None:
 
 
 def estimate_of(loaded: LoadedCell, run_ids: tuple[str, ...]) -> PayloadEstimate:
-    """Return an estimate that is a body which can exist, each parameter as sure as the others."""
+    """Return a physically consistent estimate with equal uncertainty of all parameters."""
     joints = len(loaded.robot.joints)
     return PayloadEstimate(
         robot=loaded.robot,
@@ -108,12 +108,12 @@ def estimate_of(loaded: LoadedCell, run_ids: tuple[str, ...]) -> PayloadEstimate
 
 
 def without_checks(payload: PayloadResult) -> PayloadResult:
-    """Return a payload that was held against nothing."""
+    """Return a payload without checks against a reference."""
     return replace(payload, checks=())
 
 
 def with_unseen_inertia(payload: PayloadResult) -> PayloadResult:
-    """Return a payload whose motion shows no inertia about z."""
+    """Return a payload whose motion does not determine the inertia about z."""
     estimate = replace(payload.estimate, unseen=np.eye(10)[:, 9:])
     return PayloadResult(estimate, checks(estimate, PayloadLimits()))
 

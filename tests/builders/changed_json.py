@@ -1,4 +1,4 @@
-"""JSON documents that were changed at one place, wherever it is."""
+"""JSON documents with one changed value."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MARK = "changed here"
 
 
 def places(document: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-    """Return the path of every value, of long lists the first and last alone."""
+    """Return the path of every value; of long lists only the first and last value."""
     found = [path]
     if isinstance(document, dict):
         children = list(document.items())
@@ -30,7 +30,7 @@ def places(document: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 
 
 def changed(document: Any, path: tuple[Any, ...], nasty: str | None) -> bytes:
-    """Return the document with one value replaced by another, or left out if `nasty` is None."""
+    """Return the document with one value replaced, or removed if `nasty` is None."""
     tree = copy.deepcopy(document)
     parent = tree
     for key in path[:-1]:
@@ -43,6 +43,6 @@ def changed(document: Any, path: tuple[Any, ...], nasty: str | None) -> bytes:
 
 
 def changes(document: Any) -> st.SearchStrategy[bytes]:
-    """Draw the document with one value changed."""
+    """Draw a document with one changed value."""
     where, what = st.sampled_from(places(document)[1:]), st.sampled_from((None, *NASTY))
     return st.builds(lambda path, nasty: changed(document, path, nasty), where, what)

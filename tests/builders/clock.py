@@ -1,13 +1,13 @@
-"""A clock that a test moves on."""
+"""A clock that the test sets."""
 
 from __future__ import annotations
 
 
 class Clock:
-    """Tells the time that it was set to.
+    """Clock with a settable time.
 
     Args:
-        now_s: What it tells at first [s].
+        now_s: Initial time [s].
     """
 
     def __init__(self, now_s: float = 1000.0) -> None:

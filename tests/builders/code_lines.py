@@ -1,7 +1,7 @@
-"""Count the lines of the eight packages: of code, and all.
+"""Count the lines of the eight packages: lines of code, and all lines.
 
-`python -m tests.builders.code_lines` prints both for each package, and their sums. Blank lines,
-docstrings, comments and imports are not lines of code.
+`python -m tests.builders.code_lines` prints both numbers for each package, and their sums. Blank
+lines, docstrings, comments and imports are not lines of code.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def code_lines(source: str) -> int:
 
 
 def _is_no_code(node: ast.stmt) -> bool:
-    """Return whether a statement is an import, or a text alone, such as a docstring."""
+    """Return True if a statement is an import or a docstring."""
     if isinstance(node, ast.Import | ast.ImportFrom):
         return True
     value = node.value if isinstance(node, ast.Expr) else None

@@ -1,8 +1,8 @@
-"""Compiled kernels on disk that are older than one of the kernels they call.
+"""Removal of compiled kernels that are older than a kernel that they call.
 
-numba keeps what it compiled beside the source and takes it up again while that one file is
-unchanged. What a kernel calls is compiled into it, wherever it stands: after a pull that changes
-only the callee, the caller would go on with the old one.
+numba stores compiled code next to the source file and reuses it while this file is unchanged.
+Called kernels are compiled into the caller. After a pull that changes only the called kernel, the
+caller would still contain the old one.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ _COMPILES = re.compile(rb"^@(kernel|njit)\b", re.MULTILINE)
 
 
 def forget_stale_kernels(root: Path) -> bool:
-    """Delete everything compiled where any kernel's source has changed since the last time.
+    """Delete all compiled kernels if the source of any kernel has changed since the last call.
 
     Args:
-        root: Where the packages lie; ``build/kernels`` below it keeps the digest of the sources.
+        root: Folder of the packages; ``build/kernels`` below it stores the digest of the sources.
 
     Returns:
-        Whether they had changed.
+        True if a source has changed.
     """
     files = sorted(file for package in PACKAGES for file in (root / package).rglob("*.py"))
     digest = hashlib.sha256()

@@ -1,4 +1,4 @@
-"""A small electronic data sheet, as a vendor would write it."""
+"""A small electronic data sheet (EDS) in a vendor's style."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every figure: of results that commands wrote, and of what is computed."""
+"""All figures: from results of commands, and from computed data."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ JOINTS = ("axis1", "axis2", "axis3")
 
 
 def written(kind: str) -> Result:
-    """Return a result of a bundled cell, with long curves cut short."""
+    """Return a result of a bundled cell, with long curves shortened."""
     return Result.model_validate_json((WRITTEN / f"{kind}.json").read_bytes())
 
 
 def invented() -> Result:
-    """Return a result with long curves."""
+    """Return a result with long curves and invented numbers."""
     return Result.model_validate_json(json.dumps(whole_result()))
 
 
@@ -57,11 +57,11 @@ def six_axes() -> MotionSamples:
 
 
 def payload(*, held: str = "", unseen: str = "") -> PayloadEstimate:
-    """Return a payload of 5 kg, its centre of gravity 20, -10 and 80 mm from the flange.
+    """Return a payload of 5 kg with its centre of gravity 20, -10 and 80 mm from the flange.
 
     Args:
-        held: A parameter that was known.
-        unseen: One that the motion does not show.
+        held: A parameter that was known before the measurement.
+        unseen: A parameter that the motion does not determine.
     """
     body = PayloadBody(5.0, np.array([0.02, -0.01, 0.08]), np.diag([0.04, 0.05, 0.02]))
     names: list[str] = list(PARAMETERS)
@@ -87,7 +87,7 @@ def payload(*, held: str = "", unseen: str = "") -> PayloadEstimate:
 
 
 def all_figures() -> dict[str, UIElement]:
-    """Return every figure by its name."""
+    """Return all figures with their names."""
     long, cell = invented(), load_cell("kr15")
     curves, tracking, friction = long.curves, long.tracking, written("friction").friction
     loops = written("velocity_loops").velocity_loops
@@ -136,6 +136,6 @@ def all_figures() -> dict[str, UIElement]:
 
 
 def tables(figure: UIElement) -> dict[str, ColumnDataSource]:
-    """Return the data of a figure by their names."""
+    """Return the data tables of a figure with their names."""
     found = [each for each in figure.references() if isinstance(each, ColumnDataSource)]
     return {str(each.name): each for each in found if each.name}

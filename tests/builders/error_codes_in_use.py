@@ -1,4 +1,4 @@
-"""Where the packages construct errors, and which codes they name; read from the source alone."""
+"""Places at which the packages construct errors, and their codes, from the source code."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ CODE: Final = re.compile(r"RID(-[A-Z0-9]+){2,}")
 
 @cache
 def modules(package: str) -> tuple[tuple[Path, ast.Module], ...]:
-    """Return every file of a package, below the root, with its syntax tree."""
+    """Return the syntax tree of every file of a package."""
     return tuple(
         (path.relative_to(ROOT), ast.parse(path.read_text()))
         for path in sorted((ROOT / package).rglob("*.py"))
@@ -23,7 +23,7 @@ def modules(package: str) -> tuple[tuple[Path, ast.Module], ...]:
 
 
 def codes_in(module: ast.Module) -> set[str]:
-    """Return the codes that stand in a file as literals."""
+    """Return the error codes that a file contains as literals."""
     return {
         node.value
         for node in ast.walk(module)
@@ -34,11 +34,11 @@ def codes_in(module: ast.Module) -> set[str]:
 
 
 def errors_without_code(module: ast.Module, classes: dict[str, bool]) -> list[int]:
-    """Return the lines on which an error of ours is constructed without a code.
+    """Return the lines on which an error of the error tree is constructed without a code.
 
     Args:
         module: The file.
-        classes: What `error_classes` returns.
+        classes: Result of `error_classes`.
     """
     return [
         node.lineno
@@ -50,9 +50,9 @@ def errors_without_code(module: ast.Module, classes: dict[str, bool]) -> list[in
 
 
 def error_classes() -> dict[str, bool]:
-    """Return the classes of the error tree, and whether each gives its errors a code itself.
+    """Return the classes of the error tree, each with True if the class itself sets a code.
 
-    `system_errors`, which constructs errors too, is one of them.
+    `system_errors`, which also constructs errors, is included.
     """
     children: dict[str, list[ast.ClassDef]] = {}
     for package in PACKAGES:

@@ -1,4 +1,4 @@
-"""A page that shows figures, served as the workbench serves them: own scripts, a strict policy."""
+"""A page with figures, served with own scripts and a strict content policy like the workbench."""
 
 from __future__ import annotations
 

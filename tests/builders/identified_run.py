@@ -1,4 +1,4 @@
-"""Runs of the bundled arm, to identify it or its friction, computed instead of recorded."""
+"""Computed runs of the bundled arm for the identification of the arm or its friction."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ class ArmInMotion:
     """One period of an excitation of the bundled arm: times [s], position, velocity, acceleration.
 
     Attributes:
-        cell: The arm's cell.
-        q, v, a: Array of (samples, joints). Position [rad], velocity [rad/s] and acceleration
+        cell: Cell of the arm.
+        q, v, a: Shape (samples, joints). Position [rad], velocity [rad/s] and acceleration
             [rad/s2].
     """
 
@@ -72,14 +72,14 @@ def arm_in_motion() -> ArmInMotion:
 def identified_run(
     root: Path, arm: ArmInMotion, label: str, seed: int, **changes: float
 ) -> Estimate:
-    """Write a run of noisy torques by true parameters, with its estimate.
+    """Write a run with noisy torques from true parameters, and its estimate.
 
     Args:
-        root: The folder of the run folders.
-        arm: What is recorded.
-        label: The run's label.
-        seed: Of the noise.
-        **changes: Factors of single parameters, by their names.
+        root: Folder of all runs.
+        arm: The recorded motion.
+        label: Label of the run.
+        seed: Seed of the noise.
+        **changes: Factors of single parameters, by name.
     """
     cell = arm.cell
     model = RobotModel.from_description(cell.robot)
@@ -103,12 +103,12 @@ def identified_run(
 
 
 def friction_run(root: Path, label: str, seed: int) -> RunFolder:
-    """Write a run of a path there and back, of noisy torques by true parameters.
+    """Write a run of a path in both directions, with noisy torques from true parameters.
 
     Args:
-        root: The folder of the run folders.
-        label: The run's label.
-        seed: Of the noise.
+        root: Folder of all runs.
+        label: Label of the run.
+        seed: Seed of the noise.
     """
     cell = load_cell("ir361")
     samples = THERE_AND_BACK.plan(cell.robot, CYCLE_S)
@@ -130,7 +130,7 @@ def friction_run(root: Path, label: str, seed: int) -> RunFolder:
 def _journalled(
     folder: RunFolder, cell: LoadedCell, rows: NDArray[np.void], seed: int, period: int | None
 ) -> Recording:
-    """Write a cell's files and its recording with a newton metre of noise; return the recording."""
+    """Write a cell's files and its recording with 1 N m of noise; return the recording."""
     rows["time_s"] = np.arange(len(rows)) * CYCLE_S
     rows["cycle"] = rows["sample_index"] = np.arange(len(rows))
     rows["torque_nm"] += np.random.default_rng(seed).standard_normal((len(rows), 3))

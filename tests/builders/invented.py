@@ -1,4 +1,4 @@
-"""Numbers that nobody measured, for pages that show everything."""
+"""A result document with invented numbers, for pages that show all sections."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 
 def whole_result() -> dict[str, Any]:
-    """A whole result document with invented numbers: every section of the report is there."""
+    """Return a result document that contains every section of the report."""
     count = 400
     time_s = [0.02 * i for i in range(count)]
     joints = ("axis1", "axis2", "axis3")

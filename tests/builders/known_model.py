@@ -1,4 +1,4 @@
-"""The true parameters of a simulated arm as a model that somebody identified."""
+"""The true parameters of a simulated arm in the form of an estimate."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from identification.model.options import ModelOptions
 
 
 def known(cell: LoadedCell, deviations: dict[str, float]) -> Estimate:
-    """Return a simulated arm's true values as an estimate, some known worse than by 1 %."""
+    """Return a simulated arm's true values as an estimate; some have an uncertainty above 1 %."""
     assert cell.plant is not None
     model = design_model(cell.robot)
     base = base_parameters(model)
@@ -46,7 +46,7 @@ def known(cell: LoadedCell, deviations: dict[str, float]) -> Estimate:
 def chosen(
     cell: LoadedCell, terms: tuple[FrictionTerm, ...], size: float, nonlinear: float | None = None
 ) -> Estimate:
-    """Return them with other friction than the robot file's, its coefficients all of one size."""
+    """Return the true values with other friction terms; all their coefficients have one size."""
     true = known(cell, {})
     joints = tuple(joint.model_copy(update={"friction": terms}) for joint in cell.robot.joints)
     robot = cell.robot.model_copy(update={"joints": joints})

@@ -1,4 +1,4 @@
-"""Motions of the bundled arm whose torque came later than it was."""
+"""Recordings of the bundled arm with delayed torques."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def robot_of(cell: LoadedCell, terms: tuple[FrictionTerm, ...] = CLASSICAL) -> R
 
 
 def late(recording: Recording, delay_ms: Sequence[float]) -> Recording:
-    """Return a recording whose torque came later than it was."""
+    """Return a recording with its torques delayed by `delay_ms`."""
     torque = [
         CubicSpline(recording.time_s, column)(recording.time_s - 1e-3 * by)
         for column, by in zip(recording.torque_nm.T, delay_ms, strict=True)

@@ -1,4 +1,4 @@
-"""An arm whose motion is known in closed form, as loggers with good and bad clocks write it."""
+"""An arm with a motion in closed form, as recorded by loggers with good and bad clocks."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ class LoggedArm:
         return cls(amplitude, omega, random.uniform(0.0, 6.28, (joints, 5)))
 
     def at(self, true_s: FloatArray, stamps: FloatArray, seed: int = 0) -> Samples:
-        """Return what was sampled at true times and written with stamps; equal times, equal rows.
+        """Return samples at true times, written with other stamps; equal times give equal rows.
 
-        Positions have the steps of an encoder of 19 bits, velocities and torques are noisy.
+        Positions have the steps of a 19-bit encoder; velocities and torques are noisy.
         """
         moments, rows = np.unique(true_s, return_inverse=True)
         angle = self.omega * moments[:, np.newaxis, np.newaxis] + self.phase
@@ -58,11 +58,11 @@ def row_times(rows: int = 2500) -> FloatArray:
 
 
 def inserted(true_s: FloatArray, repeat: BoolArray) -> FloatArray:
-    """Return the true times of rows some of which were written twice."""
+    """Return the true times of rows, some of which are written twice."""
     return np.asarray(np.repeat(true_s, np.where(repeat, 2, 1)))
 
 
 def time_error(time_s: FloatArray, true_s: FloatArray) -> float:
-    """Return the RMS of a clock's error after the best shift and rate [s]."""
+    """Return the RMS error of a clock after the best shift and rate [s]."""
     fit = np.polyfit(time_s - time_s[0], true_s, 1)
     return float(np.sqrt(np.mean((np.polyval(fit, time_s - time_s[0]) - true_s) ** 2)))

@@ -1,13 +1,13 @@
-"""Which lines of the packages a run of the tests reaches: 5 s more of each process of pytest.
+"""Measure the lines of the packages that the tests reach; costs 5 s per pytest process.
 
-`tests/conftest.py` imports this before anything else of ours. Where the environment variable
-`RID_DAQ_LINES` names a folder, each process of pytest leaves a file there when it ends. Lines are
-counted by SlipCover, whose probes take themselves out once they were met; a tracer takes as long
-as the tests themselves. What other processes execute, such as the cyclic task, is not counted, nor
-is what numba compiles.
+`tests/conftest.py` imports this module before all others. If the environment variable
+`RID_DAQ_LINES` names a folder, each pytest process writes a file there when it ends. SlipCover
+counts the lines: its probes remove themselves after the first hit, while a tracer would double the
+time. Lines executed by other processes, such as the cyclic task, or compiled by numba are not
+counted.
 
-`python -m tests.builders.measured_lines FOLDER` adds the files up, holds each package to its floor,
-and lists the worst files with `--worst N`.
+`python -m tests.builders.measured_lines FOLDER` adds the files, compares each package with its
+minimum, and lists the worst files with `--worst N`.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ COMPILED: Final = ("dynamics.kernels.simd import", "from numba import")
 
 
 def measure_lines(folder: Path) -> Callable[[], None]:
-    """Count lines of the packages from now on; return what writes the counts into the folder."""
+    """Start to count lines; return a function that writes the counts to the folder."""
     from slipcover import FileMatcher, ImportManager, Slipcover
 
     omitted = {str(path) for path in _sources()} - {str(path) for path in _counted()}
@@ -57,9 +57,9 @@ def measure_lines(folder: Path) -> Callable[[], None]:
 
 
 def added(folder: Path) -> dict[str, tuple[int, int]]:
-    """Return of every file how many lines were reached, and how many it has.
+    """Return the reached and the total number of lines of every file.
 
-    A file that no process has imported counts with none of its lines reached.
+    A file that no process has imported counts as unreached.
     """
     reached: dict[str, set[int]] = {}
     lines: dict[str, set[int]] = {}
@@ -79,7 +79,7 @@ def added(folder: Path) -> dict[str, tuple[int, int]]:
 
 
 def shares(found: dict[str, tuple[int, int]]) -> dict[str, float]:
-    """Return the percentage of each package's lines that was reached."""
+    """Return the percentage of reached lines of each package."""
     sums = {package: [0, 0] for package in FLOORS}
     for name, counts in found.items():
         own = sums[name.split("/")[0]]
@@ -93,13 +93,13 @@ def _sources() -> list[Path]:
 
 
 def _counted() -> list[Path]:
-    """Return the sources without those that numba compiles: it does not know probes."""
+    """Return the source files without those compiled by numba, which does not support probes."""
     texts = {path: path.read_text(encoding="utf-8") for path in _sources()}
     return [path for path, text in texts.items() if not any(word in text for word in COMPILED)]
 
 
 def _lines_of(path: Path) -> int:
-    """Return how many lines of a file hold code."""
+    """Return the number of code lines of a file."""
     from slipcover import Slipcover
 
     counter = Slipcover()
@@ -108,7 +108,7 @@ def _lines_of(path: Path) -> int:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Print what was reached; return 1 where a package is below its floor."""
+    """Print the reached lines; return 1 if a package is below its minimum."""
     parser = argparse.ArgumentParser()
     parser.add_argument("folder", type=Path)
     parser.add_argument("--worst", type=int, default=0, metavar="N")

@@ -1,4 +1,4 @@
-"""Motion files as texts: what the velocity loops are measured with, and paths to follow."""
+"""Motion files as text: multisines for the velocity loops, and paths."""
 
 CIRCLE = """
 kind: circle

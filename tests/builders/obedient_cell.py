@@ -1,4 +1,4 @@
-"""A cell within the test's process whose drives and axes do exactly what they are told."""
+"""A simulated cell in the test's process with ideal drives and axes."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ STEP_S = 0.002
 
 
 class IdealAxis(AxisPort):
-    """An axis that follows its drive's ramp, and stands where it has no power: its brake holds."""
+    """An axis that follows its drive's ramp; without power its brake holds it."""
 
     def __init__(self, counts: float) -> None:
         self.counts = counts
@@ -67,11 +67,11 @@ class Clock:
 
 
 class ObedientCell(can.BusABC):
-    """A bus with simulated drives on it; time passes only where the master waits.
+    """A bus with simulated drives; time advances only while the master waits.
 
     Attributes:
-        trace: Time [s], position [rad], speed [rad/s] and whether there is power, of every axis by
-            step, since there was power first.
+        trace: Time [s], position [rad], speed [rad/s] and power state of every axis for each step,
+            since the first power-on.
     """
 
     channel_info = "obedient"
@@ -130,7 +130,7 @@ class ObedientCell(can.BusABC):
             self._advance(time_s)
 
     def _advance(self, until_s: float) -> None:
-        """Go to whatever is next: a frame's arrival, what a drive does by itself, or a step."""
+        """Advance to the next event: arrival of a frame, action of a drive, or a step."""
         due_s = min((drive.next_s for drive in self.drives), default=until_s)
         if self._events:
             due_s = min(due_s, self._events[0][0])
@@ -182,7 +182,7 @@ RING = {joints: Ring.create(joints, 8192) for joints in (1, 2)}
 
 
 class SpeedUp:
-    """Every joint from rest towards a limit, as fast as it may; then somebody orders a stop."""
+    """Acceleration of all joints from rest towards a limit, followed by an order to stop."""
 
     samples_per_period = None
     period_ends: Mapping[int, int] = {}
@@ -223,7 +223,7 @@ class SpeedUp:
 
 
 class Outcome:
-    """What became of a cell: refused by its preflight, or moved, and stopped."""
+    """Outcome of a cell: refused by the preflight, or moved and stopped."""
 
     def __init__(
         self, cell: CellConfig, robot: RobotDescription, increments: int, rows: int, sign: int
@@ -299,7 +299,7 @@ def one_axis(
 
 
 def rows_until(cell: CellConfig, robot: RobotDescription, position: float) -> int:
-    """Return how many cycles `SpeedUp` takes from 0 to a position of the first joint."""
+    """Return the number of cycles in which `SpeedUp` moves the first joint from 0 to a position."""
     limits = robot.joints[0].limits
     rising_s = limits.velocity / limits.acceleration
     left = position - 0.5 * limits.velocity * rising_s

@@ -1,4 +1,4 @@
-"""People at one computer, as processes: with sessions, with lies, or with nothing of the kind."""
+"""Users of one computer as processes: with sessions, with false data, or without either."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ with hold_cell(cell):
 
 
 class People:
-    """Processes of persons, strangers and liars; all end with the test."""
+    """Processes of honest, unknown and lying users; all end with the test."""
 
     def __init__(self, stack: contextlib.ExitStack) -> None:
         self._stack = stack
@@ -98,7 +98,7 @@ def heard(process: subprocess.Popen[str]) -> bool:
 
 
 def lives(process: subprocess.Popen[str]) -> bool:
-    """Whether it still answers."""
+    """Return True if a process still answers."""
     assert process.stdin is not None
     process.stdin.write("?\n")
     process.stdin.flush()

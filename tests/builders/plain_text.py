@@ -82,7 +82,7 @@ class Hit(NamedTuple):
 
 
 class Passage(NamedTuple):
-    """A text that a person reads, with its line; a docstring is marked."""
+    """A text for readers, with its line and a flag for docstrings."""
 
     line: int
     text: str
@@ -110,7 +110,7 @@ def passages(path: Path) -> Iterator[Passage]:
 
 
 def _blank(match: re.Match[str]) -> str:
-    """Return as many empty lines as a block of code has."""
+    """Return as many empty lines as the matched code block has."""
     return "\n" * match[0].count("\n")
 
 

@@ -1,4 +1,4 @@
-"""Another program that sends points to `rid-daq stream`."""
+"""A program that sends points to `rid-daq stream`."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ DISTANCES = (2e-3, 1e-3, 3e-3)
 
 
 def remembering() -> tuple[RobotModel, Points]:
-    """Return the true model of the arm, with friction that remembers its way."""
+    """Return the true model of the arm with presliding hysteresis."""
     joints = tuple(
         joint.model_copy(
             update={"friction": (*joint.friction, "presliding"), "presliding_distance": distance}
@@ -80,7 +80,7 @@ REMEMBERING = OnlineFeedforward.of(
 def source_of(
     forward: OnlineFeedforward, points: Points, *, end: bool = True, capacity: int | None = None
 ) -> PointSource:
-    """A source in real time: what is not there when a cycle comes is not waited for."""
+    """Return a real-time source of points, which does not wait for missing points."""
     ring = PointRing.create(points.shape[1], capacity or len(points))
     ring.write(points)
     if end:
@@ -102,7 +102,7 @@ def drive(source: PointSource, rows: Iterable[int] | None = None) -> list[SetPoi
 
 
 def waves(seed: int, count: int, size: float = 0.5) -> Points:
-    """Return a smooth path within all limits, from rest; it does not end at rest."""
+    """Return a smooth path within all limits that starts at rest and does not end at rest."""
     rng = np.random.default_rng(seed)
     time_s = np.arange(count)[:, np.newaxis] * T
     rise = np.clip(time_s / 1.0, 0.0, 1.0)
@@ -127,7 +127,7 @@ def arrays(points: list[SetPoint]) -> tuple[Points, Points, Points]:
 
 
 def held_limits(points: list[SetPoint]) -> None:
-    """Nothing beyond position, speed, acceleration; no jump; rest at the end."""
+    """Assert that the points respect all limits, have no jumps, and end at rest."""
     position, velocity, ahead = arrays(points)
     assert np.isfinite(position).all()
     assert np.isfinite(velocity).all()
@@ -149,7 +149,7 @@ Spoiler = st.sampled_from(["no", "nan", "inf", "jump", "step", "noise", "huge", 
 
 @st.composite
 def streams(draw: st.DrawFn) -> tuple[Points, list[int], bool, list[int]]:
-    """Return points, good or bad, how many come in each cycle, the end, and cycles left out."""
+    """Draw good or bad points, the number per cycle, the end, and skipped cycles."""
     path = waves(draw(st.integers(0, 50)), draw(st.integers(1, 500)), draw(st.floats(0.05, 3.0)))
     at = draw(st.integers(0, len(path) - 1))
     joint, size = draw(st.integers(0, 2)), draw(st.floats(-3.0, 3.0))

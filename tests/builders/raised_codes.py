@@ -1,4 +1,4 @@
-"""`raises_code`: an error of ours is raised, with its code; `raises_invalid`: a model refuses."""
+"""`raises_code`: expects an error with a code; `raises_invalid`: expects an invalid value."""
 
 from __future__ import annotations
 
@@ -20,8 +20,9 @@ def raises_code(kind: type[E], code: str, *details: str) -> Iterator[pytest.Exce
     """Expect an error.
 
     Args:
-        kind: Its class.
-        *details: Positions, names and numbers that its text has to state.
+        kind: Class of the error.
+        code: Code of the error.
+        *details: Positions, names and numbers that the text must contain.
     """
     with pytest.raises(kind) as caught:
         yield caught
@@ -35,8 +36,8 @@ def raises_invalid(key: str, *details: str) -> Iterator[pytest.ExceptionInfo[Val
     """Expect that a model refuses one value.
 
     Args:
-        key: The value's key, such as ``pdos.1``; empty for the model as a whole.
-        *details: Names and numbers that the text of the error has to state.
+        key: Key of the value, such as ``pdos.1``; empty for the whole model.
+        *details: Names and numbers that the error text must contain.
     """
     with pytest.raises(ValidationError) as caught:
         yield caught
@@ -47,6 +48,6 @@ def raises_invalid(key: str, *details: str) -> Iterator[pytest.ExceptionInfo[Val
 
 
 def line_of(path: Path, key: str) -> int:
-    """Return the line of a YAML file on which a key stands first."""
+    """Return the first line of a YAML file with a key."""
     lines = path.read_text().splitlines()
     return next(n for n, line in enumerate(lines, 1) if line.lstrip(" -").startswith(f"{key}:"))

@@ -88,7 +88,7 @@ class Workshop:
         return self.drives.requests
 
     def pause(self, duration_s: float) -> None:
-        """Be the driver's pause, in which a late answer comes, if there is one."""
+        """Act as the driver's pause, in which a late answer arrives, if there is one."""
         assert self.service is not None
         if not self.late:
             time.sleep(duration_s)

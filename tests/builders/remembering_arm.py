@@ -1,4 +1,4 @@
-"""Recordings of an arm whose friction remembers its way, written without the estimator's kernel."""
+"""Recordings of an arm with presliding hysteresis, independent of the estimator's kernel."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ def arm() -> RobotDescription:
 
 
 def iwan(path: FloatArray, distance: float, elements: int = 97) -> FloatArray:
-    """Return the direction of Iwan's model with many pieces, each one with its own memory.
+    """Return the direction of Iwan's model with many elements, each with its own memory.
 
-    The pieces' slip distances are spread evenly up to `distance`. A piece's stretch is the path
-    less where it last slipped to, so that nothing is added up along the way.
+    The slip distances of the elements are spread evenly up to `distance`. The stretch of an element
+    is the path minus its last slip position, so that errors do not accumulate along the path.
     """
     slips = distance * np.arange(1, elements + 1) / elements
     anchors = np.full(elements, path[0])
@@ -80,7 +80,7 @@ def recording(
     noise_nm: float = 1.0,
     seed: int = 0,
 ) -> SmoothedSignals:
-    """Return a recording of the arm; some joints' Coulomb friction has these directions."""
+    """Return a recording of the arm; the Coulomb friction of some joints has these directions."""
     tau = _torques(directions, way, noise_nm, seed)
     return signals_of(*way, low_pass(tau, STEP_S, CUTOFF_HZ))
 
@@ -91,7 +91,7 @@ def measured(
     *,
     rows: slice = slice(None),
 ) -> Recording:
-    """Return the same as it was measured, or some rows of it: joints came from somewhere before."""
+    """Return the `Recording` with noise, or some of its rows; the joints have moved before."""
     tau, q = _torques(directions, way, 1.0, 0)[rows], way[0][rows]
     return Recording(
         joint_names=arm().joint_names,

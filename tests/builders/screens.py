@@ -40,12 +40,12 @@ _TOKENS = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]|[\r\n]|[^\x1b\r\n]+")
 
 @dataclass(frozen=True)
 class Screen:
-    """What one command shows at one width.
+    """Output of one command at one width.
 
     Attributes:
-        words: The command line, without the program's name.
+        words: Command line without the program's name.
         columns: Width of the terminal.
-        text: What is written there, colours and all.
+        text: Output with colours.
     """
 
     words: tuple[str, ...]
@@ -58,7 +58,7 @@ class Screen:
         return screen_lines(self.text)
 
     def svg(self, theme: TerminalTheme) -> str:
-        """Return it as a picture."""
+        """Return the screen as a picture."""
         drawn = RichConsole(
             record=True, width=self.columns, file=io.StringIO(), force_terminal=True, height=100
         )
@@ -67,7 +67,7 @@ class Screen:
         return drawn.export_svg(title=f"rid-daq {' '.join(named)}"[:TITLE], theme=theme)
 
     def write(self, folder: Path) -> None:
-        """Write it in both themes."""
+        """Write the picture in both themes."""
         folder.mkdir(parents=True, exist_ok=True)
         name = "-".join(word.strip("-") for word in self.words if "/" not in word) or "rid-daq"
         for theme, colours in THEMES.items():
@@ -76,9 +76,9 @@ class Screen:
 
 
 def as_left(written: str) -> str:
-    """Return what a terminal shows in the end of what was written to it, with its colours.
+    """Return the final content of a terminal after some output, with colours.
 
-    Lines that a moving bar has written again are there once.
+    Lines that a progress bar has rewritten occur once.
     """
     lines, row = [""], 0
     for token in _TOKENS.findall(written):
@@ -95,13 +95,13 @@ def as_left(written: str) -> str:
 
 
 def screen_lines(written: str) -> list[str]:
-    """Return the lines that a terminal shows in the end, without colours."""
+    """Return the final lines of a terminal, without colours."""
     return _COLOUR.sub("", as_left(written)).rstrip("\n").split("\n")
 
 
 @contextlib.contextmanager
 def terminal(columns: int) -> Iterator[io.StringIO]:
-    """Let everything that is written go to a terminal of so many columns, and yield it."""
+    """Redirect all output to a terminal of `columns` columns, and yield the terminal."""
     size = {"COLUMNS": str(columns), "LINES": "100", "FORCE_COLOR": "1", "TERM": "xterm-256color"}
     shown = io.StringIO()
     with (
@@ -133,9 +133,9 @@ Call = Callable[[Console], None]
 
 @contextlib.contextmanager
 def noted() -> Iterator[list[Call]]:
-    """Yield what commands let their consoles do, to be done again at any width; nothing is shown.
+    """Yield the console calls of commands, to repeat them at any width; nothing is shown.
 
-    What `--json` writes is written.
+    Output of `--json` is written.
     """
     calls: list[Call] = []
 
@@ -152,7 +152,7 @@ def noted() -> Iterator[list[Call]]:
 
 
 def said_by(words: Sequence[str], codes: Sequence[int] = (0,)) -> list[Call]:
-    """Run a command, and return what it lets a console do."""
+    """Run a command and return its console calls."""
     with noted() as calls, contextlib.redirect_stdout(io.StringIO()):
         code = run(list(words))
     assert code in codes, (words, code)
@@ -160,13 +160,13 @@ def said_by(words: Sequence[str], codes: Sequence[int] = (0,)) -> list[Call]:
 
 
 def keep(screen: Screen, folder: str) -> None:
-    """Write a screen beside the screenshots of pages, where they are wanted."""
+    """Write a screen next to the screenshots of pages, if screenshots are requested."""
     if "RID_DAQ_SCREENSHOTS" in os.environ:
         screen.write(Path(os.environ["RID_DAQ_SCREENSHOTS"]) / "terminal" / folder)
 
 
 def require_fitting(words: Sequence[str], calls: Sequence[Call], folder: str = "more") -> None:
-    """Keep the screens of a command, and require that they fit."""
+    """Store the screens of a command, and require that all lines fit the width."""
     for columns in WIDTHS:
         screen = replayed(words, calls, columns)
         keep(screen, folder)
@@ -175,7 +175,7 @@ def require_fitting(words: Sequence[str], calls: Sequence[Call], folder: str = "
 
 
 def too_wide(lines: list[str], columns: int) -> list[str]:
-    """Return the lines that a terminal must break, but commands and paths that are pasted."""
+    """Return lines that are wider than the terminal, except commands and paths."""
     return [
         line
         for line in lines
@@ -186,7 +186,7 @@ def too_wide(lines: list[str], columns: int) -> list[str]:
 
 
 def replayed(words: Sequence[str], calls: Sequence[Call], columns: int) -> Screen:
-    """Return the screen of a command by what it let a console do; quick ones are run again."""
+    """Return the screen of a command from its console calls; fast commands are run again."""
     with terminal(columns) as shown:
         if words[0] == "runs":
             run(list(words))
@@ -197,7 +197,7 @@ def replayed(words: Sequence[str], calls: Sequence[Call], columns: int) -> Scree
 
 
 def story(folder: Path) -> Iterator[tuple[list[str], list[Call]]]:
-    """Run the main commands on the simulated cell, small, and give what each said."""
+    """Run the main commands on the small simulated cell, and return their console calls."""
     runs, motion = ["--runs", str(folder / "runs")], str(folder / "motion.yaml")
     small = ["--method", "two-harmonic", "--tries", "3", "--period", "4", "--periods", "3"]
     model = str(folder / "model.json")

@@ -1,9 +1,9 @@
-"""Count the assertions that pin the sentence of an error, which should pin its code.
+"""Count assertions on sentences of errors; tests should pin error codes instead.
 
-`python -m tests.builders.sentence_assertions` prints the number for each folder of tests, and
-their sum; `--list` prints each place. Counted are `match=` of `pytest.raises`, and asserts that
-find a literal of two or more words in the text of an error, or in what a command wrote to stderr;
-of `raises_code` and `raises_invalid`, details of three or more words.
+`python -m tests.builders.sentence_assertions` prints the number for each test folder, and the sum;
+`--list` prints each place. It counts `match=` of `pytest.raises`, assertions with a literal of two
+or more words about an error's text or a command's stderr, and details of three or more words of
+`raises_code` and `raises_invalid`.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""A witness of the computer's stalls: what real time failed for them is tried again, nothing else.
+"""Detection of stalls of the computer: only a test that failed during a stall is repeated.
 
-A virtual machine stands still now and then, for up to a second, whatever runs on it. A test in real
-time that fails meanwhile has shown nothing. The witness does nothing but wake up, as an ordinary
-process, and knows for how long it could not.
+A virtual machine sometimes stands still for up to a second. A real-time test that fails during such
+a stall proves nothing. A witness process only wakes up periodically and measures the longest delay.
 """
 
 from __future__ import annotations
@@ -30,14 +29,14 @@ T = TypeVar("T")
 
 
 class Witness:
-    """Knows, once its `with` has been left, for how long the computer stood still at most [s]."""
+    """Measures the longest stall of the computer while its `with` block is active [s]."""
 
     longest_s = 0.0
 
 
 @contextlib.contextmanager
 def witness() -> Iterator[Witness]:
-    """Watch the computer from a process of its own."""
+    """Run the witness in its own process."""
     seen = Witness()
     with subprocess.Popen(
         [sys.executable, "-c", WITNESS], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
@@ -52,11 +51,11 @@ def witness() -> Iterator[Witness]:
 
 
 def where_time_runs(attempt: Callable[[], T], stall_s: float) -> T:
-    """Return what an attempt in real time comes to; only stalls of the computer earn another one.
+    """Return the result of a real-time attempt; it is repeated only after a stall.
 
     Args:
-        attempt: What asserts something, and can be done again.
-        stall_s: A shorter stall than this must not matter to it [s].
+        attempt: Function with assertions that can be repeated.
+        stall_s: Shorter stalls must not affect the attempt [s].
     """
     for _ in range(ATTEMPTS):
         try:

@@ -1,4 +1,4 @@
-"""The simulated arm that a stream leads to its path and along it, as the cyclic task does."""
+"""A simulated arm that follows a stream, as the cyclic task moves it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a command told with `--json`."""
+"""The output of a command with `--json`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 
 def document(capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
-    """Return the document that was printed, and nothing beside it."""
+    """Return the printed document; nothing else may be printed."""
     found = json.loads(capsys.readouterr().out)
     assert isinstance(found, dict)
     return found

@@ -1,4 +1,4 @@
-"""A person at a terminal with a program of ours in it, who holds keys and reads what it shows."""
+"""A simulated user at a terminal who holds keys and reads the output."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PATIENCE_S = 180.0
 
 
 class Typist:
-    """Runs the command line in a terminal of its own, as long as the `with` lasts."""
+    """Runs the command line in its own terminal while the `with` block is active."""
 
     def __init__(self, *words: object, environment: dict[str, str] | None = None) -> None:
         self._terminal, inside = pty.openpty()
@@ -52,13 +52,13 @@ class Typist:
         os.write(self._terminal, text.encode())
 
     def sees(self, text: str, times: int = 1) -> None:
-        """Wait until a text was shown so many times."""
+        """Wait until a text was shown `times` times."""
         wait_for(lambda: self.shown.count(text) >= times or self.program.poll() is not None)
         assert self.shown.count(text) >= times, self.shown
 
     @contextlib.contextmanager
     def holding(self, key: str) -> Iterator[None]:
-        """Hold a key: it comes once, and again and again."""
+        """Hold a key: it arrives once and then repeatedly."""
         released = threading.Event()
 
         def repeat() -> None:
@@ -78,7 +78,7 @@ class Typist:
 
 
 def wait_for(condition: Callable[[], bool]) -> None:
-    """Wait until something is so, which must come."""
+    """Wait until a condition holds; fail on a timeout."""
     tick, until_s = threading.Event(), time.monotonic() + PATIENCE_S
     while not condition():
         assert time.monotonic() < until_s

@@ -1,4 +1,4 @@
-"""A known model whose friction depends on temperature, measured or not."""
+"""A known model with temperature-dependent friction, with or without measured temperatures."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ FALL = 0.002
 
 
 def by_temperature(cell: LoadedCell, *, measured: bool) -> Estimate:
-    """Return a simulated arm's true values; the first two axes' friction falls with warmth.
+    """Return a simulated arm's true values; the friction of two axes decreases with temperature.
 
-    Where no one measured temperatures, axis 1 has a time constant of 60 s and axis 2 one of 90 s.
+    Without measured temperatures, axis 1 has a time constant of 60 s and axis 2 one of 90 s.
     """
     estimate = known(cell, {})
     joints = tuple(

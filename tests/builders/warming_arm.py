@@ -1,4 +1,4 @@
-"""Recordings of an arm that warms up as the simulated robot's motors do, not as `Warming` does."""
+"""Recordings of an arm that warms up like the simulated robot's motors, not like `Warming`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FALL_PER_K: Final = 0.02
 
 
 def motors(time_constant_s: tuple[float | None, ...], copper_w: float) -> MotorTemperatures:
-    """Return three motors with these time constants; those without one stay cold."""
+    """Return three motors with these time constants; motors without a time constant stay cold."""
     loaded = load_cell("ir361")
     plant = loaded.plant
     assert plant is not None
@@ -50,7 +50,7 @@ def motors(time_constant_s: tuple[float | None, ...], copper_w: float) -> MotorT
 
 
 def motion(seconds: float, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return q, v, a of a motion that is fast and slow in turns, over and over."""
+    """Return q, v, a of a motion that is alternately fast and slow."""
     random = np.random.default_rng(seed)
     t = STEP_S * np.arange(round(seconds / STEP_S))
     omega = 2.0 * np.pi * np.array([0.13, 0.31, 0.52])
@@ -77,7 +77,7 @@ def recording(
     copper_w: float = 0.0,
     cutoff_hz: float = CUTOFF_HZ,
 ) -> SmoothedSignals:
-    """Return a recording of the arm as its motors warm up."""
+    """Return a recording of the arm while its motors warm up."""
     q, v, a = motion(seconds, seed)
     model = RobotModel.from_description(arm())
     values = np.random.default_rng(7).uniform(0.5, 1.0, len(model.parameter_names))
@@ -107,7 +107,7 @@ def recording(
 def settled_factor(
     signals: SmoothedSignals, time_constant_s: tuple[float | None, ...]
 ) -> FloatArray:
-    """Return by what falling friction shortens each time constant, (n,): 1 / (1 + k R P)."""
+    """Return the factor on each time constant of decreasing friction, (n,): 1 / (1 + k R P)."""
     speed = np.abs(signals.velocity)
     power_w = np.mean((COULOMB_NM + VISCOUS_NM_S * speed) * speed, axis=0)
     heated = np.array([own is not None for own in time_constant_s])

@@ -1,7 +1,7 @@
 """`Guard`: one check in the code that refuses or stops a motion, and the tests that need it.
 
-The files `*.yaml` beside this one list the guards. Each entry says how the guard is removed:
-`code`, which stands once in `file`, is replaced by `without`.
+The files `*.yaml` in this folder list the guards. Each entry says how the guard is removed: `code`,
+which occurs once in `file`, is replaced by `without`.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ class Guard(BaseModel):
     """One guard.
 
     Attributes:
-        guard: What it refuses or stops, in a sentence.
-        file: The source file that it stands in.
-        code, without: Its text, and the text that takes its place when it is removed.
-        tests: Test functions of which at least one fails without it.
+        guard: What the guard refuses or stops, in one sentence.
+        file: Source file that contains the guard.
+        code, without: Text of the guard, and its replacement when the guard is removed.
+        tests: Test functions of which at least one fails without the guard.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -40,11 +40,13 @@ class Guard(BaseModel):
         """Return a source text without this guard.
 
         Raises:
-            ValueError: The guard's code does not stand in it exactly once.
+            ValueError: The text does not contain the guard's code exactly once.
         """
         found = text.count(self.code)
         if found != 1:
-            raise ValueError(f"{self.file}: the code of the guard stands in it {found} times")
+            raise ValueError(
+                f"{self.file}: contains the code of the guard {found} times instead of once"
+            )
         return text.replace(self.code, self.without)
 
 
@@ -58,7 +60,7 @@ class Section(BaseModel):
 
 
 def sections() -> list[Section]:
-    """Return the guards of motion, by the order of their files' names."""
+    """Return the guards of motion, sorted by the names of their files."""
     files = sorted(FOLDER.glob("*.yaml"))
     return [Section.model_validate(yaml.safe_load(each.read_text("utf-8"))) for each in files]
 

@@ -1,8 +1,8 @@
-"""Remove guards of motion, one after the other, and see that a test of each fails.
+"""Remove guards of motion, one by one, and check that a test of each guard fails.
 
 `python -m tests.guards.removed [TEXT...]` tries the guards whose sentence or file contains one of
-the texts; all of them if none is given, which takes about half an hour. The guards are removed in a
-copy of the project in a temporary folder. `--page` writes `docs/guards.md` instead.
+the texts. Without a text it tries all guards, which takes about half an hour. The guards are
+removed in a temporary copy of the project. `--page` writes `docs/guards.md` instead.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def page(parts: Sequence[Section]) -> str:
 
 
 def copy_project(target: Path) -> None:
-    """Copy the project's files, without what is made from them."""
+    """Copy the project's files, without generated ones."""
     command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     listed = subprocess.run(command, cwd=ROOT, capture_output=True, check=True).stdout.decode()
     for name in filter(None, listed.split("\0")):
@@ -61,7 +61,7 @@ def copy_project(target: Path) -> None:
 
 
 def fails_without(guard: Guard, copy: Path) -> bool:
-    """Return whether a test of a guard fails in a copy of the project from which it is removed."""
+    """Return True if a test of the guard fails in a copy of the project without the guard."""
     path = copy / guard.file
     text = path.read_text(encoding="utf-8")
     path.write_text(guard.removed_from(text), encoding="utf-8")
@@ -76,7 +76,7 @@ def fails_without(guard: Guard, copy: Path) -> bool:
 
 
 def main() -> int:
-    """Try guards; return 1 if one can be removed without a failing test."""
+    """Try the guards; return 1 if a guard can be removed without a failing test."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("texts", nargs="*", metavar="TEXT", help="Part of a sentence or file name.")
     parser.add_argument("--page", action="store_true", help="Write docs/guards.md.")

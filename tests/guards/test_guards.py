@@ -1,4 +1,4 @@
-"""Guards of motion: each stands in the code, and names tests that exist."""
+"""Guards of motion: each guard occurs in the code and names existing tests."""
 
 from __future__ import annotations
 
