@@ -39,9 +39,9 @@ from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel, regressor
 from identification.choices import BAND_HZ
 from identification.model.drawn_arm import drawn_parameters
-from identification.wiring.search import find_mistakes, impossibilities
+from identification.wiring.search import find_impossibilities, find_mistakes
 from identification.wiring.signals import WiredSignals
-from identification.wiring.trial import Condensed, WiringTrial
+from identification.wiring.trial import CondensedEquations, WiringTrial
 from rid_daq.app import run
 
 TOLD_BAR: Final = 0.95
@@ -137,7 +137,7 @@ def _trial(stated: Stated, robot: RobotDescription) -> WiringTrial | None:
         signals = WiredSignals.of(robot, [smooth_nonperiodic(recording, BAND_HZ)])
     except RidDaqError:
         return None
-    return Condensed.of(signals).trial(np.eye(len(robot.joints)))
+    return CondensedEquations.of(signals).trial(np.eye(len(robot.joints)))
 
 
 def recording_of(stated: Stated, factor: float = 1.0) -> Recording:
@@ -169,7 +169,7 @@ def false_alarms(count: int, first_seed: int) -> int:
             rows = slice(*np.searchsorted(sound.time_s, (start, start + length)).tolist())
         stated = Stated.of(sound, rows)
         signals = WiredSignals.of(sound.robot, [smooth_nonperiodic(recording_of(stated), BAND_HZ)])
-        driving, weight = impossibilities(signals)
+        driving, weight = find_impossibilities(signals)
         heavy = weight is not None and not weight.is_plausible
         found += bool(find_mistakes(signals) or driving or heavy)
     return found

@@ -11,7 +11,7 @@ from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.formats.number import parse_numbers
 from config.plausible import ZERO_CELSIUS_K
-from identification.estimation.at_temperature import at_temperature, by_temperature
+from identification.estimation.at_temperature import at_temperature, depends_on_temperature
 from identification.estimation.estimate import Estimate
 
 COLD: Final = "cold"
@@ -53,7 +53,7 @@ def at_operating_temperature(
         ConfigError: The friction depends on temperature but none was given, or the reverse; or the
             value does not fit the model or is not a temperature.
     """
-    depends = by_temperature(estimate)
+    depends = depends_on_temperature(estimate)
     names = [joint.name for joint in estimate.robot.joints]
     if not depends.any():
         if asked is not None:
@@ -92,7 +92,7 @@ def at_operating_temperature(
             f" not known: use --temperature {COLD}, or a motion file",
             code="RID-MODEL-TEMPERATURE",
         )
-    settled = estimate.warming.settled(estimate.robot, velocity)
+    settled = estimate.warming.steady_temperatures(estimate.robot, velocity)
     heat = ", ".join(
         f"{rise:.3g} W in {name}"
         for name, rise, own in zip(names, settled - cold, depends, strict=True)

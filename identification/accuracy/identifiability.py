@@ -123,7 +123,7 @@ _OF_TERMS: Final = {
 }
 
 
-def few_findings(estimate: Estimate) -> tuple[str, ...]:
+def few_cluster_findings(estimate: Estimate) -> tuple[str, ...]:
     """Return a warning if the intervals come from few clusters of the recording."""
     clusters = estimate.clusters
     if clusters is None or clusters >= FEW_CLUSTERS:
@@ -235,11 +235,11 @@ def joint_motions(
         joined = " together" if len(moved) > 1 else ""
         for fast, how in ((False, "through their range"), (True, "with large accelerations")):
             how = how if joined else how.replace("their", "its")
-            motions.append((f"moving {who}{joined} {how}", _swing(robot, moved, fast)))
+            motions.append((f"moving {who}{joined} {how}", _sine_motion(robot, moved, fast)))
     return motions
 
 
-def _swing(
+def _sine_motion(
     robot: RobotDescription, moved: tuple[int, ...], fast: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return sine motions at the limits of some joints; other joints at mid-range."""

@@ -16,7 +16,7 @@ from acquisition.processing.periods import PeriodAverage
 from acquisition.signals.bins import filter_response, to_bins
 from config.arrays import FloatArray
 from config.cell.plate import CHANNELS
-from identification.equations.base_wrench import in_time, real_rows
+from identification.equations.base_wrench import real_rows_of_bins, without_delay
 from identification.equations.bins import BinEquations
 from identification.equations.plate_fit import SMALL_COMPONENT
 
@@ -62,7 +62,7 @@ class PlateEquations:
                 frequencies = np.arange(wrench.harmonics + 1) / wrench.period_s
                 response = filter_response(own.low_pass, frequencies)
             bins = to_bins(own.channels_n, wrench.harmonics) / response[:, np.newaxis]
-            rows = in_time(real_rows(bins).T, wrench.period_s, delay_s)
+            rows = without_delay(real_rows_of_bins(bins).T, wrench.period_s, delay_s)
             channels.append(rows[:, 1:])
             columns.append(wrench.matrix[:, 1:])
         if len({each.shape[0] for each in channels} | {CHANNELS}) > 1:
@@ -75,16 +75,16 @@ class PlateEquations:
 
         Values below `SMALLEST_SHARE` are replaced by it.
         """
-        power, size = self._sized(matrix)
+        power, size = self._component_sizes(matrix)
         crossed = np.einsum("wbc,wc->wb", self.crossed, matrix)
         weight = 1.0 / size**2
         values = _solved(np.tensordot(weight, self.columns, axes=1), weight @ crossed)
         left = power - 2.0 * crossed @ values + self.columns @ values @ values
         return np.asarray(np.maximum(np.sqrt(np.maximum(left, 0.0)) / size, SMALLEST_SHARE))
 
-    def free(self, matrix: FloatArray, slopes: FloatArray) -> FloatArray:
+    def best_parameters(self, matrix: FloatArray, slopes: FloatArray) -> FloatArray:
         """Return the best theta (k,) for a wrench matrix plus theta times slopes (k, 6, 8)."""
-        _, size = self._sized(matrix)
+        _, size = self._component_sizes(matrix)
         weight, k = 1.0 / size**2, len(slopes)
         mixed = -np.einsum("w,wbc,kwc->bk", weight, self.crossed, slopes)
         own = np.einsum("w,kwc,cd,lwd->kl", weight, slopes, self.channels, slopes)
@@ -95,12 +95,12 @@ class PlateEquations:
 
     def weight(self, matrix: FloatArray, drawn: FloatArray) -> float:
         """Return the measured wrench relative to that of drawn parameters (b,), by projection."""
-        _, size = self._sized(matrix)
+        _, size = self._component_sizes(matrix)
         power = self.columns @ drawn @ drawn
         measured = np.einsum("wbc,wc,b->w", self.crossed, matrix, drawn)
         return float(np.sum(measured / size**2) / max(float(np.sum(power / size**2)), 1e-300))
 
-    def _sized(self, matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _component_sizes(self, matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the components' squares, (6,), and their sizes; small ones count as larger."""
         power = np.einsum("wc,cd,wd->w", matrix, self.channels, matrix)
         size = np.sqrt(np.maximum(power, 0.0))

@@ -82,7 +82,7 @@ def _sizes(
     for key in ("a_m", "b_m", "az0_m"):
         stated = float(getattr(plate, key))
         slope = wrench_matrix(plate, **{key: stated + 1.0}) - matrix
-        right = stated + float(equations.free(matrix, slope[np.newaxis])[0])
+        right = stated + float(equations.best_parameters(matrix, slope[np.newaxis])[0])
         possible = right <= 0.0 if key == "az0_m" else right > 0.0
         if possible and abs(right - stated) >= max(LEAST_CHANGE * abs(stated), LEAST_SHIFT_M):
             words = f"`{key}` is {stated:.4g} m, but the recording shows {right:.4g} m"
@@ -101,7 +101,7 @@ def _positions(
     stated = np.array(plate.position_m)
     units = [np.eye(3)[axis] for axis in axes]
     slopes = [wrench_matrix(plate, position_m=tuple(stated + unit)) - matrix for unit in units]
-    theta = equations.free(matrix, np.array(slopes))
+    theta = equations.best_parameters(matrix, np.array(slopes))
     right = stated + sum(shift * unit for shift, unit in zip(theta, units, strict=True))
     if np.max(np.abs(right - stated)) >= LEAST_SHIFT_M:
         before, after = (", ".join(f"{x:.3g}" for x in place) for place in (stated, right))
@@ -145,14 +145,14 @@ def _sensitivities(equations: PlateEquations, matrix: FloatArray) -> Iterator[Pl
     for channels in (*((each,) for each in range(CHANNELS)), *GROUPS):
         slope = np.zeros((1, 6, CHANNELS))
         slope[0][:, list(channels)] = matrix[:, list(channels)]
-        factor = 1.0 + float(equations.free(matrix, slope)[0])
+        factor = 1.0 + float(equations.best_parameters(matrix, slope)[0])
         if abs(factor - 1.0) >= LEAST_CHANGE:
             yield _scaled(matrix, channels, (factor,) * len(channels), 1)
     for pair in combinations(range(CHANNELS), 2):
         slopes = np.zeros((2, 6, CHANNELS))
         for k, channel in enumerate(pair):
             slopes[k, :, channel] = matrix[:, channel]
-        first, second = (1.0 + equations.free(matrix, slopes)).tolist()
+        first, second = (1.0 + equations.best_parameters(matrix, slopes)).tolist()
         if min(abs(first - 1.0), abs(second - 1.0)) >= LEAST_CHANGE:
             yield _scaled(matrix, pair, (first, second), 2)
 

@@ -160,5 +160,5 @@ def _scaled(
         columns = np.zeros((len(part.rhs), len(scale)))
         if j < len(scale):
             columns[:, j] = part.matrix @ near
-            part = part.scaled(float(scale[j]))
-        yield part.widened(columns)
+            part = part.scale_model(float(scale[j]))
+        yield part.add_columns(columns)

@@ -172,7 +172,7 @@ def judge_consistency(parameters: JudgedParameters, cone: ConsistencyProgramme) 
         y = np.asarray(np.linalg.solve(cone.units, nearest), dtype=float)
         border = cone.effects @ _towards_apex(cone, y)
         far = min(
-            _widest_tail(distance, len(target), parameters.clusters),
+            _upper_bound_of_tail(distance, len(target), parameters.clusters),
             _simulated_tail(cone, border, distance, parameters.clusters),
         )
     p_value = min(1.0, 2.0 * min(single, far))
@@ -267,7 +267,7 @@ def _simulated_tail(
     return (exceeded + 1) / (DRAWS + 1)
 
 
-def _widest_tail(distance: float, count: int, clusters: int | None) -> float:
+def _upper_bound_of_tail(distance: float, count: int, clusters: int | None) -> float:
     """Return an upper bound of this probability: that of a robot without any freedom."""
     if clusters is None:
         return float(chdtrc(count, distance))

@@ -121,10 +121,10 @@ def cross_checks(estimate: Estimate, runs: tuple[TimeRun, ...]) -> Iterator[Cros
         runs: The recordings of the estimate.
     """
     for method in CrossMethod:
-        yield check(method, estimate, runs)
+        yield check_method(method, estimate, runs)
 
 
-def check(method: CrossMethod, estimate: Estimate, runs: tuple[TimeRun, ...]) -> CrossCheck:
+def check_method(method: CrossMethod, estimate: Estimate, runs: tuple[TimeRun, ...]) -> CrossCheck:
     """Estimate by one other method.
 
     Both estimates come from the same data, so that their difference scatters less than the sum of

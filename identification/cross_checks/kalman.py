@@ -67,7 +67,7 @@ def estimate_by_kalman_filter(
             for segment in range(int(run.signals.segment[-1]) + 1):
                 rows = np.flatnonzero(run.signals.segment == segment)
                 with np.errstate(over="ignore", invalid="ignore"):
-                    values, covariance = simulation.through(rows, values, covariance)
+                    values, covariance = simulation.filter_segment(rows, values, covariance)
     white, clustered = (
         np.diagonal(estimate.covariance_residual),
         np.diagonal(estimate.covariance_jackknife),
@@ -83,7 +83,7 @@ class _Simulation:
     estimate: Estimate
     run: TimeRun
 
-    def through(
+    def filter_segment(
         self, rows: np.ndarray, values: FloatArray, covariance: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Process one segment; return the parameters and their covariance at its end."""
@@ -98,7 +98,7 @@ class _Simulation:
         loudest = np.sqrt(np.mean(signals.torque_nm[rows] ** 2, axis=0))
         for row, following in pairwise(rows):
             try:
-                state, slope, entry = self._ahead(row, following, state, loudest)
+                state, slope, entry = self._predict_state(row, following, state, loudest)
                 spread = slope @ spread @ slope.T + per_sample * entry @ entry.T
                 gain = np.linalg.solve(spread[:n, :n] + noise, spread[:n]).T
             except (np.linalg.LinAlgError, FloatingPointError):
@@ -114,7 +114,7 @@ class _Simulation:
             spread = 0.5 * (spread + spread.T)
         return state[2 * n :], spread[2 * n :, 2 * n :]
 
-    def _ahead(
+    def _predict_state(
         self, row: int, following: int, state: FloatArray, loudest: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the next state (Heun), its derivative, and the torque noise's effect."""

@@ -185,7 +185,7 @@ class ExcitationProblem:
     def _coefficients(self, x: FloatArray) -> FloatArray:
         return np.asarray(x.reshape(self._scales.shape) * self._scales)
 
-    def within(self, x: FloatArray) -> FloatArray:
+    def within_limits(self, x: FloatArray) -> FloatArray:
         """Return variables of the same motion, scaled down if it violates planned limits.
 
         All amplitudes are multiplied by the same factor; the motion's middle pose does not change.
@@ -201,15 +201,15 @@ class ExcitationProblem:
             used.append(np.abs(v @ self._to_motors.T).max(axis=0))
             allowed.append(planned[1])
         share = np.array(allowed) / np.maximum(used, 1e-12)
-        return self.shrunk(x, min(1.0, max(0.0, float(share.min()))))
+        return self.with_smaller_amplitudes(x, min(1.0, max(0.0, float(share.min()))))
 
-    def shrunk(self, x: FloatArray, share: float) -> FloatArray:
+    def with_smaller_amplitudes(self, x: FloatArray, share: float) -> FloatArray:
         """Return variables of the same motion with its amplitudes multiplied by `share`."""
         smaller = x.reshape(self._scales.shape).copy()
         smaller[:, 1:] *= share
         return smaller.ravel()
 
-    def about(self, x: FloatArray, pose_of: FloatArray) -> FloatArray:
+    def about_pose_of(self, x: FloatArray, pose_of: FloatArray) -> FloatArray:
         """Return variables of the same motion about the middle pose of another motion."""
         moved = x.reshape(self._scales.shape).copy()
         moved[:, 0] = pose_of.reshape(self._scales.shape)[:, 0]

@@ -53,18 +53,18 @@ class RestingPoses:
         drawn: list[FloatArray] = []
         for _ in range(DRAWS):
             pose = random.uniform(self.low, self.high)
-            if self._may_rest(pose):
+            if self._can_rest(pose):
                 return np.asarray(pose)
             drawn.append(pose)
         drawn.sort(key=lambda pose: self._excess(pose)[0])
         for pose in drawn[:REFINED]:
             bounds = list(zip(self.low, self.high, strict=True))
             led = minimize(self._excess, pose, jac=True, method="L-BFGS-B", bounds=bounds).x
-            if self._may_rest(led):
+            if self._can_rest(led):
                 return np.asarray(led)
         raise ConfigError(
             f"robot {robot!r} can rest in none of {DRAWS} random poses:"
-            f" {'; '.join(self._in_the_way(np.array(drawn))[:MOST_SAID])}",
+            f" {'; '.join(self._violated_requirements(np.array(drawn))[:MOST_SAID])}",
             code="RID-DESIGN-NONE",
         )
 
@@ -72,7 +72,7 @@ class RestingPoses:
         rest = np.zeros((1, len(pose)))
         return np.asarray(regressor(self.model, pose[np.newaxis], rest, rest)[0] @ self.parameters)
 
-    def _may_rest(self, pose: FloatArray) -> bool:
+    def _can_rest(self, pose: FloatArray) -> bool:
         if not self.clearances.is_clear(pose[np.newaxis]):
             return False
         return bool((np.abs(self._torque(pose)) <= self.torque_limits).all())
@@ -94,7 +94,7 @@ class RestingPoses:
             gradient = gradient + by_q[0] / CLEARANCE_SCALE_M**2
         return squares, np.asarray(gradient)
 
-    def _in_the_way(self, poses: FloatArray) -> list[str]:
+    def _violated_requirements(self, poses: FloatArray) -> list[str]:
         """Return the requirements that no pose satisfies, or those that the best one violates."""
         names = self.model.joint_names
         held = np.abs([self._torque(pose) for pose in poses])

@@ -86,14 +86,14 @@ def refine_start(
         most = max(1, int(LATER_SHARE * iterations))
 
     def candidate(x: FloatArray, share: float) -> Candidate:
-        motion = problem.to_fourier(problem.shrunk(x, share), periods)
+        motion = problem.to_fourier(problem.with_smaller_amplitudes(x, share), periods)
         check = check_motion(problem, motion, sample_period_s)
         return Candidate(seed, motion, check, share)
 
-    own = problem.within(x)
+    own = problem.within_limits(x)
     found = candidate(own, 1.0)
     sizes = [(own, share) for share in SHRINKING]
-    resting = problem.within(problem.about(x, start))
+    resting = problem.within_limits(problem.about_pose_of(x, start))
     for smaller, share in [*sizes, *((resting, share) for share in SMALLER_STILL)]:
         if not found.check.broken:
             break
@@ -127,7 +127,7 @@ def candidates(
         work(problem, seed, sample_period_s, iterations=iterations, periods=periods)
         for seed in seeds
     )
-    with backend(scheduler, jobs), warnings.catch_warnings():
+    with joblib_backend(scheduler, jobs), warnings.catch_warnings():
         # A caller may close this generator early: suppress the warning.
         warnings.filterwarnings("ignore", ".*have been cancelled", UserWarning)
         parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
@@ -135,7 +135,7 @@ def candidates(
 
 
 @contextmanager
-def backend(scheduler: str | None, jobs: int) -> Iterator[None]:
+def joblib_backend(scheduler: str | None, jobs: int) -> Iterator[None]:
     """Select the joblib backend: this machine, or a Dask cluster."""
     if scheduler is None:
         # One thread per process: rounding must not depend on the number of cores of a sum.

@@ -32,7 +32,7 @@ FRICTION_POSES: Final = 500
 ROUNDING: Final = 1e-6
 
 
-def chosen_criterion(robot: RobotDescription, name: str, wanted: Sequence[str]) -> Criterion:
+def criterion_of_options(robot: RobotDescription, name: str, wanted: Sequence[str]) -> Criterion:
     """Return the criterion for the options of a command.
 
     Args:
@@ -189,7 +189,7 @@ def _information(base: BaseParameters, given: Sequence[Estimate]) -> FloatArray:
     """
     information = np.zeros((len(base), len(base)))
     for estimate in given:
-        carried = [k for k, rigid in enumerate(_carried(estimate)) if rigid]
+        carried = [k for k, rigid in enumerate(_lasting_parameters(estimate)) if rigid]
         words = [estimate.base.expressions[k] for k in carried]
         missing = [text for text in words if text not in base.expressions]
         if missing:
@@ -206,7 +206,7 @@ def _information(base: BaseParameters, given: Sequence[Estimate]) -> FloatArray:
     return information
 
 
-def _carried(estimate: Estimate) -> list[bool]:
+def _lasting_parameters(estimate: Estimate) -> list[bool]:
     """Return for each base parameter True unless it is friction, which changes over time."""
     friction = estimate.model.parameter_groups.get("friction", slice(0, 0))
     changing = set(range(*friction.indices(len(estimate.model.parameter_names))))

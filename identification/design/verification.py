@@ -141,7 +141,7 @@ def _motion_uses(problem: ExcitationProblem, rows: _Rows) -> tuple[LimitUse, ...
             ("acceleration", rows.a[:, j], limits.acceleration, "/s²"),
         ):
             largest = float(np.abs(values).max())
-            uses.append(_use(problem, f"{what} of {joint.name}", largest, limit, unit + per))
+            uses.append(_limit_use(problem, f"{what} of {joint.name}", largest, limit, unit + per))
     return tuple(uses)
 
 
@@ -150,7 +150,7 @@ def _torque_uses(problem: ExcitationProblem, rows: _Rows) -> tuple[LimitUse, ...
         return ()
     largest = np.abs(torque(problem.model, *rows, problem.parameters)).max(axis=0)
     return tuple(
-        _use(
+        _limit_use(
             problem,
             f"torque of {joint.name}",
             float(tau),
@@ -166,14 +166,16 @@ def _base_uses(problem: ExcitationProblem, rows: _Rows) -> tuple[LimitUse, ...]:
         return ()
     largest = np.abs(base_wrench(problem.model, *rows, problem.parameters)).max(axis=0)
     return tuple(
-        _use(problem, f"{name} on the base", float(used), float(limit), unit)
+        _limit_use(problem, f"{name} on the base", float(used), float(limit), unit)
         for name, unit, used, limit in zip(
             WRENCH_NAMES, WRENCH_UNITS, largest, problem.base_limits, strict=True
         )
     )
 
 
-def _use(problem: ExcitationProblem, what: str, used: float, limit: float, unit: str) -> LimitUse:
+def _limit_use(
+    problem: ExcitationProblem, what: str, used: float, limit: float, unit: str
+) -> LimitUse:
     active = used >= ACTIVE_SHARE * problem.limit_fraction * limit
     return LimitUse(what, used, limit, unit, held=used <= limit * (1.0 + 1e-9), active=active)
 

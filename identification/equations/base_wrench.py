@@ -48,9 +48,9 @@ class BaseWrenchEquations:
         """Number of the highest bin, H."""
         return len(self.covariance) - 1
 
-    def delayed(self, delay_s: float) -> BaseWrenchEquations:
+    def compensate_delay(self, delay_s: float) -> BaseWrenchEquations:
         """Return the equations with a delay `delay_s` of the plate's signals compensated."""
-        return replace(self, rhs=in_time(self.rhs, self.period_s, delay_s))
+        return replace(self, rhs=without_delay(self.rhs, self.period_s, delay_s))
 
     def with_motion_noise(
         self, position_sigma: FloatArray, inertia_squares: FloatArray
@@ -69,7 +69,7 @@ class BaseWrenchEquations:
 
     def delay_column(self, predicted: FloatArray) -> FloatArray:
         """Return the derivative of rows (r, 2 H + 1) with respect to the plate's delay [per s]."""
-        return delay_rows(predicted, self.period_s)
+        return rows_per_delay(predicted, self.period_s)
 
     @property
     def _omega(self) -> FloatArray:
@@ -113,24 +113,24 @@ def base_wrench_equations(
     return BaseWrenchEquations(
         period_s=period_s,
         matrix=np.tensordot(components, matrix, axes=1),
-        rhs=real_rows(bins).T,
+        rhs=real_rows_of_bins(bins).T,
         covariance=covariance,
         components=components,
     )
 
 
-def real_rows(bins: Bins) -> FloatArray:
+def real_rows_of_bins(bins: Bins) -> FloatArray:
     """Return complex bins (H + 1, outputs) as real rows (2 H + 1, outputs)."""
     root = math.sqrt(2.0)
     return np.concatenate([bins.real[:1], root * bins.real[1:], root * bins.imag[1:]])
 
 
-def both_parts(per_bin: FloatArray) -> FloatArray:
+def repeat_for_real_and_imaginary(per_bin: FloatArray) -> FloatArray:
     """Repeat values of bins 0 to H (first axis) for the real and the imaginary rows."""
     return np.concatenate([per_bin, per_bin[1:]])
 
 
-def in_time(rows: FloatArray, period_s: float, delay_s: float | FloatArray) -> FloatArray:
+def without_delay(rows: FloatArray, period_s: float, delay_s: float | FloatArray) -> FloatArray:
     """Return rows (outputs, 2 H + 1) of delayed signals with the delay removed.
 
     Args:
@@ -139,16 +139,16 @@ def in_time(rows: FloatArray, period_s: float, delay_s: float | FloatArray) -> F
         delay_s: Float or ndarray, shape (outputs, 1). Delay of the signals [s].
     """
     turn = np.exp(1j * _omega(rows.shape[1] // 2, period_s) * delay_s)
-    return np.asarray(real_rows((_bins(rows) * turn).T).T)
+    return np.asarray(real_rows_of_bins((_bins(rows) * turn).T).T)
 
 
-def delay_rows(rows: FloatArray, period_s: float) -> FloatArray:
+def rows_per_delay(rows: FloatArray, period_s: float) -> FloatArray:
     """Return the derivative of a period's rows (outputs, 2 H + 1) with respect to the delay."""
     rate = -1j * _omega(rows.shape[1] // 2, period_s)
-    return np.asarray(real_rows((rate * _bins(rows)).T).T)
+    return np.asarray(real_rows_of_bins((rate * _bins(rows)).T).T)
 
 
-def smooth_bins(per_bin: FloatArray) -> FloatArray:
+def average_neighbouring_bins(per_bin: FloatArray) -> FloatArray:
     """Return values of bins (first axis), each averaged with its neighbours."""
     edges = ((NEIGHBOURS, NEIGHBOURS), *((0, 0) for _ in per_bin.shape[1:]))
     padded = np.pad(per_bin, edges, mode="reflect")
@@ -175,7 +175,7 @@ def _smooth_covariance(covariance: FloatArray) -> FloatArray:
     A single bin's covariance comes from few periods and scatters. If a bin's own variance is larger
     than the average, the bin keeps its own, as for the torques.
     """
-    mean = smooth_bins(covariance)
+    mean = average_neighbouring_bins(covariance)
     own, common = (np.diagonal(c, axis1=1, axis2=2) for c in (covariance, mean))
     growth = np.sqrt(np.maximum(own / np.maximum(common, 1e-300), 1.0))
     return np.asarray(mean * growth[:, :, np.newaxis] * growth[:, np.newaxis, :])

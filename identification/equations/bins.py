@@ -27,12 +27,12 @@ from dynamics.model.standstill import moving
 from dynamics.terms.conditions import Conditions
 from identification.equations.base_wrench import (
     BaseWrenchEquations,
+    average_neighbouring_bins,
     base_wrench_equations,
-    both_parts,
-    delay_rows,
-    in_time,
-    real_rows,
-    smooth_bins,
+    real_rows_of_bins,
+    repeat_for_real_and_imaginary,
+    rows_per_delay,
+    without_delay,
 )
 from identification.model.base_parameters import BaseParameters
 from identification.model.torque_columns import torque_columns, wrench_columns
@@ -77,13 +77,13 @@ class BinEquations:
     position_sigma: FloatArray
     reaction: BaseWrenchEquations | None = None
 
-    def delayed(self, delay_s: FloatArray) -> BinEquations:
+    def compensate_delay(self, delay_s: FloatArray) -> BinEquations:
         """Return the equations with delays `delay_s` (n,) of the joints' torques compensated."""
-        return replace(self, rhs=in_time(self.rhs, self.period_s, delay_s[:, np.newaxis]))
+        return replace(self, rhs=without_delay(self.rhs, self.period_s, delay_s[:, np.newaxis]))
 
     def delay_columns(self, predicted: FloatArray) -> FloatArray:
         """Return the derivative of rows (n, 2 H + 1) by each joint's delay, (n, 2 H + 1, n)."""
-        late = delay_rows(predicted, self.period_s)
+        late = rows_per_delay(predicted, self.period_s)
         return np.asarray(late[:, :, np.newaxis] * np.eye(len(late))[:, np.newaxis])
 
     def to_time(self, rows: FloatArray, samples: int) -> FloatArray:
@@ -162,10 +162,10 @@ def bin_equations(
         harmonics=harmonics,
         period_s=period_s,
         matrix=matrix,
-        rhs=real_rows(torque).T,
+        rhs=real_rows_of_bins(torque).T,
         free=tuple(_free_columns(slow[:, j], period_s, harmonics) for j in range(q.shape[1])),
         left_out_fraction=slow.mean(axis=0),
-        torque_sigma=both_parts(sigma[: harmonics + 1] / gain).T,
+        torque_sigma=repeat_for_real_and_imaginary(sigma[: harmonics + 1] / gain).T,
         position_sigma=_position_sigma(average)[: harmonics + 1].T,
         reaction=(
             None
@@ -282,7 +282,7 @@ def _smooth_variance(variance: FloatArray, periods: int) -> FloatArray:
     A bin's own variance comes from few periods and scatters. A bin with a larger variance than its
     neighbours keeps its own: friction that drifts raises the variance at the motion's harmonics.
     """
-    return np.asarray(np.maximum(smooth_bins(variance), variance) / periods)
+    return np.asarray(np.maximum(average_neighbouring_bins(variance), variance) / periods)
 
 
 def _position_sigma(average: PeriodAverage) -> FloatArray:

@@ -27,12 +27,12 @@ MOST_INFLATION: Final = 1e9
 RANK: Final = 1e-7
 
 
-def name_of(column: Column) -> FrictionTerm:
+def term_of_column(column: Column) -> FrictionTerm:
     """Return the friction term of a column."""
     return column if isinstance(column, str) else "stribeck"
 
 
-def columns_of(terms: Sequence[Column]) -> Terms:
+def columns_of_terms(terms: Sequence[Column]) -> Terms:
     """Return the columns of some terms; a Stribeck term adds its derivative by speed."""
     return (*terms, *(("slope", term[1]) for term in terms if isinstance(term, tuple)))
 
@@ -53,7 +53,7 @@ class Fit:
     sigma: FloatArray
     errors: FloatArray
 
-    def distance(self, joint: int, column: Column) -> float:
+    def sigmas_from_zero(self, joint: int, column: Column) -> float:
         """Return a value divided by its standard deviation."""
         at = self.places[joint, column]
         return float(self.values[at] / max(self.sigma[at], 1e-300))
@@ -168,11 +168,11 @@ class Grams:
         The last index is that of the torque.
         """
         p, width = self.width, len(rigid)
-        count = width + sum(len(columns_of(own)) for own in chosen) + 1
+        count = width + sum(len(columns_of_terms(own)) for own in chosen) + 1
         total = np.zeros((self.gram.shape[1], count, count))
         places, start = [], width
         for j, own in enumerate(chosen):
-            columns = columns_of(own)
+            columns = columns_of_terms(own)
             local = np.concatenate(
                 [rigid, [p + ALL_COLUMNS.index(column) for column in columns], [-1]]
             ).astype(np.int64)
@@ -186,7 +186,7 @@ class Grams:
 
     def _local(self, terms: Terms) -> IntArray:
         """Return the indices of a joint's columns in its own Gram matrix; the torque is last."""
-        columns = [self.width + ALL_COLUMNS.index(column) for column in columns_of(terms)]
+        columns = [self.width + ALL_COLUMNS.index(column) for column in columns_of_terms(terms)]
         return np.concatenate([self.rigid, columns, [-1]]).astype(np.int64)
 
     def fit(self, chosen: Sequence[Terms]) -> Fit:
@@ -224,7 +224,7 @@ class Grams:
         sigma = deviations(others - theta)
         start, index = len(self.rigid), {}
         for j, own in enumerate(chosen):
-            for column in columns_of(own):
+            for column in columns_of_terms(own):
                 index[j, column] = start
                 start += 1
         return Fit(index, theta / size, sigma / size, errors)

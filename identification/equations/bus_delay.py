@@ -31,7 +31,7 @@ def longest_delay_s(sample_period_s: float) -> float:
     return CYCLES * (SLOWEST_BUS_CYCLE_S + sample_period_s)
 
 
-def without_implausible(
+def split_implausible_delays(
     channel: TorqueChannel, sample_period_s: float
 ) -> tuple[TorqueChannel, FloatArray]:
     """Split the delays of a torque channel into plausible and implausible ones.

@@ -101,7 +101,7 @@ class Piece:
         count = 2 * (len(self.low_pass) - 1)
         return np.arange(count, dtype=np.float64) * (self.length * self.step_s / count)
 
-    def back(self, spectrum: ComplexArray) -> FloatArray:
+    def to_rows(self, spectrum: ComplexArray) -> FloatArray:
         """Return the rows of a spectrum, at the times `time_s`."""
         count = 2 * (len(self.low_pass) - 1)
         return np.asarray(np.fft.irfft(spectrum, count, axis=0) * (count / self.length))
@@ -204,7 +204,7 @@ class CandidateEquations:
         """Total length of the pieces [s]."""
         return sum(len(piece.rigid) * piece.step_s for piece in self.pieces)
 
-    def with_load(self, values: FloatArray) -> CandidateEquations:
+    def with_gear_load(self, values: FloatArray) -> CandidateEquations:
         """Return equations whose gears transmit the torques of these base parameters."""
         pieces = []
         for piece in self.pieces:
@@ -248,41 +248,45 @@ class CandidateEquations:
         reach: Reach | None,
         block_s: float,
     ) -> tuple[FloatArray, FloatArray, IntArray]:
-        use = self.used(piece, joint, reach)
+        use = self.usable_rows(piece, joint, reach)
         names: tuple[Column | Rigid, ...] = ("rigid", *columns)
         spectrum = np.concatenate([piece.of(joint, column) for column in names], axis=1)
-        matrix = piece.back(spectrum * response[:, np.newaxis])[use]
-        torque = piece.back(piece.torque[:, joint])[use]
+        matrix = piece.to_rows(spectrum * response[:, np.newaxis])[use]
+        torque = piece.to_rows(piece.torque[:, joint])[use]
         block = np.floor((start_s + piece.time_s[use]) / block_s).astype(np.int64)
         return matrix, torque, block
 
-    def moving(self, piece: Piece, joint: int) -> BoolArray:
+    def moving_rows(self, piece: Piece, joint: int) -> BoolArray:
         """Return the rows of a piece at which a joint moves, (rows of the band,)."""
         rows, time_s = len(piece.slow), piece.time_s
         at = np.clip(np.round(time_s / piece.step_s).astype(np.int64), 0, rows - 1)
         inside = (time_s > EDGE_S) & (time_s < rows * piece.step_s - EDGE_S)
         return np.asarray(~piece.slow[at, joint] & inside)
 
-    def used(self, piece: Piece, joint: int, reach: Reach | None) -> BoolArray:
+    def usable_rows(self, piece: Piece, joint: int, reach: Reach | None) -> BoolArray:
         """Return the rows of a piece at which a joint's friction is known, (rows of the band,)."""
         if reach is None:
-            return self.moving(piece, joint)
-        slow = _lasting(piece.slow[:, joint : joint + 1], math.floor(reach.passed_s / piece.step_s))
+            return self.moving_rows(piece, joint)
+        slow = _long_runs(
+            piece.slow[:, joint : joint + 1], math.floor(reach.passed_s / piece.step_s)
+        )
         # A row is affected within the length of the low-pass plus that of the channel's response.
         kernel_s = KERNEL_PERIODS / 2.0 / self.cutoff_hz
-        clear = _clear(piece, slow, Reach(kernel_s + reach.before_s, kernel_s + reach.after_s))
+        clear = _rows_away_from(
+            piece, slow, Reach(kernel_s + reach.before_s, kernel_s + reach.after_s)
+        )
         time_s, end_s = piece.time_s, len(piece.slow) * piece.step_s
         return np.asarray(clear & (time_s > EDGE_S) & (time_s < end_s - EDGE_S))
 
 
-def _lasting(those: BoolArray, passed: int) -> BoolArray:
+def _long_runs(those: BoolArray, passed: int) -> BoolArray:
     """Return the rows that belong to a run of more than `passed` true rows, (samples, n)."""
     from scipy import ndimage  # a large import, which few recordings need
 
     return np.asarray(ndimage.binary_opening(those, np.ones((passed + 1, 1), bool)))
 
 
-def _clear(piece: Piece, slow: BoolArray, reach: Reach) -> BoolArray:
+def _rows_away_from(piece: Piece, slow: BoolArray, reach: Reach) -> BoolArray:
     """Return the rows of a piece with no slow row within `reach`, (rows of the band,)."""
     counts = np.concatenate([[0], np.cumsum(slow)])
     first = np.floor((piece.time_s - reach.after_s) / piece.step_s).astype(np.int64)

@@ -30,7 +30,7 @@ MOST_BYTES: Final = 2**27
 
 
 @dataclass(eq=False)
-class KeptColumns:
+class ColumnCache:
     """Cache of a recording's columns that do not depend on nonlinear parameters, block by block.
 
     Attributes:
@@ -73,7 +73,7 @@ class LowPassedColumns:
     signals: SmoothedSignals
     conditions: Conditions
     standard: FloatArray | None
-    kept: KeptColumns
+    kept: ColumnCache
 
     def of(self, rows: slice, stride: int) -> FloatArray:
         """Return every `stride`-th of some rows of one segment; columns as in `torque_columns`."""
@@ -81,7 +81,7 @@ class LowPassedColumns:
         wide, inner = shared.window(np.arange(rows.start, rows.stop, stride))
         changing = changing_columns(self.model, self.base)
         if changing is None:
-            return _put_together(*self._filtered(self.unfiltered(wide), wide, inner))
+            return _expand_columns(*self._filtered(self.unfiltered(wide), wide, inner))
         fixed = ~changing
         names = tuple(name for name, own in zip(self.base.names, fixed, strict=True) if own)
         self.kept.begin(self.model.chain, names)
@@ -97,8 +97,8 @@ class LowPassedColumns:
         count = int(np.count_nonzero(changing))
         slopes = moving.shape[2] - count
         out = np.empty((len(block[1]), moving.shape[1], len(self.base) + slopes))
-        out[:, :, : len(self.base)][:, :, fixed] = _put_together(*block)
-        rest = _put_together(*self._filtered(moving, wide, inner))
+        out[:, :, : len(self.base)][:, :, fixed] = _expand_columns(*block)
+        rest = _expand_columns(*self._filtered(moving, wide, inner))
         out[:, :, : len(self.base)][:, :, changing] = rest[:, :, :count]
         out[:, :, len(self.base) :] = rest[:, :, count:]
         return out
@@ -116,11 +116,11 @@ class LowPassedColumns:
         """Return the mask of the columns that are not zero, (n, any), and their low-passed rows."""
         shared = ParallelFilter(self.signals)
         seen: BoolArray = np.any(columns, axis=0)
-        own = (shared.recorded(columns[:, j, used], j, wide) for j, used in enumerate(seen))
+        own = (shared.apply_channel(columns[:, j, used], j, wide) for j, used in enumerate(seen))
         return seen, shared.columns(np.concatenate(list(own), axis=1), inner)
 
 
-def _put_together(seen: BoolArray, values: FloatArray) -> FloatArray:
+def _expand_columns(seen: BoolArray, values: FloatArray) -> FloatArray:
     columns = np.zeros((len(values), *seen.shape))
     columns[:, seen] = values
     return columns

@@ -95,7 +95,7 @@ class ParallelFilter:
         start = max(int(first), int(wanted[0]) - reach)
         return slice(start, min(int(end), int(wanted[-1]) + reach + 1)), wanted - start
 
-    def recorded(self, values: FloatArray, joint: int, wide: slice) -> FloatArray:
+    def apply_channel(self, values: FloatArray, joint: int, wide: slice) -> FloatArray:
         """Apply the recording process of a joint's torque to the joint's columns.
 
         The columns pass the torque's channel, and are held between updates of the torque.
@@ -133,7 +133,7 @@ class ParallelFilter:
             torque_nm = integrable_torque(torque_nm, *self.motion(wide)[:2])
         return window_mean(torque_nm, places, source.sample_period_s, self.signals.cutoff_hz)
 
-    def usable(
+    def usable_rows(
         self,
         model: RobotModel,
         whole: Conditions,
@@ -156,9 +156,9 @@ class ParallelFilter:
             reach += 0 if limit_hz is None else self._rows(1.0 / limit_hz)
         before, after = self._spread()
         if reach + before + after:
-            known = ~_near(~self._known(moves), source.segment, reach + before, reach + after)
+            known = ~_rows_near(~self._known(moves), source.segment, reach + before, reach + after)
         pause = self._rows(1.0 / signals.cutoff_hz)
-        use = friction_known(whole, known) & _near(moves, source.segment, pause, pause)
+        use = friction_known(whole, known) & _rows_near(moves, source.segment, pause, pause)
         rows = self._places(np.arange(len(signals)))
         return use[rows], moves[rows]
 
@@ -193,7 +193,7 @@ class ParallelFilter:
         return math.ceil(time_s / self.source.sample_period_s)
 
 
-def _near(those: BoolArray, segment: IntArray, ahead: int, behind: int) -> BoolArray:
+def _rows_near(those: BoolArray, segment: IntArray, ahead: int, behind: int) -> BoolArray:
     """Return the rows at most `ahead` rows before or `behind` rows after one of `those`.
 
     Rows of other segments do not count.

@@ -67,7 +67,7 @@ class PlateFit:
         for each, squares, delay_s in zip(equations, inertia_squares, delays_s, strict=True):
             assert each.reaction is not None
             reaction = each.reaction.with_motion_noise(each.position_sigma, squares)
-            reaction = reaction.delayed(float(delay_s))
+            reaction = reaction.compensate_delay(float(delay_s))
             rest = reaction.components.T @ (reaction.rhs - reaction.matrix @ values)
             residual += np.sum(rest[:, 1:] ** 2, axis=1)
             wrench += np.sum((reaction.components.T @ reaction.rhs)[:, 1:] ** 2, axis=1)

@@ -32,20 +32,20 @@ FILTER_PERIODS: Final = 6.0
 """Duration of a Butterworth low-pass's transient [periods of its cut-off]."""
 
 
-def cut(signals: SmoothedSignals, parts: int) -> list[SmoothedSignals]:
+def split_recording(signals: SmoothedSignals, parts: int) -> list[SmoothedSignals]:
     """Cut a recording into contiguous parts of equal length."""
     edges = np.linspace(0, len(signals), parts + 1).astype(int)
     return [_rows(signals, slice(a, b)) for a, b in pairwise(edges)]
 
 
-def thinned(signals: SmoothedSignals) -> SmoothedSignals:
+def thin_rows(signals: SmoothedSignals) -> SmoothedSignals:
     """Return every k-th row of each segment, at least 8 in a period of the cut-off frequency.
 
     Such rows fully represent signals below the cut-off. They do not represent the jump of a
     friction model at a reversal. Therefore an estimate changes by a fraction of its interval, but
     comparisons of models hardly change.
     """
-    stride = thinning(signals)
+    stride = row_stride(signals)
     if stride <= 1:
         return signals
     starts = np.flatnonzero(np.diff(signals.segment, prepend=-1) != 0)
@@ -55,7 +55,7 @@ def thinned(signals: SmoothedSignals) -> SmoothedSignals:
     return replace(kept, sample_period_s=stride * signals.sample_period_s)
 
 
-def thinning(signals: SmoothedSignals) -> int:
+def row_stride(signals: SmoothedSignals) -> int:
     """Return k such that every k-th row is enough: 8 rows in a period of the cut-off."""
     return max(1, int(1.0 / (ROWS_PER_PERIOD * signals.cutoff_hz * signals.sample_period_s)))
 
@@ -172,7 +172,7 @@ def _on_bins(
 
 
 def _rows(signals: SmoothedSignals, rows: slice | BoolArray) -> SmoothedSignals:
-    cut: dict[str, Any] = {
+    split_recording: dict[str, Any] = {
         k: x[rows] for k, x in vars(signals).items() if isinstance(x, np.ndarray)
     }
-    return replace(signals, **cut)
+    return replace(signals, **split_recording)

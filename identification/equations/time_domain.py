@@ -14,9 +14,9 @@ from config.errors import EstimationError
 from dynamics.model.memory import presliding
 from dynamics.model.robot_model import RobotModel
 from dynamics.terms.conditions import Conditions
-from identification.equations.low_passed import KeptColumns, LowPassedColumns
+from identification.equations.low_passed import ColumnCache, LowPassedColumns
 from identification.equations.parallel_filter import ParallelFilter
-from identification.equations.segments import thinning
+from identification.equations.segments import row_stride
 from identification.model.base_parameters import BaseParameters
 
 BLOCK_ROWS = 4096
@@ -31,7 +31,7 @@ class TimeRun:
 
     signals: SmoothedSignals
     conditions: Conditions
-    kept: KeptColumns = field(default_factory=KeptColumns, init=False)
+    kept: ColumnCache = field(default_factory=ColumnCache, init=False)
 
     @property
     def event(self) -> IntArray:
@@ -68,7 +68,7 @@ class TimeBlock:
     event: IntArray
     time_s: FloatArray
 
-    def stretches(self) -> list[IntArray]:
+    def event_rows(self) -> list[IntArray]:
         """Return the rows of each interval of time."""
         return np.split(np.arange(len(self.event)), np.flatnonzero(np.diff(self.event)) + 1)
 
@@ -80,12 +80,12 @@ class TimeBlock:
         return self.columns[use, joint][:, columns], self.rhs[use, joint]
 
 
-def whole_stretches(blocks: Iterable[TimeBlock]) -> Iterator[list[tuple[TimeBlock, IntArray]]]:
+def rows_by_event(blocks: Iterable[TimeBlock]) -> Iterator[list[tuple[TimeBlock, IntArray]]]:
     """Yield the rows of each interval of time; a list has several blocks if they share it."""
     stretch: list[tuple[TimeBlock, IntArray]] = []
     event = -1
     for block in blocks:
-        for rows in block.stretches():
+        for rows in block.event_rows():
             if stretch and block.event[rows[0]] != event:
                 yield stretch
                 stretch = []
@@ -149,8 +149,8 @@ def time_blocks(
         shared = ParallelFilter(signals)
         whole = shared.conditions(model, run.conditions)
         narrowed = LowPassedColumns(model, base, signals, whole, standard, run.kept)
-        use, moves = shared.usable(model, whole, standstill_rad_s)
-        stride = thinning(signals)
+        use, moves = shared.usable_rows(model, whole, standstill_rad_s)
+        stride = row_stride(signals)
         filtered = low_passed or _always_filtered(model, signals)
         for rows in _blocks(signals.segment):
             if filtered:
@@ -173,7 +173,7 @@ def count_rows(model: RobotModel, run: TimeRun) -> int:
     signals = run.signals
     if not _always_filtered(model, signals):
         return len(signals)
-    stride = thinning(signals)
+    stride = row_stride(signals)
     return sum(-(-(rows.stop - rows.start) // stride) for rows in _blocks(signals.segment))
 
 
@@ -202,5 +202,5 @@ def joint_equations(
     The intervals are those of `TimeRun.event`; rows in which the joint is too slow are left out.
     """
     for block in time_blocks(model, base, runs, standstill_rad_s, standard):
-        for rows in block.stretches():
+        for rows in block.event_rows():
             yield [block.of_joint(j, rows, slice(None)) for j in range(model.chain.n)]

@@ -55,25 +55,29 @@ class Warming:
             own.append(joint.model_copy(update={"friction": added}))
         return robot.model_copy(update={"joints": tuple(own)})
 
-    def warmed(self, robot: RobotDescription, signals: SmoothedSignals) -> SmoothedSignals:
+    def with_temperatures(
+        self, robot: RobotDescription, signals: SmoothedSignals
+    ) -> SmoothedSignals:
         """Return a recording with the temperatures that its motion causes.
 
         Args:
             robot: Robot whose reference temperatures are those of the cold joints.
             signals: The recording; measured temperatures in it are replaced.
         """
-        return replace(signals, temperature_k=self._followed(robot, signals, RISE))
+        return replace(signals, temperature_k=self._computed_temperatures(robot, signals, RISE))
 
-    def by_time_constant(
+    def with_temperature_slopes(
         self, robot: RobotDescription, signals: SmoothedSignals
     ) -> SmoothedSignals:
         """Return a recording with the derivative of its temperatures [K/s].
 
         Each temperature is replaced by its derivative with respect to the joint's time constant.
         """
-        return replace(signals, temperature_k=self._followed(robot, signals, BY_TIME_CONSTANT))
+        return replace(
+            signals, temperature_k=self._computed_temperatures(robot, signals, BY_TIME_CONSTANT)
+        )
 
-    def settled(self, robot: RobotDescription, velocity: FloatArray) -> FloatArray:
+    def steady_temperatures(self, robot: RobotDescription, velocity: FloatArray) -> FloatArray:
         """Return the steady-state temperatures of a motion repeated for long, (n,) [K].
 
         Args:
@@ -89,7 +93,9 @@ class Warming:
         speed = np.abs(velocity if coupling is None else coupling.to_motors(velocity))
         return np.asarray((self.coulomb_nm + self.viscous_nm_s * speed) * speed)
 
-    def _followed(self, robot: RobotDescription, signals: SmoothedSignals, what: int) -> FloatArray:
+    def _computed_temperatures(
+        self, robot: RobotDescription, signals: SmoothedSignals, what: int
+    ) -> FloatArray:
         power_w = self._power_w(robot, signals.velocity)
         # The motion during a gap is unknown: the joint is assumed to stand still and cool.
         gap = np.diff(signals.time_s) > GAP_STEPS * signals.sample_period_s

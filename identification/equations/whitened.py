@@ -9,7 +9,7 @@ from itertools import zip_longest
 import numpy as np
 
 from config.arrays import FloatArray
-from identification.equations.base_wrench import BaseWrenchEquations, both_parts
+from identification.equations.base_wrench import BaseWrenchEquations, repeat_for_real_and_imaginary
 from identification.equations.bins import BinEquations
 from identification.regression.intervals import Cluster
 
@@ -39,16 +39,16 @@ class WhitenedEquations:
         """Mean square of the residual that noise alone would cause."""
         return float(np.sum(self.sigma**2) * self.rows / len(self.rhs))
 
-    def reweighted(self, weights: FloatArray) -> WhitenedEquations:
+    def reweight(self, weights: FloatArray) -> WhitenedEquations:
         """Return the rows multiplied by the square roots of some weights."""
         root = np.sqrt(weights)
         return replace(self, matrix=self.matrix * root[:, np.newaxis], rhs=self.rhs * root)
 
-    def widened(self, columns: FloatArray) -> WhitenedEquations:
+    def add_columns(self, columns: FloatArray) -> WhitenedEquations:
         """Return the rows with columns (2 H + 1, any) of further unknowns."""
         return replace(self, matrix=np.column_stack([self.matrix, columns]))
 
-    def scaled(self, factor: float) -> WhitenedEquations:
+    def scale_model(self, factor: float) -> WhitenedEquations:
         """Return the rows of an output whose measured values are `factor` times the model's."""
         return replace(self, matrix=factor * self.matrix)
 
@@ -73,7 +73,9 @@ def whiten(
     variance = inertia**2 @ equations.position_sigma**2 * omega**4
     # If a simulation has no noise at all, all rows have the same weight.
     floor = 1e-9 * float(np.linalg.norm(equations.rhs)) + 1e-150
-    sigma = np.sqrt(equations.torque_sigma**2 + both_parts(variance.T).T + floor**2)
+    sigma = np.sqrt(
+        equations.torque_sigma**2 + repeat_for_real_and_imaginary(variance.T).T + floor**2
+    )
     if uniform:
         sigma = np.full_like(sigma, float(np.sqrt(np.mean(sigma**2))))
     white = []
@@ -81,7 +83,9 @@ def whiten(
         weight = 1.0 / sigma[j]
         matrix = equations.matrix[j] * weight[:, np.newaxis]
         rhs = equations.rhs[j] * weight
-        basis = _significant(free * weight[:, np.newaxis] * np.linalg.norm(equations.rhs[j]))
+        basis = _significant_directions(
+            free * weight[:, np.newaxis] * np.linalg.norm(equations.rhs[j])
+        )
         matrix = matrix - basis @ (basis.T @ matrix)
         rhs = rhs - basis @ (basis.T @ rhs)
         white.append(WhitenedEquations(matrix, rhs, sigma[j], len(rhs) - basis.shape[1]))
@@ -112,7 +116,7 @@ def whiten_base_wrench(
     )
 
 
-def _significant(free: FloatArray) -> FloatArray:
+def _significant_directions(free: FloatArray) -> FloatArray:
     """Return an orthonormal basis of the effect of free torque on whitened rows, shape (rows, any).
 
     Each column is a piece of free torque as large as the joint's RMS torque. Directions in which it
@@ -148,7 +152,9 @@ def bin_clusters(
 ) -> Iterator[Cluster]:
     """Yield each frequency bin of each period average, all outputs together, as a cluster."""
     for parts in white:
-        bins = both_parts(np.arange(len(parts[0].rhs) // 2 + 1, dtype=np.float64))
+        bins = repeat_for_real_and_imaginary(
+            np.arange(len(parts[0].rhs) // 2 + 1, dtype=np.float64)
+        )
         residuals = [part.residual(values) for part in parts]
         for number in range(int(bins[-1]) + 1):
             rows = bins == number

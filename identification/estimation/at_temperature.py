@@ -29,7 +29,7 @@ _BY_TEMPERATURE: Final[dict[FrictionFunction, tuple[FrictionFunction, ...]]] = {
 """Each temperature-dependent function, and the functions of a joint to which it is added."""
 
 
-def by_temperature(estimate: Estimate) -> BoolArray:
+def depends_on_temperature(estimate: Estimate) -> BoolArray:
     """Return a mask of the joints whose friction depends on temperature, (n,)."""
     found = np.zeros(len(estimate.robot.joints), dtype=bool)
     for column in _columns(estimate.model):
@@ -55,16 +55,19 @@ def at_temperature(estimate: Estimate, temperature_k: FloatArray) -> Estimate:
             " joints: give one temperature for each joint",
             code="RID-API-ARGUMENT",
         )
-    if not by_temperature(estimate).any():
+    if not depends_on_temperature(estimate).any():
         return estimate
     terms = estimate.options.friction_terms
-    own = tuple(_plain(joint, joint.friction if terms is None else terms) for joint in joints)
+    own = tuple(
+        _without_temperature_term(joint, joint.friction if terms is None else terms)
+        for joint in joints
+    )
     robot = estimate.robot.model_copy(update={"joints": own})
     options = replace(estimate.options, friction_terms=None)
     model = options.build(robot)
     base = base_parameters(model, kind=options.kind, still=estimate.still)
     heads = np.eye(len(estimate.base.standard_names))[list(estimate.base.kept)].T
-    turned = base.combination @ _folding(estimate.model, model, temperature_k) @ heads
+    turned = base.combination @ _matrix_at_temperature(estimate.model, model, temperature_k) @ heads
 
     def spread(covariance: FloatArray) -> FloatArray:
         return np.asarray(turned @ covariance @ turned.T)
@@ -83,7 +86,7 @@ def at_temperature(estimate: Estimate, temperature_k: FloatArray) -> Estimate:
     )
 
 
-def _plain(joint: Joint, terms: tuple[FrictionTerm, ...]) -> Joint:
+def _without_temperature_term(joint: Joint, terms: tuple[FrictionTerm, ...]) -> Joint:
     """Return a joint without the term `temperature`, but with the terms that replace it."""
     if "temperature" not in terms:
         return joint.model_copy(update={"friction": terms})
@@ -95,7 +98,9 @@ def _plain(joint: Joint, terms: tuple[FrictionTerm, ...]) -> Joint:
     return joint.model_copy(update={"friction": tuple(rest)})
 
 
-def _folding(model: RobotModel, plain: RobotModel, temperature_k: FloatArray) -> FloatArray:
+def _matrix_at_temperature(
+    model: RobotModel, plain: RobotModel, temperature_k: FloatArray
+) -> FloatArray:
     """Return the matrix (p', p) from a model's standard parameters to those at a temperature."""
     old = {name: k for k, name in enumerate(model.parameter_names)}
     new = {name: k for k, name in enumerate(plain.parameter_names)}

@@ -22,7 +22,7 @@ from identification.equations.warming import Warming
 from identification.estimation.options import Weighting
 from identification.model.base_parameters import BaseParameters
 from identification.model.options import ModelOptions
-from identification.model.still_joints import StillJoint, refuse_still
+from identification.model.still_joints import StillJoint, refuse_unmoved_joints
 from identification.regression.fit_grade import FitGrade, grade_fit
 
 BLOCK_ROWS = 4096
@@ -303,8 +303,8 @@ def predict_base_wrench(
 def _refuse_other_positions(estimate: Estimate, q: FloatArray) -> None:
     """Refuse positions of unmoved joints that differ from those of the identification."""
     names = estimate.robot.joint_names
-    refuse_still(
-        [each for each in estimate.still if not each.stands_there(q[:, names.index(each.joint)])],
+    refuse_unmoved_joints(
+        [each for each in estimate.still if not each.has_position(q[:, names.index(each.joint)])],
         "this motion cannot be predicted",
     )
 

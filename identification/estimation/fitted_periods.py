@@ -29,7 +29,7 @@ from identification.model.base_parameters import BaseParameters, base_parameters
 from identification.model.inertia import base_inertia_squares, inertia_size
 from identification.model.options import ModelOptions
 from identification.model.still_joints import StillJoint, still_joints
-from identification.regression.intervals import at_least
+from identification.regression.intervals import covariance_at_least
 from identification.regression.least_squares import Solution
 
 MOST_STEPS: Final = 20
@@ -92,7 +92,7 @@ class FittedPeriods:
             covariance_jackknife=clustered[of_base, of_base],
             plate=plate,
             nonlinear_covariance=(
-                at_least(
+                covariance_at_least(
                     clustered[of_nonlinear, of_nonlinear], residual[of_nonlinear, of_nonlinear]
                 )
                 if fit.nonlinear
@@ -142,7 +142,7 @@ def fit_periodic(
             parameters, or a plate that the model needs is missing.
     """
     options = options or EstimationOptions()
-    problem, model, terms, still = _unsolved(robot, averages, options, payload)
+    problem, model, terms, still = _set_up_problem(robot, averages, options, payload)
     base = problem.base
     equations = problem.equations(model, None)
     values = problem.fit(model, None, equations).solution.values
@@ -150,7 +150,7 @@ def fit_periodic(
     sizes = [inertia_size(model, base, a.position, values) for a in averages]
     squares = [base_inertia_squares(model, base, a.position, values) for a in averages]
     problem = replace(problem, inertia=np.array(sizes), base_inertia=np.array(squares))
-    problem, fit = _with_delays(problem, model, None, equations)
+    problem, fit = _solve_with_delays(problem, model, None, equations)
     if model.nonlinear_names and terms.kind != "external":
 
         def solve(model: RobotModel, standard: FloatArray) -> Solution:
@@ -159,7 +159,7 @@ def fit_periodic(
         shaped = fit_nonlinear(model, base, fit.solution.values[fit.of_base], solve)
         model = shaped.model
         equations = problem.equations(model, shaped.standard)
-        problem, fit = _with_delays(problem, model, shaped.standard, equations)
+        problem, fit = _solve_with_delays(problem, model, shaped.standard, equations)
     terms = terms.with_nonlinear_of(model)
     return FittedPeriods(robot, terms, model, problem, equations, fit, still)
 
@@ -178,11 +178,11 @@ def unsolved_equations(
         `model`. The model of the equations.
         `base`. The base parameters of the model.
     """
-    problem, model, *_ = _unsolved(robot, averages, options, None)
+    problem, model, *_ = _set_up_problem(robot, averages, options, None)
     return problem.equations(model, None), model, problem.base
 
 
-def _unsolved(
+def _set_up_problem(
     robot: RobotDescription,
     averages: Sequence[PeriodAverage],
     options: EstimationOptions,
@@ -190,7 +190,7 @@ def _unsolved(
 ) -> tuple[PeriodicProblem, RobotModel, ModelOptions, tuple[StillJoint, ...]]:
     """Return the problem before inertia and delays are known, its model and its terms."""
     motions = [mean_motion(average, options.band_hz) for average in averages]
-    model, base, terms, still = model_of(robot, options.model, motions, options.standstill_rad_s)
+    model, base, terms, still = build_model(robot, options.model, motions, options.standstill_rad_s)
     n, runs = len(robot.joints), len(averages)
     problem = PeriodicProblem(
         base=base,
@@ -208,7 +208,7 @@ def _unsolved(
     return problem, model, terms, still
 
 
-def _with_delays(
+def _solve_with_delays(
     problem: PeriodicProblem,
     model: RobotModel,
     standard: FloatArray | None,
@@ -236,7 +236,7 @@ def _with_delays(
     )
 
 
-def model_of(
+def build_model(
     robot: RobotDescription,
     options: ModelOptions | None,
     motions: Sequence[tuple[FloatArray, FloatArray]] = (),

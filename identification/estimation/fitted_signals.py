@@ -16,7 +16,7 @@ from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel
 from identification.equations.time_domain import count_rows, time_runs
 from identification.estimation.estimate import Estimate, position_range
-from identification.estimation.fitted_periods import model_of
+from identification.estimation.fitted_periods import build_model
 from identification.estimation.options import EstimationOptions
 from identification.estimation.prior import prior_rows
 from identification.estimation.smoothed_fit import (
@@ -27,7 +27,7 @@ from identification.estimation.smoothed_fit import (
 from identification.model.base_parameters import BaseParameters
 from identification.model.options import ModelOptions
 from identification.model.still_joints import JERK_SHARE, StillJoint
-from identification.regression.intervals import at_least
+from identification.regression.intervals import covariance_at_least
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +87,7 @@ class FittedSignals:
             covariance_noise=None,
             covariance_residual=covariance[:b, :b],
             covariance_jackknife=clustered[:b, :b],
-            nonlinear_covariance=at_least(clustered[b:, b:], covariance[b:, b:]),
+            nonlinear_covariance=covariance_at_least(clustered[b:, b:], covariance[b:, b:]),
             clusters=scatter.clusters,
             condition_number=fit.solution.condition_number,
             equations=fit.solution.rows,
@@ -131,7 +131,7 @@ def fit_smoothed(
     """
     options = options or EstimationOptions()
     motions = [(run.position, run.velocity) for run in signals]
-    model, base, terms, still = model_of(
+    model, base, terms, still = build_model(
         robot, options.model, motions, options.standstill_rad_s, JERK_SHARE
     )
     if terms.kind != "internal":

@@ -12,7 +12,7 @@ import numpy as np
 from config.arrays import FloatArray
 from config.plausible import ZERO_CELSIUS_K
 from dynamics.terms.conditions import Conditions
-from identification.estimation.at_temperature import by_temperature
+from identification.estimation.at_temperature import depends_on_temperature
 from identification.estimation.estimate import Estimate, predict
 
 
@@ -30,7 +30,7 @@ def limit_torque(
         position, velocity, acceleration: Shape (samples, n). The whole motion [rad or m, per
             second, per second squared].
     """
-    if not by_temperature(estimate).any():
+    if not depends_on_temperature(estimate).any():
         return predict(estimate, position, velocity, acceleration)
     robot = estimate.robot
     reference_k = np.array([joint.reference_temperature_k for joint in robot.joints])
@@ -38,14 +38,14 @@ def limit_torque(
     cold = predict(estimate, *moved, Conditions(temperature_k=reference_k))
     if estimate.warming is None:
         return cold
-    settled = Conditions(temperature_k=estimate.warming.settled(robot, velocity))
+    settled = Conditions(temperature_k=estimate.warming.steady_temperatures(robot, velocity))
     warm = predict(estimate, *moved, settled)
     return np.where(np.abs(warm) > np.abs(cold), warm, cold)
 
 
-def limit_warmth(estimate: Estimate) -> str:
+def limit_temperature_note(estimate: Estimate) -> str:
     """Return a sentence on the temperatures in `limit_torque`; empty if they have no effect."""
-    depends = by_temperature(estimate)
+    depends = depends_on_temperature(estimate)
     joints = [joint for joint, own in zip(estimate.robot.joints, depends, strict=True) if own]
     if not joints:
         return ""

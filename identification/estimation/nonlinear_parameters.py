@@ -54,7 +54,7 @@ def fit_nonlinear(
     Raises:
         EstimationError: The motion does not determine the parameters.
     """
-    best = _at(model, base.to_standard(values), base, solve)
+    best = _solve_at(model, base.to_standard(values), base, solve)
     for _ in range(MOST_STEPS):
         low, high = best.model.nonlinear_bounds.T
         start, step = best.model.nonlinear_values, best.solution.values[len(base) :]
@@ -63,7 +63,7 @@ def fit_nonlinear(
             break
         for halving in range(MOST_HALVINGS):
             moved = np.clip(start + step / 2.0**halving, low, high)
-            tried = _at(best.model.with_nonlinear(moved), best.standard, base, solve)
+            tried = _solve_at(best.model.with_nonlinear(moved), best.standard, base, solve)
             if tried.cost < best.cost:
                 gain, best = best.cost - tried.cost, tried
                 break
@@ -87,7 +87,7 @@ def step_prior(model: RobotModel, b: int, width: int | None = None) -> Triangle:
     return Triangle(factor, columns, width or b + len(low), len(low))
 
 
-def _at(
+def _solve_at(
     model: RobotModel, standard: FloatArray, base: BaseParameters, solve: Solve
 ) -> NonlinearFit:
     """Solve a model at given standard values; linearise at the linear optimum."""

@@ -176,7 +176,7 @@ class PeriodicProblem:
         delays = [] if near is None else [f"the delay of plate {i}" for i in range(len(equations))]
         joints = tuple(
             tuple(
-                part.widened(np.zeros((len(part.rhs), len(delays))))
+                part.add_columns(np.zeros((len(part.rhs), len(delays))))
                 for part in whiten(each, inertia, uniform=self.weighting == "ls")
             )
             for each, inertia in zip(equations, self.inertia, strict=True)
@@ -197,7 +197,7 @@ class PeriodicProblem:
         for _ in range(REWEIGHTINGS):
             values = fit.solution.values
             held_down = tuple(
-                tuple(part.reweighted(huber_weights(part.residual(values))) for part in parts)
+                tuple(part.reweight(huber_weights(part.residual(values))) for part in parts)
                 for parts in white
             )
             better = PeriodicFit(*parts, _solve(held_down, known, names), held_down, joints)
@@ -212,7 +212,7 @@ class PeriodicProblem:
     ) -> tuple[WhitenedEquations, ...]:
         """Return the whitened outputs of one run's plate."""
         assert equations.reaction is not None
-        reaction = equations.reaction.delayed(float(self.delays_s[run]))
+        reaction = equations.reaction.compensate_delay(float(self.delays_s[run]))
         if near is not None:
             columns = np.zeros((*reaction.rhs.shape, len(self.averages)))
             columns[:, :, run] = reaction.delay_column(reaction.matrix @ near)

@@ -80,7 +80,7 @@ def prior_rows(base: BaseParameters, prior: Prior | None) -> PriorRows:
     return PriorRows.none(base) if prior is None else PriorRows.of(base, *prior)
 
 
-def held(base: BaseParameters, known: dict[str, tuple[float, float]]) -> Prior:
+def prior_of_known(base: BaseParameters, known: dict[str, tuple[float, float]]) -> Prior:
     """Return values and sigmas of all standard parameters, of which some are known by name.
 
     Args:

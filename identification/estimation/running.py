@@ -17,7 +17,7 @@ from config.arrays import FloatArray, IntArray
 from config.errors import EstimationError
 from dynamics.model.robot_model import RobotModel
 from identification.equations.time_domain import EVENT_S, TimeRun, time_blocks
-from identification.estimation.smoothed_fit import weighted_by_residuals
+from identification.estimation.smoothed_fit import solve_weighted_by_residuals
 from identification.model.base_parameters import BaseParameters, base_parameters
 from identification.model.torque_columns import torque_structure
 from identification.regression.intervals import Cluster, jackknife
@@ -87,27 +87,27 @@ class RunningEstimate:
             second = np.floor(block.time_s / EVENT_S).astype(int)
             for key in np.unique(second):
                 rows = np.flatnonzero(second == key)
-                known = stretches.get(int(key)) or _nothing(len(self.base), structure)
+                known = stretches.get(int(key)) or _empty_triangles(len(self.base), structure)
                 triangles = []
                 for j, (triangle, columns) in enumerate(zip(known, structure, strict=True)):
                     triangles.append(triangle.add(*block.of_joint(j, rows, columns)))
                 stretches[int(key)] = tuple(triangles)
         return replace(self, stretches=stretches)
 
-    def look(self) -> RunningValues:
+    def current_values(self) -> RunningValues:
         """Return the current values.
 
         Raises:
             EstimationError: The motion so far does not determine the parameters.
         """
         structure = torque_structure(self.model, self.base, slopes=False)
-        triangles = list(_nothing(len(self.base), structure))
+        triangles = list(_empty_triangles(len(self.base), structure))
         for parts in self.stretches.values():
             triangles = [
                 whole.add(part.factor[:, :-1], part.factor[:, -1], part.rows)
                 for whole, part in zip(triangles, parts, strict=True)
             ]
-        solution, scale = weighted_by_residuals(triangles, [], self.base.names)
+        solution, scale = solve_weighted_by_residuals(triangles, [], self.base.names)
         clusters = (_cluster(parts, solution.values, scale) for parts in self.stretches.values())
         covariance = jackknife(solution.information, clusters).quoted
         power = [
@@ -123,7 +123,7 @@ class RunningEstimate:
         )
 
 
-def _nothing(parameters: int, structure: tuple[IntArray, ...]) -> tuple[Triangle, ...]:
+def _empty_triangles(parameters: int, structure: tuple[IntArray, ...]) -> tuple[Triangle, ...]:
     return tuple(Triangle.empty(parameters, columns) for columns in structure)
 
 

@@ -17,8 +17,8 @@ from dynamics.model.robot_model import RobotModel
 from identification.equations.time_domain import (
     TimeBlock,
     TimeRun,
+    rows_by_event,
     time_blocks,
-    whole_stretches,
 )
 from identification.estimation.nonlinear_parameters import fit_nonlinear, step_prior
 from identification.estimation.options import Weighting
@@ -161,15 +161,15 @@ class SmoothedProblem:
             known.append(step_prior(model, len(self.base)))
         rows = np.array([triangle.rows for triangle in triangles], dtype=np.float64)
         if scale is not None:
-            solution = weighted(triangles, known, scale, names)
+            solution = solve_weighted(triangles, known, scale, names)
         elif self.weighting == "ls":
-            solution = weighted(triangles, known, np.ones(len(triangles)), names)
+            solution = solve_weighted(triangles, known, np.ones(len(triangles)), names)
             residual = residual_rms(triangles, solution.values)
             overall = float(np.sqrt(np.sum(rows * residual**2) / np.sum(rows)))
             scale = np.full(len(triangles), max(overall, 1e-300))
-            solution = weighted(triangles, known, scale, names)
+            solution = solve_weighted(triangles, known, scale, names)
         else:
-            solution, scale = weighted_by_residuals(triangles, known, names)
+            solution, scale = solve_weighted_by_residuals(triangles, known, names)
         nothing = np.zeros_like(solution.values)
         return SmoothedFit(
             solution,
@@ -197,7 +197,7 @@ def time_clusters(
         scale_nm: Shape (n,). Scale by which each joint's rows are divided.
         huber: True to down-weight rows with large residuals.
     """
-    for stretch in whole_stretches(blocks):
+    for stretch in rows_by_event(blocks):
         gram, score = np.zeros((len(values), len(values))), np.zeros(len(values))
         for block, rows in stretch:
             for j, columns in enumerate(structure):
@@ -206,9 +206,9 @@ def time_clusters(
                 weights = np.full(len(rhs), scale_nm[j] ** -2)
                 if huber:
                     weights *= huber_weights(misfit)
-                weighted = (matrix * weights[:, np.newaxis]).T
-                gram[columns[:, np.newaxis], columns] += weighted @ matrix
-                score[columns] += weighted @ misfit
+                solve_weighted = (matrix * weights[:, np.newaxis]).T
+                gram[columns[:, np.newaxis], columns] += solve_weighted @ matrix
+                score[columns] += solve_weighted @ misfit
         yield Cluster(gram, score)
 
 
@@ -245,7 +245,7 @@ def fit_with_nonlinear(
     return shaped.model, shaped.standard, fit(shaped.model, shaped.standard, None)
 
 
-def weighted_by_residuals(
+def solve_weighted_by_residuals(
     triangles: Sequence[Triangle], known: Sequence[Triangle], names: tuple[str, ...]
 ) -> tuple[Solution, FloatArray]:
     """Solve with each joint's rows divided by their RMS residual, found by iteration.
@@ -263,19 +263,19 @@ def weighted_by_residuals(
         EstimationError: The motion does not determine the parameters.
     """
     scale = np.ones(len(triangles))
-    solution = weighted(triangles, known, scale, names)
+    solution = solve_weighted(triangles, known, scale, names)
     for _ in range(REWEIGHTINGS):
         residual = residual_rms(triangles, solution.values)
         better = np.maximum(residual, 1e-9 * residual.max() + 1e-300)
         settled = bool(np.all(np.abs(scale / better - 1.0) < SETTLED))
         scale = better
-        solution = weighted(triangles, known, scale, names)
+        solution = solve_weighted(triangles, known, scale, names)
         if settled:
             break
     return solution, scale
 
 
-def weighted(
+def solve_weighted(
     triangles: Sequence[Triangle],
     known: Sequence[Triangle],
     scale: FloatArray,

@@ -108,7 +108,7 @@ def pinocchio_model(model: ExportModel) -> str:
 
 
 def _render(template: str, model: ExportModel) -> str:
-    model.require_links_that_exist()
+    model.require_possible_links()
     upright = np.eye(4)
     upright[:3, :3] = model.upright
     robot = model.robot
@@ -117,7 +117,7 @@ def _render(template: str, model: ExportModel) -> str:
         template,
         name=source_name(robot.name),
         head=head(model),
-        left_out=[plain(line) for line in model.left_out(armatures=armatures)],
+        left_out=[plain(line) for line in model.omitted_properties(armatures=armatures)],
         mount=None if np.array_equal(model.upright, np.eye(3)) else _Place(upright),
         links=[_link(model, number) for number in range(len(robot.joints))],
         tool=_Place(_tool(model)),

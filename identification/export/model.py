@@ -109,7 +109,7 @@ class ExportModel:
             )
         return tuple(LinkBody.of(body) for body in bodies.reshape(-1, PARAMETERS_PER_LINK))
 
-    def require_links_that_exist(self) -> None:
+    def require_possible_links(self) -> None:
         """Refuse links that are not physically consistent.
 
         Raises:
@@ -162,7 +162,7 @@ class ExportModel:
         up = -gravity / size
         return _turn_onto_z(up)
 
-    def couples(self, joint: int) -> bool:
+    def is_coupled(self, joint: int) -> bool:
         """Return True if a joint's actuator moves other joints, or other actuators this joint."""
         if self.model.coupling is None:
             return False
@@ -176,7 +176,7 @@ class ExportModel:
         For classical friction the line is exact. Temperatures are the reference temperatures.
         """
         found = self.term(Friction)
-        if found is None or self.couples(joint):
+        if found is None or self.is_coupled(joint):
             return StraightFriction(0.0, 0.0, 0.0)
         fastest = self.robot.joints[joint].limits.velocity
         speed = np.linspace(SLOWEST_SHARE * fastest, fastest, SPEEDS)
@@ -193,7 +193,7 @@ class ExportModel:
         It is mu^2 I, plus 2 mu e.z I for a motor that is mounted on the link that it moves. This
         equals (1 + mu)^2 I if the lumped part is included (D.27).
         """
-        if self.couples(joint):
+        if self.is_coupled(joint):
             return 0.0
         description = self.robot.joints[joint]
         plain = self.of(f"Ia{joint + 1}")
@@ -204,11 +204,11 @@ class ExportModel:
             along = rotor.axis[2]
         return plain + inertia * (ratio**2 + 2.0 * ratio * along)
 
-    def left_out(self, *, armatures: bool) -> tuple[str, ...]:
+    def omitted_properties(self, *, armatures: bool) -> tuple[str, ...]:
         """Return, in words, properties that simple formats cannot represent."""
         lines: list[str] = []
         for j, joint in enumerate(self.robot.joints):
-            lines += self._left_out_of(j, joint, armatures=armatures)
+            lines += self._omitted_of_joint(j, joint, armatures=armatures)
         spring = self.robot.spring
         if spring is not None and (found := self.term(Spring)) is not None:
             term, values = found
@@ -226,9 +226,9 @@ class ExportModel:
             lines.append(f"gravity: the identification used {gravity:.6g} m/s^2")
         return tuple(lines)
 
-    def _left_out_of(self, j: int, joint: Joint, *, armatures: bool) -> list[str]:
+    def _omitted_of_joint(self, j: int, joint: Joint, *, armatures: bool) -> list[str]:
         lines: list[str] = []
-        if self.couples(j):
+        if self.is_coupled(j):
             return [f"friction and rotor of {joint.name}: its actuator moves other joints too"]
         inertia = self.of(f"Im{j + 1}")
         if self.armature(j) != 0.0 and not armatures:
@@ -254,7 +254,7 @@ class ExportModel:
                 f"the friction of {joint.name} is a line through the model's {', '.join(curved)}"
             )
         if f"fcT_{joint.name}" in self.model.parameter_names:
-            lines.append(self._warmth_left_out(j, joint))
+            lines.append(self._omitted_warming(j, joint))
         lines += [
             f"{loss.parameter.name} = {loss.parameter.value:.6g}: the loss of the gear"
             for loss in self.model.transmission.losses
@@ -262,7 +262,7 @@ class ExportModel:
         ]
         return lines
 
-    def _warmth_left_out(self, j: int, joint: Joint) -> str:
+    def _omitted_warming(self, j: int, joint: Joint) -> str:
         what = f"the change of the friction of {joint.name}"
         if self.warming is None:
             cold_k = joint.reference_temperature_k

@@ -173,7 +173,7 @@ def independent_columns(
         )
     order = [j for j in sorted(range(len(names)), key=lambda j: _priority(names[j])) if seen[j]]
     triangle = triangular_factor(stacked[:, order] / size[order])
-    kept = _greedy(triangle, tolerance)
+    kept = _independent_in_order(triangle, tolerance)
     _check_rank(triangle, len(kept), tolerance)
 
     # Sort the heads in the model's order.
@@ -208,7 +208,7 @@ def _priority(name: str) -> tuple[int, int, int]:
     return (2, 0, 0) if name.startswith(("Im", "Ia")) else (0, 0, 0)
 
 
-def _greedy(triangle: FloatArray, tolerance: float) -> list[int]:
+def _independent_in_order(triangle: FloatArray, tolerance: float) -> list[int]:
     """Return the columns (of unit norm) that are independent of all previously kept ones."""
     basis = np.zeros((len(triangle), 0))
     kept: list[int] = []
@@ -246,11 +246,11 @@ def _expression(row: FloatArray, names: tuple[str, ...], head: int) -> str:
         coefficient = float(
             f"{float(f'{row[j]:.10g}'):.5g}"
         )  # round to 10 digits first, for reproducible rounding of ties
-        factor = "" if abs(coefficient) == 1.0 else f"{_plain(abs(coefficient))} "
+        factor = "" if abs(coefficient) == 1.0 else f"{_five_digits(abs(coefficient))} "
         text += f" {'-' if coefficient < 0.0 else '+'} {factor}{names[j]}"
     return text
 
 
-def _plain(value: float) -> str:
+def _five_digits(value: float) -> str:
     """Return a number with five significant digits, without an exponent if this is short."""
     return f"{value:.0f}" if 1e4 <= value < 1e7 else f"{value:.5g}"

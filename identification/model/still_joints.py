@@ -39,7 +39,7 @@ class StillJoint:
     joint: str
     positions: tuple[float, ...]
 
-    def stands_there(self, position: FloatArray) -> bool:
+    def has_position(self, position: FloatArray) -> bool:
         """Return True if all positions, (samples,), are close to those of the identification."""
         near = np.abs(np.subtract.outer(position, np.array(self.positions))).min(axis=1)
         return bool(np.all(near <= SAME_POSITION))
@@ -80,7 +80,7 @@ def still_joints(
     )
 
 
-def refuse_still(still: Sequence[StillJoint], of: str) -> None:
+def refuse_unmoved_joints(still: Sequence[StillJoint], of: str) -> None:
     """Refuse to use a model for motions of joints that did not move in its identification.
 
     Raises:

@@ -92,7 +92,7 @@ class PayloadBody:
         rule selects the axes of equal moments.
         """
         moments, axes = np.linalg.eigh(self.inertia_kg_m2)
-        return _least_turned(moments, axes)
+        return _least_rotated_axes(moments, axes)
 
     @property
     def can_exist(self) -> bool:
@@ -157,7 +157,7 @@ def to_link(pose: FloatArray) -> FloatArray:
     return matrix
 
 
-def _least_turned(moments: FloatArray, axes: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _least_rotated_axes(moments: FloatArray, axes: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Order and direct principal axes for the smallest rotation; see `PayloadBody.principal`."""
     degenerate = 1e-9 * max(float(moments[2]), 1e-300)
     first, second = moments[1] - moments[0] < degenerate, moments[2] - moments[1] < degenerate
@@ -171,7 +171,7 @@ def _least_turned(moments: FloatArray, axes: FloatArray) -> tuple[FloatArray, Fl
         unique = unique * np.sign(unique[place])
         named = np.full(3, moments[1])
         named[place] = moments[alone]
-        return named, _between(target, unique)
+        return named, _smallest_rotation(target, unique)
     best, turn = np.eye(3), -np.inf
     named = moments
     for order in ((0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0)):
@@ -187,7 +187,7 @@ def _least_turned(moments: FloatArray, axes: FloatArray) -> tuple[FloatArray, Fl
     return named, best
 
 
-def _between(start: FloatArray, end: FloatArray) -> FloatArray:
+def _smallest_rotation(start: FloatArray, end: FloatArray) -> FloatArray:
     """Return the smallest rotation from one unit vector to another (not its opposite)."""
     v = np.cross(start, end)
     cross = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

@@ -133,7 +133,7 @@ class Layout:
         steps = self.model.model.nonlinear_names[: self.slopes]
         return (*PARAMETERS, *robot, *friction, *steps)
 
-    def spread(self, run: int, columns: FloatArray) -> FloatArray:
+    def expand_columns(self, run: int, columns: FloatArray) -> FloatArray:
         """Return columns (..., b or b + s) of a run as columns (..., p) of all unknowns."""
         model = self.model
         b, f, n = len(model.base), len(model.friction), PARAMETERS_PER_LINK
@@ -220,12 +220,14 @@ class PayloadEquations:
         stacked = np.vstack([*self.factors, np.zeros((width, width))])
         return triangular_factor(stacked)
 
-    def weakened(self, factor: float) -> PayloadEquations:
+    def with_larger_noise(self, factor: float) -> PayloadEquations:
         """Return the equations with the noise of all measurements multiplied by a factor."""
         return replace(self, factors=tuple(each / factor for each in self.factors))
 
 
-def condense(matrices: Sequence[FloatArray], sides: Sequence[FloatArray], width: int) -> FloatArray:
+def condense_cluster(
+    matrices: Sequence[FloatArray], sides: Sequence[FloatArray], width: int
+) -> FloatArray:
     """Return R of [A Y] of a cluster, from each joint's whitened rows (any, p) and sides (any,)."""
     n = len(matrices)
     parts = []
@@ -269,7 +271,7 @@ def robot_prior(layout: Layout, robot: Estimate | None) -> FloatArray:
     return rows
 
 
-def independent(whole: FloatArray, unknowns: int, first: int) -> IntArray:
+def independent_unknowns(whole: FloatArray, unknowns: int, first: int) -> IntArray:
     """Return the unknowns from `first` on that are linearly independent.
 
     Args:

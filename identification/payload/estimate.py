@@ -19,7 +19,7 @@ from identification.consistency.programme import ConsistencyProgramme
 from identification.consistency.pseudo_inertia import SMALLEST_BODY, pseudo_inertia
 from identification.payload.body import PARAMETERS, PayloadBody, reported, reported_slopes
 from identification.payload.equations import Procedure
-from identification.payload.known import Known, with_held
+from identification.payload.known import Known, with_fixed_values
 from identification.payload.solution import SEEN
 from identification.regression.fit_grade import FitGrade, grade_fit
 
@@ -224,7 +224,7 @@ def closest_body(estimate: PayloadEstimate) -> tuple[FloatArray, float]:
     )
     standard = programme.solve(programme.matrix @ values)
     distance = float(np.sum((programme.matrix @ (standard - values)) ** 2))
-    return with_held(estimate.known, standard), float(chdtrc(PARAMETERS_PER_LINK, distance))
+    return with_fixed_values(estimate.known, standard), float(chdtrc(PARAMETERS_PER_LINK, distance))
 
 
 def _ball(values: FloatArray) -> FloatArray:

@@ -97,16 +97,16 @@ def payload_findings(estimate: PayloadEstimate) -> tuple[PayloadFinding, ...]:
     weak = [i for i in np.flatnonzero(seen) if 2.0 * estimate.sigma[i] > limits[i]]
     if not unseen_ones and not weak:
         return ()
-    tried = _tried(estimate)
-    found = [_unseen(estimate, i, tried) for i in unseen_ones]
-    found += [_weak(estimate, int(i), tried) for i in weak]
+    tried = _candidate_information(estimate)
+    found = [_undetermined_finding(estimate, i, tried) for i in unseen_ones]
+    found += [_weak_finding(estimate, int(i), tried) for i in weak]
     return tuple(found)
 
 
 Tried = list[tuple[str, FloatArray]]
 
 
-def _tried(estimate: PayloadEstimate) -> Tried:
+def _candidate_information(estimate: PayloadEstimate) -> Tried:
     """Return candidate motions in words, and the information that each would add, (10, 10)."""
     model = PayloadModel.of(estimate.robot, ModelOptions(rotors=False, spring=False))
     noise = np.maximum(estimate.residual_nm, 1e-6 * max(float(estimate.residual_nm.max()), 1e-9))
@@ -138,7 +138,7 @@ def _range(matrix: FloatArray) -> FloatArray:
     return np.asarray(left[:, size > 1e-9 * size[0]])
 
 
-def _unseen(estimate: PayloadEstimate, index: int, tried: Tried) -> PayloadFinding:
+def _undetermined_finding(estimate: PayloadEstimate, index: int, tried: Tried) -> PayloadFinding:
     """Find the motion that determines one of `PARAMETERS` that is undetermined."""
     target = np.eye(PARAMETERS_PER_LINK)[index]
     best, smallest = "", np.inf
@@ -153,7 +153,7 @@ def _unseen(estimate: PayloadEstimate, index: int, tried: Tried) -> PayloadFindi
     return PayloadFinding(name, unit, None, None, best, None)
 
 
-def _weak(estimate: PayloadEstimate, index: int, tried: Tried) -> PayloadFinding:
+def _weak_finding(estimate: PayloadEstimate, index: int, tried: Tried) -> PayloadFinding:
     """Find the motion that determines one of `REPORTED` better."""
     target = reported_slopes(estimate.values)[index]
     now = float(estimate.sigma[index])

@@ -53,7 +53,7 @@ class Known(Ranged):
         refusal = found.refusal(self.value)
         if refusal is None and self.name == "m":
             found = Plausible(0.0, LARGEST_SHARE * self.value, found.unit)
-        refusal = refusal or _told("its standard deviation", found.refusal(self.sigma))
+        refusal = refusal or _prefix_refusal("its standard deviation", found.refusal(self.sigma))
         if refusal is not None:
             raise EstimationError(f"{self.name}: {refusal}", code="RID-OPTION-RANGE")
 
@@ -63,11 +63,11 @@ class Known(Ranged):
         return self.sigma == 0.0
 
 
-def _told(what: str, refusal: str | None) -> str | None:
+def _prefix_refusal(what: str, refusal: str | None) -> str | None:
     return None if refusal is None else f"{what}: {refusal}"
 
 
-def require_once(known: Sequence[Known]) -> None:
+def refuse_duplicates(known: Sequence[Known]) -> None:
     """Raise an `EstimationError` if a quantity is given twice."""
     names = [quantity.name for quantity in known]
     twice = [name for name in names if names.count(name) > 1]
@@ -89,7 +89,7 @@ def known_rows(known: Sequence[Known], values: FloatArray) -> FloatArray:
     return rows
 
 
-def with_held(known: Sequence[Known], values: FloatArray) -> FloatArray:
+def with_fixed_values(known: Sequence[Known], values: FloatArray) -> FloatArray:
     """Return ten parameters in which fixed quantities have exactly their known values."""
     held = [quantity for quantity in known if quantity.held]
     if not held:
@@ -100,7 +100,7 @@ def with_held(known: Sequence[Known], values: FloatArray) -> FloatArray:
     return PayloadBody.of_reported(body).parameters
 
 
-def started(values: FloatArray, known: Sequence[Known]) -> FloatArray:
+def start_values(values: FloatArray, known: Sequence[Known]) -> FloatArray:
     """Return start values for Gauss-Newton, with the known mass or at least 0.1 kg."""
     mass = next((q.value for q in known if q.name == "m"), max(float(values[0]), 0.1))
     return np.array([mass, *values[1:]])

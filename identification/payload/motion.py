@@ -125,7 +125,7 @@ class PayloadSearch:
             ]
         ).T  # fmt: skip
 
-    def within(self, coefficients: FloatArray) -> FloatArray:
+    def within_limits(self, coefficients: FloatArray) -> FloatArray:
         """Return offset, sines and cosines, (n, 1 + 2 N), scaled down to satisfy the limits.
 
         The sum of a joint's amplitudes stays below each limit, so that no phase can violate one.
@@ -232,7 +232,7 @@ class PayloadSearch:
         lasting = np.sqrt(np.mean((shares @ self._links) ** 2, axis=0))
         return float(np.sum(np.maximum(lasting / LASTING_SHARE - 1.0, 0.0) ** 2))
 
-    def improved(self, coefficients: FloatArray, seed: int, steps: int) -> FloatArray:
+    def improve(self, coefficients: FloatArray, seed: int, steps: int) -> FloatArray:
         """Return coefficients after random changes that improve the objective and stay clear."""
         random = np.random.default_rng(seed)
         falling = np.arange(1, self.harmonics + 1) ** -1.5
@@ -243,7 +243,7 @@ class PayloadSearch:
             step = size * self._ranges[1, j] * decay * random.standard_normal(len(decay))
             tried = coefficients.copy()
             tried[j] += np.where(random.random(len(decay)) < CHANGED_SHARE, step, 0.0)
-            tried = self.within(tried)
+            tried = self.within_limits(tried)
             objective = self.objective(tried)
             if objective < best and self.clearances.is_clear(self.path(tried)[0]):
                 coefficients, best = tried, objective
@@ -291,7 +291,7 @@ def design_payload_motion(
             break
         if not search.clearances.is_clear(search.path(coefficients)[0]):
             continue
-        found = search.motion_of(search.improved(coefficients, seed, steps), motion)
+        found = search.motion_of(search.improve(coefficients, seed, steps), motion)
         if search.clearances.is_clear(found.plan(search.robot, search.sample_period_s).position):
             return found
     raise ConfigError(

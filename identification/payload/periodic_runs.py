@@ -12,7 +12,7 @@ from acquisition.processing.periods import PeriodAverage
 from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
-from identification.equations.base_wrench import both_parts
+from identification.equations.base_wrench import repeat_for_real_and_imaginary
 from identification.equations.bins import BinEquations, bin_equations
 from identification.equations.whitened import WhitenedEquations, whiten
 from identification.estimation.estimate import Estimate
@@ -25,7 +25,7 @@ from identification.payload.equations import (
     PayloadEquations,
     PayloadModel,
     Procedure,
-    condense,
+    condense_cluster,
     robot_prior,
 )
 from identification.payload.measured_runs import MeasuredRuns
@@ -134,11 +134,13 @@ def _condensed(
                 part.matrix * sigma[:, np.newaxis], part.rhs * sigma, part.rows
             )
             noise[run, j] = part.noise_power
-        bins = both_parts(np.arange(each.harmonics + 1, dtype=np.float64))
+        bins = repeat_for_real_and_imaginary(np.arange(each.harmonics + 1, dtype=np.float64))
         for number in range(each.harmonics + 1):
             rows = bins == number
             factors.append(
-                condense([p.matrix[rows] for p in white], [p.rhs[rows] for p in white], width)
+                condense_cluster(
+                    [p.matrix[rows] for p in white], [p.rhs[rows] for p in white], width
+                )
             )
             owners.append(run)
     return PayloadEquations(
@@ -157,7 +159,7 @@ def _condensed(
 
 
 def _spread(layout: Layout, run: int, part: WhitenedEquations) -> WhitenedEquations:
-    return replace(part, matrix=layout.spread(run, part.matrix))
+    return replace(part, matrix=layout.expand_columns(run, part.matrix))
 
 
 def _difference(runs: PeriodicRuns, binned: Sequence[BinEquations]) -> BinEquations:

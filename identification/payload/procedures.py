@@ -15,12 +15,17 @@ from identification.consistency.metric import full_rank_covariance
 from identification.estimation.estimate import Estimate
 from identification.model.options import ModelOptions
 from identification.payload.body import PARAMETERS
-from identification.payload.equations import PayloadEquations, PayloadModel, Procedure, condense
+from identification.payload.equations import (
+    PayloadEquations,
+    PayloadModel,
+    Procedure,
+    condense_cluster,
+)
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.known import Known
 from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.solution import SEEN, PayloadSolution, solve_payload
-from identification.regression.intervals import at_least
+from identification.regression.intervals import covariance_at_least
 
 PASSES: Final = 4
 TORQUE_CONSTANT_SIGMA: Final = 0.01
@@ -87,7 +92,7 @@ def identify_payload(
             )
         slopes = np.zeros_like(slopes)
     spread = how.torque_constant_sigma * slopes
-    clustered = at_least(solution.covariance_jackknife, solution.covariance_noise)
+    clustered = covariance_at_least(solution.covariance_jackknife, solution.covariance_noise)
     torque, residual = _torque_and_residual(equations, solution)
     caused = [np.linalg.norm(columns @ solution.values) for columns in equations.payload_columns]
     estimate = PayloadEstimate(
@@ -163,8 +168,8 @@ def equations_of(
                     code="RID-OPTION-NEEDS",
                 )
         case "apart":
-            return _apart(robot, runs, how)
-    described = _described(robot, how)
+            return _subtract_two_robots(robot, runs, how)
+    described = _robot_with_model_joints(robot, how)
     model = PayloadModel.of(described, _options(how))
     if how.procedure == "difference" and model.model.transmission.losses:
         raise EstimationError(
@@ -190,7 +195,7 @@ def equations_of(
     return equations
 
 
-def left_on_flange(
+def mass_left_on_flange(
     robot: RobotDescription, runs: MeasuredRuns, how: PayloadOptions
 ) -> tuple[float, float] | None:
     """Estimate the mass on the flange in the runs without payload, with the model of the robot.
@@ -217,7 +222,7 @@ def _options(how: PayloadOptions) -> ModelOptions:
     return replace(how.options if how.robot is None else how.robot.options, payload=True)
 
 
-def _described(robot: RobotDescription, how: PayloadOptions) -> RobotDescription:
+def _robot_with_model_joints(robot: RobotDescription, how: PayloadOptions) -> RobotDescription:
     """Return the robot with the joints of its model, whose friction may have been chosen."""
     if how.robot is None:
         return robot
@@ -231,14 +236,16 @@ def _described(robot: RobotDescription, how: PayloadOptions) -> RobotDescription
     return robot.model_copy(update={"joints": how.robot.robot.joints})
 
 
-def _apart(robot: RobotDescription, runs: MeasuredRuns, how: PayloadOptions) -> PayloadEquations:
+def _subtract_two_robots(
+    robot: RobotDescription, runs: MeasuredRuns, how: PayloadOptions
+) -> PayloadEquations:
     """Identify the robot with the payload and without, and subtract.
 
     A payload on the last link adds to the ten parameters of this link, so that the base parameters
     change by the corresponding columns of K.
     """
     options = replace(_options(how), payload=False)
-    described = _described(robot, how)
+    described = _robot_with_model_joints(robot, how)
 
     def identified(loaded: bool) -> Estimate:
         chosen = [i for i, own in enumerate(runs.loaded) if own is loaded]
@@ -252,10 +259,10 @@ def _apart(robot: RobotDescription, runs: MeasuredRuns, how: PayloadOptions) -> 
 
     alone, with_payload = how.robot or identified(False), identified(True)
     equations = equations_of_two_robots(with_payload, alone, runs.torque_nm)
-    return replace(equations, carried=_carried(runs, with_payload))
+    return replace(equations, carried=_payload_columns_of_loaded_runs(runs, with_payload))
 
 
-def _carried(runs: MeasuredRuns, robot: Estimate) -> tuple[FloatArray, ...]:
+def _payload_columns_of_loaded_runs(runs: MeasuredRuns, robot: Estimate) -> tuple[FloatArray, ...]:
     """Return the payload's columns in the torques of the loaded runs, joint by joint."""
     part = runs.part([i for i, carried in enumerate(runs.loaded) if carried])
     model = PayloadModel.of(robot.robot, robot.options)
@@ -311,7 +318,7 @@ def equations_of_two_robots(
     if with_payload.noise_nm is not None and alone.noise_nm is not None:
         noise = np.where(worse, with_payload.noise_nm, alone.noise_nm)
     factors = tuple(
-        condense([matrix[[i]], *nothing], [rhs[[i]], *[np.zeros(0)] * (n - 1)], ten)
+        condense_cluster([matrix[[i]], *nothing], [rhs[[i]], *[np.zeros(0)] * (n - 1)], ten)
         for i in range(len(rhs))
     )
     return PayloadEquations(

@@ -36,23 +36,26 @@ def torque_difference(loaded: SmoothedSignals, unloaded: SmoothedSignals) -> Smo
                 " whole motions: use the procedure `together`",
                 code="RID-PAYLOAD-PROCEDURE",
             )
-    late_s = _lateness(loaded, unloaded)
+    late_s = _time_shift(loaded, unloaded)
     there = unloaded.time_s[0] <= loaded.time_s - late_s
     there &= loaded.time_s - late_s <= unloaded.time_s[-1]
     if np.count_nonzero(there) * loaded.sample_period_s < SHORTEST_S:
         raise EstimationError(
-            _unlike("overlap for less than five seconds"), code="RID-PAYLOAD-PROCEDURE"
+            _different_motions_text("overlap for less than five seconds"),
+            code="RID-PAYLOAD-PROCEDURE",
         )
     time_s = loaded.time_s[there]
-    position = _at(unloaded, unloaded.position, time_s - late_s)
+    position = _interpolate(unloaded, unloaded.position, time_s - late_s)
     difference = np.sqrt(np.mean((loaded.position[there] - position) ** 2, axis=0))
     worst = int(np.argmax(difference))
     if difference[worst] > SAME_MOTION_SHARE * loaded.position[there].std(axis=0).max():
         raise EstimationError(
-            _unlike(f"differ by {difference[worst]:.3g} rad (RMS) at {loaded.joint_names[worst]}"),
+            _different_motions_text(
+                f"differ by {difference[worst]:.3g} rad (RMS) at {loaded.joint_names[worst]}"
+            ),
             code="RID-PAYLOAD-PROCEDURE",
         )
-    without = _at(unloaded, unloaded.torque_nm, time_s - late_s)
+    without = _interpolate(unloaded, unloaded.torque_nm, time_s - late_s)
     return replace(
         loaded,
         time_s=time_s,
@@ -67,11 +70,11 @@ def torque_difference(loaded: SmoothedSignals, unloaded: SmoothedSignals) -> Smo
     )
 
 
-def _lateness(loaded: SmoothedSignals, unloaded: SmoothedSignals) -> float:
+def _time_shift(loaded: SmoothedSignals, unloaded: SmoothedSignals) -> float:
     """Return the time by which the loaded run reaches the same positions later [s]."""
     step_s = unloaded.sample_period_s
     grid = np.arange(loaded.time_s[0], loaded.time_s[-1], step_s)
-    own, other = _at(loaded, loaded.velocity, grid), unloaded.velocity
+    own, other = _interpolate(loaded, loaded.velocity, grid), unloaded.velocity
     match = sum(
         correlate(own[:, j], other[:, j], mode="full", method="fft") for j in range(own.shape[1])
     )
@@ -80,18 +83,18 @@ def _lateness(loaded: SmoothedSignals, unloaded: SmoothedSignals) -> float:
     middle = grid[len(grid) // 10 : -len(grid) // 10]
 
     def difference(late_s: FloatArray) -> FloatArray:
-        there = _at(unloaded, unloaded.position, middle - late_s[0])
-        return np.asarray((_at(loaded, loaded.position, middle) - there).ravel())
+        there = _interpolate(unloaded, unloaded.position, middle - late_s[0])
+        return np.asarray((_interpolate(loaded, loaded.position, middle) - there).ravel())
 
     found = least_squares(difference, [first_s], x_scale=step_s, diff_step=[1e-3])
     return float(found.x[0])
 
 
-def _at(signals: SmoothedSignals, values: FloatArray, time_s: FloatArray) -> FloatArray:
+def _interpolate(signals: SmoothedSignals, values: FloatArray, time_s: FloatArray) -> FloatArray:
     return np.stack([np.interp(time_s, signals.time_s, column) for column in values.T], axis=1)
 
 
-def _unlike(how: str) -> str:
+def _different_motions_text(how: str) -> str:
     return (
         f"the motions with and without the payload {how}, so the torques cannot be subtracted:"
         " use the procedure `together`"

@@ -21,12 +21,12 @@ from identification.payload.equations import (
     PayloadEquations,
     PayloadModel,
     Procedure,
-    condense,
+    condense_cluster,
     robot_prior,
 )
 from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.same_motion import torque_difference
-from identification.payload.solution import minimum_norm_of
+from identification.payload.solution import minimum_norm_solution
 from identification.regression.least_squares import Triangle
 
 REWEIGHTINGS: Final = 20
@@ -93,17 +93,18 @@ class SmoothedRuns(MeasuredRuns):
         for run, rows in _clusters(model, self, standard):
             for j, (matrix, rhs) in enumerate(rows):
                 divisors[:, j] += len(rhs) * np.array([1.0, float(self.loaded[run])])
-                triangles[j] = triangles[j].add(layout.spread(run, matrix), rhs)
+                triangles[j] = triangles[j].add(layout.expand_columns(run, matrix), rhs)
         scale = _scales(triangles, known)
         factors: list[FloatArray] = []
         owners: list[int] = []
         for run, rows in _clusters(model, self, standard):
             white = [
-                layout.spread(run, matrix) / s for (matrix, _), s in zip(rows, scale, strict=True)
+                layout.expand_columns(run, matrix) / s
+                for (matrix, _), s in zip(rows, scale, strict=True)
             ]
             sides = [rhs / s for (_, rhs), s in zip(rows, scale, strict=True)]
             if any(len(side) for side in sides):
-                factors.append(condense(white, sides, width))
+                factors.append(condense_cluster(white, sides, width))
                 owners.append(run)
         return PayloadEquations(
             procedure=procedure,
@@ -136,7 +137,7 @@ def _scales(triangles: list[Triangle], known: FloatArray) -> FloatArray:
     rows = np.array([max(triangle.rows, 1) for triangle in triangles], dtype=np.float64)
     for _ in range(REWEIGHTINGS):
         stacked = np.vstack([*(t.factor / s for t, s in zip(triangles, scale, strict=True)), known])
-        values = minimum_norm_of(stacked[:, :-1], stacked[:, -1])
+        values = minimum_norm_solution(stacked[:, :-1], stacked[:, -1])
         residual = np.sqrt([t.residual_sum(values) for t in triangles] / rows)
         better = np.maximum(residual, 1e-9 * residual.max() + 1e-300)
         settled = bool(np.all(np.abs(scale / better - 1.0) < SETTLED))

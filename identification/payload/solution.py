@@ -14,8 +14,14 @@ from config.errors import EstimationError
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.choices import REPORTED
 from identification.payload.body import reported, reported_slopes
-from identification.payload.equations import Layout, PayloadEquations, independent
-from identification.payload.known import Known, known_rows, require_once, started, with_held
+from identification.payload.equations import Layout, PayloadEquations, independent_unknowns
+from identification.payload.known import (
+    Known,
+    known_rows,
+    refuse_duplicates,
+    start_values,
+    with_fixed_values,
+)
 from identification.regression.intervals import Cluster, jackknife
 from identification.regression.least_squares import triangular_factor
 
@@ -79,15 +85,15 @@ def solve_payload(
         EstimationError: The equations do not determine a payload, or known quantities contradict
             each other.
     """
-    require_once(known)
+    refuse_duplicates(known)
     system = _System.of(equations)
     if len(equations.known) and intervals:
-        first = _measured(equations, system, True)
+        first = _solve_measured(equations, system, True)
         white = np.sqrt(np.diagonal(first.noise))
         colour = float(np.median(np.sqrt(np.diagonal(first.clustered)) / white))
-        equations = equations.weakened(max(colour, 1.0))
+        equations = equations.with_larger_noise(max(colour, 1.0))
         system = _System.of(equations)
-    found = _measured(equations, system, intervals)
+    found = _solve_measured(equations, system, intervals)
     subspace = found.subspace
     if not known:
         return PayloadSolution(
@@ -99,7 +105,7 @@ def solve_payload(
             condition_number=subspace.condition,
             contradictions=np.zeros(0),
         )
-    return _with_known(system, found, known)
+    return _solve_with_known(system, found, known)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +145,7 @@ class _Measured:
         return off / float(np.hypot(sigma, quantity.sigma))
 
 
-def _measured(equations: PayloadEquations, system: _System, intervals: bool) -> _Measured:
+def _solve_measured(equations: PayloadEquations, system: _System, intervals: bool) -> _Measured:
     """Solve the equations without known quantities."""
     subspace = system.subspace()
     r = subspace.seen.shape[1]
@@ -168,7 +174,7 @@ def _measured(equations: PayloadEquations, system: _System, intervals: bool) -> 
     )
 
 
-def _with_known(system: _System, found: _Measured, known: Sequence[Known]) -> PayloadSolution:
+def _solve_with_known(system: _System, found: _Measured, known: Sequence[Known]) -> PayloadSolution:
     """Return the estimate from the measurement and from known quantities.
 
     Fixed quantities are constraints: only payloads with exactly these values are considered.
@@ -183,7 +189,7 @@ def _with_known(system: _System, found: _Measured, known: Sequence[Known]) -> Pa
     target = metric @ found.coordinates
     weighed = [quantity for quantity in known if not quantity.held]
     held = [quantity for quantity in known if quantity.held]
-    values = started(found.values[:ten], known)
+    values = start_values(found.values[:ten], known)
     for _ in range(MOST_STEPS):
         rows, bound = known_rows(weighed, values), known_rows(held, values)
         rows /= np.array([[quantity.sigma] for quantity in weighed]).reshape(-1, 1)
@@ -208,13 +214,13 @@ def _with_known(system: _System, found: _Measured, known: Sequence[Known]) -> Pa
             " payload fits both; check their values and units",
             code="RID-PAYLOAD-CONTRADICTION",
         )
-    values = with_held(known, values)
+    values = with_fixed_values(known, values)
     inverse = inverse / size[:, np.newaxis]
     covariance = axes @ inverse @ inverse.T @ axes.T
     noise = axes @ inverse[:, :r] @ metric @ found.noise @ metric.T @ (axes @ inverse[:, :r]).T
     hidden = axes @ (free @ right[rank:].T / size[:, np.newaxis])
     return PayloadSolution(
-        unknowns=system.given(values),
+        unknowns=system.solve_others(values),
         covariance_jackknife=covariance,
         covariance_noise=noise,
         gain_slopes=axes @ inverse[:, :r] @ metric @ found.slopes,
@@ -224,7 +230,7 @@ def _with_known(system: _System, found: _Measured, known: Sequence[Known]) -> Pa
     )
 
 
-def minimum_norm_of(matrix: FloatArray, rhs: FloatArray) -> FloatArray:
+def minimum_norm_solution(matrix: FloatArray, rhs: FloatArray) -> FloatArray:
     """Return the least-squares solution of minimum norm in scaled columns."""
     size = np.linalg.norm(matrix, axis=0)
     size = np.where(size > 0.0, size, 1.0)
@@ -236,7 +242,7 @@ def minimum_norm(equations: PayloadEquations) -> FloatArray:
     p = len(equations.names)
     whole = equations.whole
     rhs = np.concatenate([whole[:, p:].sum(axis=1), equations.known[:, -1]])
-    return minimum_norm_of(np.vstack([whole[:, :p], equations.known[:, :-1]]), rhs)
+    return minimum_norm_solution(np.vstack([whole[:, :p], equations.known[:, :-1]]), rhs)
 
 
 def base_values(layout: Layout, unknowns: FloatArray, run: int) -> FloatArray:
@@ -291,7 +297,7 @@ class _System:
             side=np.concatenate([whole[:, p:].sum(axis=1), known[:, p]]),
             shares=np.vstack([whole[:, p:], np.zeros((len(known), n))]),
             measured=len(whole),
-            kept=independent(matrix, p, PARAMETERS_PER_LINK),
+            kept=independent_unknowns(matrix, p, PARAMETERS_PER_LINK),
         )
 
     def subspace(self) -> IdentifiableSubspace:
@@ -338,7 +344,7 @@ class _System:
             np.linalg.solve(upper[:width, :width], upper[:width, width]), dtype=np.float64
         )
 
-    def given(self, payload: FloatArray) -> FloatArray:
+    def solve_others(self, payload: FloatArray) -> FloatArray:
         """Return all unknowns, shape (p,), that fit best for fixed payload parameters."""
         rest = self.side - self.matrix[:, :PARAMETERS_PER_LINK] @ payload
         others: FloatArray = np.asarray(

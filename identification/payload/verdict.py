@@ -118,7 +118,7 @@ class Repeats:
         return float(np.sqrt(np.sum(deviation**2) / freedom))
 
 
-def checks(
+def check_payload(
     estimate: PayloadEstimate,
     limits: PayloadLimits,
     repeats: Repeats | None = None,
@@ -130,7 +130,7 @@ def checks(
         estimate: The payload.
         limits: Limits of the verdict.
         repeats: Estimates from each run separately, if there are several runs.
-        left_on: Mass and standard deviation from `left_on_flange`.
+        left_on: Mass and standard deviation from `mass_left_on_flange`.
     """
     rank = PayloadCheck(
         "independent parameters that the motion determines", estimate.rank, "≥", PARAMETERS_PER_LINK
@@ -217,7 +217,9 @@ def checks(
     return tuple(lines)
 
 
-def repeated(robot: RobotDescription, runs: MeasuredRuns, how: PayloadOptions) -> Repeats | None:
+def estimate_each_run(
+    robot: RobotDescription, runs: MeasuredRuns, how: PayloadOptions
+) -> Repeats | None:
     """Estimate the payload from each loaded run separately; None if there is only one.
 
     Raises:

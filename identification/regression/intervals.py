@@ -70,7 +70,7 @@ def widening(clusters: int) -> float:
     return float(stdtrit(clusters - 1, ndtr(2.0))) / 2.0
 
 
-def at_least(clustered: FloatArray, other: FloatArray) -> FloatArray:
+def covariance_at_least(clustered: FloatArray, other: FloatArray) -> FloatArray:
     """Return a covariance, (p, p), with its standard deviations at least those of another one."""
     size = np.sqrt(np.maximum(np.diagonal(clustered), 0.0))
     least = np.sqrt(np.maximum(np.diagonal(other), 0.0))
@@ -79,7 +79,9 @@ def at_least(clustered: FloatArray, other: FloatArray) -> FloatArray:
     return np.asarray(clustered * np.outer(grown, grown))
 
 
-def changes(information: FloatArray, clusters: Iterable[Cluster]) -> Iterator[FloatArray]:
+def changes_without_clusters(
+    information: FloatArray, clusters: Iterable[Cluster]
+) -> Iterator[FloatArray]:
     """Yield the difference of the estimate of all rows from that without each cluster, (p,).
 
     Args:
@@ -109,7 +111,7 @@ def jackknife(information: FloatArray, clusters: Iterable[Cluster]) -> Scatter:
     """
     spread = np.zeros_like(information)
     count = 0
-    for change in changes(information, clusters):
+    for change in changes_without_clusters(information, clusters):
         count += 1
         spread += np.outer(change, change)
     if count < 2:

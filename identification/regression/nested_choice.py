@@ -70,7 +70,7 @@ class Gain:
         return self.mean > max(sigmas * self.standard_error, least)
 
 
-def simplest(errors: Sequence[FloatArray], sigmas: float = 1.0, least: float = 0.0) -> int:
+def simplest_model(errors: Sequence[FloatArray], sigmas: float = 1.0, least: float = 0.0) -> int:
     """Return the index of the first model that is not distinctly worse than the best.
 
     Args:

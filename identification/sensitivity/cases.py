@@ -15,7 +15,7 @@ from identification.sensitivity.problem import (
     SampledMotion,
     SensitivityProblem,
     deviation_percent,
-    estimated,
+    estimate_under_assumption,
 )
 
 SHARE: Final = 0.1
@@ -158,7 +158,7 @@ def sensitivity_row(
         EstimationError: The motion does not determine all ten parameters.
     """
     problem, against = problems[case.motion], against or case.against
-    percent = deviation_percent(problem, estimated(problem, case.assumed, against))
+    percent = deviation_percent(problem, estimate_under_assumption(problem, case.assumed, against))
     return SensitivityRow(
         case, against, tuple(float(p) if np.isfinite(p) else None for p in percent)
     )

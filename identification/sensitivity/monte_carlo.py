@@ -11,7 +11,7 @@ import numpy as np
 
 from config.arrays import FloatArray
 from dynamics.model.robot_model import regressor
-from identification.design.search import backend
+from identification.design.search import joblib_backend
 from identification.payload.body import reported
 from identification.sensitivity.problem import (
     Assumptions,
@@ -127,12 +127,12 @@ def monte_carlo(
         work(problem, prior, against, batch, min(BATCH, draws - start), seed)
         for batch, start in enumerate(range(0, draws, BATCH))
     ]
-    with backend(scheduler, jobs):
+    with joblib_backend(scheduler, jobs):
         parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
         yield from cast(Generator[Draws], parallel(tasks))
 
 
-def collected(batches: list[Draws]) -> FloatArray:
+def join_batches(batches: list[Draws]) -> FloatArray:
     """Return the values of all batches in the order of their numbers, (draws, 10)."""
     ordered = sorted(batches, key=lambda draws: draws.batch)
     return np.concatenate([draws.values for draws in ordered])

@@ -154,7 +154,7 @@ class SensitivityProblem:
         warm = np.array([joint.reference_temperature_k for joint in self.robot.joints])
         return Conditions(temperature_k=warm, payload=loaded)
 
-    def assumed(self, assumed: Assumptions) -> RobotModel:
+    def assumed_model(self, assumed: Assumptions) -> RobotModel:
         """Return the assumed model."""
         if assumed.coupling == 1.0 or self.robot.coupling is None:
             return self.model
@@ -189,7 +189,7 @@ class MotionEstimator:
         Raises:
             EstimationError: The motion does not determine all ten parameters of a payload.
         """
-        model, motion = problem.assumed(assumed), problem.motion
+        model, motion = problem.assumed_model(assumed), problem.motion
         phi = regressor(model, motion.q, motion.v, motion.a, problem.conditions(True))
         groups, ten = model.parameter_groups, PARAMETERS_PER_LINK
         # An axis at rest is also held by an unknown friction torque, so it is not used.
@@ -241,7 +241,7 @@ class MotionEstimator:
         return np.array([self.mass, *rest[: PARAMETERS_PER_LINK - 1]])
 
 
-def estimated(
+def estimate_under_assumption(
     problem: SensitivityProblem, assumed: Assumptions, against: Comparison = "model"
 ) -> FloatArray:
     """Return the payload estimate that results from a wrong assumption, ten values of `REPORTED`.

@@ -12,7 +12,7 @@ from acquisition.processing.smoothing import SmoothedSignals
 from config.errors import EstimationError
 from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import RobotDescription
-from identification.equations.segments import thinned
+from identification.equations.segments import thin_rows
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.validation.held_out import held_out_errors
@@ -24,7 +24,7 @@ SIGMAS: Final = 2.0
 FEWEST_SECONDS: Final = 10
 
 
-def asked_findings(
+def further_term_findings(
     robot: RobotDescription, signals: Sequence[SmoothedSignals], options: EstimationOptions
 ) -> tuple[str, ...]:
     """Name joints whose torque on held-out data is predicted better with a further friction term.
@@ -40,7 +40,7 @@ def asked_findings(
     """
     if not options.model.friction or options.model.friction_terms is not None:
         return ()
-    parts = [thinned(run) for run in signals]
+    parts = [thin_rows(run) for run in signals]
     asked: dict[str, list[str]] = {}
     try:
         plain = fit_smoothed(robot, parts, options)

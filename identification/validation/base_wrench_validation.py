@@ -108,7 +108,7 @@ def validate_base_wrench(
         predicted[rows] = low_pass(predicted[rows], signals.sample_period_s, cutoff_hz)
         slope[rows] = np.gradient(predicted[rows], signals.sample_period_s, axis=0)
     predicted = predicted - predicted[counted].mean(axis=0)
-    measured, delay_s = _aligned(curve, signals.time_s, predicted, slope, counted)
+    measured, delay_s = _remove_delay_and_drift(curve, signals.time_s, predicted, slope, counted)
     error = (measured - predicted)[counted]
     rms = np.sqrt(np.mean(error**2, axis=0))
     size = np.std(measured[counted], axis=0)
@@ -172,7 +172,7 @@ def _measured(
     return curve, counted
 
 
-def _aligned(
+def _remove_delay_and_drift(
     curve: CubicSpline,
     time_s: FloatArray,
     predicted: FloatArray,

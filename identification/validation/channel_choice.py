@@ -29,7 +29,12 @@ from identification.equations.candidate_equations import (
     reaches_of,
 )
 from identification.equations.friction_columns import Column
-from identification.regression.nested_choice import DISTINCT_SIGMAS, Gain, deviations, simplest
+from identification.regression.nested_choice import (
+    DISTINCT_SIGMAS,
+    Gain,
+    deviations,
+    simplest_model,
+)
 from identification.validation.common_filter import common_filter
 
 ChannelValue = Literal["delay", "lag", "width"]
@@ -114,8 +119,8 @@ def choose_channel(
             )
             for j in range(equations.joints)
         ]
-    chosen = _kind({kind: _all_errors(own) for kind, own in fits.items()})
-    found = kept_channel(fits[chosen], fits["none"])
+    chosen = _choose_kind({kind: _all_errors(own) for kind, own in fits.items()})
+    found = accepted_channel(fits[chosen], fits["none"])
     if "zero-phase" not in kinds:
         return found
     with suppress(np.linalg.LinAlgError):  # too few rows to identify the links' parameters
@@ -127,7 +132,7 @@ def _all_errors(fits: Sequence[JointChannel]) -> FloatArray:
     return np.concatenate([fit.errors for fit in fits])
 
 
-def _kind(errors: dict[ChannelKind, FloatArray]) -> ChannelKind:
+def _choose_kind(errors: dict[ChannelKind, FloatArray]) -> ChannelKind:
     """Return the simplest of the kinds that are not distinctly worse than the best one.
 
     A kind other than "none" must be distinctly better than "none".
@@ -138,10 +143,10 @@ def _kind(errors: dict[ChannelKind, FloatArray]) -> ChannelKind:
         for kind, own in errors.items()
         if kind == "none" or Gain.between(none, own).exceeds(KIND_SIGMAS, 0.0)
     ]
-    return shown[simplest([errors[kind] for kind in shown], KIND_SIGMAS, LEAST_KIND_GAIN)]
+    return shown[simplest_model([errors[kind] for kind in shown], KIND_SIGMAS, LEAST_KIND_GAIN)]
 
 
-def kept_channel(fits: Sequence[JointChannel], none: Sequence[JointChannel]) -> TorqueChannel:
+def accepted_channel(fits: Sequence[JointChannel], none: Sequence[JointChannel]) -> TorqueChannel:
     """Return the channel with those values that are distinct from zero and inside their range.
 
     A filter is a setting of the drives or of the logger: if few joints show one, the cause is
@@ -196,9 +201,9 @@ class JointEquations:
         """Return the mean squared error of some parameters on all rows at which the joint moves."""
         squares = []
         for piece, response in zip(self.all.pieces, responses, strict=True):
-            use = self.all.moving(piece, self.joint)
-            torque = piece.back(self._model(piece, places, theta) * response)
-            squares.append((piece.back(piece.torque[:, self.joint]) - torque)[use] ** 2)
+            use = self.all.moving_rows(piece, self.joint)
+            torque = piece.to_rows(self._model(piece, places, theta) * response)
+            squares.append((piece.to_rows(piece.torque[:, self.joint]) - torque)[use] ** 2)
         return float(np.mean(np.concatenate(squares)))
 
     def _model(self, piece: Piece, places: IntArray, theta: FloatArray) -> ComplexArray:
@@ -206,15 +211,15 @@ class JointEquations:
         columns = np.concatenate([piece.of(self.joint, name) for name in names], axis=1)
         return np.asarray(columns[:, places] @ theta)
 
-    def through(
+    def filtered_torques(
         self, responses: Sequence[Sequence[ComplexArray]], places: IntArray, theta: FloatArray
     ) -> FloatArray:
         """Return the torque of some parameters after each response, (rows, responses)."""
         found = []
         for piece, own in zip(self.all.pieces, responses, strict=True):
-            use = self.all.used(piece, self.joint, self.reach)
+            use = self.all.usable_rows(piece, self.joint, self.reach)
             model = self._model(piece, places, theta)
-            found.append(np.stack([piece.back(model * each)[use] for each in own], axis=1))
+            found.append(np.stack([piece.to_rows(model * each)[use] for each in own], axis=1))
         return np.concatenate(found)
 
 
@@ -232,7 +237,7 @@ def fit_joint(equations: JointEquations, start: dict[ChannelValue, float]) -> Jo
         channels = [_responses(piece.frequency_hz, values) for piece in equations.all.pieces]
         rows = equations.rows([own[0] for own in channels])
         if not len(independent):
-            independent = _independent(rows.columns)
+            independent = _independent_columns(rows.columns)
         basis = np.linalg.qr(rows.columns[:, independent])
         theta: FloatArray = np.asarray(
             np.linalg.solve(basis.R, basis.Q.T @ rows.torque_nm), dtype=np.float64
@@ -241,10 +246,10 @@ def fit_joint(equations: JointEquations, start: dict[ChannelValue, float]) -> Jo
         if not free:
             slopes = np.empty((len(rest), 0))
             break
-        slopes = equations.through([own[1:] for own in channels], independent, theta)
+        slopes = equations.filtered_torques([own[1:] for own in channels], independent, theta)
         slopes -= basis.Q @ (basis.Q.T @ slopes)
         before: FloatArray = np.array([values[key] for key in free])
-        found = _bounded(slopes, rest, before, bounds)
+        found = _solve_bounded(slopes, rest, before, bounds)
         step = np.clip(found - before, -LARGEST_STEP_S, LARGEST_STEP_S)
         values = dict(zip(free, (before + step).tolist(), strict=True))
         steps += 1
@@ -253,7 +258,9 @@ def fit_joint(equations: JointEquations, start: dict[ChannelValue, float]) -> Jo
     # A value at its lower bound does not count as a parameter of the fit.
     inner = np.array([value > low for value, (low, _) in zip(values.values(), bounds, strict=True)])
     slopes = slopes[:, np.flatnonzero(inner)]
-    moved, errors = _left_out(np.column_stack([basis.Q, slopes]), rows.torque_nm, rows.block)
+    moved, errors = _leave_blocks_out(
+        np.column_stack([basis.Q, slopes]), rows.torque_nm, rows.block
+    )
     sigma = np.full(len(free), math.inf)
     sigma[np.flatnonzero(inner)] = deviations(moved[:, basis.Q.shape[1] :])
     last = [own[0] for own in channels]
@@ -268,7 +275,7 @@ def _bounds_of(free: Sequence[ChannelValue]) -> list[tuple[float, float]]:
     return [delay_s if key == "delay" else (SHORTEST_LAG_S, LONGEST_LAG_S) for key in free]
 
 
-def _bounded(
+def _solve_bounded(
     slopes: FloatArray,
     rest: FloatArray,
     before: FloatArray,
@@ -312,7 +319,7 @@ def _responses(frequency_hz: FloatArray, values: dict[ChannelValue, float]) -> l
     return [response, *(by[key] for key in values)]
 
 
-def _independent(columns: FloatArray) -> IntArray:
+def _independent_columns(columns: FloatArray) -> IntArray:
     """Return the indices of linearly independent columns, in their order."""
     size = np.linalg.norm(columns, axis=0)
     live = np.flatnonzero(size > 1e-9 * size.max(initial=1e-300))
@@ -321,7 +328,7 @@ def _independent(columns: FloatArray) -> IntArray:
     return np.sort(live[order[: int(np.count_nonzero(diagonal > RANK * diagonal[0]))]])
 
 
-def _left_out(
+def _leave_blocks_out(
     columns: FloatArray, torque_nm: FloatArray, block: IntArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the change of the solution without each block, and the block's mean squared error."""

@@ -62,12 +62,12 @@ def common_filter(
     none = errors(known, None)
     best, best_gain = known, Gain(0.0, 0.0)
     for order in ORDERS:
-        tried = [_shared(width_s, 0.0, n, order) for width_s in COMMON_WIDTHS_S]
+        tried = [_filter_of_all_joints(width_s, 0.0, n, order) for width_s in COMMON_WIDTHS_S]
         profile = [errors(channel, None) for channel in tried]
-        width_s, sigma_s = _lowest(np.log(np.array(profile) / none))
+        width_s, sigma_s = _best_width(np.log(np.array(profile) / none))
         if width_s is None or width_s < DISTINCT_SIGMAS * sigma_s:
             continue
-        channel = _shared(width_s, sigma_s, n, order)
+        channel = _filter_of_all_joints(width_s, sigma_s, n, order)
         gain = Gain.between(none, errors(channel, None))
         if gain.exceeds(COMMON_SIGMAS, COMMON_GAIN) and gain.mean > best_gain.mean:
             best, best_gain = channel, gain
@@ -78,7 +78,7 @@ def common_filter(
     return best if Gain.between(*away).mean > 0.0 else known
 
 
-def _shared(width_s: float, sigma_s: float, joints: int, order: int) -> TorqueChannel:
+def _filter_of_all_joints(width_s: float, sigma_s: float, joints: int, order: int) -> TorqueChannel:
     none = TorqueChannel.none(joints)
     return replace(
         none,
@@ -88,7 +88,7 @@ def _shared(width_s: float, sigma_s: float, joints: int, order: int) -> TorqueCh
     )
 
 
-def _lowest(log_errors: FloatArray) -> tuple[float | None, float]:
+def _best_width(log_errors: FloatArray) -> tuple[float | None, float]:
     """Return the width with the smallest error and its standard deviation by a jackknife [s].
 
     Args:

@@ -8,7 +8,7 @@ from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.plausible import ZERO_CELSIUS_K
 from dynamics.terms.friction import Friction
-from identification.estimation.at_temperature import by_temperature
+from identification.estimation.at_temperature import depends_on_temperature
 from identification.estimation.estimate import Estimate
 from identification.friction.curve import friction_columns
 
@@ -43,7 +43,7 @@ class EstimatedFriction:
         values = self.estimate.standard_values[model.parameter_groups["friction"]]
         return friction_columns(model, joint, speed) @ values
 
-    def circumstances(self, joint: int) -> str:
+    def conditions_in_words(self, joint: int) -> str:
         """Return the conditions of `torque` for a joint in words.
 
         An example is "after a long rest and without load-dependent friction". The text is empty if
@@ -51,7 +51,7 @@ class EstimatedFriction:
         """
         estimate = self.estimate
         taken = []
-        if by_temperature(estimate)[joint]:
+        if depends_on_temperature(estimate)[joint]:
             reference_k = estimate.robot.joints[joint].reference_temperature_k
             warm = f"at {reference_k - ZERO_CELSIUS_K:.3g} °C"
             taken.append(warm if estimate.warming is None else "for a joint after a long rest")

@@ -18,13 +18,13 @@ from typing import Final
 import numpy as np
 
 from config.robot.friction_terms import FrictionTerm
-from identification.equations.block_grams import PLAIN, Fit, Grams, Terms, name_of
+from identification.equations.block_grams import PLAIN, Fit, Grams, Terms, term_of_column
 from identification.equations.friction_columns import SPEEDS_RAD_S, Column
 from identification.regression.nested_choice import (
     DISTINCT_SIGMAS,
     LEAST_GAIN,
     Gain,
-    simplest,
+    simplest_model,
 )
 
 ROUNDS: Final = 4
@@ -71,15 +71,15 @@ def choose_terms(grams: Grams) -> FrictionChoice:
     """
     n = grams.joints
     plain = grams.fit([PLAIN] * n)
-    found = [_grown(grams, [PLAIN] * n, plain)]
+    found = [_add_terms(grams, [PLAIN] * n, plain)]
     for extra in TOGETHER:
         fit = _fit_or_none(grams, [PLAIN + extra] * n)
         if fit is not None and Gain.between(plain.errors, fit.errors).exceeds():
-            left = _without_weak(grams, [PLAIN + extra] * n, fit)
-            found.append(_without_weak(grams, *_grown(grams, *left)))
-    found[0] = _without_weak(grams, *found[0])
+            left = _remove_weak_terms(grams, [PLAIN + extra] * n, fit)
+            found.append(_remove_weak_terms(grams, *_add_terms(grams, *left)))
+    found[0] = _remove_weak_terms(grams, *found[0])
     found.sort(key=lambda own: sum(map(len, own[0])))
-    chosen, now = found[simplest([fit.errors for _, fit in found])]
+    chosen, now = found[simplest_model([fit.errors for _, fit in found])]
     # A joint whose error grew returns to Coulomb and viscous friction.
     worse = [j for j in range(n) if np.nanmean(now.errors[:, j]) > np.nanmean(plain.errors[:, j])]
     if any(chosen[j] != PLAIN for j in worse):
@@ -88,11 +88,13 @@ def choose_terms(grams: Grams) -> FrictionChoice:
     return FrictionChoice(tuple(chosen), now, plain)
 
 
-def _grown(grams: Grams, start: Sequence[Terms], fit: Fit) -> tuple[list[Terms], Fit]:
+def _add_terms(grams: Grams, start: Sequence[Terms], fit: Fit) -> tuple[list[Terms], Fit]:
     """Return the terms after adding those that improve the fit, and their solution."""
     chosen, candidates = list(start), set(range(grams.joints))
     for _ in range(ROUNDS):
-        added = {j: extra for j in sorted(candidates) if (extra := _best(grams, chosen, j, fit))}
+        added = {
+            j: extra for j in sorted(candidates) if (extra := _best_addition(grams, chosen, j, fit))
+        }
         if not added:
             break
         tried = [own + added.get(j, ()) for j, own in enumerate(chosen)]
@@ -103,10 +105,10 @@ def _grown(grams: Grams, start: Sequence[Terms], fit: Fit) -> tuple[list[Terms],
     return chosen, fit
 
 
-def _without_weak(grams: Grams, start: Sequence[Terms], fit: Fit) -> tuple[list[Terms], Fit]:
+def _remove_weak_terms(grams: Grams, start: Sequence[Terms], fit: Fit) -> tuple[list[Terms], Fit]:
     """Return the terms after removing those that do not improve the fit, and their solution."""
     chosen = list(start)
-    while (worst := _weakest(grams, chosen, fit)) is not None:
+    while (worst := _weakest_term(grams, chosen, fit)) is not None:
         j, term = worst
         chosen[j] = tuple(own for own in chosen[j] if own != term)
         fit = grams.fit(chosen)
@@ -120,25 +122,27 @@ def _fit_or_none(grams: Grams, chosen: Sequence[Terms]) -> Fit | None:
         return None
 
 
-def _trials(grams: Grams, chosen: Sequence[Terms], joint: int) -> Iterator[tuple[Terms, Fit]]:
+def _candidate_fits(
+    grams: Grams, chosen: Sequence[Terms], joint: int
+) -> Iterator[tuple[Terms, Fit]]:
     """Yield terms that can be added to a joint and that the data identify, with their fit."""
-    have = {name_of(term) for term in chosen[joint]}
+    have = {term_of_column(term) for term in chosen[joint]}
     for extra in CANDIDATES:
-        if have.isdisjoint(map(name_of, extra)):
+        if have.isdisjoint(map(term_of_column, extra)):
             tried = [own + extra if j == joint else own for j, own in enumerate(chosen)]
             fit = _fit_or_none(grams, tried)
             if fit is not None:
                 yield extra, fit
 
 
-def _best(grams: Grams, chosen: Sequence[Terms], joint: int, now: Fit) -> Terms:
+def _best_addition(grams: Grams, chosen: Sequence[Terms], joint: int, now: Fit) -> Terms:
     """Return the fewest terms to add to a joint that are not worse than the best; () for none."""
     good = []
-    for extra, fit in _trials(grams, chosen, joint):
+    for extra, fit in _candidate_fits(grams, chosen, joint):
         found = Gain.between(now.errors[:, joint], fit.errors[:, joint])
         if (
             _is_braking(fit, joint)
-            and all(_is_shown(fit, joint, term, found) for term in extra)
+            and all(_is_distinct(fit, joint, term, found) for term in extra)
             and found.exceeds(least=LEAST_GAIN * len(extra))
         ):
             good.append((extra, fit))
@@ -161,13 +165,13 @@ def preferred_terms(trials: Sequence[tuple[Terms, Fit]], now: Fit, joint: int) -
         return Gain.between(now.errors[:, joint], trial[1].errors[:, joint]).mean
 
     ordered = sorted(trials, key=lambda trial: (len(trial[0]), -gain(trial)))
-    count = len(ordered[simplest([fit.errors[:, joint] for _, fit in ordered])][0])
+    count = len(ordered[simplest_model([fit.errors[:, joint] for _, fit in ordered])][0])
     fewest = [trial for trial in ordered if len(trial[0]) == count]
     best = fewest[0]
     distinct = [
         (terms, fit)
         for terms, fit in fewest
-        if all(abs(fit.distance(joint, term)) > DISTINCT_SIGMAS for term in terms)
+        if all(abs(fit.sigmas_from_zero(joint, term)) > DISTINCT_SIGMAS for term in terms)
         and not Gain.between(fit.errors[:, joint], best[1].errors[:, joint]).exceeds()
     ]
     return (distinct or fewest)[0][0]
@@ -181,19 +185,19 @@ def _is_braking(fit: Fit, joint: int) -> bool:
     return all(fit.value(joint, term) > 0.0 for term in PLAIN)
 
 
-def _is_shown(fit: Fit, joint: int, term: Column, gain: Gain) -> bool:
+def _is_distinct(fit: Fit, joint: int, term: Column, gain: Gain) -> bool:
     """Return True if a term is distinct from zero, and positive if required.
 
     The limit is lower for a term that clearly reduces the error on held-out data: few blocks, as in
     half a minute of data, give wide intervals.
     """
-    if name_of(term) in _POSITIVE and fit.value(joint, term) <= 0.0:
+    if term_of_column(term) in _POSITIVE and fit.value(joint, term) <= 0.0:
         return False
     clear = gain.exceeds(CLEAR_GAIN_SIGMAS, CLEAR_GAIN)
-    return abs(fit.distance(joint, term)) > (CLEAR_SIGMAS if clear else DISTINCT_SIGMAS)
+    return abs(fit.sigmas_from_zero(joint, term)) > (CLEAR_SIGMAS if clear else DISTINCT_SIGMAS)
 
 
-def _weakest(grams: Grams, chosen: Sequence[Terms], now: Fit) -> tuple[int, Column] | None:
+def _weakest_term(grams: Grams, chosen: Sequence[Terms], now: Fit) -> tuple[int, Column] | None:
     """Return the term closest to zero among those that do not improve the fit."""
     weak: list[tuple[float, int, Column]] = []
     for j, own in enumerate(chosen):
@@ -201,8 +205,8 @@ def _weakest(grams: Grams, chosen: Sequence[Terms], now: Fit) -> tuple[int, Colu
             left: Terms = tuple(other for other in own if other != term)
             fit = grams.fit([*chosen[:j], left, *chosen[j + 1 :]])
             gain = Gain.between(fit.errors[:, j], now.errors[:, j])
-            if not (_is_shown(now, j, term, gain) and gain.exceeds()):
-                weak.append((abs(now.distance(j, term)), j, term))
+            if not (_is_distinct(now, j, term, gain) and gain.exceeds()):
+                weak.append((abs(now.sigmas_from_zero(j, term)), j, term))
     if not weak:
         return None
     _, j, term = min(weak, key=lambda each: each[0])

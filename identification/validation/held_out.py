@@ -10,10 +10,10 @@ import numpy as np
 
 from config.arrays import FloatArray, IntArray
 from config.errors import EstimationError
-from identification.equations.time_domain import TimeBlock, whole_stretches
+from identification.equations.time_domain import TimeBlock, rows_by_event
 from identification.estimation.estimate import Estimate
 from identification.estimation.fitted_signals import FittedSignals
-from identification.estimation.smoothed_fit import weighted_by_residuals
+from identification.estimation.smoothed_fit import solve_weighted_by_residuals
 from identification.model.torque_columns import torque_structure
 from identification.regression.least_squares import Triangle
 from identification.regression.nested_choice import DISTINCT_SIGMAS, joints_that_gain
@@ -57,9 +57,9 @@ def held_out_errors(
     ):
         for left_out in range(int(part[-1]) + 1):
             rest = [s.train for s, p in zip(seconds, part, strict=True) if p != left_out]
-            joined = [_joined(of_joint) for of_joint in zip(*rest, strict=True)]
+            joined = [_join(of_joint) for of_joint in zip(*rest, strict=True)]
             names = tuple(map(str, range(joined[0].parameters)))
-            values = weighted_by_residuals(joined, [], names)[0].values
+            values = solve_weighted_by_residuals(joined, [], names)[0].values
             for number in np.flatnonzero(part == left_out):
                 for j, triangle in enumerate(seconds[number].judge):
                     if triangle.rows:
@@ -67,7 +67,9 @@ def held_out_errors(
     return errors
 
 
-def shown_values(richer: Estimate, errors: FloatArray, symbol: str) -> tuple[float | None, ...]:
+def identified_values(
+    richer: Estimate, errors: FloatArray, symbol: str
+) -> tuple[float | None, ...]:
     """Return a nonlinear parameter of each joint if the data determine it, otherwise None.
 
     The data determine it if the richer model has it and predicts the joint distinctly better, and
@@ -109,7 +111,7 @@ def _seconds(
 ) -> Iterator[tuple[_Second, _Second]]:
     """Yield the equations of each second for the simpler and for the richer model."""
     simpler, richer = (
-        whole_stretches(fit.problem.blocks(fit.model, fit.standard, low_passed=low_passed))
+        rows_by_event(fit.problem.blocks(fit.model, fit.standard, low_passed=low_passed))
         for fit in (plain, full)
     )
     for stretches in zip(simpler, richer, strict=True):
@@ -137,7 +139,7 @@ def _triangles(
     return tuple(triangles)
 
 
-def _joined(triangles: Sequence[Triangle]) -> Triangle:
+def _join(triangles: Sequence[Triangle]) -> Triangle:
     """Return several triangles of one joint as one."""
     factor = np.vstack([triangle.factor for triangle in triangles])
     rows = sum(triangle.rows for triangle in triangles)

@@ -19,16 +19,22 @@ from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import RobotDescription
-from identification.equations.block_grams import PLAIN, Grams, Terms, columns_of, name_of
+from identification.equations.block_grams import (
+    PLAIN,
+    Grams,
+    Terms,
+    columns_of_terms,
+    term_of_column,
+)
 from identification.equations.candidate_equations import CandidateEquations
-from identification.equations.segments import thinned
+from identification.equations.segments import thin_rows
 from identification.equations.warming import Warming
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.model.base_parameters import base_parameters
 from identification.validation.channel_choice import FLEXIBLE, KINDS, choose_channel
 from identification.validation.friction_choice import FrictionChoice, choose_terms
-from identification.validation.held_out import held_out_errors, shown_values
+from identification.validation.held_out import held_out_errors, identified_values
 from identification.validation.presliding_choice import PreslidingChoice, choose_presliding
 from identification.validation.robot_terms import with_friction, with_stribeck
 from identification.validation.warming_choice import choose_warming
@@ -107,14 +113,14 @@ def choose_model(
     tell(2, STEPS, "presliding")
     with suppress(EstimationError):  # a candidate that cannot be identified is skipped
         presliding = choose_presliding(chosen.robot(robot), known, options)
-        chosen = _stribeck_beside(replace(chosen, presliding=presliding), robot, known, options)
+        chosen = _confirm_stribeck(replace(chosen, presliding=presliding), robot, known, options)
     tell(3, STEPS, "warm-up")
     with suppress(EstimationError):
         chosen = replace(chosen, warming=choose_warming(chosen.robot(robot), known, options))
     return chosen
 
 
-def _stribeck_beside(
+def _confirm_stribeck(
     chosen: ModelChoice,
     robot: RobotDescription,
     signals: Sequence[SmoothedSignals],
@@ -142,9 +148,9 @@ def _stribeck_beside(
             for own, twice in zip(chosen.terms, both, strict=True)
         ),
     )
-    parts = [thinned(run) for run in signals]
+    parts = [thin_rows(run) for run in signals]
     plain, full = (fit_smoothed(each.robot(robot), parts, options) for each in (without, chosen))
-    shown = shown_values(full.estimate(), held_out_errors(plain, full), "vs")
+    shown = identified_values(full.estimate(), held_out_errors(plain, full), "vs")
     kept = [not twice or value is not None for twice, value in zip(both, shown, strict=True)]
     return replace(
         chosen,
@@ -171,16 +177,16 @@ def _channel_and_friction(
     n, terms = equations.joints, (PLAIN,) * equations.joints
     block_s = float(np.clip(equations.duration_s / BLOCKS, SHORTEST_BLOCK_S, BLOCK_S))
     grams = _grams(equations, TorqueChannel.none(n), block_s)
-    equations = _with_load(equations, grams, terms)
+    equations = _with_gear_load(equations, grams, terms)
     channel = choose_channel(equations, [FLEXIBLE] * n, block_s, kinds)
     rounds = 0
     while True:
         rounds += 1
-        equations = _with_load(equations, _grams(equations, channel, block_s), terms)
+        equations = _with_gear_load(equations, _grams(equations, channel, block_s), terms)
         grams = _grams(equations, channel, block_s)
         friction = choose_terms(grams)
-        equations = _with_load(equations, grams, friction.terms)
-        columns = [columns_of(own) for own in friction.terms]
+        equations = _with_gear_load(equations, grams, friction.terms)
+        columns = [columns_of_terms(own) for own in friction.terms]
         before, channel = channel, choose_channel(equations, columns, block_s, kinds, channel)
         settled = channel.kind == before.kind and friction.terms == terms
         terms = friction.terms
@@ -200,7 +206,7 @@ def _grams(equations: CandidateEquations, channel: TorqueChannel, block_s: float
         ) from None
 
 
-def _with_load(
+def _with_gear_load(
     equations: CandidateEquations, grams: Grams, terms: Sequence[Terms]
 ) -> CandidateEquations:
     """Return equations whose gears transmit the torques from a fit of some terms."""
@@ -208,7 +214,7 @@ def _with_load(
     values = np.zeros(len(equations.base))
     values[grams.rigid] = fit.values[: len(grams.rigid)]
     rotor = np.array([name.startswith(("Ia", "Im")) for name in equations.base.names])
-    return equations.with_load(np.where(rotor, 0.0, values))
+    return equations.with_gear_load(np.where(rotor, 0.0, values))
 
 
 def _choice(
@@ -220,7 +226,7 @@ def _choice(
     errors = [np.nanmean(fit.errors, axis=0) for fit in (friction.plain, friction.fit)]
     return ModelChoice(
         joint_names=robot.joint_names,
-        terms=tuple(tuple(name_of(term) for term in own) for own in friction.terms),
+        terms=tuple(tuple(term_of_column(term) for term in own) for own in friction.terms),
         stribeck_rad_s=speeds,
         error_nm=np.sqrt(errors) * scale_nm,
         channel=channel,

@@ -24,13 +24,13 @@ from acquisition.processing.periods import PeriodAverage
 from acquisition.processing.torque_channel import TorqueChannel
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
-from identification.equations.base_wrench import both_parts
+from identification.equations.base_wrench import repeat_for_real_and_imaginary
 from identification.equations.bins import BinEquations, with_free_reversals
 from identification.equations.whitened import WhitenedEquations, bin_clusters, whiten
 from identification.estimation.fitted_periods import FittedPeriods, fit_periodic
 from identification.estimation.nonlinear_parameters import step_prior
 from identification.estimation.options import EstimationOptions
-from identification.regression.intervals import changes, jackknife
+from identification.regression.intervals import changes_without_clusters, jackknife
 from identification.regression.least_squares import Solution, Triangle, solve
 from identification.regression.nested_choice import joints_that_gain
 
@@ -70,44 +70,46 @@ def choose_period_delays(
         for each, average in zip(fitted.equations, averages, strict=True)
     )
     longest_s = LONGEST_SHARE * min(each.period_s / each.harmonics for each in equations)
-    delay_s, sigma_s = _found(fitted, equations, longest_s)
-    errors = [_left_out(fitted, equations, each) for each in (np.zeros_like(delay_s), delay_s)]
+    delay_s, sigma_s = _estimate_delays(fitted, equations, longest_s)
+    errors = [
+        _left_out_errors(fitted, equations, each) for each in (np.zeros_like(delay_s), delay_s)
+    ]
     shown = np.abs(delay_s) > DISTINCT_SIGMAS * sigma_s
     shown &= np.abs(delay_s) < longest_s
     shown &= joints_that_gain(errors[0], errors[1], sigmas=DISTINCT_SIGMAS, least=0.0)
     return TorqueChannel.of_delays(delay_s * shown, sigma_s * shown)
 
 
-def _found(
+def _estimate_delays(
     fitted: FittedPeriods, equations: tuple[BinEquations, ...], longest_s: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return the joints' delays and their standard deviations, (n,) each."""
     n, b = len(fitted.robot.joints), len(fitted.base)
     values = fitted.fit.solution.values[fitted.fit.of_base]
 
-    def beside(delay_s: FloatArray, values: FloatArray) -> tuple[Outputs, Solution]:
+    def solve_with_delays(delay_s: FloatArray, values: FloatArray) -> tuple[Outputs, Solution]:
         """Solve for delay steps from `delay_s` and all other parameters, linearised at `values`."""
         widened = []
         for each in equations:
             columns = each.delay_columns(each.matrix[:, :, :b] @ values)
             matrix = np.concatenate([each.matrix, columns], axis=2)
-            widened.append(replace(each.delayed(delay_s), matrix=matrix))
-        white = _whitened(fitted, widened)
-        return white, _solved(fitted, white, longest_s)
+            widened.append(replace(each.compensate_delay(delay_s), matrix=matrix))
+        white = _whiten_all(fitted, widened)
+        return white, _solve(fitted, white, longest_s)
 
     delay_s = np.zeros(n)
-    white, solution = beside(delay_s, values)
+    white, solution = solve_with_delays(delay_s, values)
     for _ in range(MOST_STEPS):
         step_s = solution.values[-n:]
         delay_s = np.clip(delay_s + step_s, -longest_s, longest_s)
         if np.all(step_s**2 <= SETTLED_SIGMAS**2 * np.diagonal(solution.covariance)[-n:]):
             break
-        white, solution = beside(delay_s, solution.values[:b])
+        white, solution = solve_with_delays(delay_s, solution.values[:b])
     scatter = jackknife(solution.information, bin_clusters(white, solution.values))
     return delay_s, np.sqrt(np.diagonal(scatter.quoted)[-n:])
 
 
-def _left_out(
+def _left_out_errors(
     fitted: FittedPeriods, equations: tuple[BinEquations, ...], delay_s: FloatArray
 ) -> FloatArray:
     """Return each bin's mean squared error in a prediction from all other bins, (bins, n).
@@ -115,13 +117,17 @@ def _left_out(
     Errors are in standard deviations of the noise. The nonlinear parameters are those of all bins.
     """
     b = len(fitted.base)
-    linear = [replace(each.delayed(delay_s), matrix=each.matrix[:, :, :b]) for each in equations]
-    white = _whitened(fitted, linear)
-    solution = _solved(fitted, white)
-    moved = changes(solution.information, bin_clusters(white, solution.values))
+    linear = [
+        replace(each.compensate_delay(delay_s), matrix=each.matrix[:, :, :b]) for each in equations
+    ]
+    white = _whiten_all(fitted, linear)
+    solution = _solve(fitted, white)
+    moved = changes_without_clusters(solution.information, bin_clusters(white, solution.values))
     errors = []
     for parts in white:
-        bins = both_parts(np.arange(len(parts[0].rhs) // 2 + 1, dtype=np.float64))
+        bins = repeat_for_real_and_imaginary(
+            np.arange(len(parts[0].rhs) // 2 + 1, dtype=np.float64)
+        )
         for number, change in zip(range(int(bins[-1]) + 1), moved, strict=False):
             rows = bins == number
             misses = [
@@ -131,7 +137,7 @@ def _left_out(
     return np.array(errors)
 
 
-def _whitened(fitted: FittedPeriods, equations: Sequence[BinEquations]) -> Outputs:
+def _whiten_all(fitted: FittedPeriods, equations: Sequence[BinEquations]) -> Outputs:
     problem = fitted.problem
     return tuple(
         whiten(each, inertia, uniform=problem.weighting == "ls")
@@ -139,7 +145,7 @@ def _whitened(fitted: FittedPeriods, equations: Sequence[BinEquations]) -> Outpu
     )
 
 
-def _solved(fitted: FittedPeriods, white: Outputs, longest_s: float = 0.0) -> Solution:
+def _solve(fitted: FittedPeriods, white: Outputs, longest_s: float = 0.0) -> Solution:
     """Solve the equations; limit the steps that the data do not determine to their ranges.
 
     If `longest_s` is not zero, the last n columns are those of delays.

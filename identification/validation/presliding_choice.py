@@ -19,11 +19,11 @@ import numpy as np
 from acquisition.processing.smoothing import SmoothedSignals
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
-from identification.equations.segments import thinned
+from identification.equations.segments import thin_rows
 from identification.estimation.fitted_signals import FittedSignals, fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.regression.nested_choice import DISTINCT_SIGMAS, joints_that_gain
-from identification.validation.held_out import FOLDS, held_out_errors, shown_values
+from identification.validation.held_out import FOLDS, held_out_errors, identified_values
 from identification.validation.robot_terms import with_presliding
 
 STARTS: Final = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
@@ -65,7 +65,7 @@ def choose_presliding(
 
     Args:
         robot: The robot with its other friction terms.
-        signals: The recordings of the training runs. Their rows are thinned (`thinned`).
+        signals: The recordings of the training runs. Their rows are thinned (`thin_rows`).
         options: The other terms of the model, and the speed above which a joint counts as moving.
         folds: Number of parts of the recordings.
 
@@ -74,11 +74,11 @@ def choose_presliding(
     """
     options, n = options or EstimationOptions(), len(robot.joints)
     robot = with_presliding(robot, [None] * n)
-    parts = [thinned(run) for run in signals]
+    parts = [thin_rows(run) for run in signals]
     plain = fit_smoothed(robot, parts, options)
     whole, partly = (
         fit_smoothed(
-            with_presliding(robot, _start(robot, plain, options, share), [share] * n),
+            with_presliding(robot, _start_distances(robot, plain, options, share), [share] * n),
             parts,
             options,
         )
@@ -89,14 +89,14 @@ def choose_presliding(
         (run.unfiltered or run).sample_period_s for run in signals
     )
     distances = [
-        _resolved(shown_values(richer.estimate(), own, "dp"), shortest)
+        _resolved_distances(identified_values(richer.estimate(), own, "dp"), shortest)
         for richer, own in zip((whole, partly), errors, strict=True)
     ]
     better = joints_that_gain(*held_out_errors(whole, partly, folds))
     shares = [
         share if worth and distance is not None else None
         for share, worth, distance in zip(
-            _shares(partly, errors[1]), better, distances[1], strict=True
+            _distinct_fractions(partly, errors[1]), better, distances[1], strict=True
         )
     ]
     use = [int(share is not None) for share in shares]
@@ -109,7 +109,7 @@ def choose_presliding(
     )
 
 
-def _resolved(distances: Sequence[float | None], shortest: float) -> list[float | None]:
+def _resolved_distances(distances: Sequence[float | None], shortest: float) -> list[float | None]:
     """Return the distances that exceed the displacement between two rows at the lowest speed.
 
     No row lies within a shorter distance: it describes how a joint sticks, not its presliding.
@@ -117,19 +117,19 @@ def _resolved(distances: Sequence[float | None], shortest: float) -> list[float 
     return [own if own is not None and own > shortest else None for own in distances]
 
 
-def _shares(partly: FittedSignals, errors: FloatArray) -> list[float | None]:
+def _distinct_fractions(partly: FittedSignals, errors: FloatArray) -> list[float | None]:
     """Return each joint's presliding fraction if the data also distinguish it from one."""
     estimate = partly.estimate()
     sigma = dict(zip(partly.model.nonlinear_names, estimate.nonlinear_sigma, strict=True))
     return [
         share if share is not None and 1.0 - share > DISTINCT_SIGMAS * sigma[f"sp_{name}"] else None
         for name, share in zip(
-            partly.model.joint_names, shown_values(estimate, errors, "sp"), strict=True
+            partly.model.joint_names, identified_values(estimate, errors, "sp"), strict=True
         )
     ]
 
 
-def _start(
+def _start_distances(
     robot: RobotDescription, plain: FittedSignals, options: EstimationOptions, share: float
 ) -> list[float]:
     """Return the distance of `STARTS` that fits each joint best, with lossless gears."""

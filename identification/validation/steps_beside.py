@@ -11,13 +11,13 @@ from config.arrays import FloatArray
 from identification.equations.time_domain import TimeBlock
 from identification.estimation.fitted_signals import FittedSignals
 from identification.estimation.nonlinear_parameters import step_prior
-from identification.estimation.smoothed_fit import time_clusters, weighted_by_residuals
+from identification.estimation.smoothed_fit import solve_weighted_by_residuals, time_clusters
 from identification.model.torque_columns import torque_structure
 from identification.regression.intervals import jackknife
 from identification.regression.least_squares import Triangle
 
 
-def steps_beside(
+def additional_parameter_steps(
     fitted: FittedSignals, slope: FloatArray, seconds: int = 1
 ) -> tuple[FloatArray, FloatArray]:
     """Return the step of each joint's additional parameter, and its standard deviation, (n,) each.
@@ -41,7 +41,7 @@ def steps_beside(
         triangles = [t.add(*block.of_joint(j, rows, own[j])) for j, t in enumerate(triangles)]
     names = tuple(map(str, range(width + n)))
     known = [] if not nonlinear else [step_prior(fitted.model, len(fitted.base), width + n)]
-    solution, scale = weighted_by_residuals(triangles, known, names)
+    solution, scale = solve_weighted_by_residuals(triangles, known, names)
     clusters = time_clusters(_blocks(fitted, slope, seconds), own, solution.values, scale)
     covariance = jackknife(solution.information, clusters).quoted
     return solution.values[width:], np.sqrt(np.diagonal(covariance)[width:])

@@ -166,19 +166,21 @@ def validate_torques(
     if estimate.channel is not None:
         signals = replace(signals, channel=estimate.channel)
     if estimate.warming is not None:
-        signals = estimate.warming.warmed(estimate.robot, signals)
+        signals = estimate.warming.with_temperatures(estimate.robot, signals)
     filtered = ParallelFilter(signals)
     warmth = Conditions(temperature_k=signals.temperature_k)
     conditions = filtered.conditions(estimate.model, warmth)
-    predicted = _predicted(estimate, filtered, conditions, standstill_rad_s)
-    moving = _seen_moving(moves(estimate.model, signals.velocity, standstill_rad_s), signals)
+    predicted = _predict_filtered(estimate, filtered, conditions, standstill_rad_s)
+    moving = _moving_when_torque_acted(
+        moves(estimate.model, signals.velocity, standstill_rad_s), signals
+    )
     if not moving.any():
         raise DataQualityError(
             f"no joint of the recording moves at {standstill_rad_s:g} rad/s or more, so there is"
             " nothing to validate: use a recording with motion",
             code="RID-RUN-STILL",
         )
-    known = _known(signals, conditions)
+    known = _friction_known_rows(signals, conditions)
     if not (moving & known).any():
         raise DataQualityError(
             "no joint of the recording moves far enough for its presliding friction to be known,"
@@ -209,7 +211,7 @@ def validate_torques(
     )
 
 
-def relative_of_both(one: Validation, other: Validation) -> FloatArray:
+def common_relative_errors(one: Validation, other: Validation) -> FloatArray:
     """Return the relative errors of two models on the samples that both use, (2, n) [%].
 
     Args:
@@ -228,7 +230,7 @@ def relative_of_both(one: Validation, other: Validation) -> FloatArray:
     )
 
 
-def _seen_moving(moving: BoolArray, signals: SmoothedSignals) -> BoolArray:
+def _moving_when_torque_acted(moving: BoolArray, signals: SmoothedSignals) -> BoolArray:
     """Return where joints move, and moved when the recorded torque acted, (samples, n).
 
     If the torque is late, the first samples of a joint that starts to move still contain the torque
@@ -247,7 +249,7 @@ def _seen_moving(moving: BoolArray, signals: SmoothedSignals) -> BoolArray:
     return seen
 
 
-def _predicted(
+def _predict_filtered(
     estimate: Estimate,
     filtered: ParallelFilter,
     conditions: Conditions,
@@ -278,7 +280,7 @@ def _predicted(
     return torque if signals.unfiltered_row is None else torque[signals.unfiltered_row]
 
 
-def _known(signals: SmoothedSignals, conditions: Conditions) -> BoolArray:
+def _friction_known_rows(signals: SmoothedSignals, conditions: Conditions) -> BoolArray:
     """Return where friction depends only on the recorded motion, (samples, n).
 
     Unknown friction affects later samples through the low-pass and the channel: for one period of

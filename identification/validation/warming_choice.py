@@ -24,7 +24,7 @@ from acquisition.processing.smoothing import SmoothedSignals
 from config.arrays import BoolArray, FloatArray
 from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import RobotDescription
-from identification.equations.segments import thinned
+from identification.equations.segments import thin_rows
 from identification.equations.time_domain import time_blocks
 from identification.equations.warming import Warming
 from identification.estimation.fitted_signals import FittedSignals, fit_smoothed
@@ -32,7 +32,7 @@ from identification.estimation.options import EstimationOptions
 from identification.regression.nested_choice import DISTINCT_SIGMAS, joints_that_gain
 from identification.validation.held_out import FOLDS, held_out_errors
 from identification.validation.robot_terms import with_friction
-from identification.validation.steps_beside import steps_beside
+from identification.validation.steps_beside import additional_parameter_steps
 
 SHORTEST_S: Final = 20.0
 """Shortest time constant: motors and gears take minutes to warm up."""
@@ -63,18 +63,22 @@ def choose_warming(
         EstimationError: The recordings are too short to be split, or do not determine the model.
     """
     options = options or EstimationOptions()
-    parts = [thinned(run) for run in signals]
+    parts = [thin_rows(run) for run in signals]
     longest_s = max(float(part.time_s[-1] - part.time_s[0]) for part in parts)
     if longest_s < SHORTEST_RECORDING_S or any(part.temperature_k is not None for part in parts):
         return None
     plain = fit_smoothed(robot, parts, options)
-    warming = _searched(_heated(robot, parts, options), robot, parts, options, longest_s)
+    warming = _search_grid(
+        _heating_friction(robot, parts, options), robot, parts, options, longest_s
+    )
     if not warming.joints.any():
         return None
-    full, sigma_s = _fitted(warming, robot, parts, options), np.zeros(len(robot.joints))
+    full, sigma_s = _fit(warming, robot, parts, options), np.zeros(len(robot.joints))
     seconds = max(1, math.ceil(sum(part.time_s[-1] - part.time_s[0] for part in parts) / EVENTS))
     for _ in range(ROUNDS):
-        step_s, sigma_s = steps_beside(full, _slope(full, warming, robot, parts), seconds)
+        step_s, sigma_s = additional_parameter_steps(
+            full, _slope_by_time_constant(full, warming, robot, parts), seconds
+        )
         before_s = warming.time_constant_s
         moved_s = np.clip(before_s + step_s, before_s / STEP, before_s * STEP)
         warming = replace(
@@ -83,9 +87,9 @@ def choose_warming(
                 warming.joints, np.clip(moved_s, SHORTEST_S, STEP * longest_s), 0.0
             ),
         )
-        full = _fitted(warming, robot, parts, options)
+        full = _fit(warming, robot, parts, options)
     margin_s = 2.0 * sigma_s
-    shown = warming.joints & _changes(full)
+    shown = warming.joints & _changes_with_temperature(full)
     shown &= warming.time_constant_s - margin_s > 0.0
     shown &= warming.time_constant_s + margin_s < longest_s
     shown &= warming.time_constant_s > SHORTEST_S
@@ -99,7 +103,7 @@ def choose_warming(
     )
 
 
-def _heated(
+def _heating_friction(
     robot: RobotDescription, parts: Sequence[SmoothedSignals], options: EstimationOptions
 ) -> Warming:
     """Return the friction that heats the joints (Coulomb and viscous), without time constants."""
@@ -114,7 +118,7 @@ def _heated(
     return Warming(nothing, nothing, coulomb, viscous)
 
 
-def _searched(
+def _search_grid(
     cold: Warming,
     robot: RobotDescription,
     parts: Sequence[SmoothedSignals],
@@ -126,7 +130,7 @@ def _searched(
     count = 1 + math.floor(math.log(longest_s / SHORTEST_S) / math.log(STEP))
     tried_s = SHORTEST_S * STEP ** np.arange(count)
     residuals = [
-        _fitted(
+        _fit(
             replace(cold, time_constant_s=np.where(heated, each_s, 0.0)), robot, parts, options
         ).fit.residual_nm
         for each_s in tried_s
@@ -136,17 +140,17 @@ def _searched(
     )
 
 
-def _fitted(
+def _fit(
     warming: Warming,
     robot: RobotDescription,
     parts: Sequence[SmoothedSignals],
     options: EstimationOptions,
 ) -> FittedSignals:
-    warmed = [warming.warmed(robot, part) for part in parts]
+    warmed = [warming.with_temperatures(robot, part) for part in parts]
     return fit_smoothed(warming.robot(robot), warmed, options)
 
 
-def _slope(
+def _slope_by_time_constant(
     full: FittedSignals,
     warming: Warming,
     robot: RobotDescription,
@@ -161,11 +165,11 @@ def _slope(
         )
         for run, slopes in zip(
             full.problem.runs,
-            (warming.by_time_constant(robot, part) for part in parts),
+            (warming.with_temperature_slopes(robot, part) for part in parts),
             strict=True,
         )
     )
-    places = [_places(full, name) for name in robot.joint_names]
+    places = [_temperature_coefficients(full, name) for name in robot.joint_names]
     found = [
         np.stack(
             [block.columns[:, j, own] @ full.values[own] for j, own in enumerate(places)], axis=1
@@ -177,18 +181,18 @@ def _slope(
     return np.concatenate(found)
 
 
-def _changes(full: FittedSignals) -> BoolArray:
+def _changes_with_temperature(full: FittedSignals) -> BoolArray:
     """Return a mask of the joints whose change with temperature is distinct from zero, (n,)."""
     sigma = full.estimate().sigma
     return np.array(
         [
             bool(np.any(np.abs(full.values[own]) > DISTINCT_SIGMAS * sigma[own]))
-            for own in (_places(full, name) for name in full.model.joint_names)
+            for own in (_temperature_coefficients(full, name) for name in full.model.joint_names)
         ]
     )
 
 
-def _places(full: FittedSignals, joint: str) -> list[int]:
+def _temperature_coefficients(full: FittedSignals, joint: str) -> list[int]:
     """Return the indices of a joint's temperature coefficients among the base parameters."""
     names = full.base.names
     return [names.index(own) for own in (f"fcT_{joint}", f"fvT_{joint}") if own in names]

@@ -17,10 +17,10 @@ from identification.wiring.mistakes import (
     ORDERS,
     Mistake,
     MistakeKind,
-    of_robot,
-    offset,
-    reordered,
-    scaled,
+    order_mistake,
+    robot_mistake,
+    scale_mistake,
+    zero_mistake,
 )
 
 OFFSET_STEPS: Final = 12
@@ -49,11 +49,11 @@ def common_mistakes(robot: RobotDescription) -> Iterator[Mistake]:
             if not np.allclose(at_joints.position, mistake.position):
                 yield at_joints
     for factor in CLOCKS:
-        yield replace(scaled(MistakeKind.CLOCK, (), factor, n=n), clock=factor)
+        yield replace(scale_mistake(MistakeKind.CLOCK, (), factor, n=n), clock=factor)
     for other in _conventions(robot):
-        yield of_robot(MistakeKind.CONVENTION, (), other)
+        yield robot_mistake(MistakeKind.CONVENTION, (), other)
     for joints, other in _couplings(robot):
-        mistake = of_robot(MistakeKind.COUPLING, joints, other)
+        mistake = robot_mistake(MistakeKind.COUPLING, joints, other)
         yield mistake  # the motors' positions are right, the joints' positions follow from them
         yield replace(mistake, position=np.linalg.inv(_matrix(other)) @ _matrix(robot))
     yield from torque_units(robot)
@@ -73,7 +73,9 @@ def _position_units(robot: RobotDescription) -> Iterator[Mistake]:
     """Yield wrong units of all positions together."""
     n = len(robot.joints)
     for factor in (DEGREES, 1.0 / DEGREES):
-        yield scaled(MistakeKind.POSITION_FACTOR, (), factor, n=n, position=np.full(n, factor))
+        yield scale_mistake(
+            MistakeKind.POSITION_FACTOR, (), factor, n=n, position=np.full(n, factor)
+        )
     gears = np.array([abs(joint.gear_ratio) for joint in robot.joints])
     units = (
         ("in turns", np.full(n, TURN)),
@@ -83,7 +85,7 @@ def _position_units(robot: RobotDescription) -> Iterator[Mistake]:
     for what, factors in units:
         if np.any(factors != 1.0):
             typical = float(np.exp(np.mean(np.log(factors))))
-            mistake = scaled(MistakeKind.POSITION_FACTOR, (), typical, n=n, position=factors)
+            mistake = scale_mistake(MistakeKind.POSITION_FACTOR, (), typical, n=n, position=factors)
             yield replace(mistake, what=what)
 
 
@@ -109,7 +111,7 @@ def torque_units(robot: RobotDescription) -> Iterator[Mistake]:
         if np.any(factors != 1.0):
             typical = float(np.exp(np.mean(np.log(factors))))
             yield replace(
-                scaled(MistakeKind.TORQUE_UNIT, (), typical, n=n, torque=factors), what=what
+                scale_mistake(MistakeKind.TORQUE_UNIT, (), typical, n=n, torque=factors), what=what
             )
 
 
@@ -122,17 +124,19 @@ def _of_joint(robot: RobotDescription, j: int) -> Iterator[Mistake]:
         return values
 
     reversed_ = alone(-1.0)
-    yield scaled(MistakeKind.POSITION_SIGN, (j,), -1.0, n=n, position=reversed_)
-    yield scaled(MistakeKind.DIRECTION, (j,), -1.0, n=n, position=reversed_, torque=reversed_)
+    yield scale_mistake(MistakeKind.POSITION_SIGN, (j,), -1.0, n=n, position=reversed_)
+    yield scale_mistake(
+        MistakeKind.DIRECTION, (j,), -1.0, n=n, position=reversed_, torque=reversed_
+    )
     own = {abs(gear), 1.0 / abs(gear)} - {1.0}
     for factor in (*FACTORS, DEGREES, 1.0 / DEGREES, *sorted(own)):
-        yield scaled(MistakeKind.POSITION_FACTOR, (j,), factor, n=n, position=alone(factor))
+        yield scale_mistake(MistakeKind.POSITION_FACTOR, (j,), factor, n=n, position=alone(factor))
     for factor in (*TORQUE_FACTORS, *sorted(own)):
-        yield scaled(MistakeKind.TORQUE_FACTOR, (j,), factor, n=n, torque=alone(factor))
+        yield scale_mistake(MistakeKind.TORQUE_FACTOR, (j,), factor, n=n, torque=alone(factor))
     if robot.joints[j].type == "revolute":
         for step in range(1, OFFSET_STEPS):
             angle = math.remainder(2.0 * math.pi * step / OFFSET_STEPS, 2.0 * math.pi)
-            yield offset(robot, j, angle)
+            yield zero_mistake(robot, j, angle)
 
 
 def _signs(n: int) -> Iterator[Mistake]:
@@ -141,8 +145,8 @@ def _signs(n: int) -> Iterator[Mistake]:
     sizes = range(1, n + 1) if n <= MOST_SIGN_SETS else (1, n)
     for joints in chain.from_iterable(combinations(range(n), size) for size in sizes):
         yield reversed_torques(joints, n)
-    yield scaled(MistakeKind.POSITION_SIGN, (), -1.0, n=n, position=everyone)
-    yield scaled(MistakeKind.DIRECTION, (), -1.0, n=n, position=everyone, torque=everyone)
+    yield scale_mistake(MistakeKind.POSITION_SIGN, (), -1.0, n=n, position=everyone)
+    yield scale_mistake(MistakeKind.DIRECTION, (), -1.0, n=n, position=everyone, torque=everyone)
 
 
 def reversed_torques(joints: tuple[int, ...], n: int) -> Mistake:
@@ -150,7 +154,7 @@ def reversed_torques(joints: tuple[int, ...], n: int) -> Mistake:
     factors = np.ones(n)
     factors[list(joints)] = -1.0
     named = () if 1 < len(joints) == n else joints
-    return scaled(MistakeKind.TORQUE_SIGN, named, -1.0, n=n, torque=factors)
+    return scale_mistake(MistakeKind.TORQUE_SIGN, named, -1.0, n=n, torque=factors)
 
 
 def _orders(n: int) -> Iterator[Mistake]:
@@ -159,16 +163,16 @@ def _orders(n: int) -> Iterator[Mistake]:
         for first, second in combinations(range(n), 2):
             order = list(range(n))
             order[first], order[second] = second, first
-            yield reordered(kind, (first, second), order)
+            yield order_mistake(kind, (first, second), order)
         for three in combinations(range(n), 3):
             for turned in ((1, 2, 0), (2, 0, 1)):
                 order = list(range(n))
                 for place, other in zip(three, turned, strict=True):
                     order[place] = three[other]
-                yield reordered(kind, tuple(order), order)
+                yield order_mistake(kind, tuple(order), order)
         if n > 3:
             for order in ([*range(1, n), 0], [n - 1, *range(n - 1)], [*reversed(range(n))]):
-                yield reordered(kind, tuple(order), order)
+                yield order_mistake(kind, tuple(order), order)
 
 
 def _conventions(robot: RobotDescription) -> Iterator[RobotDescription]:

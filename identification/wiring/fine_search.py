@@ -17,10 +17,16 @@ import numpy as np
 from config.robot.kinematic_table import KinematicRow
 from config.robot.robot import RobotDescription
 from identification.wiring.flexible_fit import FlexibleFit
-from identification.wiring.mistakes import Mistake, MistakeKind, of_robot, reordered, scaled
+from identification.wiring.mistakes import (
+    Mistake,
+    MistakeKind,
+    order_mistake,
+    robot_mistake,
+    scale_mistake,
+)
 from identification.wiring.possible import keeps_limits
 from identification.wiring.signals import WiredSignals
-from identification.wiring.trial import Condensed
+from identification.wiring.trial import CondensedEquations
 
 LENGTHS: Final = (0.5, 0.625, 0.8, 1.25, 1.6, 2.0)
 LINKS: Final = (0.625, 0.8, 1.25, 1.6)
@@ -36,7 +42,7 @@ EXPLAINED_SHARE: Final = 0.15
 
 
 @dataclass(frozen=True, eq=False)
-class Fine:
+class FineMistake:
     """A mistake that is visible on held-out parts.
 
     Attributes:
@@ -53,7 +59,7 @@ class Fine:
     explains: bool
 
 
-def find_fine_mistake(signals: WiredSignals) -> Fine | None:
+def find_fine_mistake(signals: WiredSignals) -> FineMistake | None:
     """Return the mistake that explains held-out parts best; None if none does distinctly better.
 
     With the mistake corrected, the errors of both fitted and held-out parts must be smaller, and
@@ -67,30 +73,30 @@ def find_fine_mistake(signals: WiredSignals) -> Fine | None:
         return None
     found = []
     for mistake in fine_mistakes(signals.robot):
-        undone = mistake.undone(signals)
+        undone = mistake.corrected(signals)
         if not keeps_limits(mistake, signals, undone):
             continue
-        fit = stated.other(undone, mistake.torque)
+        fit = stated.fit_other(undone, mistake.torque)
         ratio = float(fit.held_out.sum() / stated.held_out.sum())
         fitted = float(fit.fitted.sum() / stated.fitted.sum())
         if fitted > FITTED_RATIO or ratio > HELD_OUT_RATIO:
             continue
         gains = np.log(fit.held_out / stated.held_out)
         spread = float(np.std(gains, ddof=1)) / math.sqrt(len(gains))
-        if float(np.mean(gains)) < STUDENT * spread and _holds_up(mistake, undone, signals):
+        if float(np.mean(gains)) < STUDENT * spread and _supports_weight(mistake, undone, signals):
             found.append((ratio, mistake, bool(np.all(fit.held_out_share < EXPLAINED_SHARE))))
     if not found:
         return None
     found.sort(key=lambda each: each[0])
     ratio, best, explains = found[0]
     near = tuple(mistake for other, mistake, _ in found[1:] if other - ratio < AS_GOOD * ratio)
-    return Fine(best, near[:2], ratio, explains)
+    return FineMistake(best, near[:2], ratio, explains)
 
 
-def of_the_table(signals: WiredSignals) -> Mistake:
+def table_mistake(signals: WiredSignals) -> Mistake:
     """Return the mistake of a kinematic table with more than one wrong number."""
     what = "the kinematic table does not fit the robot, in more than one number"
-    return replace(of_robot(MistakeKind.KINEMATICS, (), signals.robot), what=what)
+    return replace(robot_mistake(MistakeKind.KINEMATICS, (), signals.robot), what=what)
 
 
 def fine_mistakes(robot: RobotDescription) -> Iterator[Mistake]:
@@ -102,9 +108,9 @@ def fine_mistakes(robot: RobotDescription) -> Iterator[Mistake]:
         for factor in FACTORS:
             alone = np.ones(n)
             alone[j] = factor
-            yield scaled(MistakeKind.POSITION_FACTOR, (j,), factor, n=n, position=alone)
-            yield scaled(MistakeKind.TORQUE_FACTOR, (j,), factor, n=n, torque=alone)
-            gear = scaled(
+            yield scale_mistake(MistakeKind.POSITION_FACTOR, (j,), factor, n=n, position=alone)
+            yield scale_mistake(MistakeKind.TORQUE_FACTOR, (j,), factor, n=n, torque=alone)
+            gear = scale_mistake(
                 MistakeKind.POSITION_FACTOR, (j,), factor, n=n, position=alone, torque=1.0 / alone
             )
             gear_words = (
@@ -114,9 +120,9 @@ def fine_mistakes(robot: RobotDescription) -> Iterator[Mistake]:
     for j in range(n - 1):
         order = list(range(n))
         order[j], order[j + 1] = j + 1, j
-        yield reordered(MistakeKind.AXIS_ORDER, (j, j + 1), order)
+        yield order_mistake(MistakeKind.AXIS_ORDER, (j, j + 1), order)
     for clock in CLOCKS:
-        yield replace(scaled(MistakeKind.CLOCK, (), clock, n=n), clock=clock)
+        yield replace(scale_mistake(MistakeKind.CLOCK, (), clock, n=n), clock=clock)
 
 
 def _lengths(robot: RobotDescription) -> Iterator[Mistake]:
@@ -159,10 +165,10 @@ def _table(
 
     rows = tuple(right(i, row) for i, row in enumerate(table.rows))
     other = robot.model_copy(update={"kinematics": table.model_copy(update={"rows": rows})})
-    return replace(of_robot(MistakeKind.KINEMATICS, joints, other), what=what)
+    return replace(robot_mistake(MistakeKind.KINEMATICS, joints, other), what=what)
 
 
-def _holds_up(mistake: Mistake, undone: WiredSignals, signals: WiredSignals) -> bool:
-    condensed = Condensed.of(undone if mistake.moves else signals)
+def _supports_weight(mistake: Mistake, undone: WiredSignals, signals: WiredSignals) -> bool:
+    condensed = CondensedEquations.of(undone if mistake.moves else signals)
     torque = np.eye(len(mistake.offset_rad)) if mistake.moves else mistake.torque
-    return condensed.holds_up(mistake, torque)
+    return condensed.supports_weight(mistake, torque)

@@ -80,7 +80,7 @@ class FlexibleFit:
             variance = np.where(size > 0.0, np.maximum(left, floor), UNKNOWN)
         return cls._of(equations, rigid_nm, variance, 1)
 
-    def other(self, signals: WiredSignals, torque: FloatArray) -> FlexibleFit:
+    def fit_other(self, signals: WiredSignals, torque: FloatArray) -> FlexibleFit:
         """Fit the same rows of other signals, whose torques are `torque` (n, n) times these."""
         equations = _Equations(signals, _rows(signals), self.parts)
         variance = np.square(torque) @ self.variance
@@ -131,7 +131,7 @@ class _Equations:
     def solved(self, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the residual and the rigid-body torque of a fit to all parts, each (rows, n)."""
         grams, rhs = self._sums(variance)
-        values = _solved(grams.sum(axis=0), rhs.sum(axis=0))
+        values = _solve_ridge(grams.sum(axis=0), rhs.sum(axis=0))
         rigid_nm = self._columns[:, :, self._own] @ values[self._own]
         return self._torque - self._columns @ values, rigid_nm
 
@@ -140,7 +140,7 @@ class _Equations:
         grams, rhs = self._sums(variance)
         residual = np.zeros_like(self._torque)
         for k, part in enumerate(self.parts):
-            values = _solved(grams.sum(axis=0) - grams[k], rhs.sum(axis=0) - rhs[k])
+            values = _solve_ridge(grams.sum(axis=0) - grams[k], rhs.sum(axis=0) - rhs[k])
             residual[part] = self._torque[part] - self._columns[part] @ values
         return residual
 
@@ -177,7 +177,7 @@ def _rows(signals: WiredSignals) -> BoolArray:
     return np.asarray(use & (use.sum(axis=0) >= FEWEST_ROWS))
 
 
-def _solved(gram: FloatArray, rhs: FloatArray) -> FloatArray:
+def _solve_ridge(gram: FloatArray, rhs: FloatArray) -> FloatArray:
     scale = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
     scaled = gram / scale / scale[:, np.newaxis] + RIDGE * np.eye(len(scale))
     factor = cho_factor(scaled, check_finite=False)

@@ -18,9 +18,9 @@ from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain
 from dynamics.model.robot_model import regressor
-from identification.wiring.mistakes import Mistake, MistakeKind, of_robot
+from identification.wiring.mistakes import Mistake, MistakeKind, robot_mistake
 from identification.wiring.signals import WiredSignals
-from identification.wiring.trial import Condensed, plain_model, rows_used
+from identification.wiring.trial import CondensedEquations, plain_model, rows_used
 
 DIRECTIONS: Final = 80
 FINEST_RAD: Final = 1e-3
@@ -34,16 +34,16 @@ class GravitySearch:
     Attributes:
         signals: The signals and the robot as stated in the files.
         stated: Equations with the gravity of the robot file.
-        products: Shape (n, 4 p + n, 4 p + n). Products as in `Condensed`, for all four parts:
-            columns without gravity, then those of 1 m/s^2 along x, y, and z.
+        products: Shape (n, 4 p + n, 4 p + n). Products as in `CondensedEquations`, for all four
+            parts: columns without gravity, then those of 1 m/s^2 along x, y, and z.
     """
 
     signals: WiredSignals
-    stated: Condensed
+    stated: CondensedEquations
     products: FloatArray
 
     @classmethod
-    def of(cls, signals: WiredSignals, stated: Condensed) -> GravitySearch:
+    def of(cls, signals: WiredSignals, stated: CondensedEquations) -> GravitySearch:
         """Evaluate the regressor for gravity along each axis."""
         use = rows_used(signals)
         phis = []
@@ -92,9 +92,9 @@ class GravitySearch:
         axis = chain.fixed_rotations[0][:, 2]
         return not chain.prismatic[0] and bool(abs(axis @ (two - one)) < reach)
 
-    def without(self) -> Condensed:
+    def without(self) -> CondensedEquations:
         """Return the equations of a robot without gravity."""
-        return Condensed.of(
+        return CondensedEquations.of(
             replace(self.signals, robot=_with_gravity(self.signals.robot, np.zeros(3)))
         )
 
@@ -123,9 +123,9 @@ class GravitySearch:
         return size * best
 
     def _mistake(self, gravity: FloatArray) -> Mistake:
-        return of_robot(MistakeKind.MOUNTING, (), _with_gravity(self.signals.robot, gravity))
+        return robot_mistake(MistakeKind.MOUNTING, (), _with_gravity(self.signals.robot, gravity))
 
-    def _condensed(self, gravity: FloatArray) -> Condensed:
+    def _condensed(self, gravity: FloatArray) -> CondensedEquations:
         """Return the equations with another gravity vector."""
         p, n = self.stated.brakes.shape[1], len(self.stated.rows)
         weights = np.array([1.0, *gravity])

@@ -108,14 +108,14 @@ class Mistake:
         position[np.abs(position) < ROUNDING * np.abs(position).max()] = 0.0
         return replace(self, position=position)
 
-    def undone(self, signals: WiredSignals) -> WiredSignals:
+    def corrected(self, signals: WiredSignals) -> WiredSignals:
         """Return signals and robot with this mistake corrected."""
-        right = signals.moved(self.position, self.offset_rad, self.clock)
+        right = signals.transformed(self.position, self.offset_rad, self.clock)
         torque_nm = signals.torque_nm @ self.torque.T
         return replace(right, robot=self.robot or signals.robot, torque_nm=torque_nm)
 
 
-def scaled(
+def scale_mistake(
     kind: MistakeKind,
     joints: tuple[int, ...],
     factor: float,
@@ -136,15 +136,17 @@ def scaled(
     )
 
 
-def offset(robot: RobotDescription, joint: int, offset_rad: float) -> Mistake:
+def zero_mistake(robot: RobotDescription, joint: int, offset_rad: float) -> Mistake:
     """Return the mistake of a wrong zero position."""
     n = len(robot.joints)
     shift = np.zeros(n)
     shift[joint] = offset_rad
-    return replace(scaled(MistakeKind.POSITION_OFFSET, (joint,), offset_rad, n=n), offset_rad=shift)
+    return replace(
+        scale_mistake(MistakeKind.POSITION_OFFSET, (joint,), offset_rad, n=n), offset_rad=shift
+    )
 
 
-def reordered(kind: MistakeKind, joints: tuple[int, ...], order: Sequence[int]) -> Mistake:
+def order_mistake(kind: MistakeKind, joints: tuple[int, ...], order: Sequence[int]) -> Mistake:
     """Return a mistake of one of the `ORDERS`: joint i's signal is in place order[i]."""
     whole = np.eye(len(order))
     right = whole[list(order)]
@@ -153,6 +155,6 @@ def reordered(kind: MistakeKind, joints: tuple[int, ...], order: Sequence[int]) 
     return Mistake(kind, joints, 1.0, position, torque, np.zeros(len(order)))
 
 
-def of_robot(kind: MistakeKind, joints: tuple[int, ...], right: RobotDescription) -> Mistake:
+def robot_mistake(kind: MistakeKind, joints: tuple[int, ...], right: RobotDescription) -> Mistake:
     """Return a mistake of the robot file, from the correct robot."""
-    return replace(scaled(kind, joints, 1.0, n=len(right.joints)), robot=right)
+    return replace(scale_mistake(kind, joints, 1.0, n=len(right.joints)), robot=right)

@@ -30,7 +30,7 @@ def keeps_limits(mistake: Mistake, stated: WiredSignals, undone: WiredSignals) -
     """
     limits = [joint.limits for joint in stated.robot.joints]
     torque = np.array([limit.torque for limit in limits])
-    if mistake.changes_torque and not _possible(
+    if mistake.changes_torque and not _limits_kept(
         np.abs(stated.torque_nm).max(axis=0) / torque,
         np.abs(undone.torque_nm).max(axis=0) / torque,
         LEAST_TORQUE,
@@ -41,15 +41,15 @@ def keeps_limits(mistake: Mistake, stated: WiredSignals, undone: WiredSignals) -
     (q, v, _), (right_q, right_v, _) = stated.joints(), undone.joints()
     speed = np.array([limit.velocity for limit in limits])
     before, after = np.abs(v).max(axis=0) / speed, np.abs(right_v).max(axis=0) / speed
-    outside = _outside(stated.robot, q)
+    outside = _distance_outside_limits(stated.robot, q)
     over = np.maximum(before, np.where(outside > BEYOND_TRAVEL, np.inf, 0.0))
-    if not _possible(before, after, LEAST_MOTION, over):
+    if not _limits_kept(before, after, LEAST_MOTION, over):
         return False
-    right_outside = _outside(stated.robot, right_q)
+    right_outside = _distance_outside_limits(stated.robot, right_q)
     return bool(np.all((right_outside <= BEYOND_TRAVEL) | (right_outside <= outside + 1e-9)))
 
 
-def _possible(
+def _limits_kept(
     before: FloatArray, after: FloatArray, least: float, over: FloatArray | None = None
 ) -> bool:
     """Return True if values relative to limits, (n,), are possible after a mistake is corrected.
@@ -62,7 +62,7 @@ def _possible(
     return not bool(np.any(too_much | too_little))
 
 
-def _outside(robot: RobotDescription, q: FloatArray) -> FloatArray:
+def _distance_outside_limits(robot: RobotDescription, q: FloatArray) -> FloatArray:
     """Return the distance by which positions leave their limits, relative to the range, (n,)."""
     low = np.array([joint.limits.position_min for joint in robot.joints])
     high = np.array([joint.limits.position_max for joint in robot.joints])

@@ -15,10 +15,10 @@ import numpy as np
 
 from identification.wiring.common_mistakes import torque_units
 from identification.wiring.gravity import GravitySearch
-from identification.wiring.mistakes import Mistake, MistakeKind, of_robot, scaled
+from identification.wiring.mistakes import Mistake, MistakeKind, robot_mistake, scale_mistake
 from identification.wiring.possible import keeps_limits
 from identification.wiring.signals import WiredSignals
-from identification.wiring.trial import Condensed, rows_used
+from identification.wiring.trial import CondensedEquations, rows_used
 
 AS_GOOD: Final = 0.1
 KNOWN_SIGMAS: Final = 5.0
@@ -28,7 +28,7 @@ COPY_FACTOR: Final = 0.05
 
 
 def wrong_scale(
-    signals: WiredSignals, stated: Condensed, gravity: GravitySearch
+    signals: WiredSignals, stated: CondensedEquations, gravity: GravitySearch
 ) -> tuple[Mistake, ...]:
     """Return mistakes of all torques together, the best explanation first.
 
@@ -48,11 +48,11 @@ def wrong_scale(
     low, high = weight.plausible
     if weight.share < low and gravity.without().held_out(still).cost <= fit.cost + AS_GOOD:
         nothing = signals.robot.model_copy(update={"gravity_m_s2": (0.0, 0.0, 0.0)})
-        return (of_robot(MistakeKind.GRAVITY_REMOVED, (), nothing),)
+        return (robot_mistake(MistakeKind.GRAVITY_REMOVED, (), nothing),)
     units: list[tuple[float, Mistake]] = []
     for unit in torque_units(signals.robot):
         right, after = stated.weight(unit.torque), stated.held_out(unit.torque)
-        possible = keeps_limits(unit, signals, unit.undone(signals))
+        possible = keeps_limits(unit, signals, unit.corrected(signals))
         if right is None or not possible or after.cost > fit.cost + AS_GOOD:
             continue
         if low <= right.share <= high:
@@ -62,8 +62,8 @@ def wrong_scale(
     if abs(weight.share) < KNOWN_SIGMAS * weight.sigma:
         return ()  # the factor would be the inverse of noise
     factor = 1.0 / weight.share
-    every = scaled(MistakeKind.TORQUE_FACTOR, (), factor, n=n, torque=np.full(n, factor))
-    return (every,) if keeps_limits(every, signals, every.undone(signals)) else ()
+    every = scale_mistake(MistakeKind.TORQUE_FACTOR, (), factor, n=n, torque=np.full(n, factor))
+    return (every,) if keeps_limits(every, signals, every.corrected(signals)) else ()
 
 
 def copied_motion(signals: WiredSignals) -> Mistake | None:
@@ -89,7 +89,7 @@ def copied_motion(signals: WiredSignals) -> Mistake | None:
             named = joints if every else np.flatnonzero(one)
             n = use.shape[1]
             everyone = len(named) == n
-            mistake = scaled(
+            mistake = scale_mistake(
                 MistakeKind.TORQUE_QUANTITY, () if everyone else tuple(named.tolist()), 1.0, n=n
             )
             return replace(mistake, what=what)

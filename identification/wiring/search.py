@@ -11,13 +11,13 @@ import numpy as np
 
 from config.arrays import FloatArray
 from identification.wiring.common_mistakes import OFFSET_STEPS, common_mistakes
-from identification.wiring.fine_search import find_fine_mistake, of_the_table
+from identification.wiring.fine_search import find_fine_mistake, table_mistake
 from identification.wiring.gravity import GravitySearch
-from identification.wiring.mistakes import Mistake, MistakeKind, offset
+from identification.wiring.mistakes import Mistake, MistakeKind, zero_mistake
 from identification.wiring.possible import keeps_limits
 from identification.wiring.scale import copied_motion, wrong_scale
 from identification.wiring.signals import WiredSignals
-from identification.wiring.trial import Condensed, WiringTrial, plain_model
+from identification.wiring.trial import CondensedEquations, WiringTrial, plain_model
 from identification.wiring.weight import ArmWeight
 
 AS_GOOD: Final = 0.1
@@ -29,7 +29,7 @@ SCREENED_RAD: Final = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class FoundMistake:
     """A mistake that was found, and others that explain the data as well.
 
     Attributes:
@@ -56,7 +56,7 @@ class Found:
 
 
 @dataclass(frozen=True, eq=False)
-class _Tried:
+class _CorrectedMistake:
     """A corrected mistake: its fit, and its fit to held-out parts."""
 
     mistake: Mistake
@@ -64,7 +64,7 @@ class _Tried:
     held_out: WiringTrial
 
 
-def find_mistakes(signals: WiredSignals, *, fine: bool = True) -> tuple[Found, ...]:
+def find_mistakes(signals: WiredSignals, *, fine: bool = True) -> tuple[FoundMistake, ...]:
     """Try the common mistakes on recordings, then further mistakes after a correction.
 
     A mistake is accepted under three conditions on the corrected data. The model explains both
@@ -78,27 +78,29 @@ def find_mistakes(signals: WiredSignals, *, fine: bool = True) -> tuple[Found, .
     Returns:
         Mistakes one after the other; empty if none explains the data far better.
     """
-    found: list[Found] = []
+    found: list[FoundMistake] = []
     fits = False
     while len(found) < MOST_MISTAKES:
-        stated = Condensed.of(signals)
+        stated = CondensedEquations.of(signals)
         copied = copied_motion(signals)
         if copied is not None:
             before = stated.trial(np.eye(len(signals.robot.joints)))
-            return (*found, Found(copied, (), before, before))
+            return (*found, FoundMistake(copied, (), before, before))
         gravity = GravitySearch.of(signals, stated)
-        better = None if fits else _best(signals, stated, gravity)
-        better = better or _of_scale(signals, stated, gravity)
+        better = None if fits else _best_common_mistake(signals, stated, gravity)
+        better = better or _scale_mistake_found(signals, stated, gravity)
         if better is None:
             break
         found.append(better)
         if better.mistake.kind is MistakeKind.GRAVITY_REMOVED:
             return tuple(found)
-        signals, fits = better.mistake.undone(signals), better.after.good
-    return _with_fine(tuple(found), signals) if fine else tuple(found)
+        signals, fits = better.mistake.corrected(signals), better.after.good
+    return _add_fine_mistake(tuple(found), signals) if fine else tuple(found)
 
 
-def _with_fine(found: tuple[Found, ...], signals: WiredSignals) -> tuple[Found, ...]:
+def _add_fine_mistake(
+    found: tuple[FoundMistake, ...], signals: WiredSignals
+) -> tuple[FoundMistake, ...]:
     """Return the mistakes together with those that are visible only on held-out parts.
 
     If a large residual, an implausible weight or another such mistake remains after the best
@@ -108,19 +110,19 @@ def _with_fine(found: tuple[Found, ...], signals: WiredSignals) -> tuple[Found, 
     fine = find_fine_mistake(signals)
     if fine is None:
         return found
-    undone = fine.mistake.undone(signals)
+    undone = fine.mistake.corrected(signals)
     still = np.eye(len(signals.robot.joints))
-    before, after = (Condensed.of(each).trial(still) for each in (signals, undone))
-    own = Found(fine.mistake, fine.alternatives, before, after, held_out_ratio=fine.ratio)
-    weight = impossibilities(undone)[1]
+    before, after = (CondensedEquations.of(each).trial(still) for each in (signals, undone))
+    own = FoundMistake(fine.mistake, fine.alternatives, before, after, held_out_ratio=fine.ratio)
+    weight = find_impossibilities(undone)[1]
     further = find_fine_mistake(undone)
     plausible = weight is None or weight.is_plausible
     if fine.explains and plausible and further is None:
         return (*found, own)
-    return (replace(own, mistake=of_the_table(signals), alternatives=()),)
+    return (replace(own, mistake=table_mistake(signals), alternatives=()),)
 
 
-def impossibilities(signals: WiredSignals) -> tuple[tuple[str, ...], ArmWeight | None]:
+def find_impossibilities(signals: WiredSignals) -> tuple[tuple[str, ...], ArmWeight | None]:
     """Return the joints with driving friction, and the arm's weight.
 
     Args:
@@ -133,42 +135,44 @@ def impossibilities(signals: WiredSignals) -> tuple[tuple[str, ...], ArmWeight |
         explained.
     """
     still = np.eye(len(signals.robot.joints))
-    stated = Condensed.of(signals)
+    stated = CondensedEquations.of(signals)
     fit, weight = stated.held_out(still), stated.weight(still)
     driving = tuple(signals.robot.joint_names[j] for j in np.flatnonzero(fit.driving))
     return driving, weight if stated.explains_weight(fit) else None
 
 
-def _best(signals: WiredSignals, stated: Condensed, gravity: GravitySearch) -> Found | None:
+def _best_common_mistake(
+    signals: WiredSignals, stated: CondensedEquations, gravity: GravitySearch
+) -> FoundMistake | None:
     still = np.eye(len(signals.robot.joints))
     before, before_out = stated.trial(still), stated.held_out(still)
     few = before.overfits(before_out)
     mistakes = [*common_mistakes(signals.robot), *gravity.mistakes()]
-    tried: list[_Tried] = []
+    tried: list[_CorrectedMistake] = []
     some, model = signals.thinned(), plain_model(signals)
-    screened = Condensed.of(some, model).trial(still)
-    for mistake in _with_exact_zeros(some, mistakes):
+    screened = CondensedEquations.of(some, model).trial(still)
+    for mistake in _refine_zero_positions(some, mistakes):
         if mistake.moves:
-            undone = mistake.undone(some)
+            undone = mistake.corrected(some)
             own = model if mistake.robot is None else plain_model(undone)
-            after = Condensed.of(undone, own).trial(still)
+            after = CondensedEquations.of(undone, own).trial(still)
             if not after.may_be_better_than(screened, before.impossible):
                 continue
         if mistake.kind is MistakeKind.POSITION_OFFSET:
             mistake = _best_zero(signals, mistake, SCREENED_RAD)
-        undone = mistake.undone(signals)
+        undone = mistake.corrected(signals)
         if not keeps_limits(mistake, signals, undone):
             continue
-        condensed = Condensed.of(undone) if mistake.moves else stated
+        condensed = CondensedEquations.of(undone) if mistake.moves else stated
         torque = still if mistake.moves else mistake.torque
         after = condensed.trial(torque)
         if not after.far_better_than(before, few_data=few):
             continue
         held_out = condensed.held_out(torque)
-        if held_out.far_better_than(before_out, few_data=few) and condensed.holds_up(
+        if held_out.far_better_than(before_out, few_data=few) and condensed.supports_weight(
             mistake, torque
         ):
-            tried.append(_Tried(mistake, after, held_out))
+            tried.append(_CorrectedMistake(mistake, after, held_out))
     if not tried:
         return None
     tried.sort(key=lambda each: each.held_out.cost)
@@ -190,20 +194,26 @@ def _best(signals: WiredSignals, stated: Condensed, gravity: GravitySearch) -> F
         for each in tried
         if each is not best and each.held_out.cost - best.held_out.cost < AS_GOOD
     ]
-    return Found(best.mistake, _distinct(best.mistake, near), before, best.after)
+    return FoundMistake(
+        best.mistake, _distinct_alternatives(best.mistake, near), before, best.after
+    )
 
 
-def _of_scale(signals: WiredSignals, stated: Condensed, gravity: GravitySearch) -> Found | None:
+def _scale_mistake_found(
+    signals: WiredSignals, stated: CondensedEquations, gravity: GravitySearch
+) -> FoundMistake | None:
     """Return a mistake of all torques together that no residual shows."""
     wrong = wrong_scale(signals, stated, gravity)
     if not wrong:
         return None
     still = np.eye(len(signals.robot.joints))
     before, weight = stated.trial(still), stated.weight(still)
-    return Found(wrong[0], _distinct(wrong[0], list(wrong[1:])), before, before, weight)
+    return FoundMistake(
+        wrong[0], _distinct_alternatives(wrong[0], list(wrong[1:])), before, before, weight
+    )
 
 
-def _with_exact_zeros(signals: WiredSignals, mistakes: list[Mistake]) -> list[Mistake]:
+def _refine_zero_positions(signals: WiredSignals, mistakes: list[Mistake]) -> list[Mistake]:
     """Replace the grid of zero positions of each joint by its best zero position."""
     still, model = np.eye(len(signals.robot.joints)), plain_model(signals)
     grids: dict[int, list[Mistake]] = {}
@@ -213,7 +223,10 @@ def _with_exact_zeros(signals: WiredSignals, mistakes: list[Mistake]) -> list[Mi
     exact = []
     for grid in grids.values():
         near = min(
-            grid, key=lambda each: Condensed.of(each.undone(signals), model).trial(still).cost
+            grid,
+            key=lambda each: (
+                CondensedEquations.of(each.corrected(signals), model).trial(still).cost
+            ),
         )
         exact.append(_best_zero(signals, near, 2.0 * math.pi / OFFSET_STEPS))
     return [each for each in mistakes if each.kind is not MistakeKind.POSITION_OFFSET] + exact
@@ -225,14 +238,14 @@ def _best_zero(signals: WiredSignals, near: Mistake, within_rad: float) -> Mista
     (joint,), middle = near.joints, near.factor
 
     def cost(angle: float) -> float:
-        undone = offset(signals.robot, joint, angle).undone(signals)
-        return Condensed.of(undone, model).trial(still).cost
+        undone = zero_mistake(signals.robot, joint, angle).corrected(signals)
+        return CondensedEquations.of(undone, model).trial(still).cost
 
-    angle = _lowest(cost, middle - within_rad, middle + within_rad)
-    return offset(signals.robot, joint, angle)
+    angle = _minimise(cost, middle - within_rad, middle + within_rad)
+    return zero_mistake(signals.robot, joint, angle)
 
 
-def _lowest(cost: Callable[[float], float], low: float, high: float) -> float:
+def _minimise(cost: Callable[[float], float], low: float, high: float) -> float:
     """Return the minimum of a cost with a single minimum, by golden section search.
 
     `scipy.optimize` provides this, but its import takes more memory and time than all trials.
@@ -252,7 +265,7 @@ def _lowest(cost: Callable[[float], float], low: float, high: float) -> float:
     return 0.5 * (low + high)
 
 
-def _distinct(best: Mistake, near: list[Mistake]) -> tuple[Mistake, ...]:
+def _distinct_alternatives(best: Mistake, near: list[Mistake]) -> tuple[Mistake, ...]:
     """Return alternatives of other kinds or joints; of zero positions only the best angle."""
     seen, kept = {(best.kind, best.joints, best.what)}, []
     for mistake in near:

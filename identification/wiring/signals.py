@@ -81,7 +81,7 @@ class WiredSignals:
         q, v, a = (values @ across for values in motors)
         return q, v, a
 
-    def moved(self, matrix: FloatArray, offset_rad: FloatArray, clock: float) -> WiredSignals:
+    def transformed(self, matrix: FloatArray, offset_rad: FloatArray, clock: float) -> WiredSignals:
         """Return signals with transformed positions and another clock.
 
         Args:

@@ -1,4 +1,4 @@
-"""`Condensed`: the equations of all rows as one small matrix per joint, for fast trials."""
+"""`CondensedEquations`: equations of all rows as one small matrix per joint, for fast trials."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ class WiringTrial:
 
 
 @dataclass(frozen=True, eq=False)
-class Condensed:
+class CondensedEquations:
     """Products of columns: the information of the rows that least squares needs.
 
     Attributes:
@@ -119,7 +119,7 @@ class Condensed:
     drawn_weight: DrawnWeight | None = None
 
     @classmethod
-    def of(cls, signals: WiredSignals, screened_by: RobotModel | None = None) -> Condensed:
+    def of(cls, signals: WiredSignals, screened_by: RobotModel | None = None) -> CondensedEquations:
         """Evaluate a robot's regressor, with Coulomb and viscous friction and an offset.
 
         Args:
@@ -151,7 +151,7 @@ class Condensed:
         """Fit the robot to torques, (n, n) times the stated ones; all joints have equal weight."""
         whole = self.products.sum(axis=0)
         values, sizes = self._fit(whole, torque)
-        left = self._left(whole, values, torque)
+        left = self._squared_residuals(whole, values, torque)
         shares = _as_shares(left, sizes, self.rows)
         return WiringTrial(shares, self._driving(values, torque), self._weight(values))
 
@@ -166,7 +166,7 @@ class Condensed:
         left, driving = np.zeros(len(whole)), self._driving(values, torque)
         for part in self.products:
             values, _ = self._fit(whole - part, torque)
-            left += self._left(part, values, torque)
+            left += self._squared_residuals(part, values, torque)
             driving &= self._driving(values, torque)
         shares = np.minimum(_as_shares(left, sizes, self.rows), 1.0)
         weight = self.weight(torque)
@@ -195,7 +195,7 @@ class Condensed:
             np.all(held_out.residual_share[self.drawn_weight.drawn > 0.0] < EXPLAINED_SHARE)
         )
 
-    def holds_up(self, mistake: Mistake, torque: FloatArray) -> bool:
+    def supports_weight(self, mistake: Mistake, torque: FloatArray) -> bool:
         """Return True if the torques support the arm's known weight after a mistake is corrected.
 
         For a wrong unit of all torques the weight of the whole arm must be plausible. For other
@@ -226,7 +226,9 @@ class Condensed:
         factor = cho_factor(scaled + RIDGE * np.eye(p), check_finite=False)
         return np.asarray(cho_solve(factor, rhs / scale, check_finite=False) / scale), sizes
 
-    def _left(self, products: FloatArray, values: FloatArray, torque: FloatArray) -> FloatArray:
+    def _squared_residuals(
+        self, products: FloatArray, values: FloatArray, torque: FloatArray
+    ) -> FloatArray:
         """Return each joint's sum of squared residuals, shape (n,)."""
         whole = np.column_stack([np.tile(values, (len(torque), 1)), -torque])
         left = np.einsum("jp,jpq,jq->j", whole, products, whole, optimize=True)

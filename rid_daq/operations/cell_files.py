@@ -15,7 +15,7 @@ from config.load import LoadedCell
 from config.robot.robot import RobotDescription
 from identification.estimation import file as estimate_file
 from identification.estimation.estimate import Estimate
-from identification.model.still_joints import refuse_still
+from identification.model.still_joints import refuse_unmoved_joints
 
 
 def read_motion_for(path: Path, loaded: LoadedCell) -> AnyMotion:
@@ -55,7 +55,7 @@ def read_estimate_and_bytes(path: Path, robot: RobotDescription) -> tuple[Estima
     """Return the model of a file, and the file's bytes; as `read_estimate_for`."""
     data = read_content(path, estimate_file.LARGEST_FILE_BYTES)
     estimate = require_same_robot(path, estimate_file.estimate_content(data, path), robot)
-    refuse_still(estimate.still, str(path))
+    refuse_unmoved_joints(estimate.still, str(path))
     return estimate, data
 
 

@@ -127,4 +127,4 @@ class AccuracyWatch:
             run = TimeRun(signals, Conditions(temperature_k=signals.temperature_k))
             self._estimate = self._estimate.add(run)
             self._followed += 1
-        self.running = self._estimate.look()
+        self.running = self._estimate.current_values()

@@ -16,7 +16,7 @@ from config.robot.bodies import Workspace
 from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain, forward
 from identification.design.two_harmonic import condition_number
-from identification.estimation.at_temperature import by_temperature
+from identification.estimation.at_temperature import depends_on_temperature
 from identification.estimation.limit_torque import limit_torque
 from rid_daq.blocks.block import AnyBlock, Text
 from rid_daq.blocks.formats import duration, number
@@ -54,7 +54,7 @@ def motion_blocks(cell: LoadedCell, path: Path, model: Path | None) -> Iterator[
     if model is not None:
         estimate = read_estimate_for(model, cell.robot)
         torque = limit_torque(estimate, one.position, one.velocity, one.acceleration)
-        if by_temperature(estimate).any():
+        if depends_on_temperature(estimate).any():
             caption = AT_REFERENCE if estimate.warming is None else COLD_OR_WARM
     yield limits_plot(one, cell.robot, torque, caption)
     yield tool_plot(one, cell.robot, cell.config.workspace)

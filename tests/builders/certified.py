@@ -16,7 +16,7 @@ from identification.choices import PayloadLimits
 from identification.payload.body import PayloadBody
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.file import write_payload
-from identification.payload.verdict import PayloadResult, checks
+from identification.payload.verdict import PayloadResult, check_payload
 from rid_daq.operations.payload.session_states import SessionFile
 from rid_daq.report.result import Result
 from rid_daq.report.sections.payload import PayloadSection, payload_verdict
@@ -66,7 +66,7 @@ def certified_session(
         state.note_step(step, run.run_id)
     estimate = estimate_of(loaded, tuple(state.done[name] for name in state.measurements))
     limits = PayloadLimits(mass_percent=mass_percent)
-    payload = PayloadResult(estimate, checks(estimate, limits))
+    payload = PayloadResult(estimate, check_payload(estimate, limits))
     note_payload(folder, payload)
     state.state = SessionState.DONE
     state.write()
@@ -115,7 +115,7 @@ def without_checks(payload: PayloadResult) -> PayloadResult:
 def with_unseen_inertia(payload: PayloadResult) -> PayloadResult:
     """Return a payload whose motion does not determine the inertia about z."""
     estimate = replace(payload.estimate, unseen=np.eye(10)[:, 9:])
-    return PayloadResult(estimate, checks(estimate, PayloadLimits()))
+    return PayloadResult(estimate, check_payload(estimate, PayloadLimits()))
 
 
 def _write_cell(folder: RunFolder, loaded: LoadedCell, simulated: bool) -> None:

@@ -71,10 +71,12 @@ def test_warm_is_where_the_motion_leads_that_is_repeated(followed: Estimate) -> 
     signals = recording(20.0, (None, None, None), seed=4)
     assert np.array_equal(signals.velocity, WAY[1])
     settled = _after_an_hour(warming, followed)
-    np.testing.assert_allclose(warming.settled(followed.robot, WAY[1])[:2], settled[:2], rtol=0.002)
+    np.testing.assert_allclose(
+        warming.steady_temperatures(followed.robot, WAY[1])[:2], settled[:2], rtol=0.002
+    )
     axis1 = found.estimate.base.names.index("fc_axis1")
     cold = at_operating_temperature(followed, "cold", None).estimate.values[axis1]
-    rise = warming.settled(followed.robot, WAY[1])[0] - 298.15
+    rise = warming.steady_temperatures(followed.robot, WAY[1])[0] - 298.15
     assert rise > 5.0
     assert found.estimate.values[axis1] == pytest.approx(cold * (1.0 - FALL * rise))
     assert f": {rise:.3g} W in axis1, " in found.sentence
@@ -97,7 +99,7 @@ def _after_an_hour(warming: Warming, estimate: Estimate) -> np.ndarray:
             "segment": np.zeros(rows, dtype=np.int64),
         }
     )
-    followed = warming.warmed(estimate.robot, whole).temperature_k
+    followed = warming.with_temperatures(estimate.robot, whole).temperature_k
     assert followed is not None
     return np.asarray(followed[-len(one) :].mean(axis=0))
 

@@ -100,7 +100,7 @@ BACKENDS: dict[str, Callable[[Case], object]] = {
     "one sample": one_sample,
     "consistency": lambda c: not_negative(c.model, c.robot),
     "export": exported,
-    "straight export": lambda c: ExportModel(c.robot, c.model, c.parameters).left_out(
+    "straight export": lambda c: ExportModel(c.robot, c.model, c.parameters).omitted_properties(
         armatures=True
     ),
 }

@@ -18,7 +18,7 @@ from identification.payload.controllers.formats import (
     read_load_data,
     rounding,
 )
-from identification.payload.controllers.text import significant
+from identification.payload.controllers.text import number_writer
 from tests.builders.raised_codes import raises_code
 
 # A body whose numbers are known without a computer. Mass 4 kg, centre of gravity at
@@ -277,4 +277,4 @@ def test_what_was_weighed_on_scales_keeps_all_its_digits() -> None:
     ],
 )
 def test_a_pendant_has_no_exponents(value: float, count: int, text: str) -> None:
-    assert significant(count)(value) == text
+    assert number_writer(count)(value) == text

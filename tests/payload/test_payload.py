@@ -25,8 +25,8 @@ from identification.payload.estimate import PayloadEstimate
 from identification.payload.file import read_payload, write_payload
 from identification.payload.known import Known
 from identification.payload.periodic_runs import PeriodicRuns
-from identification.payload.procedures import PayloadOptions, identify_payload, left_on_flange
-from identification.payload.verdict import NO_BODY, PayloadResult, checks
+from identification.payload.procedures import PayloadOptions, identify_payload, mass_left_on_flange
+from identification.payload.verdict import NO_BODY, PayloadResult, check_payload
 from tests.builders.raised_codes import raises_code
 
 OPTIONS = ModelOptions(rotors=False)
@@ -92,14 +92,14 @@ def test_what_the_unloaded_run_carried_is_weighed_by_a_model(
 ) -> None:
     how = PayloadOptions("together", OPTIONS, alone)
     sound = lab.averaged(robot, motion, None, seed=7)
-    mass, sigma = left_on_flange(robot, runs((sound, False)), how) or (np.inf, 0.0)
+    mass, sigma = mass_left_on_flange(robot, runs((sound, False)), how) or (np.inf, 0.0)
     assert abs(mass) < 4.0 * sigma
     rest = PayloadBody(0.3, np.array([0.0, 0.0, 0.04]), 1e-3 * np.eye(3))
     heavy = lab.averaged(robot, motion, rest, seed=8)
-    mass, sigma = left_on_flange(robot, runs((heavy, False)), how) or (0.0, 0.0)
+    mass, sigma = mass_left_on_flange(robot, runs((heavy, False)), how) or (0.0, 0.0)
     assert mass == pytest.approx(0.3, abs=0.02)
     assert mass > 4.0 * sigma
-    assert left_on_flange(robot, both, PayloadOptions("together", OPTIONS)) is None
+    assert mass_left_on_flange(robot, both, PayloadOptions("together", OPTIONS)) is None
 
 
 def test_a_heavy_load_in_the_unloaded_run_is_named_as_the_likely_mistake(
@@ -108,7 +108,7 @@ def test_a_heavy_load_in_the_unloaded_run_is_named_as_the_likely_mistake(
     other = PayloadBody(5.8, np.array([0.0, 0.0, 0.1]), 0.02 * np.eye(3))
     pair = runs((lab.averaged(robot, motion, other, seed=3), False), (loaded, True))
     found = identify_payload(robot, pair, PayloadOptions("together", OPTIONS))
-    failed = [line for line in checks(found, PayloadLimits()) if not line.passed]
+    failed = [line for line in check_payload(found, PayloadLimits()) if not line.passed]
     assert [line.advice for line in failed] == [NO_BODY]
 
 
@@ -169,7 +169,7 @@ def test_a_held_value_that_the_recordings_contradict_is_held_and_fails_the_verdi
     how = PayloadOptions("together", OPTIONS, known=(Known("m", mass_kg, 0.0),))
     held = identify_payload(robot, both, how)
     assert held.reported[0] == mass_kg
-    failed = [line for line in checks(held, PayloadLimits()) if not line.passed]
+    failed = [line for line in check_payload(held, PayloadLimits()) if not line.passed]
     assert failed[0].text.endswith("kg as known, distance from the recordings' result")
     assert failed[0].value > 20.0
 
@@ -179,10 +179,10 @@ def test_a_weighed_value_that_the_recordings_contradict_fails_the_verdict(
 ) -> None:
     how = PayloadOptions("together", OPTIONS, known=(Known("m", 12.0, 0.01),))
     weighed = identify_payload(robot, both, how)
-    assert not PayloadResult(weighed, checks(weighed, PayloadLimits())).passed
+    assert not PayloadResult(weighed, check_payload(weighed, PayloadLimits())).passed
     agreeing = PayloadOptions("together", OPTIONS, known=(Known("m", 9.579, 0.01),))
     agreed = identify_payload(robot, both, agreeing)
-    assert PayloadResult(agreed, checks(agreed, PayloadLimits())).passed
+    assert PayloadResult(agreed, check_payload(agreed, PayloadLimits())).passed
 
 
 @pytest.mark.parametrize(
@@ -210,7 +210,7 @@ def test_torques_of_swapped_or_reversed_axes_fail_the_verdict_by_their_residuals
     pair = runs((wired(None, 1), False), (wired(lab.medium, 2), True))
     for procedure in ("together", "apart"):
         found = identify_payload(robot, pair, PayloadOptions(procedure, OPTIONS))
-        failed = {line.text for line in checks(found, PayloadLimits()) if not line.passed}
+        failed = {line.text for line in check_payload(found, PayloadLimits()) if not line.passed}
         bad = {name for name in robot.joint_names if any(name in text for text in failed)}
         assert bad & axes
 
@@ -238,7 +238,9 @@ def test_a_payload_file_keeps_the_noise_and_is_refused_without_it(
     robot: RobotDescription, both: PeriodicRuns, tmp_path: Path
 ) -> None:
     found = identify_payload(robot, both, PayloadOptions("together", OPTIONS))
-    write_payload(tmp_path / "new.json", PayloadResult(found, checks(found, PayloadLimits())))
+    write_payload(
+        tmp_path / "new.json", PayloadResult(found, check_payload(found, PayloadLimits()))
+    )
     document = json.loads((tmp_path / "new.json").read_text(encoding="utf-8"))
     kept = read_payload(tmp_path / "new.json").estimate
     assert found.noise_nm is not None

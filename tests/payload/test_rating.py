@@ -13,7 +13,7 @@ from config.robot.robot import RobotDescription
 from identification.choices import PayloadLimits
 from identification.payload.body import PayloadBody
 from identification.payload.rating import HeaviestPayload, refuse_heavier
-from identification.payload.verdict import HEAVY, checks
+from identification.payload.verdict import HEAVY, check_payload
 from rid_daq.app import run
 from tests.builders.certified import estimate_of
 
@@ -58,7 +58,7 @@ def test_a_verdict_holds_the_identified_mass_against_the_rating(
         robot=loaded.robot.model_copy(update={"rated_payload_kg": 15.0}),
         values=body.parameters,
     )
-    (line,) = (each for each in checks(rated, PayloadLimits()) if each.advice == HEAVY)
+    (line,) = (each for each in check_payload(rated, PayloadLimits()) if each.advice == HEAVY)
     assert line.passed is passed
     assert line.value == pytest.approx(100.0 * mass_kg / 15.0, rel=0.2)
 

@@ -19,8 +19,8 @@ from identification.payload.body import PayloadBody
 from identification.sensitivity.cases import sensitivity_row, thesis_cases, thesis_motion
 from identification.sensitivity.monte_carlo import (
     PriorUncertainty,
-    collected,
     draw_batch,
+    join_batches,
     monte_carlo,
 )
 from identification.sensitivity.problem import (
@@ -28,7 +28,7 @@ from identification.sensitivity.problem import (
     Comparison,
     SensitivityProblem,
     deviation_percent,
-    estimated,
+    estimate_under_assumption,
 )
 from rid_daq.app import run
 
@@ -68,7 +68,9 @@ def test_what_is_believed_rightly_gives_the_true_payload(
     sides: tuple[Comparison, ...] = ("model", "difference")
     for problem in problems.values():
         for against in sides:
-            off = deviation_percent(problem, estimated(problem, Assumptions(), against))
+            off = deviation_percent(
+                problem, estimate_under_assumption(problem, Assumptions(), against)
+            )
             assert np.max(np.abs(off)) < 1e-4
 
 
@@ -156,10 +158,10 @@ def test_the_same_seed_draws_the_same_wherever_it_is_computed(
         problems["wrist"],
         PriorUncertainty(torque_constants=0.02, links=0.05, rotors=0.05),
     )
-    here = collected(list(monte_carlo(problem, doubt, "difference", 12, seed=3, jobs=1)))
+    here = join_batches(list(monte_carlo(problem, doubt, "difference", 12, seed=3, jobs=1)))
     assert here.shape == (12, 10)
     assert np.array_equal(
-        here, collected(list(monte_carlo(problem, doubt, "difference", 12, seed=3, jobs=1)))
+        here, join_batches(list(monte_carlo(problem, doubt, "difference", 12, seed=3, jobs=1)))
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Dask's own, of ports and sockets
@@ -169,7 +171,7 @@ def test_the_same_seed_draws_the_same_wherever_it_is_computed(
             n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
         ) as cluster:
             address = cluster.scheduler_address
-            there = collected(
+            there = join_batches(
                 list(monte_carlo(problem, doubt, "difference", 12, seed=3, scheduler=address))
             )
     assert np.allclose(here, there, rtol=1e-12, atol=1e-14)

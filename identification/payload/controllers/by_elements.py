@@ -11,7 +11,13 @@ import numpy as np
 from config.errors import EstimationError
 from config.formats.urdf import rotation_of_rpy
 from identification.payload.body import PayloadBody
-from identification.payload.controllers.text import NUMBER, Digits, comments, found, match_numbers
+from identification.payload.controllers.text import (
+    NUMBER,
+    Digits,
+    comments,
+    find_match,
+    match_numbers,
+)
 
 KGF_CM_S2: Final = 0.0980665
 """One kgf cm s^2 in kg m^2: 9.80665 N times 0.01 m times s^2."""
@@ -51,7 +57,7 @@ def from_fanuc(text: str) -> PayloadBody:
     """Read a FANUC payload schedule; raise ValueError for any other text."""
     values = np.array(
         [
-            float(found(rf"(?m)^{re.escape(name)}\s+{NUMBER}\s*$", text, name).group(1))
+            float(find_match(rf"(?m)^{re.escape(name)}\s+{NUMBER}\s*$", text, name).group(1))
             for name in _FANUC_LINES
         ]
     )
@@ -91,7 +97,9 @@ def from_ur(text: str) -> PayloadBody:
         rf"(?m)^\s*set_target_payload\(\s*{NUMBER}\s*,\s*\[\s*{NUMBER}{2 * further}\s*\]\s*,"
         rf"\s*\[\s*{NUMBER}{5 * further}\s*\]"
     )
-    values = match_numbers(found(pattern, text, "set_target_payload(m, [x, y, z], [six elements])"))
+    values = match_numbers(
+        find_match(pattern, text, "set_target_payload(m, [x, y, z], [six elements])")
+    )
     return PayloadBody.of_reported(values)
 
 
@@ -163,7 +171,7 @@ def from_staubli(text: str) -> PayloadBody:
     """Read a Staubli tool's load; raise ValueError for any other text."""
     values = np.array(
         [
-            float(found(rf"(?m)^{name}\s*=\s*{NUMBER}\s*$", text, name).group(1))
+            float(find_match(rf"(?m)^{name}\s*=\s*{NUMBER}\s*$", text, name).group(1))
             for name in _STAUBLI_LINES
         ]
     )
@@ -207,15 +215,15 @@ def to_urdf(body: PayloadBody, origin: tuple[str, ...], digits: Digits) -> str:
 
 def from_urdf(text: str) -> PayloadBody:
     """Read a URDF link; raise ValueError for any other text."""
-    inside = found(
+    inside = find_match(
         r'(?s)<link name="payload">\s*<inertial>(.*?)</inertial>', text, "link payload"
     ).group(1)
-    xyz = found(r'<origin xyz="([^"]*)" rpy="([^"]*)"', inside, "origin")
+    xyz = find_match(r'<origin xyz="([^"]*)" rpy="([^"]*)"', inside, "origin")
     rpy = [float(angle) for angle in xyz.group(2).split()]
     axes = rotation_of_rpy(*rpy)
-    mass = float(found(rf'<mass value="{NUMBER}"', inside, "mass").group(1))
+    mass = float(find_match(rf'<mass value="{NUMBER}"', inside, "mass").group(1))
     xx, yy, zz, xy, xz, yz = (
-        float(found(rf'{name}="{NUMBER}"', inside, name).group(1))
+        float(find_match(rf'{name}="{NUMBER}"', inside, name).group(1))
         for name in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
     )
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])

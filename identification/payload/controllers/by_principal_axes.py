@@ -7,7 +7,13 @@ import numpy as np
 from config.arrays import FloatArray
 from config.formats.urdf import rotation_of_rpy, rpy_of_rotation
 from identification.payload.body import PayloadBody
-from identification.payload.controllers.text import NUMBER, Digits, comments, found, match_numbers
+from identification.payload.controllers.text import (
+    NUMBER,
+    Digits,
+    comments,
+    find_match,
+    match_numbers,
+)
 
 
 def _about(mass: float, centre: FloatArray, moments: FloatArray, axes: FloatArray) -> PayloadBody:
@@ -46,7 +52,9 @@ def from_kuka(text: str) -> PayloadBody:
         rf"{s},{s}A\s+{NUMBER}{s},{s}B\s+{NUMBER}{s},{s}C\s+{NUMBER}{s}\}}{s},"
         rf"{s}J{s}\{{{s}X\s+{NUMBER}{s},{s}Y\s+{NUMBER}{s},{s}Z\s+{NUMBER}{s}\}}{s}\}}"
     )
-    values = match_numbers(found(pattern, text, "{M ..,CM {X ..,Y ..,Z ..,A ..,B ..,C ..},J {..}}"))
+    values = match_numbers(
+        find_match(pattern, text, "{M ..,CM {X ..,Y ..,Z ..,A ..,B ..,C ..},J {..}}")
+    )
     a, b, c = np.radians(values[4:7])
     return _about(float(values[0]), values[1:4] / 1e3, values[7:], rotation_of_rpy(c, b, a))
 
@@ -80,7 +88,9 @@ def from_abb(text: str) -> PayloadBody:
         rf":=\s*\[\s*{NUMBER}\s*,\s*\[\s*{NUMBER}{2 * further}\s*\]\s*,"
         rf"\s*\[\s*{NUMBER}{3 * further}\s*\]{3 * further}\s*\]"
     )
-    values = match_numbers(found(pattern, text, "loaddata [mass,[x,y,z],[q1,q2,q3,q4],ix,iy,iz]"))
+    values = match_numbers(
+        find_match(pattern, text, "loaddata [mass,[x,y,z],[q1,q2,q3,q4],ix,iy,iz]")
+    )
     axes = _rotation(values[4:8])
     return _about(float(values[0]), values[1:4] / 1e3, values[8:], axes)
 

@@ -36,7 +36,7 @@ from identification.payload.controllers.by_principal_axes import (
     to_abb,
     to_kuka,
 )
-from identification.payload.controllers.text import Digits, significant
+from identification.payload.controllers.text import Digits, number_writer
 
 PRECISION: Final = 1e-8
 FEWEST_DIGITS: Final = 3
@@ -78,7 +78,7 @@ def load_data(
     lines = tuple("".join(c for c in line if c.isprintable()) for line in origin)
     worst = math.inf
     for count in range(FEWEST_DIGITS if sure > PRECISION else MOST_DIGITS, MOST_DIGITS + 1):
-        text = _CODECS[to].write(body, lines, significant(count))
+        text = _CODECS[to].write(body, lines, number_writer(count))
         try:
             found = read_load_data(text, to)
         except ConfigError:  # with so few digits the text is not valid

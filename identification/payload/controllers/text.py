@@ -22,7 +22,7 @@ Digits = Callable[[float], str]
 """Function that writes a number of a text."""
 
 
-def significant(count: int) -> Digits:
+def number_writer(count: int) -> Digits:
     """Return a function that writes numbers with `count` significant digits, never minus zero."""
 
     def digits(value: float) -> str:
@@ -41,7 +41,7 @@ def comments(mark: str, lines: tuple[str, ...]) -> str:
     return "".join(f"{mark} {line}\n" for line in lines)
 
 
-def found(pattern: str, text: str, what: str) -> re.Match[str]:
+def find_match(pattern: str, text: str, what: str) -> re.Match[str]:
     """Return the first match of a pattern in a text; raise ValueError if there is no match."""
     match = re.search(pattern, text)
     if match is None:

@@ -16,13 +16,13 @@ from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.formats.whole_file import write_whole
 from config.load import LoadedCell, load_cell, to_yaml
-from identification.design.task import chosen_criterion, excitation_problem
+from identification.design.task import criterion_of_options, excitation_problem
 from identification.design.two_harmonic import (
     TwoHarmonicOptions,
     condition_number,
     design_two_harmonic,
 )
-from identification.estimation.limit_torque import limit_warmth
+from identification.estimation.limit_torque import limit_temperature_note
 from identification.friction.motions import constant_velocity_motion, reversed_motion
 from rid_daq.operations.cell_files import read_estimate_for
 from rid_daq.operations.experiment.design import DesignRequest, Multisine
@@ -142,7 +142,7 @@ def _design_excitation(
         robot,
         period_s=how.period_s,
         harmonics=how.harmonics or HARMONICS,
-        criterion=chosen_criterion(robot, how.criterion, how.wanted),
+        criterion=criterion_of_options(robot, how.criterion, how.wanted),
         model=None if request.model is None else read_estimate_for(request.model, robot),
         given=[read_estimate_for(path, robot) for path in request.given],
     )
@@ -160,7 +160,7 @@ def _design_multisine(request: DesignRequest, cell: LoadedCell) -> DesignedMotio
     estimate = None if model is None else read_estimate_for(model, robot)
     motion = multisine_motion(robot, cell.config, _multisine_options(request.multisine), estimate)
     samples = _write_motion(request, cell, motion)
-    warmth = "" if estimate is None else limit_warmth(estimate)
+    warmth = "" if estimate is None else limit_temperature_note(estimate)
     use = limit_use(samples, robot, estimate)
     return DesignedMotion(cell, motion, samples, use=use, notes=(warmth,) if warmth else ())
 

@@ -16,7 +16,7 @@ from compensation.compensated_motion import refuse_torque
 from config.cell.cell import CellConfig
 from config.load import load_cell, read_faults
 from config.simulation.faults import NO_SCRIPT, FaultScript
-from identification.estimation.limit_torque import limit_warmth
+from identification.estimation.limit_torque import limit_temperature_note
 from rid_daq.operations.cell_files import add_feedforward, read_estimate_for, read_motion_and_bytes
 from rid_daq.operations.experiment.record import RecordRequest
 from rid_daq.operations.operation import Context
@@ -79,7 +79,7 @@ def record_motion_file(request: RecordRequest, context: Context) -> RecordedMoti
         refuse_torque(motion, samples, estimate, loaded.robot)
         driven = commanded_motion(samples, loaded.config.position_gain_per_s)
         refuse_torque(motion, driven, estimate, loaded.robot)
-        warmth = limit_warmth(estimate)
+        warmth = limit_temperature_note(estimate)
         if warmth:
             context.say(warmth)
     script = _load_fault_script(request, loaded.config, files)

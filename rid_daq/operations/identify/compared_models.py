@@ -11,7 +11,7 @@ from config.errors import ConfigError
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import read_estimate
 from identification.validation.estimate_difference import EstimateDifference, compare_estimates
-from identification.validation.torque_prediction import relative_of_both, validate_torques
+from identification.validation.torque_prediction import common_relative_errors, validate_torques
 from rid_daq.operations.identify.compare import CompareRequest
 from rid_daq.runs.measured_torques import require_torques
 from rid_daq.runs.run_data import RunData, all_defects
@@ -92,5 +92,5 @@ def _predict_run(one: Estimate, other: Estimate, data: RunData) -> RunPrediction
         validate_torques(each, data.recording, cutoff_hz=each.band_hz) for each in (one, other)
     ]
     return RunPrediction(
-        data, (run_id in one.run_ids, run_id in other.run_ids), relative_of_both(*found)
+        data, (run_id in one.run_ids, run_id in other.run_ids), common_relative_errors(*found)
     )

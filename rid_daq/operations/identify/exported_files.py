@@ -19,7 +19,7 @@ from identification.export.description import pinocchio_model, sdf, urdf
 from identification.export.function import c_function, python_function
 from identification.export.model import ExportModel
 from identification.export.table import csv_table, json_table
-from identification.model.still_joints import refuse_still
+from identification.model.still_joints import refuse_unmoved_joints
 from identification.regression.fit_grade import Grade
 from rid_daq.operations.identify.export import ExportedModel, ExportedRecording, ExportRequest
 from rid_daq.runs import made_file
@@ -114,7 +114,7 @@ def exported_parameters(request: ExportRequest, estimate: Estimate) -> tuple[Exp
             parameters explain them.
     """
     if not request.as_identified:
-        refuse_still(estimate.still, request.what)
+        refuse_unmoved_joints(estimate.still, request.what)
     bad = [fit.joint for fit in estimate.fit if fit.grade is Grade.BAD]
     if bad and not request.despite_misfit:
         raise EstimationError(

@@ -9,7 +9,7 @@ from acquisition.processing.periods import PeriodAverage
 from acquisition.runs.catalogue import find_run, find_runs
 from config.errors import ConfigError, EstimationError
 from identification.accuracy.identifiability import (
-    few_findings,
+    few_cluster_findings,
     noiseless_findings,
     still_findings,
     unseen_findings,
@@ -325,7 +325,7 @@ def _estimate_findings(
     weak = [each for each in weak_parameters(estimate) if each.expression not in weight]
     findings = [
         *still_findings(estimate),
-        *few_findings(estimate),
+        *few_cluster_findings(estimate),
         *noiseless_findings(estimate),
         *unseen_findings(estimate),
         *(each.sentence for each in weak),

@@ -26,7 +26,12 @@ from identification.sensitivity.cases import (
     thesis_cases,
     thesis_motion,
 )
-from identification.sensitivity.monte_carlo import Draws, PriorUncertainty, collected, monte_carlo
+from identification.sensitivity.monte_carlo import (
+    Draws,
+    PriorUncertainty,
+    join_batches,
+    monte_carlo,
+)
 from identification.sensitivity.problem import (
     SampledMotion,
     SensitivityProblem,
@@ -120,7 +125,7 @@ def _draw_payloads(
             batches.append(batch)
             done += len(batch.values)
             shown.update(float(done), f"mass ± {2.0 * batch.values[:, 0].std():.2g} kg (2σ)")
-    values = collected(batches)
+    values = join_batches(batches)
     return DrawnPayloads(values, deviation_percent(problem, values.mean(axis=0)))
 
 

@@ -22,7 +22,7 @@ from identification.calibration.plate_mistake import PlateMistake
 from identification.calibration.plate_search import find_plate_mistake
 from identification.calibration.torque_scale import TorqueConsistency, torque_consistency
 from identification.cross_checks.agreement import CrossCheck, cross_checks
-from identification.equations.bus_delay import without_implausible
+from identification.equations.bus_delay import split_implausible_delays
 from identification.equations.deconvolution import smoothed_recording
 from identification.equations.segments import period_signals, unfiltered_period
 from identification.equations.time_domain import time_runs
@@ -31,8 +31,8 @@ from identification.estimation.estimate import Estimate
 from identification.estimation.fitted_periods import PLATE_LATE, fit_periodic, unsolved_equations
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
-from identification.model.still_joints import JERK_SHARE, refuse_still, still_joints
-from identification.validation.asked_terms import asked_findings
+from identification.model.still_joints import JERK_SHARE, refuse_unmoved_joints, still_joints
+from identification.validation.asked_terms import further_term_findings
 from identification.validation.model_choice import (
     DELAYS_ALONE,
     ModelChoice,
@@ -167,13 +167,13 @@ def compare_friction(
     motions = [(run.position, run.velocity) for run in signals]
     model, speed = how.options.model.build(robot), how.options.standstill_rad_s
     still = still_joints(model, motions, speed, JERK_SHARE)
-    refuse_still(still, "friction terms cannot be chosen (--choose)")
+    refuse_unmoved_joints(still, "friction terms cannot be chosen (--choose)")
     if not all(item.clock is None or item.clock.is_known for item in data):
         return choose_model(robot, signals, how.options, kinds=("none",), watch=watch)
     if data[0].is_periodic:
         return _choose_by_periods(robot, data, how, watch)
     chosen = choose_model(robot, signals, how.options, watch=watch)
-    channel, refused_s = without_implausible(chosen.channel, signals[0].sample_period_s)
+    channel, refused_s = split_implausible_delays(chosen.channel, signals[0].sample_period_s)
     if refused_s.any():
         chosen = choose_model(robot, signals, how.options, kinds=("none",), watch=watch)
         return replace(chosen, refused_delay_s=tuple(refused_s.tolist()))
@@ -188,7 +188,7 @@ def _choose_by_periods(
     signals = signals_of(data, how)
     chosen = choose_model(robot, signals, how.options, kinds=DELAYS_ALONE, watch=watch)
     channel = choose_period_delays(chosen.robot(robot), averages, how.options)
-    channel, refused_s = without_implausible(channel, averages[0].sample_period_s)
+    channel, refused_s = split_implausible_delays(channel, averages[0].sample_period_s)
     if not refused_s.any():
         return replace(chosen, channel=channel)
     chosen = choose_model(robot, signals, how.options, kinds=("none",), watch=watch)
@@ -209,7 +209,7 @@ def missing_friction_terms(
 ) -> tuple[str, ...]:
     """Return sentences on friction terms that improve the prediction of held-out parts.
 
-    See `asked_findings`.
+    See `further_term_findings`.
 
     Recordings are thinned to `COMPARED_HZ` or a slightly higher rate, which suffices for the
     comparison.
@@ -221,7 +221,7 @@ def missing_friction_terms(
     else:
         coarse = (_thinned_recording(item.recording) for item in data)
         signals = [smoothed_recording(each, how.options.band_hz) for each in coarse]
-    return asked_findings(estimate.robot, signals, how.options)
+    return further_term_findings(estimate.robot, signals, how.options)
 
 
 def _thinned_recording(recording: Recording) -> Recording:
@@ -271,7 +271,9 @@ def with_joint_warming(
     signals: list[SmoothedSignals], robot: RobotDescription, warming: Warming | None
 ) -> list[SmoothedSignals]:
     """Return the signals with the joint temperatures by friction, if the robot warms up."""
-    return signals if warming is None else [warming.warmed(robot, each) for each in signals]
+    return (
+        signals if warming is None else [warming.with_temperatures(robot, each) for each in signals]
+    )
 
 
 def signals_of(

@@ -13,7 +13,7 @@ from acquisition.runs.folder import RunFolder
 from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
 from identification.wiring.mistakes import DEGREES, Mistake, MistakeKind
-from identification.wiring.search import Found, find_mistakes, impossibilities
+from identification.wiring.search import FoundMistake, find_impossibilities, find_mistakes
 from identification.wiring.signals import WiredSignals
 from identification.wiring.weight import ArmWeight
 from rid_daq.blocks.formats import number
@@ -205,7 +205,7 @@ def diagnose_wiring(
         estimate: Estimate from these runs; if it explains the torques, no mistake can be hidden.
         search: True to try the common mistakes of wiring, units and files.
     """
-    driving, weight = impossibilities(signals)
+    driving, weight = find_impossibilities(signals)
     if not search:
         return WiringDiagnosis(None, driving, weight)
     imported, folder = run.import_report is not None, run.folder
@@ -225,7 +225,7 @@ def _hides_mistakes(estimate: Estimate) -> bool:
 
 
 def mistake_entry(
-    found: Found, robot: RobotDescription, *, imported: bool, folder: RunFolder | None = None
+    found: FoundMistake, robot: RobotDescription, *, imported: bool, folder: RunFolder | None = None
 ) -> MistakeEntry:
     """Return a mistake as a section of a report, with the keys to change.
 
@@ -256,7 +256,7 @@ def mistake_entry(
     )
 
 
-def _mistake_sentence(found: Found, words: str, joints: Sequence[str], worst: int) -> str:
+def _mistake_sentence(found: FoundMistake, words: str, joints: Sequence[str], worst: int) -> str:
     """Return a mistake as a sentence, with its evidence."""
     says = f"{words[0].upper()}{words[1:]}"
     if found.weight is not None:

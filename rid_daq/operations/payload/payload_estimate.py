@@ -14,7 +14,7 @@ from identification.estimation.options import EstimationOptions
 from identification.payload.file import write_payload
 from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.periodic_runs import PeriodicRuns
-from identification.payload.procedures import PayloadOptions, identify_payload, left_on_flange
+from identification.payload.procedures import PayloadOptions, identify_payload, mass_left_on_flange
 from identification.payload.smoothed_runs import SmoothedRuns
 from identification.payload.verdict import (
     BAD_FIT,
@@ -22,10 +22,10 @@ from identification.payload.verdict import (
     PayloadCheck,
     PayloadResult,
     Repeats,
-    checks,
-    repeated,
+    check_payload,
+    estimate_each_run,
 )
-from identification.wiring.search import impossibilities
+from identification.wiring.search import find_impossibilities
 from rid_daq.operations.identify.run_estimation import EstimationJob, require_one_robot
 from rid_daq.operations.identify.wiring_diagnosis import signals_for_diagnosis
 from rid_daq.operations.payload.shared import IdentifiedPayload
@@ -91,7 +91,7 @@ def payload_runs(
     if model is not None and model.channel is not None:
         signals = [replace(each, channel=model.channel) for each in signals]
     if model is not None and model.warming is not None:
-        signals = [model.warming.warmed(model.robot, each) for each in signals]
+        signals = [model.warming.with_temperatures(model.robot, each) for each in signals]
     return SmoothedRuns(tuple(signals), tuple(loaded), payload_request.standstill_rad_s)
 
 
@@ -172,9 +172,9 @@ def estimate_payload(
     )
     repeats = None
     if how.procedure != "difference" and estimate.rank == len(estimate.values):
-        repeats = repeated(robot, runs, how)
-    left_on = left_on_flange(robot, runs.part(_comparison_runs(data, loaded, how)), how)
-    held = checks(estimate, payload_request.limits, repeats, left_on)
+        repeats = estimate_each_run(robot, runs, how)
+    left_on = mass_left_on_flange(robot, runs.part(_comparison_runs(data, loaded, how)), how)
+    held = check_payload(estimate, payload_request.limits, repeats, left_on)
     unloaded = [run for run, carried in zip(data, loaded, strict=True) if not carried]
     return PayloadResult(estimate, (*held, *_arm_checks(unloaded, payload_request))), repeats
 
@@ -189,7 +189,7 @@ def _arm_checks(
     if not empty:
         return ()
     how = EstimationJob(EstimationOptions(band_hz=payload_request.band_hz))
-    driving, weight = impossibilities(signals_for_diagnosis(empty, how, empty[0].robot))
+    driving, weight = find_impossibilities(signals_for_diagnosis(empty, how, empty[0].robot))
     said = f"joints with negative friction power ({', '.join(driving)})"
     found = [PayloadCheck(said, len(driving), "≤", 0.0, "", BAD_FIT)] if driving else []
     if weight is not None and weight.is_drawn:

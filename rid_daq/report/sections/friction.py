@@ -206,7 +206,7 @@ def _joint(
         torque["the model file"] = tuple(_odd(lambda v: model.torque(j, v), speed).tolist())
         error = curve.odd - _odd(lambda v: model.torque(j, v), curve.speed)
         rms = np.sqrt(np.mean(error**2))
-        conditions = model.circumstances(j)
+        conditions = model.conditions_in_words(j)
         sentence += f" The model file, {conditions}, is" if conditions else " The model file is"
         sentence += (
             f" off by {rms:.3g} {torque_unit} RMS,"

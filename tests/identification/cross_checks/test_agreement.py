@@ -13,7 +13,7 @@ from acquisition.processing.smoothing import SmoothedSignals, smooth_nonperiodic
 from acquisition.processing.torque_channel import TorqueChannel
 from acquisition.recording.recording import Recording
 from dynamics.terms.conditions import Conditions
-from identification.cross_checks.agreement import CrossMethod, check, cross_checks
+from identification.cross_checks.agreement import CrossMethod, check_method, cross_checks
 from identification.equations.segments import single_periods
 from identification.equations.time_domain import TimeRun
 from identification.estimation.estimate import Estimate
@@ -60,7 +60,7 @@ def test_its_intervals_hold_the_truth(
     errors = []
     for seed in range(seeds):
         estimate, runs = measured(arm, measure, seed, noise_nm=2.0)
-        other = check(method, estimate, runs)
+        other = check_method(method, estimate, runs)
         assert other.agrees, other.sentence
         errors.append((other.values - arm.base) / other.sigma)
     assert np.mean(np.abs(errors) < 2.0) >= 0.85
@@ -74,13 +74,13 @@ def test_energies_need_no_accelerations(arm: KnownArm, measure: Measure) -> None
         return replace(part, acceleration=0.9 * part.acceleration)
 
     estimate, runs = measured(arm, measure, change=damped)
-    energies = check(CrossMethod.ENERGY, estimate, runs)
+    energies = check_method(CrossMethod.ENERGY, estimate, runs)
     assert not energies.agrees
     assert "accelerations" in energies.sentence
     inertia = int(np.argmax(np.abs(energies.difference)))
     own = abs(energies.values[inertia] - arm.base[inertia])
     assert own < 0.3 * abs(estimate.values[inertia] - arm.base[inertia])
-    kalman = check(CrossMethod.KALMAN, estimate, runs)
+    kalman = check_method(CrossMethod.KALMAN, estimate, runs)
     assert not kalman.agrees
     assert np.abs((kalman.values - arm.base) / kalman.sigma).max() < 4.0
 
@@ -90,7 +90,7 @@ def test_joint_after_joint_shows_a_wrong_torque_constant(arm: KnownArm, measure:
         return replace(part, torque_nm=part.torque_nm * [1.0, 1.0, 1.15])
 
     estimate, runs = measured(arm, measure, change=scaled)
-    other = check(CrossMethod.LINK_BY_LINK, estimate, runs)
+    other = check_method(CrossMethod.LINK_BY_LINK, estimate, runs)
     assert not other.agrees
     assert "torque constants" in other.sentence
 
@@ -127,7 +127,7 @@ def test_a_late_torque_raises_no_alarm(late_s: float) -> None:
 def test_a_robot_that_runs_away_is_no_number(arm: KnownArm, measure: Measure) -> None:
     estimate, runs = measured(arm, measure)
     weightless = replace(estimate, values=1e-4 * estimate.values)
-    kalman = check(CrossMethod.KALMAN, weightless, runs)
+    kalman = check_method(CrossMethod.KALMAN, weightless, runs)
     assert kalman.agrees is None
     assert "diverges" in kalman.trouble
 
@@ -137,5 +137,5 @@ def test_energies_follow_friction_that_remembers() -> None:
     directions = {j: iwan(way[0][:, j], 0.03) for j in range(3)}
     signals = recording(directions, way)
     estimate = fit_smoothed(with_presliding((0, 1, 2), 0.03), [signals]).estimate()
-    energies = check(CrossMethod.ENERGY, estimate, runs_of([signals]))
+    energies = check_method(CrossMethod.ENERGY, estimate, runs_of([signals]))
     assert energies.agrees, energies.sentence

@@ -11,7 +11,7 @@ from acquisition.processing.torque_channel import TorqueChannel
 from identification.equations.bus_delay import (
     longest_delay_s,
     refused_delay_findings,
-    without_implausible,
+    split_implausible_delays,
 )
 
 
@@ -23,7 +23,7 @@ def test_two_slow_cycles_and_two_rows_are_plausible() -> None:
 def test_a_delay_of_87_ms_is_taken_out_and_said() -> None:
     channel = TorqueChannel.none(2)
     late = type(channel).of_delays(np.array([0.004, -0.087]), np.array([0.001, 0.0065]))
-    kept, refused_s = without_implausible(late, 0.008)
+    kept, refused_s = split_implausible_delays(late, 0.008)
     np.testing.assert_array_equal(kept.delay_s, [0.004, 0.0])
     np.testing.assert_array_equal(kept.delay_sigma_s, [0.001, 0.0])
     np.testing.assert_array_equal(refused_s, [0.0, -0.087])
@@ -34,7 +34,7 @@ def test_a_delay_of_87_ms_is_taken_out_and_said() -> None:
 @given(st.floats(-0.2, 0.2), st.floats(1e-4, 0.05))
 def test_either_goes_into_the_model_or_is_said(delay_s: float, period_s: float) -> None:
     channel = TorqueChannel.of_delays(np.array([delay_s]), np.array([1e-4]))
-    kept, refused_s = without_implausible(channel, period_s)
+    kept, refused_s = split_implausible_delays(channel, period_s)
     assert kept.delay_s[0] + refused_s[0] == delay_s
     assert abs(kept.delay_s[0]) <= longest_delay_s(period_s)
     assert len(refused_delay_findings(("a",), refused_s.tolist())) == (refused_s[0] != 0.0)

@@ -13,7 +13,7 @@ from dynamics.model.memory import with_memory
 from dynamics.model.robot_model import RobotModel
 from dynamics.terms.conditions import Conditions
 from identification.equations import low_passed
-from identification.equations.low_passed import KeptColumns, LowPassedColumns
+from identification.equations.low_passed import ColumnCache, LowPassedColumns
 from identification.model.base_parameters import BaseParameters, base_parameters
 from identification.model.torque_columns import torque_columns
 from identification.validation.robot_terms import with_friction, with_presliding
@@ -40,7 +40,7 @@ def recorded() -> SmoothedSignals:
 
 
 def kept_and_fresh(
-    model: RobotModel, base: BaseParameters, kept: KeptColumns, standard: FloatArray | None
+    model: RobotModel, base: BaseParameters, kept: ColumnCache, standard: FloatArray | None
 ) -> tuple[FloatArray, FloatArray]:
     """Return the columns by way of what was kept, and from nothing."""
     warm = np.tile(300.0 + np.linspace(0.0, 5.0, len(WAY[0]))[:, np.newaxis], (1, 3))
@@ -53,7 +53,7 @@ def kept_and_fresh(
 @pytest.mark.parametrize("name", list(TERMS))
 def test_kept_columns_are_those_that_the_model_has(name: str) -> None:
     model = RobotModel.from_description(robot_of(name))
-    base, kept = base_parameters(model), KeptColumns()
+    base, kept = base_parameters(model), ColumnCache()
     random = np.random.default_rng(2)
     low, high = model.nonlinear_bounds.T
     for share in (None, 0.1, 0.7, 0.3):
@@ -67,7 +67,7 @@ def test_kept_columns_are_those_that_the_model_has(name: str) -> None:
 
 
 def test_another_model_forgets_what_was_kept() -> None:
-    kept = KeptColumns()
+    kept = ColumnCache()
     for name in ("classical", "stribeck", "classical"):
         model = RobotModel.from_description(robot_of(name))
         by_kept, fresh = kept_and_fresh(model, base_parameters(model), kept, None)
@@ -78,7 +78,7 @@ def test_another_model_forgets_what_was_kept() -> None:
 def test_without_room_nothing_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(low_passed, "MOST_BYTES", 1000)
     model = RobotModel.from_description(robot_of("classical"))
-    base, kept = base_parameters(model), KeptColumns()
+    base, kept = base_parameters(model), ColumnCache()
     for _ in range(2):
         by_kept, fresh = kept_and_fresh(model, base, kept, None)
         np.testing.assert_allclose(by_kept, fresh, atol=1e-10 * np.abs(fresh).max())

@@ -14,7 +14,7 @@ from acquisition.recording.recording import Recording
 from config.arrays import FloatArray
 from dynamics.model.robot_model import RobotModel, torque
 from dynamics.terms.conditions import Conditions
-from identification.equations.segments import cut, thinned, unfiltered_period
+from identification.equations.segments import split_recording, thin_rows, unfiltered_period
 from identification.equations.time_domain import TimeRun, count_rows, time_blocks
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
@@ -97,7 +97,7 @@ def test_rows_next_to_a_reversal_are_left_out_and_no_others(signals: SmoothedSig
 
 
 def test_parts_of_a_recording_see_beyond_their_ends(signals: SmoothedSignals) -> None:
-    for part in cut(thinned(signals), 5):
+    for part in split_recording(thin_rows(signals), 5):
         assert misfit(part) < 1e-6
 
 
@@ -141,7 +141,7 @@ def test_columns_are_held_for_the_rows_that_a_torque_is(rows: int) -> None:
     torque[:, 1:] = torque[np.arange(len(torque)) // rows * rows, 1:]
     held = smooth_nonperiodic(replace(whole, torque_nm=torque), 10.0)
     assert misfit(held) < 1e-6
-    assert misfit(cut(thinned(held), 3)[1]) < 1e-6
+    assert misfit(split_recording(thin_rows(held), 3)[1]) < 1e-6
     found = fit_smoothed(arm(), [held]).estimate()
     values = dict(zip(found.base.names, found.values, strict=True))
     for joint in arm().joint_names:

@@ -9,7 +9,7 @@ import numpy as np
 from acquisition.processing.smoothing import SmoothedSignals, low_pass
 from config.load import load_robot
 from dynamics.model.robot_model import RobotModel, torque
-from identification.equations.segments import ROWS_PER_PERIOD, thinned
+from identification.equations.segments import ROWS_PER_PERIOD, thin_rows
 from identification.estimation.fitted_signals import fit_smoothed
 
 STEP_S = 0.0005
@@ -44,7 +44,7 @@ def dense() -> SmoothedSignals:
 
 def test_rows_far_denser_than_the_cut_off_needs_hardly_change_an_estimate() -> None:
     robot, signals = load_robot("ir361"), dense()
-    fewer = thinned(signals)
+    fewer = thin_rows(signals)
     assert len(signals) == 25 * len(fewer)
     every, few = (fit_smoothed(robot, [each]).estimate() for each in (signals, fewer))
     assert (
@@ -58,7 +58,7 @@ def test_each_segment_is_thinned_from_its_first_row_on() -> None:
     signals = dense()
     segment = np.zeros(len(signals), dtype=np.int64)
     segment[1010:] = 1
-    fewer = thinned(replace(signals, segment=segment))
+    fewer = thin_rows(replace(signals, segment=segment))
     for number, first in enumerate((0, 1010)):
         rows = fewer.segment == number
         assert fewer.time_s[rows][0] == signals.time_s[first]
@@ -68,5 +68,5 @@ def test_each_segment_is_thinned_from_its_first_row_on() -> None:
 
 def test_rows_that_are_needed_are_kept() -> None:
     signals = replace(dense(), cutoff_hz=130.0)
-    assert thinned(signals) is signals
-    assert thinned(thinned(dense())).sample_period_s == thinned(dense()).sample_period_s
+    assert thin_rows(signals) is signals
+    assert thin_rows(thin_rows(dense())).sample_period_s == thin_rows(dense()).sample_period_s

@@ -14,7 +14,7 @@ from dynamics.model.memory import with_memory
 from dynamics.model.one_sample import SampleTorque
 from dynamics.model.robot_model import regressor
 from dynamics.terms.conditions import Conditions
-from identification.estimation.at_temperature import at_temperature, by_temperature
+from identification.estimation.at_temperature import at_temperature, depends_on_temperature
 from identification.estimation.estimate import Estimate, predict
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.validation.robot_terms import with_friction
@@ -47,8 +47,8 @@ def test_torques_and_their_intervals_are_those_at_that_temperature(
 ) -> None:
     estimate = identified(terms)
     plain = at_temperature(estimate, WARM_K)
-    assert by_temperature(estimate).tolist() == [True, False, True]
-    assert not by_temperature(plain).any()
+    assert depends_on_temperature(estimate).tolist() == [True, False, True]
+    assert not depends_on_temperature(plain).any()
     q, v, a = motion(10.0, 3)
     there = Conditions(temperature_k=WARM_K)
     np.testing.assert_allclose(

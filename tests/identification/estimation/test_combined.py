@@ -21,7 +21,7 @@ from identification.calibration.torque_scale import torque_consistency
 from identification.equations.segments import period_signals
 from identification.estimation.estimate import Estimate, predict_base_wrench
 from identification.estimation.file import read_estimate, write_estimate
-from identification.estimation.fitted_periods import FittedPeriods, fit_periodic, model_of
+from identification.estimation.fitted_periods import FittedPeriods, build_model, fit_periodic
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.model.base_parameters import ModelKind
@@ -37,7 +37,7 @@ SEEDS = 6
 
 
 def truth_of(kind: ModelKind, cell: Any, arm: KnownArm) -> NDArray[np.float64]:
-    model, base, *_ = model_of(arm.robot, ModelOptions(kind=kind))
+    model, base, *_ = build_model(arm.robot, ModelOptions(kind=kind))
     return base.from_standard(true_parameters(model, cell.robot, cell.plant))
 
 

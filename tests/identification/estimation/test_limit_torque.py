@@ -8,7 +8,7 @@ import pytest
 from config.load import LoadedCell, load_cell
 from dynamics.terms.conditions import Conditions
 from identification.estimation.estimate import predict
-from identification.estimation.limit_torque import limit_torque, limit_warmth
+from identification.estimation.limit_torque import limit_temperature_note, limit_torque
 from tests.builders.known_model import known
 from tests.builders.warm_model import by_temperature
 from tests.builders.warming_arm import motion
@@ -25,7 +25,7 @@ def cell() -> LoadedCell:
 def test_of_a_joint_that_warms_up_it_is_the_larger_of_cold_and_warm(cell: LoadedCell) -> None:
     followed = by_temperature(cell, measured=False)
     assert followed.warming is not None
-    settled = followed.warming.settled(followed.robot, WAY[1])
+    settled = followed.warming.steady_temperatures(followed.robot, WAY[1])
     cold, half, warm = (
         np.abs(predict(followed, *WAY, Conditions(temperature_k=COLD_K + share)))
         for share in (0.0 * (settled - COLD_K), 0.5 * (settled - COLD_K), settled - COLD_K)
@@ -35,7 +35,7 @@ def test_of_a_joint_that_warms_up_it_is_the_larger_of_cold_and_warm(cell: Loaded
     held = np.abs(limit_torque(followed, *WAY))
     np.testing.assert_array_equal(held, np.maximum(cold, warm))
     assert (half <= held + 1e-9).all()
-    assert "axis1, axis2 after a long rest" in limit_warmth(followed)
+    assert "axis1, axis2 after a long rest" in limit_temperature_note(followed)
 
 
 def test_of_measured_temperatures_it_is_that_at_the_reference_and_said_so(
@@ -44,10 +44,10 @@ def test_of_measured_temperatures_it_is_that_at_the_reference_and_said_so(
     measured = by_temperature(cell, measured=True)
     there = Conditions(temperature_k=np.full(3, COLD_K))
     np.testing.assert_array_equal(limit_torque(measured, *WAY), predict(measured, *WAY, there))
-    assert "(axis1 25 °C, axis2 25 °C)" in limit_warmth(measured)
+    assert "(axis1 25 °C, axis2 25 °C)" in limit_temperature_note(measured)
 
 
 def test_of_other_models_it_is_their_torque(cell: LoadedCell) -> None:
     plain = known(cell, {})
     np.testing.assert_array_equal(limit_torque(plain, *WAY), predict(plain, *WAY))
-    assert limit_warmth(plain) == ""
+    assert limit_temperature_note(plain) == ""

@@ -13,7 +13,7 @@ from config.errors import EstimationError
 from config.load import load_robot
 from dynamics.model.robot_model import RobotModel
 from dynamics.terms.conditions import Conditions
-from identification.equations.segments import cut, single_periods
+from identification.equations.segments import single_periods, split_recording
 from identification.equations.time_domain import TimeRun
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.running import RunningEstimate
@@ -35,7 +35,7 @@ def test_it_is_the_estimate_of_all_rows_at_once(arm: KnownArm, measure: Measure)
     running = RunningEstimate.begin(arm.model, STANDSTILL_RAD_S)
     for signals in periods:
         running = running.add(run(signals))
-    now = running.look()
+    now = running.current_values()
     whole = fit_smoothed(arm.robot, periods).estimate()
     np.testing.assert_allclose(now.values, whole.values, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(now.residual_nm, whole.residual_nm, rtol=1e-6)
@@ -44,9 +44,9 @@ def test_it_is_the_estimate_of_all_rows_at_once(arm: KnownArm, measure: Measure)
 def test_parts_of_a_recording_give_its_honest_intervals(arm: KnownArm, measure: Measure) -> None:
     period = single_periods(measure(periods=2), 10.0)[0]
     running = RunningEstimate.begin(arm.model, STANDSTILL_RAD_S)
-    for part in cut(period, 7):
+    for part in split_recording(period, 7):
         running = running.add(run(part))
-    now = running.look()
+    now = running.current_values()
     whole = fit_smoothed(arm.robot, [period]).estimate()
     np.testing.assert_allclose(now.values, whole.values, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(now.sigma, whole.sigma, rtol=1e-6)
@@ -57,7 +57,7 @@ def test_more_periods_come_closer_to_the_truth(arm: KnownArm, measure: Measure) 
     sigma, error = [], []
     for signals in single_periods(measure(periods=16, noise_nm=5.0), 10.0).values():
         running = running.add(run(signals))
-        now = running.look()
+        now = running.current_values()
         sigma.append(np.median(now.sigma))
         error.append(np.sqrt(np.mean(((now.values - arm.base) / now.sigma) ** 2)))
     assert len(running.stretches) == 5, "a second of the period each: it does not grow"
@@ -68,7 +68,7 @@ def test_more_periods_come_closer_to_the_truth(arm: KnownArm, measure: Measure) 
 def test_what_was_not_shown_is_said(arm: KnownArm, measure: Measure) -> None:
     running = RunningEstimate.begin(arm.model, STANDSTILL_RAD_S)
     with raises_code(EstimationError, "RID-RECORDING-SHORT"):
-        running.look()
+        running.current_values()
 
 
 def test_a_model_that_is_not_linear_is_refused() -> None:

@@ -18,7 +18,7 @@ from dynamics.model.robot_model import RobotModel, regressor, torque
 from identification.estimation.estimate import predict
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
-from identification.estimation.prior import held
+from identification.estimation.prior import prior_of_known
 from identification.model.base_parameters import base_parameters
 from identification.model.options import ModelOptions
 from tests.builders.raised_codes import raises_code
@@ -193,7 +193,7 @@ class TestPrior:
     def test_knowing_nothing_changes_nothing(self, robot, truth, run) -> None:
         model = RobotModel.from_description(robot)
         signals = [run(model, truth(model))]
-        nothing = held(base_parameters(model), {})
+        nothing = prior_of_known(base_parameters(model), {})
         np.testing.assert_allclose(
             fit_smoothed(robot, signals, EstimationOptions(prior=nothing)).estimate().values,
             fit_smoothed(robot, signals).estimate().values,
@@ -202,7 +202,7 @@ class TestPrior:
     def test_a_parameter_can_be_held(self, robot, truth, run) -> None:
         model = RobotModel.from_description(robot)
         signals = [run(model, truth(model))]
-        known = held(base_parameters(model), {"fc_axis1": (33.0, 0.0)})
+        known = prior_of_known(base_parameters(model), {"fc_axis1": (33.0, 0.0)})
         found = fit_smoothed(robot, signals, EstimationOptions(prior=known)).estimate()
         index = found.base.names.index("fc_axis1")
         assert found.values[index] == pytest.approx(33.0, abs=1e-6)
@@ -215,14 +215,14 @@ class TestPrior:
         index = free.base.names.index("fv_axis2")
         sigma = float(np.sqrt(free.covariance_residual[index, index]))
         value = float(free.values[index])
-        prior = held(free.base, {"fv_axis2": (value + 2.0 * sigma, sigma)})
+        prior = prior_of_known(free.base, {"fv_axis2": (value + 2.0 * sigma, sigma)})
         found = fit_smoothed(robot, signals, EstimationOptions(prior=prior)).estimate()
         assert found.values[index] == pytest.approx(value + sigma, abs=0.02 * sigma)
 
     def test_an_unknown_name_is_told(self, robot) -> None:
         base = base_parameters(RobotModel.from_description(robot))
         with raises_code(EstimationError, "RID-OPTION-NAME", "'m9'"):
-            held(base, {"m9": (1.0, 0.1)})
+            prior_of_known(base, {"m9": (1.0, 0.1)})
 
 
 def test_runs_with_and_without_show_the_payload(robot, truth, run) -> None:

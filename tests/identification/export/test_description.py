@@ -301,7 +301,7 @@ def test_a_coupled_actuators_friction_is_left_out_and_said() -> None:
         update={"coupling": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.5, 1.0))}
     )
     model = with_bodies(robot)
-    assert [model.couples(j) for j in range(3)] == [False, True, True]
+    assert [model.is_coupled(j) for j in range(3)] == [False, True, True]
     assert model.straight_friction(1).damping == 0.0
     assert "friction and rotor of j3" in urdf(model)
 

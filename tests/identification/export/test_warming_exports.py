@@ -72,7 +72,7 @@ def test_a_function_with_the_temperatures_that_its_head_tells_has_the_models_tor
     temperature_k = followed(text, signals.time_s, signals.velocity)
     assert temperature_k[-1, 0] > 300.0
     assert warming.warming is not None
-    warm = warming.warming.warmed(warming.robot, signals).temperature_k
+    warm = warming.warming.with_temperatures(warming.robot, signals).temperature_k
     np.testing.assert_allclose(
         arm.inverse_dynamics(*motion, temperature_k),
         predict(warming, *motion, Conditions(temperature_k=warm)),

@@ -11,7 +11,7 @@ from identification.regression.nested_choice import (
     Gain,
     deviations,
     joints_that_gain,
-    simplest,
+    simplest_model,
 )
 
 BLOCKS = np.array([1.0, 1.1, 0.9, 1.05, 0.95, 1.0])
@@ -38,8 +38,8 @@ def test_a_gain_below_the_least_gain_does_not_count() -> None:
 
 
 def test_of_models_as_good_as_the_best_the_simplest_is_taken() -> None:
-    assert simplest([BLOCKS, BLOCKS * NOISE]) == 0
-    assert simplest([4.0 * BLOCKS, BLOCKS, BLOCKS * NOISE]) == 1
+    assert simplest_model([BLOCKS, BLOCKS * NOISE]) == 0
+    assert simplest_model([4.0 * BLOCKS, BLOCKS, BLOCKS * NOISE]) == 1
 
 
 def test_joints_are_judged_one_by_one() -> None:

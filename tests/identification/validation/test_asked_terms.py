@@ -8,7 +8,7 @@ from acquisition.processing.smoothing import smooth_nonperiodic
 from acquisition.recording.recording import Recording
 from config.robot.friction_terms import FrictionTerm
 from identification.estimation.options import EstimationOptions
-from identification.validation.asked_terms import asked_findings
+from identification.validation.asked_terms import further_term_findings
 from identification.validation.robot_terms import with_friction
 from tests.builders.remembering_arm import CLASSICAL, arm, measured, motion
 
@@ -23,7 +23,7 @@ def recorded(offset_nm: float) -> Recording:
 
 def asked(recording: Recording, terms: tuple[FrictionTerm, ...] = CLASSICAL) -> tuple[str, ...]:
     robot = with_friction(arm(), [terms] * 3)
-    return asked_findings(robot, [smooth_nonperiodic(recording, 10.0)], EstimationOptions())
+    return further_term_findings(robot, [smooth_nonperiodic(recording, 10.0)], EstimationOptions())
 
 
 def test_nothing_is_asked_for_if_nothing_is_missing() -> None:

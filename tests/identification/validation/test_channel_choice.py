@@ -21,8 +21,8 @@ from identification.validation.channel_choice import (
     FLEXIBLE,
     JointChannel,
     JointEquations,
+    accepted_channel,
     fit_joint,
-    kept_channel,
 )
 
 TRUE_LAG_S = 1.0 / (16.0 * np.pi)  # a first-order filter at 8 Hz
@@ -51,7 +51,7 @@ def sticking() -> JointEquations:
     load = np.zeros(len(plain.base))
     load[grams.rigid] = grams.fit([PLAIN] * 3).values[: len(grams.rigid)]
     load[[name.startswith("Im") for name in plain.base.names]] = 0.0
-    loaded = plain.with_load(load)
+    loaded = plain.with_gear_load(load)
     return JointEquations(loaded, 1, FLEXIBLE, Reach(0.0, AFTER_STANDSTILL_S), 2.0)
 
 
@@ -90,15 +90,15 @@ NONE = [JointChannel({}, {}, np.ones(BLOCKS), 1.0)] * 3
 
 
 def test_a_joint_that_sticks_has_the_lag_that_most_joints_show() -> None:
-    found = kept_channel([fitted(0.02, 0.1), fitted(0.021, 0.6), fitted(0.02, 1.2)], NONE)
+    found = accepted_channel([fitted(0.02, 0.1), fitted(0.021, 0.6), fitted(0.02, 1.2)], NONE)
     assert found.lag_s.tolist() == [0.02, 0.021, 0.02]
 
 
 def test_a_lag_that_few_joints_show_past_jumps_of_friction_is_none() -> None:
-    found = kept_channel([fitted(0.02, 0.1), fitted(0.02, 1.1), fitted(0.02, 1.2)], NONE)
+    found = accepted_channel([fitted(0.02, 0.1), fitted(0.02, 1.1), fitted(0.02, 1.2)], NONE)
     assert not found.changes
 
 
 def test_a_zero_phase_filter_shows_past_jumps_of_friction_on_each_joint() -> None:
-    found = kept_channel([widened(0.02, 0.1), widened(0.02, 0.1), widened(0.02, 1.2)], NONE)
+    found = accepted_channel([widened(0.02, 0.1), widened(0.02, 0.1), widened(0.02, 1.2)], NONE)
     assert found.width_s.tolist() == [0.02, 0.02, 0.0]

@@ -41,9 +41,11 @@ def test_warmth_adds_nothing_and_is_told(measured: bool) -> None:
     plain = EstimatedFriction(known(CELL, {}))
     warm = EstimatedFriction(by_temperature(CELL, measured=measured))
     np.testing.assert_allclose(warm.torque(0, SPEED), plain.torque(0, SPEED))
-    assert plain.circumstances(0) == ""
-    assert warm.circumstances(0) == ("at 25 °C" if measured else "for a joint after a long rest")
-    assert warm.circumstances(2) == ""
+    assert plain.conditions_in_words(0) == ""
+    assert warm.conditions_in_words(0) == (
+        "at 25 °C" if measured else "for a joint after a long rest"
+    )
+    assert warm.conditions_in_words(2) == ""
 
 
 def test_what_load_adds_is_left_out_and_told() -> None:
@@ -53,9 +55,9 @@ def test_what_load_adds_is_left_out_and_told() -> None:
         friction.torque(1, SPEED), EstimatedFriction(estimate).torque(1, SPEED)
     )
     words = "without load-dependent friction"
-    assert [friction.circumstances(j) for j in range(3)] == ["", words, ""]
+    assert [friction.conditions_in_words(j) for j in range(3)] == ["", words, ""]
     both = EstimatedFriction(loaded(by_temperature(CELL, measured=True), 1))
-    assert both.circumstances(1) == "at 25 °C and without load-dependent friction"
+    assert both.conditions_in_words(1) == "at 25 °C and without load-dependent friction"
 
 
 def test_a_model_without_friction_is_refused() -> None:

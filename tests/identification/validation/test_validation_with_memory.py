@@ -12,7 +12,7 @@ from identification.estimation.fitted_signals import fit_smoothed
 from identification.validation.diagnosis import diagnose
 from identification.validation.torque_prediction import (
     Validation,
-    relative_of_both,
+    common_relative_errors,
     validate_torques,
 )
 from rid_daq.report.sections.curves import TorqueCurves
@@ -145,8 +145,8 @@ def test_two_models_are_compared_on_what_counts_for_both(
     later = measured(directions(WAY[0]), WAY, rows=slice(BEGIN, None))
     sliding = validate_torques(plain, later, cutoff_hz=5.0)
     assert sliding.known.all()
-    both = relative_of_both(sliding, begun_in_motion)
-    assert (both == relative_of_both(begun_in_motion, sliding)[::-1]).all()
+    both = common_relative_errors(sliding, begun_in_motion)
+    assert (both == common_relative_errors(begun_in_motion, sliding)[::-1]).all()
     times = begun_in_motion.time_s[begun_in_motion.counted[:, 1]]
     rows = np.isin(sliding.time_s, times) & sliding.moving[:, 1]
     rms = np.sqrt(np.mean(error(sliding)[rows, 1] ** 2))

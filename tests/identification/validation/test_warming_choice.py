@@ -44,7 +44,7 @@ def found(warm: SmoothedSignals) -> Warming:
 
 def fitted(warming: Warming, signals: SmoothedSignals) -> Estimate:
     robot = warming.robot(arm())
-    estimate = fit_smoothed(robot, [warming.warmed(robot, signals)]).estimate()
+    estimate = fit_smoothed(robot, [warming.with_temperatures(robot, signals)]).estimate()
     return replace(estimate, warming=warming)
 
 
@@ -53,7 +53,7 @@ def error_nm(estimate: Estimate, signals: SmoothedSignals) -> FloatArray:
     motion = (signals.position, signals.velocity, signals.acceleration)
     conditions = None
     if estimate.warming is not None:
-        warmed = estimate.warming.warmed(estimate.robot, signals)
+        warmed = estimate.warming.with_temperatures(estimate.robot, signals)
         conditions = Conditions(temperature_k=warmed.temperature_k)
     error = signals.torque_nm - predict(estimate, *motion, conditions)
     moving = np.abs(signals.velocity) > 0.05
@@ -101,7 +101,7 @@ def test_the_rise_is_that_of_the_friction_power_and_its_slope_the_difference() -
     signals = recording(30.0, (None, None, None))
     own = np.full(3, 12.0)
     still = Warming(own, np.zeros(3), np.full(3, COULOMB_NM), np.full(3, VISCOUS_NM_S))
-    rise = still.warmed(arm(), signals).temperature_k
+    rise = still.with_temperatures(arm(), signals).temperature_k
     assert rise is not None
     speed = np.abs(signals.velocity)
     power_w = (COULOMB_NM + VISCOUS_NM_S * speed) * speed
@@ -111,8 +111,10 @@ def test_the_rise_is_that_of_the_friction_power_and_its_slope_the_difference() -
         slow = slow + STEP_S / 12.0 * (heat - slow)
     reference = np.array([joint.reference_temperature_k for joint in arm().joints])
     np.testing.assert_allclose(rise - reference, expected, atol=2e-3 * expected.max())
-    longer = replace(still, time_constant_s=own + 1e-4).warmed(arm(), signals).temperature_k
-    slope = still.by_time_constant(arm(), signals).temperature_k
+    longer = (
+        replace(still, time_constant_s=own + 1e-4).with_temperatures(arm(), signals).temperature_k
+    )
+    slope = still.with_temperature_slopes(arm(), signals).temperature_k
     assert longer is not None
     assert slope is not None
     np.testing.assert_allclose(slope - reference, (longer - rise) / 1e-4, atol=1e-4)
@@ -124,7 +126,7 @@ def test_over_a_gap_a_joint_cools() -> None:
     late = signals.time_s + np.where(np.arange(len(signals)) < half, 0.0, 120.0)
     gap = replace(signals, time_s=late, segment=(np.arange(len(signals)) >= half).astype(int))
     warming = Warming(np.full(3, 20.0), np.zeros(3), np.full(3, 1.0), np.zeros(3))
-    rise = warming.warmed(arm(), gap).temperature_k
+    rise = warming.with_temperatures(arm(), gap).temperature_k
     assert rise is not None
     rise = rise - [joint.reference_temperature_k for joint in arm().joints]
     np.testing.assert_allclose(rise[half], np.exp(-(120.0 + STEP_S) / 20.0) * rise[half - 1])

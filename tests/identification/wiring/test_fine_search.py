@@ -11,7 +11,7 @@ import pytest
 from benchmarks.sound_robots import sound_run
 from config.load import load_robot
 from config.robot.robot import RobotDescription
-from identification.wiring.fine_search import find_fine_mistake, fine_mistakes, of_the_table
+from identification.wiring.fine_search import find_fine_mistake, fine_mistakes, table_mistake
 from identification.wiring.mistakes import Mistake, MistakeKind
 from identification.wiring.search import find_mistakes
 from identification.wiring.signals import WiredSignals
@@ -66,7 +66,7 @@ def test_what_hides_behind_friction_is_found(
     arm: WiredSignals, kind: MistakeKind, what: str, joints: tuple[int, ...]
 ) -> None:
     made = one(arm.robot, kind, what, *joints)
-    fine = find_fine_mistake(made.undone(arm))
+    fine = find_fine_mistake(made.corrected(arm))
     assert fine is not None
     assert kind in {each.kind for each in (fine.mistake, *fine.alternatives)}
     assert fine.ratio < 0.9
@@ -91,7 +91,7 @@ def test_another_arms_table_is_named_and_no_advice_on_torques_is_given(
     other = {"kinematics": load_robot("kr15").kinematics, "cad": None}
     wrong = replace(recorded, robot=recorded.robot.model_copy(update=other))
     (found,) = find_mistakes(wrong)
-    assert found.mistake.what == of_the_table(recorded).what
+    assert found.mistake.what == table_mistake(recorded).what
     assert found.alternatives == ()
 
 

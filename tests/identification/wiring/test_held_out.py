@@ -15,7 +15,7 @@ from config.load import load_robot
 from identification.regression.fit_grade import BAD_SHARE, Grade, grade_fit
 from identification.wiring.held_out import held_out_share
 from identification.wiring.signals import WiredSignals
-from identification.wiring.trial import Condensed
+from identification.wiring.trial import CondensedEquations
 
 PERIOD = 1000  # rows of the motion's period
 
@@ -41,7 +41,7 @@ def test_another_robots_file_does_not_even_where_the_motion_repeats(
 ) -> None:
     other = load_robot({"kr15": "ur10e", "ur10e": "kr15"}[sound.robot.name])
     signals = replace(signals_of(sound, rows), robot=other)
-    fitted = Condensed.of(signals).trial(np.eye(6)).residual_share
+    fitted = CondensedEquations.of(signals).trial(np.eye(6)).residual_share
     left_out = held_out_share(signals)
     assert np.any((fitted < BAD_SHARE) & (left_out > BAD_SHARE))
 

@@ -18,9 +18,9 @@ from dynamics.model.robot_model import regressor
 from identification.wiring.common_mistakes import common_mistakes, torque_units
 from identification.wiring.mistakes import DEGREES, MistakeKind
 from identification.wiring.possible import keeps_limits
-from identification.wiring.search import find_mistakes, impossibilities
+from identification.wiring.search import find_impossibilities, find_mistakes
 from identification.wiring.signals import WiredSignals
-from identification.wiring.trial import Condensed, plain_model
+from identification.wiring.trial import CondensedEquations, plain_model
 from tests.identification.wiring.test_search import wired
 
 
@@ -28,7 +28,7 @@ from tests.identification.wiring.test_search import wired
 def arm() -> WiredSignals:
     """Six axes whose drawings say what they weigh, within a factor of two."""
     signals = wired(sound_run(load_robot("ur10e"), np.random.default_rng(4)))
-    weight = Condensed.of(replace(signals, robot=_drawn(signals, 1.0))).weight(np.eye(6))
+    weight = CondensedEquations.of(replace(signals, robot=_drawn(signals, 1.0))).weight(np.eye(6))
     assert weight is not None
     return replace(signals, robot=_drawn(signals, weight.share))
 
@@ -43,7 +43,7 @@ def _drawn(signals: WiredSignals, share: float) -> RobotDescription:
 
 
 def test_a_sound_arm_weighs_what_its_drawings_say(arm: WiredSignals) -> None:
-    driving, weight = impossibilities(arm)
+    driving, weight = find_impossibilities(arm)
     assert driving == ()
     assert weight is not None
     assert weight.is_drawn
@@ -54,7 +54,7 @@ def test_a_sound_arm_weighs_what_its_drawings_say(arm: WiredSignals) -> None:
 def test_all_torques_reversed_have_driving_friction_and_less_weight_than_none(
     arm: WiredSignals,
 ) -> None:
-    driving, weight = impossibilities(replace(arm, torque_nm=-arm.torque_nm))
+    driving, weight = find_impossibilities(replace(arm, torque_nm=-arm.torque_nm))
     assert driving == arm.robot.joint_names
     assert weight is not None
     assert not weight.is_plausible
@@ -166,7 +166,7 @@ def test_what_is_proposed_keeps_the_limits_of_the_robot_file(arm: WiredSignals) 
     refused = [
         (mistake.kind, mistake.factor)
         for mistake in common_mistakes(arm.robot)
-        if not keeps_limits(mistake, arm, mistake.undone(arm))
+        if not keeps_limits(mistake, arm, mistake.corrected(arm))
     ]
     assert (MistakeKind.TORQUE_FACTOR, 1000.0) in refused
     assert (MistakeKind.TORQUE_FACTOR, 0.001) in refused
@@ -194,7 +194,7 @@ def test_a_factor_of_all_torques_keeps_their_limits(
         link.model_copy(update={"mass_kg": times * link.mass_kg}) for link in arm.robot.cad or ()
     )
     drawn = replace(arm, robot=arm.robot.model_copy(update={"cad": links}))
-    weight = impossibilities(drawn)[1]
+    weight = find_impossibilities(drawn)[1]
     assert weight is not None
     assert not weight.is_plausible
     factors = [each.mistake.factor for each in find_mistakes(drawn)]

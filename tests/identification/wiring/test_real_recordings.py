@@ -15,9 +15,9 @@ from config.load import load_bundled_or_path, load_robot
 from identification.regression.fit_grade import BAD_SHARE, GOOD_SHARE
 from identification.wiring.held_out import held_out_share
 from identification.wiring.mistakes import MistakeKind
-from identification.wiring.search import find_mistakes, impossibilities
+from identification.wiring.search import find_impossibilities, find_mistakes
 from identification.wiring.signals import WiredSignals
-from identification.wiring.trial import Condensed
+from identification.wiring.trial import CondensedEquations
 
 LONG = ("ur-20_02_12-50sec_12harm", 355, 5090)
 SOUND = [
@@ -65,7 +65,7 @@ def test_a_kukas_file_does_not_hold_there_on_a_ur10e(
     real_robot: Path, name: str, first: int, last: int | None
 ) -> None:
     signals = replace(of_ur10e(real_robot, name, first, last), robot=load_robot("kr15"))
-    share = Condensed.of(signals).trial(np.eye(6)).residual_share
+    share = CondensedEquations.of(signals).trial(np.eye(6)).residual_share
     assert GOOD_SHARE < share[3] < BAD_SHARE < held_out_share(signals)[3]
 
 
@@ -77,7 +77,7 @@ def test_no_factor_is_proposed_if_the_arm_weighs_nothing_by_another_robots_file(
     other = {"kinematics": load_robot("kr15").kinematics, "cad": None}
     robot = signals.robot.model_copy(update=other)
     signals = replace(signals, robot=robot)
-    _, weight = impossibilities(signals)
+    _, weight = find_impossibilities(signals)
     assert weight is not None
     assert not weight.is_plausible
     assert abs(weight.share) < 2.0 * weight.sigma

@@ -11,7 +11,7 @@ import pytest
 from benchmarks.sound_robots import Sound, sound_run, sound_runs
 from config.load import load_robot
 from identification.wiring.common_mistakes import common_mistakes
-from identification.wiring.mistakes import Mistake, MistakeKind, offset
+from identification.wiring.mistakes import Mistake, MistakeKind, zero_mistake
 from identification.wiring.search import find_mistakes
 from identification.wiring.signals import WiredSignals
 
@@ -37,7 +37,7 @@ def made(
     arm: WiredSignals, kind: MistakeKind, *joints: int, factor: float | None = None
 ) -> WiredSignals:
     """Return signals with the mistake that these joints' (from 0) undoing would undo."""
-    return the(arm, kind, *joints, factor=factor).undone(arm)
+    return the(arm, kind, *joints, factor=factor).corrected(arm)
 
 
 def the(arm: WiredSignals, kind: MistakeKind, *joints: int, factor: float | None) -> Mistake:
@@ -82,7 +82,7 @@ def test_a_mistake_is_found_with_its_joint_and_its_factor(
 
 
 def test_a_zero_position_is_found_to_a_degree(arm: WiredSignals) -> None:
-    wrong = offset(arm.robot, 1, math.radians(40.0)).undone(arm)
+    wrong = zero_mistake(arm.robot, 1, math.radians(40.0)).corrected(arm)
     (found,) = find_mistakes(wrong)
     assert (found.mistake.kind, found.mistake.joints) == (MistakeKind.POSITION_OFFSET, (1,))
     assert math.degrees(found.mistake.factor) == pytest.approx(-40.0, abs=1.0)
@@ -142,7 +142,7 @@ def test_a_coupling_that_is_too_much_is_found_whichever_side_was_recorded(
 ) -> None:
     coupled = arm.robot.model_copy(update={"coupling": COUPLING})
     for position in (np.eye(3), np.linalg.inv(np.array(COUPLING))):
-        stated = replace(arm.moved(position, np.zeros(3), 1.0), robot=coupled)
+        stated = replace(arm.transformed(position, np.zeros(3), 1.0), robot=coupled)
         (found,) = find_mistakes(stated)
         assert found.mistake.kind is MistakeKind.COUPLING
         assert found.mistake.joints == (1, 2)
@@ -156,7 +156,7 @@ def test_a_position_of_a_coupled_joint_is_found_though_its_motor_moves_another(
     assert sound.robot.coupling is not None
     scale = np.diag([1.0] * 5 + [factor])
     coupling = np.array(sound.robot.coupling)
-    stated = sound.moved(np.linalg.solve(coupling, scale @ coupling), np.zeros(6), 1.0)
+    stated = sound.transformed(np.linalg.solve(coupling, scale @ coupling), np.zeros(6), 1.0)
     (found,) = find_mistakes(stated)
     assert (found.mistake.kind, found.mistake.joints) == (MistakeKind.POSITION_FACTOR, (5,))
     assert found.mistake.factor == pytest.approx(1.0 / factor)
@@ -166,7 +166,7 @@ def test_a_position_of_a_coupled_joint_is_found_though_its_motor_moves_another(
     ("in_units", "what"), [(1.0 / (2.0 * math.pi), "in turns"), (1000.0, "in mrad")]
 )
 def test_positions_in_another_unit_are_found(arm: WiredSignals, in_units: float, what: str) -> None:
-    (found,) = find_mistakes(arm.moved(in_units * np.eye(3), np.zeros(3), 1.0))
+    (found,) = find_mistakes(arm.transformed(in_units * np.eye(3), np.zeros(3), 1.0))
     assert (found.mistake.kind, found.mistake.joints) == (MistakeKind.POSITION_FACTOR, ())
     assert found.mistake.what == what
     assert found.mistake.factor == pytest.approx(1.0 / in_units)

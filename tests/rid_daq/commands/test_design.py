@@ -24,7 +24,7 @@ from dynamics.model.robot_model import torque
 from identification.design.criteria import Condition, DOptimal, Goals
 from identification.design.problem import ExcitationProblem
 from identification.design.search import refine_start
-from identification.design.task import chosen_criterion, excitation_problem
+from identification.design.task import criterion_of_options, excitation_problem
 from identification.design.verification import check_motion
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import write_estimate
@@ -143,7 +143,7 @@ def test_a_model_holds_the_torques_and_a_wall_the_arm(
 def test_words_choose_the_criterion(
     cell: LoadedCell, name: str, wanted: list[str], kind: type
 ) -> None:
-    assert isinstance(chosen_criterion(cell.robot, name, wanted), kind)
+    assert isinstance(criterion_of_options(cell.robot, name, wanted), kind)
 
 
 def test_the_next_experiment_serves_what_earlier_runs_know_least(cell: LoadedCell) -> None:
@@ -152,7 +152,7 @@ def test_the_next_experiment_serves_what_earlier_runs_know_least(cell: LoadedCel
     cycle_s = cell.config.cycle_time_s
     alone = problem(cell, model=earlier)
     next_one = problem(cell, model=earlier, given=[earlier])
-    for criterion in (DOptimal(), chosen_criterion(cell.robot, "d-optimal", list(weak))):
+    for criterion in (DOptimal(), criterion_of_options(cell.robot, "d-optimal", list(weak))):
         judge = replace(next_one, criterion=criterion)
         served, plain = (
             min(

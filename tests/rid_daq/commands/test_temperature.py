@@ -17,7 +17,7 @@ from config.errors import LimitError
 from config.load import LoadedCell, load_cell
 from identification.estimation.estimate import predict
 from identification.estimation.file import read_estimate, write_estimate
-from identification.estimation.limit_torque import limit_warmth
+from identification.estimation.limit_torque import limit_temperature_note
 from rid_daq.app import run
 from rid_daq.workbench.motion_blocks import motion_blocks
 from tests.builders.raised_codes import raises_code
@@ -98,7 +98,7 @@ def test_a_path_is_timed_to_the_warmth_that_it_makes(
     estimate = read_estimate(folder / "followed.json")
     driven = load_motion(folder / "out").plan(cell.robot, cell.config.cycle_time_s).whole()
     assert estimate.warming is not None
-    rise = estimate.warming.settled(estimate.robot, driven.velocity)[0] - 298.15
+    rise = estimate.warming.steady_temperatures(estimate.robot, driven.velocity)[0] - 298.15
     said = float(told["notes"][0].split(" W in axis1")[0].rsplit(" ", 1)[1])
     assert said == pytest.approx(rise, rel=0.05)
     # Warm joints rub less, and axis 1 carries nothing: its motor needs as much less at its peak.
@@ -123,7 +123,7 @@ def test_torque_limits_are_held_without_it_and_how_warm_is_told(
     folder: Path, cell: LoadedCell, capsys: pytest.CaptureFixture[str], model: str
 ) -> None:
     file = folder / f"{model}.json"
-    told = limit_warmth(read_estimate(file))
+    told = limit_temperature_note(read_estimate(file))
     assert told
     path = folder / "path.yaml"
     assert run(["record", "ir361", str(path), "--model", str(file), "--runs", str(folder)]) == 0

@@ -15,7 +15,7 @@ from acquisition.runs.folder import RunFolder
 from config.errors import PreflightError
 from config.load import load_cell
 from identification.choices import PayloadLimits
-from identification.payload.verdict import PayloadResult, checks
+from identification.payload.verdict import PayloadResult, check_payload
 from rid_daq.operations.payload import session_steps
 from rid_daq.operations.payload.payload_estimate import PayloadRequest
 from rid_daq.operations.payload.payload_session import PayloadSessionRequest
@@ -92,7 +92,7 @@ def lead(monkeypatch: pytest.MonkeyPatch, state: SessionFile, motion: AnyMotion)
 def said(state: SessionFile) -> str:
     """Return the verdict's sentence by what the session's folder says."""
     estimate = estimate_of(load_cell("kr15"), ())
-    payload = PayloadResult(estimate, checks(estimate, PayloadLimits()))
+    payload = PayloadResult(estimate, check_payload(estimate, PayloadLimits()))
     return payload_verdict(payload, SessionFile.read(state.folder).empty_flange).sentence
 
 
