@@ -160,7 +160,7 @@ def test_ctrl_z_suspends_nothing_and_the_stop_works(
     shell: Shell, environment: dict[str, str], tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
     os.write(shell.terminal, SUSPEND)
-    shell.shows(b"Ctrl-Z does not pause a robot")
+    shell.shows(b"Ctrl-Z cannot suspend a motion")
     text = stop(environment)
     assert "all axes at rest" in text
     assert shell.says("ended") == "ended 5\n"
