@@ -51,7 +51,7 @@ from benchmarks.stop_presser import (
 )
 from rid_daq.service.client import ServiceClient
 from rid_daq.service.records import Job
-from rid_daq.service.sockets import socket_of
+from rid_daq.service.sockets import socket_path_of
 from rid_daq.service.store.state_folder import STATE_FOLDER
 
 STOP_BAR_MS: Final = 50.0
@@ -81,7 +81,7 @@ def serving(folder: Path) -> Iterator[tuple[ServiceClient, int, str]]:
             if process.poll() is not None or time.monotonic() > until_s:
                 raise SystemExit(f"no service: {(folder / 'said').read_text()}")
             time.sleep(0.05)
-        with ServiceClient.at(str(socket_of(folder))) as client:
+        with ServiceClient.at(str(socket_path_of(folder))) as client:
             path = f"/cells/{MOVING_CELL}/lease"
             key = str(client.ask("POST", path, {"seconds": 3600.0})["key"])
             client.run(MOVING_CELL, "check", {"seconds": 0.2}, lease=key).require_done()

@@ -32,7 +32,7 @@ from typing import Final
 from benchmarks.framing_streams import Streams
 from benchmarks.stop_presser import Pressed, StopLineClient, go_first, press_http
 from rid_daq.service.client import ServiceClient
-from rid_daq.service.sockets import socket_of
+from rid_daq.service.sockets import socket_path_of
 
 SENDERS: Final = 8
 CELL: Final = "ir361"
@@ -92,7 +92,7 @@ def serving(folder: Path) -> Iterator[Served]:
             if process.poll() is not None or time.monotonic() > until_s:
                 raise SystemExit(f"no service: {log.read_text()}")
             time.sleep(0.05)
-        with ServiceClient.at(str(socket_of(folder))) as client:
+        with ServiceClient.at(str(socket_path_of(folder))) as client:
             wanted = {"name": "viewer", "role": "viewer", "person": False}
             token = str(client.ask("POST", "/tokens", wanted)["secret"])
         yield Served(process, int(found[1]), token, log)

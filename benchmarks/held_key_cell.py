@@ -55,7 +55,7 @@ class Connection:
 
     def order(self, told: Told) -> str | None:
         """Return what the service writes to the worker of a page's message."""
-        message = self.challenges.message(JOB, "lease", told)
+        message = self.challenges.parse_key_message(JOB, "lease", told)
         return None if message is None else json.dumps(message.to_order())
 
 
@@ -110,7 +110,7 @@ class SimulatedJog:
 
     def __enter__(self) -> Self:
         self._stack.enter_context(
-            self._orders.keys_to(
+            self._orders.receive_keys(
                 lambda _key: None,
                 lambda text, _round_trip_s: self.refused.append(text),
                 lambda: None,

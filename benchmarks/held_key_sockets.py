@@ -18,7 +18,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from acquisition.hold_to_run.held_key import CHALLENGE_LIMIT_S
 from benchmarks.service_kills import CELL, require_answer, serving
 from rid_daq.service.client import ServiceClient
-from rid_daq.service.sockets import socket_of
+from rid_daq.service.sockets import socket_path_of
 
 NEAR, FAR = "127.0.0.1", "127.0.0.2"
 LEASE_S: Final = 3600.0
@@ -200,7 +200,7 @@ def real_links(loopback_s: float, ramp_s: float) -> RealLinks:
         folder = Path(name)
         with serving(folder) as process:
             require_answer(folder, process)
-            with ServiceClient.at(str(socket_of(folder))) as client:
+            with ServiceClient.at(str(socket_path_of(folder))) as client:
                 return asyncio.run(_measure(client, folder, loopback_s, ramp_s))
 
 

@@ -14,12 +14,12 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from benchmarks.paths import CIRCLES, FIRST, PATH, SPLINE, Workshop, circle_text, is_held, ratios
+from benchmarks.paths import CIRCLES, FIRST, PATH, SPLINE, JobRunner, circle_text, is_held, ratios
 
 FIRST_BAR, PATH_BAR, OTHERS_BAR = (8.0, 5.0), (10.0, 8.0), (6.0, 4.0)
 
 
-def live(workshop: Workshop, label: str, text: str) -> dict[str, Any]:
+def live(workshop: JobRunner, label: str, text: str) -> dict[str, Any]:
     """Drive a motion plainly and streamed; return how closely it was followed."""
     motion = Path(workshop.path(f"{label}.yaml"))
     motion.write_text(text)
@@ -35,7 +35,7 @@ def main() -> int:
     quick = "--quick" in sys.argv
     found: dict[str, dict[str, Any]] = {}
     with tempfile.TemporaryDirectory() as name:
-        workshop = Workshop(Path(name), quick)
+        workshop = JobRunner(Path(name), quick)
         workshop.identify()
         for number, (title, own) in enumerate(CIRCLES.items()):
             if quick and number > 0:

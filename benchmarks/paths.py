@@ -99,7 +99,7 @@ def ratios(found: dict[str, dict[str, Any]]) -> dict[str, list[float]]:
     }
 
 
-class Workshop:
+class JobRunner:
     """A folder with a cell, runs in it, and the program."""
 
     def __init__(self, folder: Path, quick: bool) -> None:
@@ -164,7 +164,7 @@ def main() -> int:
     quick = "--quick" in sys.argv
     found: dict[str, dict[str, Any]] = {}
     with tempfile.TemporaryDirectory() as name:
-        workshop = Workshop(Path(name), quick)
+        workshop = JobRunner(Path(name), quick)
         workshop.identify()
         for number, (title, own) in enumerate(CIRCLES.items()):
             if quick and number > 1:

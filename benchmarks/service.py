@@ -47,7 +47,7 @@ from benchmarks.service_stops import PATIENCE_S, Moving, Stops
 from benchmarks.service_viewers import LATENESS_BAR, Lateness, lateness, watch
 from rid_daq.service.client import ServiceClient
 from rid_daq.service.records import Job
-from rid_daq.service.sockets import socket_of
+from rid_daq.service.sockets import socket_path_of
 
 CLIENTS: Final = 1000
 DRIBBLE_S: Final = 0.5
@@ -110,7 +110,7 @@ def serving(folder: Path) -> Iterator[Served]:
             if program.poll() is not None or time.monotonic() > until_s:
                 raise SystemExit(f"no service: {(folder / 'said').read_text()}")
             time.sleep(0.05)
-        with ServiceClient.at(str(socket_of(folder))) as client:
+        with ServiceClient.at(str(socket_path_of(folder))) as client:
             key = client.ask("POST", "/cells/ir361/lease", {"seconds": 3600.0})["key"]
             client.run("ir361", "check", {"seconds": 0.2}, lease=key).require_done()
             yield Served(client, folder, str(key), int(found[1]), program.pid)

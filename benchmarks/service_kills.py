@@ -43,7 +43,7 @@ from rid_daq.service.client import ServiceClient
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import CellState, Job
 from rid_daq.service.running_job import EventTail
-from rid_daq.service.sockets import socket_of
+from rid_daq.service.sockets import socket_path_of
 from rid_daq.service.store.database import open_database
 from rid_daq.service.store.jobs import JobStore
 from rid_daq.service.store.state_folder import STATE_FOLDER
@@ -143,7 +143,7 @@ def require_answer(folder: Path, process: subprocess.Popen[bytes]) -> None:
 
 def answers(folder: Path) -> bool:
     """Return whether a service of the folder answers."""
-    with contextlib.suppress(RidDaqError), ServiceClient.at(str(socket_of(folder))) as client:
+    with contextlib.suppress(RidDaqError), ServiceClient.at(str(socket_path_of(folder))) as client:
         client.cells()
         return True
     return False
@@ -224,7 +224,7 @@ class Attacker:
             began_s = time.monotonic()
             require_answer(self.folder, process)
             self._start_s = time.monotonic() - began_s
-            with ServiceClient.at(str(socket_of(self.folder))) as client:
+            with ServiceClient.at(str(socket_path_of(self.folder))) as client:
                 self.look_at_rest(client)
                 self._make_ready(client)
                 self._strike(client, process)
@@ -291,13 +291,13 @@ class Attacker:
 
     def _kinds(self, job_id: str) -> Counter[str]:
         path = self.folder / STATE_FOLDER / "jobs" / f"{job_id}.jsonl"
-        return Counter(event.kind for event in EventTail(path).new())
+        return Counter(event.kind for event in EventTail(path).read_new())
 
     def left(self) -> dict[str, Any]:
         """Return what all that has left, once a last service has been there."""
         with serving(self.folder) as process:
             require_answer(self.folder, process)
-            with ServiceClient.at(str(socket_of(self.folder))) as client:
+            with ServiceClient.at(str(socket_path_of(self.folder))) as client:
                 self.look_at_rest(client)
         with contextlib.closing(open_database(self.folder / STATE_FOLDER / "service.db")) as base:
             jobs = JobStore(base).newest(limit=1_000_000)

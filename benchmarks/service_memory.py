@@ -27,7 +27,7 @@ from acquisition.task.control_block import ControlBlock
 from benchmarks.service import MOTION, Served, serving
 from benchmarks.service_stops import PATIENCE_S
 from rid_daq.service.records import Job
-from rid_daq.service.sockets import socket_of
+from rid_daq.service.sockets import socket_path_of
 
 REQUESTS: Final = 10_000
 HOURS: Final = 8.0
@@ -63,7 +63,7 @@ def tree(pid: int) -> list[int]:
 def somebody_looks_on(folder: Path) -> Iterator[list[int]]:
     """Have a viewer at the service; yield how many messages it has got."""
     got = [0]
-    with unix_connect(str(socket_of(folder)), "ws://localhost/api/v1/ws") as socket:
+    with unix_connect(str(socket_path_of(folder)), "ws://localhost/api/v1/ws") as socket:
 
         def read() -> None:
             for _ in socket:

@@ -25,7 +25,7 @@ from acquisition.runs.manifest import RECORDING
 from acquisition.task.control_block import ControlBlock
 from benchmarks.lateness import calm_p99
 from rid_daq.service.records import Job
-from rid_daq.service.sockets import socket_of
+from rid_daq.service.sockets import socket_path_of
 
 VIEWERS: Final = 20
 SEGMENT_S: Final = 2.0
@@ -90,7 +90,7 @@ class Lateness:
         }
 
 
-def look_on(path: str, line: Connection) -> None:
+def stream_to_viewer(path: str, line: Connection) -> None:
     """Be the viewers: come when told, go when told, say how much was seen; for their process."""
     os.nice(10)  # they stand for other computers, which take no time of this one
     asyncio.run(_look_on(path, line))
@@ -120,7 +120,9 @@ def watch(folder: Path, control: ControlBlock, seconds: float) -> Sequence[Segme
     """Have viewers come and go for so long; return which cycles had them and which had not."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
-    process = context.Process(target=look_on, args=(str(socket_of(folder)), theirs), daemon=True)
+    process = context.Process(
+        target=stream_to_viewer, args=(str(socket_path_of(folder)), theirs), daemon=True
+    )
     process.start()
     segments = []
     try:
@@ -149,7 +151,7 @@ def watch(folder: Path, control: ControlBlock, seconds: float) -> Sequence[Segme
 
 def _viewers(folder: Path) -> int:
     """Return how many look on, by the service's own word."""
-    transport = httpx.HTTPTransport(uds=str(socket_of(folder)))
+    transport = httpx.HTTPTransport(uds=str(socket_path_of(folder)))
     with httpx.Client(transport=transport, base_url="http://localhost") as http:
         found = re.search(r"^rid_daq_viewers (\d+)", http.get("/metrics").text, re.MULTILINE)
     if found is None:

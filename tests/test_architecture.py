@@ -142,7 +142,7 @@ def test_the_button_of_a_recording_begins_one() -> None:
 def test_a_click_is_checked_by_the_service_and_by_the_worker() -> None:
     """The fields in the browser are the third time."""
     stations = [(file, function) for _, _, file, function in paths()[0][1] if file.endswith("py")]
-    check = re.compile(r"\b(?:check_request|request_of|of_json)\b")
+    check = re.compile(r"\b(?:check_request|parse_request|of_json)\b")
     found = [function for file, function in stations if check.search(source_of(file, function))]
     assert found == ["CellService.begin", "work"]
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from rid_daq.service.api.app import make_api, openapi_of
-from rid_daq.service.doorkeeper import Doorkeeper
+from rid_daq.service.authenticator import Authenticator
 from rid_daq.service.request_check import request_schemas
 from rid_daq.service.service import CellService
 
@@ -26,7 +26,7 @@ def openapi() -> str:
     """Return the API's document, as the code has it."""
     with tempfile.TemporaryDirectory() as folder:
         service = CellService(Path(folder), [])
-        app = make_api(service, Doorkeeper(service.tokens, 0, secure=False))
+        app = make_api(service, Authenticator(service.tokens, 0, secure=False))
         return json.dumps(openapi_of(app), indent=1, sort_keys=True) + "\n"
 
 

@@ -1,1 +1,1 @@
-"""Blocks: the parts of a result that people see, declared once for every renderer."""
+"""Blocks: parts of a result for display, declared once for all renderers."""

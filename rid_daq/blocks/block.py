@@ -1,4 +1,4 @@
-"""Blocks: what people see of a result, declared once and drawn by every renderer."""
+"""Blocks: parts of a result for display, declared once and drawn by every renderer."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Shown = TypeVar("Shown", contravariant=True)
 
 
 class Heading(ConfigModel):
-    """A title; level 2 begins a section of a report, level 3 a part of it."""
+    """Title; level 2 begins a section of a report, level 3 a part of a section."""
 
     kind: Literal["heading"] = "heading"
     text: str
@@ -25,7 +25,7 @@ class Heading(ConfigModel):
 
 
 class Text(ConfigModel):
-    """A paragraph; a note is shown smaller."""
+    """Paragraph; a note is displayed smaller."""
 
     kind: Literal["text"] = "text"
     text: str
@@ -33,7 +33,7 @@ class Text(ConfigModel):
 
 
 class Verdict(ConfigModel):
-    """The sentence that decides; `passed` is None if nothing was judged."""
+    """Sentence with the main conclusion; `passed` is None if nothing was tested."""
 
     kind: Literal["verdict"] = "verdict"
     passed: bool | None
@@ -41,7 +41,7 @@ class Verdict(ConfigModel):
 
 
 class Interval(ConfigModel):
-    """A value and the half width of its 95 % interval."""
+    """Value and half width of its 95 % interval."""
 
     value: float
     reach: float
@@ -53,10 +53,10 @@ class Interval(ConfigModel):
 
 
 class Column(ConfigModel):
-    """A column of a table: its title, the unit of its numbers, and their significant digits.
+    """Column of a table: its title, the unit of its numbers, and their significant digits.
 
-    A column of texts is aligned to the left. A narrow terminal leaves an optional column out. The
-    workbench makes ids of runs links.
+    Text columns are aligned to the left. Narrow terminals leave optional columns out. The workbench
+    turns run ids into links.
     """
 
     title: str
@@ -68,22 +68,22 @@ class Column(ConfigModel):
 
     @property
     def head(self) -> str:
-        """The title with the unit."""
+        """Title with unit."""
         return f"{self.title} [{self.unit}]" if self.unit else self.title
 
 
 Cell = str | int | float | Interval | None
-"""What a table's cell holds; None is shown as a dash."""
+"""Content of a table cell; None is shown as a dash."""
 
 
 class Table(ConfigModel):
-    """Columns with units.
+    """Table with units.
 
     Attributes:
-        columns: The head.
-        rows: One cell a column.
-        failed: Rows that are shown in red.
-        key: Number of first columns that name a row.
+        columns: The columns.
+        rows: One cell per column.
+        failed: True for each row that is shown in red.
+        key: Number of leading columns that identify a row.
     """
 
     kind: Literal["table"] = "table"
@@ -101,12 +101,12 @@ class Table(ConfigModel):
         return self
 
     def cells(self) -> Iterator[tuple[str, ...]]:
-        """Yield the rows as texts; the digits of a value with an interval follow from it."""
+        """Yield the rows as texts; an interval determines the digits of its value."""
         for row in self.rows:
             yield tuple(map(_shown, row, self.columns))
 
     def as_texts(self) -> Table:
-        """Return the table with its cells as texts."""
+        """Return the table with all cells as texts."""
         return self.model_copy(update={"rows": tuple(self.cells())})
 
     def full_values(self) -> Iterator[tuple[str, ...]]:
@@ -117,7 +117,7 @@ class Table(ConfigModel):
 
 @dataclass(frozen=True)
 class Cells(Generic[Shown]):
-    """Cells of a column, and its head as `Column` has it.
+    """Column of a table: head as in `Column`, and a function for its cells.
 
     Attributes:
         of: Returns the cell of an item.
@@ -137,13 +137,13 @@ def table(
     failed: Callable[[T], bool] | None = None,
     key: int = 1,
 ) -> Table:
-    """Return a table with one row for each item; a column is of texts if all of its cells are.
+    """Return a table with one row per item; a column is a text column if all its cells are texts.
 
     Args:
-        items: What the rows show.
-        columns: Each with its cells.
+        items: Items of the rows.
+        columns: Columns with their cells.
         failed: Returns True for an item whose row is shown in red.
-        key: Number of first columns that name a row.
+        key: Number of leading columns that identify a row.
     """
     items = tuple(items)
     rows = tuple(tuple(column.of(item) for column in columns) for item in items)
@@ -166,7 +166,7 @@ def table(
 
 
 class Next(ConfigModel):
-    """A command of this program that is a sensible next step, as words; `lead` is before them."""
+    """Suggested next command of this program, as words; `lead` is the text before them."""
 
     kind: Literal["next"] = "next"
     lead: str = "Next"
@@ -177,7 +177,7 @@ AnyBlock = Annotated[Heading | Text | Verdict | Table | Plot | Next, Field(discr
 
 
 def note_blocks(notes: Iterable[str]) -> Iterator[Text]:
-    """Yield the notes of a result, such as what its runs lack.
+    """Yield the notes of a result, such as missing data in its runs.
 
     Args:
         notes: One sentence each.

@@ -1,4 +1,4 @@
-"""Numbers, durations, units and times as people write them, on pages and on the console."""
+"""Numbers, durations, units and times in readable form, for pages and the console."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from config.formats.interval import interval, minus, raised
 
 
 def number(value: float | int | None, digits: int = 4) -> str:
-    """Return a number for people: `digits` significant digits, a dash where there is none.
+    """Return a number with `digits` significant digits; a dash for None.
 
     Args:
         value: The number.
-        digits: Significant digits of a float; an integer is written whole.
+        digits: Significant digits of a float; an integer is written completely.
 
     Returns:
-        Such as 1.235, or 1.5·10⁻⁷.
+        For example 1.235, or 1.5·10⁻⁷.
     """
     if value is None:
         return "–"
@@ -33,13 +33,13 @@ def number(value: float | int | None, digits: int = 4) -> str:
 
 
 def format_measured(value: float | None, reach: float | None) -> tuple[str, str]:
-    """Return a value and its interval: the interval to two significant digits, both to the same.
+    """Return a value and its interval; the interval has two digits, the value the same last digit.
 
     Args:
-        value, reach: The value, and how far its interval reaches to either side.
+        value, reach: The value, and the half width of its interval.
 
     Returns:
-        Such as 9.61 and 0.12, or 1230 and 340; without an interval the value as `number` does.
+        For example 9.61 and 0.12, or 1230 and 340; without an interval the value as in `number`.
     """
     if value is None or reach is None or not math.isfinite(value):
         return number(value), number(reach, 2)
@@ -49,17 +49,17 @@ def format_measured(value: float | None, reach: float | None) -> tuple[str, str]
 
 
 def duration(seconds: float) -> str:
-    """Return a duration [s] as people say it."""
+    """Return a duration [s] in seconds, or in minutes and seconds."""
     if seconds < 120.0:
         return f"{seconds:.1f} s"
     return f"{int(seconds // 60)} min {seconds % 60:.0f} s"
 
 
 def unit(text: str) -> str:
-    """Return a unit with its powers raised."""
+    """Return a unit with superscript exponents."""
     return text.replace("^2", "²").replace("^3", "³")
 
 
-def moment(stamp: str) -> str:
-    """Return an ISO 8601 time stamp of UTC to the minute, as people write it."""
+def format_utc(stamp: str) -> str:
+    """Return an ISO 8601 time stamp in UTC, to the minute, in readable form."""
     return f"{stamp[:16].replace('T', ' ')} UTC"

@@ -1,4 +1,4 @@
-"""`Plot`: a figure, declared once; renderers draw it for paper, for zooming and for programs."""
+"""`Plot`: figure, declared once; renderers draw it for paper, for zooming and for programs."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from pydantic.dataclasses import dataclass
 from config.model import ConfigModel
 
 Colour = Literal["ink", "soft", "faint", "blue", "sky", "orange", "green", "red", "purple"]
-"""A colour of the palette, light and dark."""
+"""Colour of the palette, which has a light and a dark variant."""
 
 Dash = Literal["solid", "dashed", "dotted", "dotdash"]
 Marker = Literal["circle", "square", "diamond", "triangle", "inverted_triangle"]
 Numbers = Annotated[tuple[float, ...], Strict(False)]
 Gapped = Annotated[tuple[float | None, ...], Strict(False)]
-"""Numbers; None where a line has a gap."""
+"""Numbers; None in a gap of the line."""
 
 _CHECKED: Final = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
 
 @dataclass(frozen=True, config=_CHECKED)
 class Axis:
-    """An axis of a panel.
+    """Axis of a panel.
 
     Attributes:
-        label, unit: What is drawn along it, and its unit; 1 for a ratio.
+        label, unit: Quantity and unit; 1 for a ratio.
         log: True for a logarithmic scale.
-        least, most: Ends of the axis; by the data if None.
+        least, most: Ends of the axis; None for the range of the data.
     """
 
     label: str
@@ -39,26 +39,26 @@ class Axis:
 
     @property
     def text(self) -> str:
-        """The label with the unit."""
+        """Label with unit."""
         return f"{self.label} [{self.unit}]"
 
 
 @dataclass(frozen=True, config=_CHECKED)
 class Line:
-    """A line of a panel, or points.
+    """Line of a panel, or unconnected points.
 
     Attributes:
-        label: Its name in the legend and beside the pointer.
-        x, y: One value a point; y is None in a gap.
-        stroke: Its colour; the number of a joint for that joint's colour and dash.
-        dash: How it is drawn; None for solid, or for the dash of the joint.
-        width: Its width [px].
-        points: True for points that are not connected.
+        label: Name in the legend and at the pointer.
+        x, y: One value per point; y is None in a gap.
+        stroke: Colour; a joint's number for that joint's colour and dash.
+        dash: Dash of the line; None for solid, or for the joint's dash.
+        width: Width [px].
+        points: True for unconnected points.
         marker: Shape of the points.
         reach: Half width of an interval: a band around a line, error bars of points.
         reach_x: Half width of an interval of x, of points.
-        is_area: True for a closed outline that is filled.
-        is_named: True if the legend names it.
+        is_area: True for a closed, filled outline.
+        is_named: True if the legend contains it.
     """
 
     label: str
@@ -84,7 +84,7 @@ class Line:
 
 @dataclass(frozen=True, config=_CHECKED)
 class Mark:
-    """A text beside a point, such as the size of a margin."""
+    """Text next to a point, such as the size of a margin."""
 
     x: float
     y: float
@@ -94,7 +94,7 @@ class Mark:
 
 @dataclass(frozen=True, config=_CHECKED)
 class Span:
-    """From where to where along x something holds; spans of one name share a row."""
+    """Range of x with a name; spans with the same name share a row."""
 
     name: str
     begin: float
@@ -104,7 +104,7 @@ class Span:
 
 @dataclass(frozen=True, config=_CHECKED)
 class Bar:
-    """The value of a named class, such as a bin of a histogram."""
+    """Value of a named class, such as a bin of a histogram."""
 
     name: str
     value: float
@@ -114,17 +114,18 @@ class Panel(ConfigModel):
     """One pair of axes: lines, bars, or rows of spans.
 
     Attributes:
-        x, y: The axes; of a panel of spans y is not drawn.
-        lines: Drawn in this order.
-        limits: Values of y that a line across the panel marks.
-        marks: Texts beside points.
+        x, y: The axes; y is not drawn for a panel of spans.
+        lines: Lines in drawing order.
+        limits: Values of y that are marked by a line across the panel.
+        marks: Texts next to points.
         spans: Rows of spans.
-        bars: Bars beside each other, each named on the x axis.
-        height_px: Height [px]; a panel of spans is as high as its rows.
-        is_to_scale: True if a unit is as long along both axes.
-        zooms_with_previous: True if it shares the x axis of the panel before it.
-        title: What it shows, such as a joint; empty if there is nothing to tell apart. On paper it
-            begins a drawing of its own, unless panels stand beside each other.
+        bars: Bars side by side, each named on the x axis.
+        height_px: Height [px]; the height of a panel of spans follows from its rows.
+        is_to_scale: True for the same scale on both axes.
+        zooms_with_previous: True if it shares the x axis of the previous panel.
+        title: Subject, such as a joint; empty if there is only one subject. On paper, a panel with
+            a
+            title begins a new drawing, unless panels are side by side.
     """
 
     x: Axis
@@ -140,23 +141,23 @@ class Panel(ConfigModel):
     title: str = ""
 
     def hides_x_of(self, previous: Panel) -> bool:
-        """Return True if this panel continues the one above, so that both need one x axis."""
+        """Return True if this panel and the one above need only one x axis."""
         return self.zooms_with_previous and not self.title and self.x.text == previous.x.text
 
     @property
     def rows(self) -> tuple[str, ...]:
-        """The names of the spans, from top to bottom."""
+        """Names of the spans, from top to bottom."""
         return tuple(dict.fromkeys(span.name for span in self.spans))
 
 
 class Plot(ConfigModel):
-    """A figure.
+    """Figure.
 
     Attributes:
-        name: What its files are called.
+        name: Base name of its files.
         panels: From top to bottom, or row by row.
-        caption: What a reader must know to read it.
-        columns: Most panels beside each other; a narrow screen has fewer.
+        caption: Explanation for the reader.
+        columns: Maximum number of panels side by side; narrow screens show fewer.
     """
 
     kind: Literal["plot"] = "plot"

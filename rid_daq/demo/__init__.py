@@ -1,4 +1,4 @@
-"""The demo: the whole mission on the bundled cell, held against the simulation's truth.
+"""Demo: the complete workflow on the bundled cell, compared with the simulation's true values.
 
-It uses the jobs; nothing uses it but its command. Begin with `demo.py`.
+It uses the jobs; only its command uses this package. Begin with `demo.py`.
 """

@@ -1,4 +1,4 @@
-"""`run_demo`: the demo's stories, held against limits, with one report."""
+"""`run_demo`: runs the demo twice, compares the results with limits, and writes one report."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ from rid_daq.report.sections.tracking import TrackingSection
 from rid_daq.report.sections.validation import TruthCase, ValidationSection
 from rid_daq.report.sections.verdict import VerdictCheck, VerdictSection
 from rid_daq.report_page.write import write_result
-from rid_daq.session.session import unfinished
+from rid_daq.session.session import mark_unfinished
 from rid_daq.session.versions import software_versions
 from rid_daq.terminal.choices import DEMO_PERIOD_S
 from rid_daq.terminal.context import Context
 
 FLOOR_RATIO_LIMIT = 1.3
 INSIDE_SHARE_LIMIT = 0.9
-# By how many times the distance from the path must shrink, in the mean and at its worst.
-PATH_LIMITS = (("circle", (10.0, 6.0)), ("path never used for tuning", (6.0, 4.0)))
+# Factors by which the mean and the maximum distance from the path must decrease.
+PATH_LIMITS = (("circle", (10.0, 6.0)), ("path not used for tuning", (6.0, 4.0)))
 
 
 @dataclass(frozen=True)
 class Demo:
-    """What came of it: the result, its folder and its report."""
+    """Result of the demo, its folder and its report."""
 
     result: Result
     folder: RunFolder
@@ -47,14 +47,14 @@ class Demo:
 def run_demo(
     runs: Path, console: Context, *, seed: int, periods: int, points: int, paths: bool
 ) -> Demo:
-    """Run the whole story twice on the bundled cell, judge it, and write the report.
+    """Run the demo with and without unmodelled effects on the bundled cell; write the report.
 
     Args:
-        runs: The folder of the run folders.
+        runs: Folder of the run folders.
         console: Shows the progress.
         seed: Random seed of motions and noise.
-        periods, points: Periods to measure, and random points of the validation motion.
-        paths: True if paths are driven, with and without compensation.
+        periods, points: Number of measured periods, and of random points of the validation motion.
+        paths: True to follow paths too, with and without compensation.
 
     Raises:
         RidDaqError: A step failed.
@@ -62,8 +62,8 @@ def run_demo(
     started_s = time.monotonic()
     loaded = load_cell(DEMO_CELL)
     folder = RunFolder.create(runs, "demo", kind="demo", software=software_versions())
-    console.say(f"Simulated cell {loaded.config.name}, seed {seed}: no hardware is moved.")
-    with unfinished(folder):
+    console.say(f"Simulated cell {loaded.config.name}, seed {seed}: no hardware moves.")
+    with mark_unfinished(folder):
         excitation = design_two_harmonic(
             loaded.robot,
             TwoHarmonicOptions(DEMO_PERIOD_S, seed=seed, periods=periods),
@@ -76,7 +76,10 @@ def run_demo(
             folder.write(name, content)
         folder.write("motion.yaml", to_yaml(excitation, "The demo's excitation.").encode())
         folder.write("validation.yaml", to_yaml(validation, "The demo's validation.").encode())
-        console.say("Excitation designed by the two-harmonic heuristic, verified within limits.")
+        console.say(
+            "Excitation trajectory designed by the two-harmonic heuristic and checked"
+            " against the limits."
+        )
         cycle_s = loaded.config.cycle_time_s
         total_s = sum(
             motion.plan(loaded.robot, cycle_s).duration_s for motion in (excitation, validation)
@@ -89,11 +92,11 @@ def run_demo(
         stories = run_stories(folder, motions, total_s, seed, console)
         on, off = stories[True], stories[False]
         truth = (
-            TruthCase.from_estimate("With effects that no model has", on.estimate),
-            TruthCase.from_estimate("Without effects that no model has", off.estimate),
+            TruthCase.from_estimate("With unmodelled effects", on.estimate),
+            TruthCase.from_estimate("Without unmodelled effects", off.estimate),
         )
-        memory = (_memory(on.estimate), _memory(off.estimate))
-        judged = _verdict(on.validation, truth, memory, on.tracking, on.retiming)
+        presliding = (_presliding(on.estimate), _presliding(off.estimate))
+        verdict = _verdict(on.validation, truth, presliding, on.tracking, on.retiming)
         title = f"rid-daq demo on the simulated cell {loaded.config.name}"
         result = Result.new(title, loaded.robot.name).updated(
             cell=CellSection.of(loaded.config),
@@ -109,7 +112,7 @@ def run_demo(
             without_unmodelled=WithoutUnmodelled(
                 average=off.average, estimate=off.estimate, validation=off.validation
             ),
-            verdict=judged,
+            verdict=verdict,
             timing=Timing(
                 elapsed_s=time.monotonic() - started_s,
                 created_utc=folder.manifest().created_utc,
@@ -118,7 +121,7 @@ def run_demo(
             ),
         )
         report = write_result(folder, result)
-        passed = judged.passed
+        passed = verdict.passed
         folder.finish(RunStatus.COMPLETE, {"verdict": "passed" if passed else "failed"})
     return Demo(result, folder, report)
 
@@ -126,7 +129,7 @@ def run_demo(
 def _verdict(
     validation: ValidationSection,
     truth: tuple[TruthCase, TruthCase],
-    memory: tuple[str, str],
+    presliding: tuple[str, str],
     tracking: TrackingSection | None,
     retiming: RetimingSection | None,
 ) -> VerdictSection:
@@ -135,13 +138,13 @@ def _verdict(
     on, off = truth
     checks = [
         VerdictCheck.of(
-            f"validation error over the floor, worst axis ({worst})",
+            f"ratio of validation error to floor, worst axis ({worst})",
             over[worst],
             "≤",
             FLOOR_RATIO_LIMIT,
         ),
         VerdictCheck.of(
-            "true parameters inside two sigma, unmodelled effects off",
+            "true parameters inside their 95 % intervals, without unmodelled effects",
             100.0 * off.inside / off.of,
             "≥",
             100.0 * INSIDE_SHARE_LIMIT,
@@ -151,36 +154,38 @@ def _verdict(
         *([] if retiming is None or retiming.driven is None else retiming.driven.checks),
     ]
     passed = all(line.passed for line in checks)
-    reduced = "" if tracking is None else ", path errors are reduced many times"
-    faster = "" if retiming is None else ", and one is driven faster within all limits"
+    reduced = "" if tracking is None else ", path errors are reduced by large factors"
+    faster = "" if retiming is None else ", and a path is executed faster within all limits"
     return VerdictSection.of(
         checks,
-        f"Passed: the model predicts the validation run as well as the truth does{reduced}{faster}"
+        "Passed: the model predicts the validation run as well as the true parameters"
+        f" do{reduced}{faster}"
         if passed
         else "Failed: see the line marked NO",
-        f"The floor is the error that the plant's true parameters leave: noise, and effects that no"
-        f" model has. With those effects on, {on.inside} of {on.of} true parameters lie"
-        f" inside their interval; with them off, {off.inside} of {off.of}. Where friction"
-        f" remembers, by the excitation alone: {memory[0]}; with those effects off, {memory[1]}.",
+        "The floor is the error that remains with the plant's true parameters: noise and"
+        f" unmodelled effects. With unmodelled effects, {on.inside} of {on.of} true parameters"
+        f" are inside their intervals; without them, {off.inside} of {off.of}. Presliding"
+        f" distances, identified from the excitation run: {presliding[0]}; without unmodelled"
+        f" effects: {presliding[1]}.",
     )
 
 
-def _memory(estimate: EstimateSection) -> str:
-    """Return which joints were found to have presliding, and how far."""
+def _presliding(estimate: EstimateSection) -> str:
+    """Return the joints with identified presliding, and their presliding distances."""
     found = [each for each in estimate.parameters if each.name.startswith("dp_")]
     return (
         ", ".join(f"{each.name.removeprefix('dp_')} {1e3 * each.value:.2g} mrad" for each in found)
-        or "nowhere"
+        or "none"
     )
 
 
 def _path_checks(tracking: TrackingSection) -> list[VerdictCheck]:
-    """Return what the compensated paths are held to: the circle, then what tuned nothing."""
+    """Return the checks of the circle, and of the path that was not used for tuning."""
     checks = []
     for (what, limits), motion in zip(PATH_LIMITS, tracking.motions, strict=True):
         for ratio, words, limit in zip(
             (motion.mean_ratio, motion.max_ratio),
-            ("in the mean", "at its worst"),
+            ("on average", "at its maximum"),
             limits,
             strict=True,
         ):

@@ -1,4 +1,4 @@
-"""The demo's chapter on paths: velocity loops, feedforward, and paths before and after."""
+"""Path chapter of the demo: velocity loops, feedforward, paths with and without compensation."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ BAND_HZ: Final = (0.75, 15.0)
 
 
 class PathRecorder(Protocol):
-    """Records a motion: as its file says, or with samples and files of its own."""
+    """Records a motion, as its file describes it or with given samples and files."""
 
     @abstractmethod
     def __call__(
@@ -49,12 +49,12 @@ class PathRecorder(Protocol):
         planned: MotionSamples | None = None,
         files: Mapping[str, bytes] | None = None,
     ) -> RecordedRun:
-        """Return what was recorded."""
+        """Record the motion and return the recorded run."""
 
 
 @dataclass(frozen=True)
 class PathMotions:
-    """What the chapter drives: multisines, the thesis's circle, and a path that tunes nothing."""
+    """Motions of the chapter: multisines, the thesis's circle, and a path not used for tuning."""
 
     multisine: MultisineMotion
     circle: CircleMotion
@@ -62,7 +62,7 @@ class PathMotions:
 
     @classmethod
     def of_cell(cls, robot: RobotDescription, cell: CellConfig, seed: int) -> PathMotions:
-        """Return those of the bundled arm."""
+        """Return the motions for the bundled arm."""
         options = MultisineOptions(
             band_hz=BAND_HZ, period_s=4.0, periods=2, realisations=2, seed=seed
         )
@@ -103,24 +103,24 @@ class PathMotions:
         )
 
     def duration_s(self, robot: RobotDescription, cycle_time_s: float) -> float:
-        """Return how long the chapter moves: the loops once, both paths twice [s]."""
+        """Return the duration of the chapter's motions [s]: multisine once, both paths twice."""
         times = ((self.multisine, 1), (self.circle, 2), (self.path, 2))
         return sum(count * motion.plan(robot, cycle_time_s).duration_s for motion, count in times)
 
 
 @dataclass(frozen=True)
 class Precompensation:
-    """What pre-compensates a motion: a model, velocity loops, and their tuning by a run."""
+    """Data of a pre-compensation: a model, velocity loops, and their tuning from a run."""
 
     estimate: Estimate
     loops: list[VelocityLoop]
     tuning: Tuning
     reference: str
 
-    def ahead(
+    def with_feedforward(
         self, motion: AnyMotion, planned: MotionSamples, *, same_motion: bool = False
     ) -> tuple[MotionSamples, dict[str, bytes]]:
-        """Return a motion with its feedforward, and the file of its run that says so."""
+        """Return a motion with its feedforward, and the feedforward file for its run."""
         ahead = compensated_motion(planned, self.estimate, self.loops, self.tuning.tuning)
         entry = TuningEntry.of(self.tuning, self.reference, same_motion)
         return ahead, {
@@ -130,7 +130,7 @@ class Precompensation:
 
 @dataclass(frozen=True)
 class PathChapter:
-    """What the chapter adds to a result: how closely paths were followed, by what, and its runs."""
+    """Result sections of the chapter: path errors, their compensation, and the runs."""
 
     tracking: TrackingSection
     precompensation: Precompensation
@@ -146,13 +146,13 @@ def run_path_chapter(
     estimate: Estimate,
     root: RunFolder,
 ) -> PathChapter:
-    """Run the chapter on the robot that has just been identified; return its sections.
+    """Run the chapter on the identified robot; return its result sections.
 
-    The loops come from a multisine, scale and delay from the plain circle. The path was never used
-    for either.
+    The velocity loops are identified from a multisine, torque scale and delay from the circle
+    without compensation. The path is used for neither.
 
     Raises:
-        RidDaqError: A step failed; the message says which.
+        RidDaqError: A step failed; the message names it.
     """
     excited = record("multisine", motions.multisine)
     responses = frequency_responses(excited.measured.recording, motions.multisine, robot)
@@ -169,7 +169,7 @@ def run_path_chapter(
             measured = repeated_error(planned, [plain.measured.recording])
             tuning = tune(planned, measured, estimate, loops, cell.position_gain_per_s)
             by = Precompensation(estimate, loops, tuning, plain.folder.run_id)
-        ahead, files = by.ahead(motion, planned, same_motion=motion is motions.circle)
+        ahead, files = by.with_feedforward(motion, planned, same_motion=motion is motions.circle)
         after = record(f"{name}-compensated", motion, ahead, files)
         runs += [(f"{name.capitalize()}, plain", motion, plain)]
         runs += [(f"{name.capitalize()}, compensated", motion, after)]
@@ -190,7 +190,7 @@ def run_path_chapter(
 
 
 def _loop_sentence(loops: list[VelocityLoop], tuning: Tuning) -> str:
-    """Say what the chapter measured before it compensated."""
+    """Return a sentence with the velocity loops and the tuning."""
     parts, tuned = [], []
     for loop, scale, delay_s in zip(
         loops, tuning.tuning.scale.tolist(), tuning.tuning.delay_s.tolist(), strict=True
@@ -202,10 +202,10 @@ def _loop_sentence(loops: list[VelocityLoop], tuning: Tuning) -> str:
         )
         if (scale, delay_s) != (1.0, 0.0):
             tuned.append(
-                f"{loop.joint_name} torque times {scale:.3f}, {1e3 * delay_s:.2f} ms later"
+                f"{loop.joint_name} torque scale {scale:.3f}, delay {1e3 * delay_s:.2f} ms"
             )
     return (
-        "Velocity loops out of a multisine, gain [N m s/rad] and integral time:"
-        f" {'; '.join(parts)}. By the circle without compensation:"
-        f" {'; '.join(tuned) or 'nothing to tune'}."
+        "Velocity loops from a multisine, gain [N m s/rad] and integral time:"
+        f" {'; '.join(parts)}. Tuning from the circle without compensation:"
+        f" {'; '.join(tuned) or 'not necessary'}."
     )

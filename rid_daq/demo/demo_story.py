@@ -1,4 +1,4 @@
-"""The demo's story on one simulated robot: record, average, identify, validate, compensate."""
+"""Workflow of the demo on one simulated robot: record, average, identify, validate, compensate."""
 
 from __future__ import annotations
 
@@ -47,14 +47,14 @@ from rid_daq.terminal.console import Progress
 DEMO_CELL = "ir361"
 
 Show = Callable[[float, str], None]
-"""Called with the seconds of motion that are done, and a word on what is being done."""
+"""Function that is called with the completed seconds of motion, and a word for the present step."""
 
 
 @dataclass(frozen=True)
 class Motions:
-    """What the robot does: the excitation, the motion that the model is judged by, and paths.
+    """Motions of the demo: the excitation, the validation motion, and paths.
 
-    What is timed comes last, and only where there are paths.
+    The timed path comes last. It is executed only if there are paths.
     """
 
     excitation: FourierMotion
@@ -65,7 +65,7 @@ class Motions:
 
 @dataclass(frozen=True)
 class Story:
-    """The sections of a result that one robot's story gives, and the ids of its runs."""
+    """Result sections of one simulated robot, and the ids of its runs."""
 
     runs: tuple[RunSection, ...]
     average: AverageSection
@@ -81,26 +81,26 @@ class Story:
 def run_story(
     folder: RunFolder, motions: Motions, seed: int, unmodelled: bool, show: Show
 ) -> Story:
-    """Run the story on one simulated robot; return the sections of its result.
+    """Run the workflow on one simulated robot; return the sections of its result.
 
     Args:
-        folder: The demo's run folder; the two runs become folders below it.
-        motions: What is run.
-        seed: Of the simulation.
-        unmodelled: Whether the robot has the effects that no model has.
-        show: Told how far the story is.
+        folder: Run folder of the demo; the runs become folders in it.
+        motions: Motions of the demo.
+        seed: Random seed of the simulation.
+        unmodelled: True if the simulated robot has unmodelled effects.
+        show: Function that is called with the progress.
 
     Raises:
-        RidDaqError: A step failed; the message says which.
+        RidDaqError: A step failed; the message names it.
     """
     loaded = load_cell(DEMO_CELL)
     robot, cell, plant = loaded.robot, loaded.config, loaded.plant
     if plant is None:
         raise ConfigError(
-            f"cell {cell.name}: names no plant, so nothing can be simulated",
+            f"cell {cell.name}: has no key plant, so it cannot be simulated",
             code="RID-CELL-NOT-SIMULATED",
         )
-    told = _Told(show)
+    console = _ProgressConsole(show)
     runs = folder.path / _name(unmodelled)
     simulation = CellSimulation(
         cell,
@@ -112,20 +112,22 @@ def run_story(
         amplifier_profile=loaded.amplifier_profile,
     )
     with SimulatedCell(simulation) as simulated, hold_cell(simulated.cell):
-        bare = simulated.cell.model_copy(update={"plate": None})  # the story is of the joints
-        record = _Recorder(RunSession(loaded, bare, runs, told), told)
+        bare = simulated.cell.model_copy(
+            update={"plate": None}
+        )  # only the joints are identified here
+        record = _Recorder(RunSession(loaded, bare, runs, console), console)
         excited = record("excitation", motions.excitation)
         validated = record("validation", motions.validation)
-        show(told.done_s, "identifying")
+        show(console.done_s, "identifying")
         average = excited.measured.average
-        remembering = _with_memory(robot, average)
-        estimate = fit_periodic(remembering, [average]).estimate(cell_name=cell.name)
+        with_presliding = _with_presliding(robot, average)
+        estimate = fit_periodic(with_presliding, [average]).estimate(cell_name=cell.name)
         write_estimate(folder.path / f"model_{_name(unmodelled)}.json", estimate)
         chapter = timed = None
         if unmodelled and motions.paths is not None:
             chapter = run_path_chapter(record, motions.paths, robot, cell, estimate, folder)
     if chapter is not None and motions.timed is not None:
-        fresh = _OnFreshCell(motions.timed.loaded(loaded), simulation, runs, told)
+        fresh = _FreshCellRecorder(motions.timed.cell_with_robot(loaded), simulation, runs, console)
         timed = run_timing_chapter(fresh, motions.timed, robot, chapter.precompensation, folder)
     truth = estimate.base.from_standard(true_parameters(estimate.model, robot, plant))
     noise_nm = np.sqrt(average.torque_variance)
@@ -170,8 +172,8 @@ def run_story(
     )
 
 
-class _Told:
-    """Shows the motions of a story one after the other, in seconds of motion."""
+class _ProgressConsole:
+    """Console that shows the progress of all motions together, in seconds of motion."""
 
     def __init__(self, show: Show) -> None:
         self._show = show
@@ -179,36 +181,36 @@ class _Told:
         self.motion_s = 0.0
 
     def say(self, text: str = "") -> None:
-        """Leave it to the run's folder."""
+        """Do nothing: the run folder contains the messages."""
 
     def announce_motion(self, run: str, title: str, rows: int, rows_per_period: int | None) -> None:
-        """Leave it to the progress."""
+        """Do nothing: the progress shows the motion."""
 
     @contextlib.contextmanager
     def progress(self, title: str, total: float | None, unit: str) -> Iterator[Progress]:
-        """Show how much of a motion is done."""
-        yield _Motion(self._show, title, self.done_s, self.motion_s / (total or 1.0))
+        """Show the completed part of a motion."""
+        yield _MotionProgress(self._show, title, self.done_s, self.motion_s / (total or 1.0))
         self.done_s += self.motion_s
 
 
 @dataclass(frozen=True)
-class _Motion:
+class _MotionProgress:
     show: Show
     title: str
     before_s: float
     unit_s: float
 
     def update(self, done: float, line: str) -> None:
-        """Show how far the story is."""
+        """Show the progress of the whole workflow."""
         self.show(self.before_s + done * self.unit_s, self.title)
 
 
 @dataclass(frozen=True)
 class _Recorder:
-    """Records the motions of a story in one session."""
+    """Records the motions of the workflow in one session."""
 
     session: RunSession
-    told: _Told
+    console: _ProgressConsole
 
     def __call__(
         self,
@@ -217,17 +219,17 @@ class _Recorder:
         planned: MotionSamples | None = None,
         files: Mapping[str, bytes] | None = None,
     ) -> RecordedRun:
-        """Record one motion into a run folder of its own, as planned where that is given.
+        """Record a motion into its own run folder, with `planned` samples if given.
 
         Raises:
-            SafetyStop: It did not come to its end.
+            SafetyStop: The motion was stopped.
         """
         session = self.session
         samples = planned or motion.plan(session.loaded.robot, session.cell.cycle_time_s)
-        self.told.motion_s = samples.duration_s
+        self.console.motion_s = samples.duration_s
         both = {MOTION: to_yaml(motion).encode(), **(files or {})}
-        asked = RunRequest(role, motion.describe(), samples, role=role, files=both)
-        run = session.record(asked).as_step()
+        request = RunRequest(role, motion.describe(), samples, role=role, files=both)
+        run = session.record(request).as_step()
         if run.outcome.stop is not None:
             why = "; ".join((run.outcome.stop.text, *run.outcome.notes))
             raise SafetyStop(f"the demo's {role} was stopped: {why}", code="RID-STOP-ORDERED")
@@ -235,17 +237,17 @@ class _Recorder:
 
 
 @dataclass(frozen=True)
-class _OnFreshCell:
-    """Records each motion on a cell that was just switched on, with its plate.
+class _FreshCellRecorder:
+    """Records each motion on a newly started simulated cell with its force plate.
 
-    Between two runs of one cell its time goes on with the wall clock for a while: on which row its
-    plate begins would differ from one execution to the next.
+    Between two runs of one cell, its time follows the wall clock for a while. The row at which the
+    plate begins would then differ between executions.
     """
 
     loaded: LoadedCell
     simulation: CellSimulation
     runs: Path
-    told: _Told
+    console: _ProgressConsole
 
     def __call__(
         self,
@@ -256,12 +258,12 @@ class _OnFreshCell:
     ) -> RecordedRun:
         """Record one motion, as `_Recorder`."""
         with SimulatedCell(self.simulation) as simulated, hold_cell(simulated.cell):
-            session = RunSession(self.loaded, simulated.cell, self.runs, self.told)
-            return _Recorder(session, self.told)(role, motion, planned, files)
+            session = RunSession(self.loaded, simulated.cell, self.runs, self.console)
+            return _Recorder(session, self.console)(role, motion, planned, files)
 
 
-def _with_memory(robot: RobotDescription, average: PeriodAverage) -> RobotDescription:
-    """Return the robot with presliding on the joints where the excitation shows it."""
+def _with_presliding(robot: RobotDescription, average: PeriodAverage) -> RobotDescription:
+    """Return the robot with presliding on the joints for which the excitation identifies it."""
     options = EstimationOptions()
     signals = [period_signals(average, options.band_hz)]
     return choose_presliding(robot, signals, options).robot(robot)

@@ -1,4 +1,4 @@
-"""The demo's chapter on time: a pick-and-place path as fast as torques and base allow, driven."""
+"""Timing chapter of the demo: a pick-and-place path as fast as torques and base reaction allow."""
 
 from __future__ import annotations
 
@@ -34,15 +34,19 @@ from rid_daq.runs.followed_motion import path_error_of_run
 
 MODEL: Final = "model_with_base.json"
 MECHANICS: Final = 3.0
-"""Times the robot file's accelerations, which hold in every pose: what the arm itself bears."""
+"""Factor on the accelerations in the robot file, which are valid in every pose: limit of the arm's
+mechanics.
+"""
 RATE: Final = 40.0
-"""Torque limits a second: what the velocity loops follow."""
+"""Limit of the torque rate, in torque limits per second: what the velocity loops can follow."""
 CONFIDENCE: Final = 0.95
 PERIODS: Final = 3
-KEPT_FREE: Final = 0.05
-"""Of torques and base reaction: for what the robot does not follow."""
+MARGIN: Final = 0.05
+"""Margin of torques and base reaction, as a fraction, for deviations of the robot from its
+set-points.
+"""
 BASE: Final = (350.0, 350.0, np.inf, 500.0, 420.0, 120.0)
-"""What the foundation bears [N, N m], the weight left out; the fastest timing would take more."""
+"""Limit of the base reaction without the weight [N, N m]; the fastest timing would exceed it."""
 PICK_AND_PLACE: Final = (
     (-0.9, 0.35, 0.2), (-0.85, 0.1, 0.35), (0.0, -0.15, 0.5), (0.75, 0.1, 0.35), (0.8, 0.35, 0.2)
 )  # fmt: skip
@@ -50,12 +54,12 @@ PICK_AND_PLACE: Final = (
 
 @dataclass(frozen=True)
 class TimingMotions:
-    """What the chapter drives, and on what: the robot with what its mechanics bear.
+    """Motions of the chapter, and the robot with the acceleration limits of its mechanics.
 
     Attributes:
-        robot: The bundled arm, with higher limits of acceleration.
-        excitation: Of the plate: the demo's own, a few periods.
-        pick_and_place: Within the limits of the robot file as it is.
+        robot: The bundled arm, with higher acceleration limits.
+        excitation: Excitation for the force plate: the demo's own, with a few periods.
+        pick_and_place: Path within the limits of the unchanged robot file.
     """
 
     robot: RobotDescription
@@ -64,7 +68,7 @@ class TimingMotions:
 
     @classmethod
     def of_robot(cls, robot: RobotDescription, excitation: FourierMotion) -> TimingMotions:
-        """Return those of the bundled arm."""
+        """Return the motions for the bundled arm."""
         joints = tuple(
             joint.model_copy(update={"limits": joint.limits.model_copy(update={"acceleration": a})})
             for joint in robot.joints
@@ -83,19 +87,19 @@ class TimingMotions:
         )
 
     def duration_s(self, robot: RobotDescription, cycle_time_s: float) -> float:
-        """Return how long the chapter moves, at most: what is timed takes no longer than before."""
+        """Return the maximum duration of the chapter [s]; timing makes no path slower."""
         times = ((self.excitation, 1), (self.pick_and_place, 2))
         return sum(count * motion.plan(robot, cycle_time_s).duration_s for motion, count in times)
 
-    def loaded(self, loaded: LoadedCell) -> LoadedCell:
-        """Return a cell with this robot in it."""
+    def cell_with_robot(self, loaded: LoadedCell) -> LoadedCell:
+        """Return a cell with this robot."""
         files = {**loaded.files, "robot.yaml": to_yaml(self.robot).encode()}
         return replace(loaded, robot=self.robot, files=files)
 
 
 @dataclass(frozen=True)
 class TimingChapter:
-    """What the chapter adds to a result."""
+    """Result sections of the chapter."""
 
     retiming: RetimingSection
     runs: tuple[RunSection, ...]
@@ -109,17 +113,17 @@ def run_timing_chapter(
     by: Precompensation,
     root: RunFolder,
 ) -> TimingChapter:
-    """Time a path by a model that knows the reaction on the base; drive it before and after.
+    """Time a path with a model of joint torques and base reaction; execute it before and after.
 
     Args:
-        record: On the cell with `motions.robot` and its plate.
-        motions: What is driven.
-        robot: As its file has it.
-        by: What pre-compensates both.
-        root: Where the model is written.
+        record: Records a motion on the cell with `motions.robot` and its force plate.
+        motions: Motions of the chapter.
+        robot: Robot of the unchanged robot file.
+        by: Pre-compensation of both paths.
+        root: Folder for the model.
 
     Raises:
-        RidDaqError: A step failed; the message says which.
+        RidDaqError: A step failed; the message names it.
     """
     on_plate = record("plate", motions.excitation)
     cell = on_plate.measured.cell
@@ -133,7 +137,7 @@ def run_timing_chapter(
     limits = TimingLimits.of_robot(motions.robot)
     limits = replace(limits, torque_rate=RATE * limits.torque, base=np.array(BASE))
     usual = motions.pick_and_place.plan(robot, cell.cycle_time_s).whole()
-    held = limits.keeping_free(KEPT_FREE)
+    held = limits.keeping_free(MARGIN)
     timed = retimed(usual, motions.robot, model, held, confidence=CONFIDENCE)
     root.write("timed.yaml", to_yaml(timed.motion, "The demo's timed path.").encode())
     moved = (
@@ -148,22 +152,22 @@ def run_timing_chapter(
     runs: list[tuple[str, AnyMotion, RecordedRun]] = []
     driven: list[DrivenPath] = []
     for name, motion, planned, moving_s in moved:
-        run = record(name, motion, *by.ahead(motion, planned.whole()))
+        run = record(name, motion, *by.with_feedforward(motion, planned.whole()))
         runs.append((name.capitalize(), motion, run))
-        driven.append(_driven(run, motion.describe(), moving_s, model, limits))
+        driven.append(_executed_path(run, motion.describe(), moving_s, model, limits))
     limited = np.isfinite(BASE)
-    told = DrivenTiming(
+    executed = DrivenTiming(
         before=driven[0],
         after=driven[1],
         components=tuple(np.array(WRENCH_NAMES)[limited].tolist()),
         limit=tuple(np.array(BASE)[limited].tolist()),
         sentence=(
-            f"Both pre-compensated. The model of torques and base reaction comes from {PERIODS}"
-            " periods of the excitation on the force plate. Before, the path keeps to the"
-            " accelerations of the robot file, which hold in every pose; timed, to"
-            f" {MECHANICS:g} times those, to all torques, and to what the base may take, the"
-            " weight left out. The reaction is what the plate measured since the rest before the"
-            " motion."
+            "Both paths are pre-compensated. The model of torques and base reaction comes from"
+            f" {PERIODS} periods of the excitation on the force plate. Before timing, the path"
+            " keeps the accelerations of the robot file, which are valid in every pose. After"
+            f" timing, it keeps {MECHANICS:g} times these accelerations, all torque limits, and"
+            " the limits of the base reaction without the weight. The reaction is the change of"
+            " the plate's signal since the rest before the motion."
         ),
     )
     section = RetimingSection.of(
@@ -172,12 +176,12 @@ def run_timing_chapter(
         held,
         named=("the pick-and-place path", MODEL),
         confidence=CONFIDENCE,
-        margin=KEPT_FREE,
+        margin=MARGIN,
     )
     plate = ("Excitation on the plate", motions.excitation, on_plate)
-    torque = _main(runs[-1][2].measured.recording).torque_nm
+    torque = _main_part(runs[-1][2].measured.recording).torque_nm
     return TimingChapter(
-        retiming=section.with_driven(told, torque / held.torque),
+        retiming=section.with_driven(executed, torque / held.torque),
         runs=tuple(
             RunSection.of(role, motion.describe(), run.measured.tally, motions.robot)
             for role, motion, run in (plate, *runs)
@@ -186,35 +190,35 @@ def run_timing_chapter(
     )
 
 
-def _driven(
+def _executed_path(
     run: RecordedRun, sentence: str, moving_s: float, model: Estimate, limits: TimingLimits
 ) -> DrivenPath:
-    """Return what a run of a path from rest to rest measured."""
+    """Return path errors, torques and base reaction of a run from rest to rest."""
     data = run.measured
     error, recording = path_error_of_run(data), data.recording
-    torque = np.abs(_main(recording).torque_nm).max(axis=0)
+    torque = np.abs(_main_part(recording).torque_nm).max(axis=0)
     return DrivenPath(
         sentence=sentence,
         moving_s=moving_s,
         mean_m=error.mean_m,
         max_m=error.max_m,
         torque_share=tuple((torque / limits.torque).tolist()),
-        base_peak=tuple(_reaction(recording, model)[np.isfinite(BASE)].tolist()),
+        base_peak=tuple(_largest_base_wrench(recording, model)[np.isfinite(BASE)].tolist()),
     )
 
 
-def _main(recording: Recording) -> Recording:
+def _main_part(recording: Recording) -> Recording:
     return recording.part((recording.phase == Phase.MAIN) & recording.valid)
 
 
-def _reaction(recording: Recording, model: Estimate) -> FloatArray:
-    """Return the largest base wrench of a motion, (6,).
+def _largest_base_wrench(recording: Recording, model: Estimate) -> FloatArray:
+    """Return the largest base wrench of a motion, shape (6,).
 
-    A plate's zero is unknown, so what it changes by since the rest before the motion is added to
-    what the model says of that rest.
+    The zero of a force plate is unknown. The result is the model's base wrench at rest plus the
+    change of the measured wrench since that rest before the motion.
 
     Raises:
-        DataQualityError: The plate was not valid all the time.
+        DataQualityError: The force plate was not valid all the time.
     """
     reaction = recording.reaction
     main = np.flatnonzero(recording.phase == Phase.MAIN)
@@ -222,11 +226,12 @@ def _reaction(recording: Recording, model: Estimate) -> FloatArray:
     rest = rest[rest < main[0]]
     if reaction is None or not reaction.valid[rest[0] : main[-1] + 1].all():
         raise DataQualityError(
-            "the force plate was not valid all the time: the reaction on the base is not known",
+            "the force plate was not valid all the time: the reaction on the base is unknown;"
+            " record the motion again",
             code="RID-PLATE-CHANNEL",
         )
     pose = recording.position[rest].mean(axis=0, keepdims=True)
-    still = np.zeros_like(pose)
-    standing = predict_base_wrench(model, pose, still, still)
+    zero = np.zeros_like(pose)
+    at_rest = predict_base_wrench(model, pose, zero, zero)
     change = reaction.base_wrench[main] - reaction.base_wrench[rest].mean(axis=0)
-    return np.asarray(np.abs(standing + change).max(axis=0))
+    return np.asarray(np.abs(at_rest + change).max(axis=0))

@@ -1,4 +1,4 @@
-"""Two stories of the demo side by side, each in a process of its own: one a core."""
+"""Runs the two workflows of the demo in parallel, each in its own process."""
 
 from __future__ import annotations
 
@@ -22,27 +22,29 @@ from rid_daq.terminal.context import Context
 from rid_daq.terminal.exit_codes import ExitCode
 
 _END_PATIENCE_S = 30.0
-# One thread a process: two processes fill two cores, and sums keep their order.
+# One thread per process: two processes use two cores, and sums keep their order.
 _ONE_THREAD: dict[str, str] = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
 def run_stories(
     folder: RunFolder, motions: Motions, total_s: float, seed: int, console: Context
 ) -> dict[bool, Story]:
-    """Tell the story with and without the effects that no model has.
+    """Run the workflow with and without unmodelled effects.
 
     Args:
-        folder: The demo's run folder.
-        motions: What is run.
-        total_s: Duration of both motions together [s].
-        seed: Of both simulations.
-        console: Where progress is shown.
+        folder: Run folder of the demo.
+        motions: Motions of the demo.
+        total_s: Duration of all motions of one robot [s].
+        seed: Random seed of both simulations.
+        console: Shows the progress.
 
     Returns:
-        What `rid_daq.demo.demo_story.run_story` gives, by whether those effects were on.
+        Results of `rid_daq.demo.demo_story.run_story`; the key is True for the robot with
+        unmodelled
+        effects.
 
     Raises:
-        RidDaqError: A step of one of them failed.
+        RidDaqError: A step failed.
     """
     spawn = get_context("spawn")
     stories: dict[bool, Story] = {}
@@ -75,16 +77,16 @@ def run_stories(
 
 
 def _receive(line: Connection) -> Any:
-    """Return a story's message: progress or its result.
+    """Return a message of a workflow: its progress or its result.
 
     Raises:
-        RidDaqError: What ended the story.
+        RidDaqError: The error that ended the workflow.
     """
     try:
         message = line.recv()
     except EOFError:
         raise DriverError(
-            "a simulation of the demo died; start it again", code="RID-SYSTEM-PROCESS-DIED"
+            "a simulation of the demo died; start the demo again", code="RID-SYSTEM-PROCESS-DIED"
         ) from None
     if isinstance(message, RidDaqError):
         raise message
@@ -94,8 +96,8 @@ def _receive(line: Connection) -> Any:
 def _serve(
     folder: RunFolder, motions: Motions, seed: int, unmodelled: bool, line: Connection
 ) -> None:
-    """Tell one story and send it; the main function of its process."""
-    # Ctrl-C reaches the whole group; the program decides, and ends this process by SIGTERM.
+    """Run one workflow and send its messages; the main function of its process."""
+    # Ctrl-C reaches the whole process group; the main program ends this process by SIGTERM.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _leave)
@@ -104,7 +106,7 @@ def _serve(
     def show(done_s: float, doing: str) -> None:
         line.send((done_s, doing))
 
-    # Where the program is gone, everything has been stopped on the way here.
+    # If the main program is gone, the robot has already been stopped.
     with contextlib.suppress(BrokenPipeError):
         try:
             line.send(run_story(folder, motions, seed, unmodelled, show))
@@ -119,7 +121,7 @@ def _leave(_signal: int, _frame: object) -> NoReturn:
 
 
 def _end(process: SpawnProcess, failed: object, *_: object) -> None:
-    """End a story's process; one that is still at work stops its robot on the way."""
+    """End the process of a workflow; if it still runs, it stops its robot first."""
     if failed is not None and process.is_alive():
         process.terminate()
     process.join(_END_PATIENCE_S)
@@ -131,7 +133,7 @@ def _end(process: SpawnProcess, failed: object, *_: object) -> None:
 
 @contextlib.contextmanager
 def _environment(values: dict[str, str]) -> Iterator[None]:
-    """Set environment variables for the processes started inside the `with`."""
+    """Set environment variables for processes that are started inside the `with` block."""
     before = {name: os.environ.get(name) for name in values}
     os.environ.update(values)
     try:

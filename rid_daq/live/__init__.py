@@ -1,1 +1,1 @@
-"""The live page: what a motion is doing, in a browser, with a stop button."""
+"""Live page: shows a motion in a browser, with a stop button."""

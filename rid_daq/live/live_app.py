@@ -1,4 +1,4 @@
-"""`live_app`: what the live page's browser may ask for: the page, its events, the stop."""
+"""`live_app`: application of the live page: the page, its events, and the stop request."""
 
 from __future__ import annotations
 
@@ -25,21 +25,22 @@ _FILES = {
     "/stop.js": ("stop.js", "text/javascript"),
 }
 _NO_TOKEN = (
-    "This page needs the whole address that rid-daq has shown in its terminal, with ?t= and what"
-    " follows.\n"
+    "This page needs the complete address that rid-daq has printed in its terminal, including ?t="
+    " and the characters after it.\n"
 )
 
 
 def live_app(access: Access, feed: Feed, stop: Callable[[], None]) -> ASGIApp:
     """Return the application behind its guard.
 
-    Page and events need the token, or the session of a page that was opened with it. The stop needs
-    them from another machine only: a stop too many costs a run, one too few may cost an arm.
+    Page and events need the token, or the session secret of a page that was opened with it. A stop
+    needs this only from other computers: an unnecessary stop costs a recording, but a
+    missing stop can damage the robot.
 
     Args:
-        access: Who may ask for what.
-        feed: The events, each a line of JSON.
-        stop: Asks for the motion's stop.
+        access: Address and secrets of the page.
+        feed: Feed of the events; each event is one line of JSON.
+        stop: Function that requests the stop of the motion.
     """
     folder = files("rid_daq.live")
     contents = {path: folder.joinpath(name).read_bytes() for path, (name, _) in _FILES.items()}
@@ -47,7 +48,7 @@ def live_app(access: Access, feed: Feed, stop: Callable[[], None]) -> ASGIApp:
 
     async def main_page(request: Request) -> Response:
         token = request.query_params.get("t")
-        if token is not None and access.knows(token):
+        if token is not None and access.is_token(token):
             away = {"Location": f"/?s={access.session}"}
             return Response(status_code=HTTPStatus.SEE_OTHER, headers=away)
         if token is not None or not _is_admitted(request):

@@ -1,4 +1,4 @@
-"""`LivePage`: the live page as a command of the program has it, over all motions of a session."""
+"""`LivePage`: live page of a command, for all motions of its session."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ BACKLOG = 128
 
 @dataclass(frozen=True)
 class LivePage:
-    """A page that listens already, and shows the motions that it is made an observer of."""
+    """A listening page; it shows a motion if its observer is added to that motion."""
 
     access: Access
     listener: socket.socket
@@ -35,9 +35,9 @@ class LivePage:
     def observer(
         self, title: str, samples: MotionSamples, cell: CellConfig, robot: RobotDescription
     ) -> Observer:
-        """Return what makes the process that shows a motion (`record_motion`).
+        """Return a function that creates the process that shows a motion (`record_motion`).
 
-        Only who looks on pays for the server: it takes 0.4 s to load.
+        The server is imported only if a live page is wanted, because the import takes 0.4 s.
         """
         from rid_daq.live.live_process import run_live_page
 
@@ -57,10 +57,10 @@ class LivePage:
 
 @contextlib.contextmanager
 def live_page(options: Live) -> Iterator[LivePage | None]:
-    """Yield a page whose address has been told, where one is wanted.
+    """Print the address of a live page and yield the page; yield None if no page is wanted.
 
     Raises:
-        ConfigError: It must not be served there, or cannot.
+        ConfigError: The page must not, or cannot, be served on the address.
     """
     if not options.wanted:
         yield None
@@ -77,10 +77,10 @@ def live_page(options: Live) -> Iterator[LivePage | None]:
 
 
 def listen_on(access: Access) -> socket.socket:
-    """Return a socket that listens where `access` says.
+    """Return a listening socket at the address and port of `access`.
 
     Raises:
-        ConfigError: It cannot.
+        ConfigError: The address cannot be used.
     """
     family = socket.AF_INET6 if ":" in access.address else socket.AF_INET
     listener = socket.socket(family, socket.SOCK_STREAM)
@@ -91,8 +91,8 @@ def listen_on(access: Access) -> socket.socket:
     except OSError as error:
         listener.close()
         raise ConfigError(
-            f"--listen {access.address}:{access.port}: {error.strerror}; choose another port, or 0"
-            " for any that is free",
+            f"--listen {access.address}:{access.port}: {error.strerror}; choose another port, or"
+            " 0 for any free port",
             code="RID-LISTEN-ADDRESS",
         ) from None
     return listener

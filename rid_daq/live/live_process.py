@@ -1,4 +1,4 @@
-"""The process that serves the live page; it looks on, and may die or hang without harm."""
+"""Process of the live page; its failure does not affect the motion."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rid_daq.live.live_app import live_app
 from rid_daq.live.picture import MotionPicture, ShownMotion
 from rid_daq.web.access import Access
 from rid_daq.web.asgi_server import AsgiServer
-from rid_daq.web.door import Limits
+from rid_daq.web.connection_groups import Limits
 from rid_daq.web.feed import Feed
 
 PERIOD_S = 0.05
@@ -35,19 +35,21 @@ def run_live_page(
 ) -> None:
     """Serve the live page of one motion; the main function of its process.
 
-    It ends with the motion. All it ever writes into shared memory is the request to stop.
+    The process ends with the motion. It writes nothing but the stop request into shared memory.
 
     Args:
-        access: Who may ask for what.
-        listener: Listens where `access` says.
-        motion: What is shown.
-        ring, control: Where it is read.
+        access: Address and secrets of the page.
+        listener: Listening socket.
+        motion: Description of the motion.
+        ring, control: Shared memory of the motion.
         parent: Process id of the program.
     """
     leave_terminal()
     _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (min(MOST_DESCRIPTORS, most), most))
-    logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # failed requests of others are no news
+    logging.getLogger("asyncio").setLevel(
+        logging.CRITICAL
+    )  # failed requests of clients are not logged
     picture = MotionPicture(motion, ring, control)
     keep_from_collections()
     asyncio.run(_serve(access, listener, picture, control, parent))
@@ -65,12 +67,12 @@ async def _serve(
     app = live_app(access, feed, lambda: control.program.request_stop(StopCode.STOP_BUTTON))
     server = AsgiServer(app, access.tls(), LIMITS)
     serving = asyncio.create_task(server.serve([listener], until))
-    feed.show(picture.document())
+    feed.publish_picture(picture.document())
     while not (serving.done() or control.task_gone or os.getppid() != parent):
         if feed.viewers:
-            feed.show(picture.document())
+            feed.publish_picture(picture.document())
         await asyncio.wait([serving], timeout=PERIOD_S)
-    feed.show(picture.document())
+    feed.publish_picture(picture.document())
     feed.end()
     until.set()
     await serving

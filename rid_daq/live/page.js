@@ -1,4 +1,4 @@
-// What the server sends is shown as text only; nothing it sends is ever taken as markup.
+// Data of the server are shown as text only, never as markup.
 "use strict";
 const OLD_MS = 500, HISTORY_MS = 60000;
 const byId = (id) => document.getElementById(id);
@@ -145,12 +145,12 @@ function look() {
   document.body.classList.toggle("old", silent && !ended);
   byId("stop").disabled = ended && silent;
   const rest = shown && shown.at_rest_s !== null ? ` All axes at rest ${shown.at_rest_s.toFixed(2)} s later.` : "";
-  if (unknown) banner("bad", "Not admitted: open the whole address that the terminal shows.");
+  if (unknown) banner("bad", "Access refused: open the complete address that the terminal shows.");
   else if (shown && shown.stop !== null) banner("bad", `${stopWords(shown.stop)}.${rest}`);
   else if (shown && shown.problem !== null) banner("bad", shown.problem);
   else if (ended) banner("good", "The motion has ended; the drives are off.");
-  else if (silent && shown !== null) banner("bad", "NOT LIVE: what you see is old.");
-  else if (shown && shown.stop_asked) banner("wait", "Asked to stop.");
+  else if (silent && shown !== null) banner("bad", "NOT LIVE: the values on this page are old.");
+  else if (shown && shown.stop_asked) banner("wait", "Stop requested.");
   else banner("", "");
 }
 
@@ -168,8 +168,8 @@ events.onmessage = (event) => {
   unknown = false;
   show(JSON.parse(event.data));
   look();
-  // stop.js goes on until it knows of an answer, and this one may come before the request's own
-  if (shown.stop_asked) document.dispatchEvent(new CustomEvent("stop-answered", { detail: { sentence: "Asked to stop." } }));
+  // stop.js repeats its request until it receives an answer; this event may arrive before that answer
+  if (shown.stop_asked) document.dispatchEvent(new CustomEvent("stop-answered", { detail: { sentence: "Stop requested." } }));
 };
 events.onerror = () => { unknown = events.readyState === EventSource.CLOSED && shown === null; look(); };
 setInterval(look, 200);

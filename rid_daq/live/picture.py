@@ -1,4 +1,4 @@
-"""`MotionPicture`: what the live page shows, as one JSON document, from shared memory alone."""
+"""`MotionPicture`: values of the live page as one JSON document, from shared memory alone."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ RATE_AFTER_S = 2.0
 
 @dataclass(frozen=True)
 class ShownMotion:
-    """What of a motion is known before it begins.
+    """Properties of a motion that are known before it begins.
 
     Attributes:
-        title: What is done, in a sentence.
-        rows: How many cycles the motion has, 0 where nobody knows.
-        rows_per_period: Of a periodic motion.
+        title: Description of the motion in a sentence.
+        rows: Number of cycles of the motion, 0 if unknown.
+        rows_per_period: Number of cycles per period; None for a motion that is not periodic.
         cell, robot: Names, limits and cycle time.
     """
 
@@ -39,11 +39,11 @@ class ShownMotion:
 
 
 class MotionPicture:
-    """Draws the latest state of a motion; it reads, and writes nothing.
+    """Reads the latest state of a motion; it writes nothing.
 
     Args:
-        motion: What is shown.
-        ring, control: Where it is read.
+        motion: Description of the motion.
+        ring, control: Shared memory of the motion.
     """
 
     def __init__(self, motion: ShownMotion, ring: Ring, control: ControlBlock) -> None:
@@ -58,7 +58,7 @@ class MotionPicture:
         self._row = 0
 
     def document(self) -> bytes:
-        """Return the document, on one line, with everything but ASCII escaped."""
+        """Return the document on one line, in ASCII."""
         return json.dumps(self._picture(), allow_nan=False).encode("ascii")
 
     def _picture(self) -> dict[str, object]:
@@ -79,7 +79,7 @@ class MotionPicture:
             "phase": progress.phase.name.lower() if progress.state is TaskState.MOVING else "",
             "moving": progress.state in (TaskState.MOVING, TaskState.STOPPING),
             "age_s": round(now_s - self._changed_s, 3) if self._written else None,
-            **self._how_far(progress, now_s),
+            **self._progress_values(progress, now_s),
             "joints": self._joints(progress),
             "stop_asked": bool(control.program.stop_code),
             "stop": None if reason is None else reason.text,
@@ -93,7 +93,7 @@ class MotionPicture:
             "over": control.task_gone,
         }
 
-    def _how_far(self, progress: TaskProgress, now_s: float) -> dict[str, object]:
+    def _progress_values(self, progress: TaskProgress, now_s: float) -> dict[str, object]:
         motion = self._motion
         if progress.sample_index >= 0:
             if self._began is None:
@@ -116,7 +116,7 @@ class MotionPicture:
         }
 
     def _left_s(self, row: int, now_s: float) -> float | None:
-        """Return how long the rest will take at the pace so far [s]: simulated time runs faster."""
+        """Return the remaining time [s]; simulated time may run faster than real time."""
         if self._began is None or not self._motion.rows:
             return None
         began_s, first = self._began

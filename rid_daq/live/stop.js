@@ -1,15 +1,15 @@
-// STOP: the first script of a page, without imports. It works if every other script is missing.
+// STOP: the first script of a page, without imports. It works even if no other script loads.
 // Its script element names the cell ("*" for all), the address of the request, and the WebSocket.
 "use strict";
 (() => {
-  window.endStop?.(); // of the page whose place this one takes; it ends here, and goes on with its press
-  const AGAIN_MS = 250; // between two attempts
-  const REFUSED_MS = 1000; // the same after a refusal
-  const LATE_MS = 2000; // then the page says that no answer came
-  const TWICE_MS = 1000; // one press gives several events; two Escapes are one stop
+  window.endStop?.(); // ends the script of the page that this one replaces; the press is repeated here
+  const AGAIN_MS = 250; // time between two attempts
+  const REFUSED_MS = 1000; // time between two attempts after a refusal
+  const LATE_MS = 2000; // time after which the page shows that there is no answer
+  const TWICE_MS = 1000; // one press causes several events; two presses of Escape within this time are one stop
   const SHOWN_MS = 8000;
-  const SILENT_MS = 1500; // a line without a beat for so long is replaced
-  const STOOD_MS = 800; // between two looks
+  const SILENT_MS = 1500; // a WebSocket without a heartbeat for this time is replaced
+  const STOOD_MS = 800; // a longer time between two checks means that this page was suspended
   const CONNECT_MS = [100, 250, 500, 1000, 2000, 5000];
   const MOST_LINES = 4;
   const MOST_REQUESTS = 2; // a browser has six connections for requests
@@ -18,29 +18,29 @@
   const KEY = "rid-daq stop";
   const here = document.currentScript.dataset;
 
-  let asked = null; // the press that is not acknowledged yet
+  let asked = null; // the unacknowledged press
   let number = Math.floor(Math.random() * 1e9);
-  let answer = null; // what was acknowledged, as long as it is shown
+  let answer = null; // the acknowledgement while it is displayed
   const lines = new Set();
   const requests = new Set();
 
-  // ---- words: true at every moment
+  // ---- status text
   const find = (id) => document.getElementById(id);
 
   function show() {
     const words = find("stop-words");
     if (!words) return;
     let [kind, text] = answer ?? ["", ""];
-    if (asked) [kind, text] = ["wait", "Asking for the stop…"];
+    if (asked) [kind, text] = ["wait", "Sending the stop request…"];
     if (asked && performance.now() - asked.from >= LATE_MS)
-      [kind, text] = ["bad", "No answer for more than 2 s: use the emergency stop. Still trying to stop."];
-    if (asked?.refusal) [kind, text] = ["bad", `Not stopped: use the emergency stop. Still trying. ${asked.refusal}`];
+      [kind, text] = ["bad", "No answer for more than 2 s: use the emergency stop. This page repeats the request."];
+    if (asked?.refusal) [kind, text] = ["bad", `Not stopped: use the emergency stop. This page repeats the request. ${asked.refusal}`];
     if (words.textContent === text && words.className === (text && `banner ${kind}`)) return;
     words.textContent = text;
     words.className = text && `banner ${kind}`;
   }
 
-  // ---- a press, and its repetition until it is acknowledged
+  // ---- a press is repeated until it is acknowledged
   function stop() {
     begin({ number: ++number, cell: here.cell, request: here.request, at: Date.now() });
   }
@@ -64,7 +64,7 @@
     document.dispatchEvent(new CustomEvent("stop-asked", { detail: message }));
   }
 
-  function acknowledge({ number: of, told = true, sentence = "Stop asked for: watch that the axes come to rest." }) {
+  function acknowledge({ number: of, told = true, sentence = "Stop requested: check that the axes come to rest." }) {
     if (!asked || (of !== undefined && of !== asked.number)) return;
     asked = null;
     delete document.documentElement.dataset.stop;
@@ -80,13 +80,13 @@
     for (const line of lines) if (line !== newest) drop(line);
   }
 
-  // A press outlives its page: the next page of this tab goes on.
+  // A press survives its page: the next page of this tab repeats it.
   function keep(press) {
     try {
       if (press) sessionStorage.setItem(KEY, JSON.stringify(press));
       else sessionStorage.removeItem(KEY);
     } catch {
-      // a browser that keeps nothing: the press ends with its page
+      // the browser has no session storage: the press ends with its page
     }
   }
 
@@ -99,7 +99,7 @@
     }
   }
 
-  // ---- by requests, each on a new connection
+  // ---- STOP by HTTP requests, each on a new connection
   async function request(press) {
     if (requests.size >= MOST_REQUESTS) return;
     const ending = new AbortController();
@@ -124,7 +124,7 @@
     }
   }
 
-  // ---- by a WebSocket of its own, open before it is needed
+  // ---- STOP by a separate WebSocket, which is opened in advance
   let newest = null;
   let failures = 0;
   let openAgain = null;
@@ -170,15 +170,15 @@
     const at = performance.now();
     const stood = at - watchedAt;
     watchedAt = at;
-    if (newest && stood > STOOD_MS) newest.heardAt = at; // the page itself stood: beats are yet to be read
+    if (newest && stood > STOOD_MS) newest.heardAt = at; // this page was suspended: received heartbeats are still unread
     if (!newest || at - newest.heardAt < SILENT_MS) return;
     const silent = newest;
     later();
-    // an open line may still carry the stop or its answer; one that connects keeps the next waiting
+    // an open WebSocket may still deliver the stop or its answer; a connecting one delays the next one
     if (!asked || silent.readyState !== WebSocket.OPEN) drop(silent);
   }
 
-  // ---- keys and fingers: the press itself stops, not its release
+  // ---- keys and pointers: pressing stops, not releasing
   let pressedAt = -Infinity;
   let escapedAt = -Infinity;
 
@@ -200,10 +200,10 @@
     } else escapedAt = event.timeStamp;
   }, true);
 
-  // ---- other scripts may know of an answer: the page's own WebSocket, or a motion that has ended
+  // ---- other scripts report answers that arrive on the page's main WebSocket, or the end of a motion
   document.addEventListener("stop-answered", (event) => acknowledge(event.detail));
 
-  // ---- the button is there as soon as it is read, and a part that does not load is told
+  // ---- the button appears as soon as it is parsed; a failed part of the page is reported
   let broken = false;
   function appear() {
     if (broken && find("page-broken")) find("page-broken").hidden = false;
@@ -234,7 +234,7 @@
     newest = null;
     for (const line of lines) {
       if (line.readyState === WebSocket.OPEN) line.close();
-      else line.addEventListener("open", () => line.close()); // browsers complain of a sooner end
+      else line.addEventListener("open", () => line.close()); // closing earlier causes a browser warning
     }
   };
   const unanswered = kept();

@@ -42,8 +42,8 @@ from rid_daq.runs.flange import write_flange_state
 from rid_daq.runs.origins import write_cell_origin
 from rid_daq.runs.run_data import RunData
 from rid_daq.runs.run_quality import run_quality
-from rid_daq.session.cells import mountable_cell
-from rid_daq.session.session import unfinished
+from rid_daq.session.cells import hold_reachable_cell
+from rid_daq.session.session import mark_unfinished
 from rid_daq.session.versions import software_versions
 from rid_daq.terminal.clearance import require_cleared
 from rid_daq.terminal.context import Context, Display
@@ -152,7 +152,7 @@ class RunSession:
                 motion's outcome.
         """
         folder = RunFolder.create(self.runs, request.label, software=software_versions())
-        with unfinished(folder):
+        with mark_unfinished(folder):
             facts: dict[str, JsonValue] = {"robot": self.loaded.robot.name}
             if self.axis_test:
                 facts["axis_test"] = self.axis_test
@@ -342,8 +342,8 @@ def open_session(
         live: Options of the live page.
 
     Raises:
-        RidDaqError: As `require_runs_folder`, `require_axis_test`, `require_cleared`, `live_page`
-            and `mountable_cell`.
+    RidDaqError: As `require_runs_folder`, `require_axis_test`, `require_cleared`, `live_page`
+        and `hold_reachable_cell`.
     """
     require_runs_folder(runs)
     tested = require_axis_test(loaded, axis_test)
@@ -355,6 +355,6 @@ def open_session(
         context.say(f"note: axis test: {tested}")
     with (
         live_page(live or Live()) as page,
-        mountable_cell(loaded, simulation, faults) as (cell, simulated),
+        hold_reachable_cell(loaded, simulation, faults) as (cell, simulated),
     ):
         yield RunSession(loaded, cell, runs, context, simulated, page, tested, context.service)

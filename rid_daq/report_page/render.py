@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from config.errors import RecordingError
 from rid_daq.blocks.block import AnyBlock
-from rid_daq.blocks.formats import duration, moment, number
+from rid_daq.blocks.formats import duration, format_utc, number
 from rid_daq.blocks.plot import Plot
 from rid_daq.report.certificate import Certificate
 from rid_daq.report.model_file import BY_MODEL
@@ -92,7 +92,7 @@ def _origin(result: Result, name: str) -> Markup:
     """Return the model and the time of a section as HTML; empty if neither is known."""
     model = str(result.model) if result.model is not None and name in BY_MODEL else ""
     made = "" if result.timing is None else (result.timing.made or {}).get(name, "")
-    words = ", ".join(filter(None, (model, made and moment(made))))
+    words = ", ".join(filter(None, (model, made and format_utc(made))))
     return Markup('<p class="soft">{}.</p>').format(words) if words else Markup()
 
 
@@ -106,7 +106,7 @@ def _environment() -> jinja2.Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    for show in (number, duration, moment):
+    for show in (number, duration, format_utc):
         environment.filters[show.__name__] = show
     for function in (_plot_svg, colours, dark_map, library, script):
         environment.globals[function.__name__] = function

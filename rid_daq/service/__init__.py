@@ -1,5 +1,6 @@
-"""The service: cells with a door. Jobs, leases, roles and the API; `client.py` for programs.
+"""Service that lets browsers and programs control cells over HTTP: jobs, leases, roles and the API.
 
-A job runs in a process of its own (`rid_daq.worker`), so that a stop needs no living server.
-Begin with `service.py`; decision 0042 says why.
+Every job runs in its own process (`rid_daq.worker`), so that a stop works even if the service
+hangs. `service.py` is the entry point, `client.py` the client for programs; decision 0042 gives the
+reasons.
 """

@@ -1,4 +1,6 @@
-"""`ServiceClient`: a service from a program: cells, a lease as a `with`, jobs as calls that wait.
+"""`ServiceClient`: access to a service from a program.
+
+A lease is a context manager; a job is a call that waits for its end.
 
 >>> with ServiceClient.at("local") as service, service.lease("ir361", note="CI") as cell:
 ...     cell.run("check").require_done()
@@ -25,7 +27,7 @@ import httpx
 from config.errors import ConfigError, LockedError, ServiceError
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import CellStatus, FilesOfCell, HeldLease, Job, JobState, OnLostClient
-from rid_daq.service.refusals import refusal_of
+from rid_daq.service.refusals import error_from_answer
 from rid_daq.service.sockets import is_this_computer, local_sockets
 from rid_daq.terminal.job_events import EVENT, AnyEvent, Ended, Resulted
 
@@ -34,21 +36,25 @@ LEASE_S: Final = 15.0
 LEASE_HEADER: Final = "x-rid-daq-lease"
 TOKEN_VARIABLE: Final = "RID_DAQ_TOKEN"
 _REACH_S: Final = 10.0
-_PATIENCE_S: Final = 60.0  # of a service whose computer is busy: what it was asked is not undone
-_STOP_PATIENCE_S: Final = 10.0  # who stops must know soon whether it was heard
+_PATIENCE_S: Final = (
+    60.0  # an overloaded computer answers late; a timeout does not cancel the request
+)
+_STOP_PATIENCE_S: Final = 10.0  # the user must know soon if the stop has arrived
 
 Watch = Callable[[Job, AnyEvent], None]
-"""Told what a job says, as it says it."""
+"""Function that is called with every event of a job, as soon as it is read."""
 
 
 @dataclass(frozen=True)
 class JobResult:
-    """A job that is over.
+    """Result of a job that has ended.
 
     Attributes:
-        job: How it ended.
-        document: Its result for programs, as the command's `--json`; None where it has none.
-        ended: Its own last word; None where its process died.
+        job: The job with its final state.
+        document: Result for programs, as `--json` of the same command prints it; None if the job
+            has no
+            result.
+        ended: Last event of the job; None if its process died.
     """
 
     job: Job
@@ -56,10 +62,10 @@ class JobResult:
     ended: Ended | None
 
     def require_done(self) -> Self:
-        """Return this result where the job ended well.
+        """Return this result if the job succeeded.
 
         Raises:
-            ServiceError: It did not.
+            ServiceError: The job failed, was stopped or was interrupted.
         """
         if self.job.state is not JobState.DONE:
             raise ServiceError(
@@ -71,10 +77,10 @@ class JobResult:
 
 
 class ServiceClient:
-    """A service, asked by a program.
+    """Client of a service, for programs.
 
     Args:
-        http: Leads there, and shows a token where one is needed.
+        http: HTTP client with the service's address, and its token if one is required.
     """
 
     def __init__(self, http: httpx.Client) -> None:
@@ -86,11 +92,14 @@ class ServiceClient:
 
         Args:
             address: `local` for the only service of this user on this computer, the path of its
-                socket, or its address as https://HOST:PORT.
-            token: What it wants to see; the environment variable RID_DAQ_TOKEN if not given.
+                socket, or
+                its address as https://HOST:PORT.
+            token: Token for the service (default: the environment variable RID_DAQ_TOKEN).
 
         Raises:
-            ConfigError: It is no address, or there is not exactly one local service.
+            ConfigError: The address is invalid, or `local` is ambiguous because no local service or
+                several
+                services run.
         """
         headers = {"x-rid-daq": "client", "content-type": "application/json"}
         secret = token or os.environ.get(TOKEN_VARIABLE, "")
@@ -100,20 +109,20 @@ class ServiceClient:
             secure = address.startswith("https://")
             if not (secure or is_this_computer(address)):
                 raise ConfigError(
-                    f"--service {address}: would send the token in the clear: give https://, or an"
-                    " address of this computer",
+                    f"--service {address}: the token would be sent without encryption: give"
+                    " https://, or an address of this computer",
                     code="RID-SERVICE-PLAIN",
                 )
             http = httpx.Client(base_url=address, headers=headers, trust_env=secure)
-            http.timeout = _patience()
+            http.timeout = _timeout()
             return cls(http)
-        transport = httpx.HTTPTransport(uds=str(_socket(address)))
+        transport = httpx.HTTPTransport(uds=str(_find_socket(address)))
         return cls(
             httpx.Client(
                 base_url="http://localhost",
                 headers=headers,
                 transport=transport,
-                timeout=_patience(),
+                timeout=_timeout(),
             )
         )
 
@@ -129,67 +138,72 @@ class ServiceClient:
         self._http.close()
 
     def ask(self, method: str, path: str, body: object = None, lease: str | None = None) -> Any:
-        """Return what the service answers, as JSON has it.
+        """Send a request and return the JSON document of the answer.
 
         Raises:
-            RidDaqError: It refused, by the error that it names.
-            ServiceError: It cannot be reached, or has not answered for a minute.
+            RidDaqError: The service refused the request; the class is the one that its answer
+                names.
+            ServiceError: The service cannot be reached, or has not answered for a minute.
         """
         headers = {} if lease is None else {LEASE_HEADER: lease}
-        answer = self._send(
-            self._http.build_request(method, _api(path), json=body, headers=headers)
+        answer = self._send_checked(
+            self._http.build_request(method, _api_path(path), json=body, headers=headers)
         )
         return answer.json() if answer.content else None
 
     def cells(self) -> list[CellStatus]:
-        """Return every cell of the service as it is now."""
+        """Return the present status of every cell."""
         return [CellStatus.model_validate(each) for each in self.ask("GET", "/cells")]
 
     def cell(self, name: str) -> CellStatus:
-        """Return a cell as it is now."""
+        """Return the present status of a cell."""
         return CellStatus.model_validate(self.ask("GET", f"/cells/{quote(name)}"))
 
     def files(self, cell: str) -> FilesOfCell:
-        """Return what lies in the service's folder for a cell's robot, the newest first."""
+        """Return the files in the service's folder for a cell's robot, the newest first."""
         return FilesOfCell.model_validate(self.ask("GET", f"/cells/{quote(cell)}/files"))
 
     def job(self, job_id: str) -> Job:
-        """Return a job as it is now."""
+        """Return the present state of a job."""
         return Job.model_validate(self.ask("GET", f"/jobs/{quote(job_id)}"))
 
     def stop(self, cell: str) -> None:
-        """Stop what moves in a cell.
+        """Stop the motion in a cell.
 
         Raises:
-            ServiceError: As `ask`, but after 10 s without an answer.
+            ServiceError: As in `ask`, but after 10 s without an answer.
         """
-        path = _api(f"/cells/{quote(cell)}/stop")
-        self._send(self._http.build_request("POST", path, timeout=_patience(_STOP_PATIENCE_S)))
+        path = _api_path(f"/cells/{quote(cell)}/stop")
+        self._send_checked(
+            self._http.build_request("POST", path, timeout=_timeout(_STOP_PATIENCE_S))
+        )
 
     def put_file(self, path: Path, name: str) -> None:
-        """Put a local file into the service's folder."""
+        """Upload a local file into the service's folder."""
         try:
             content = path.read_bytes()
         except OSError as error:
             raise ConfigError(
                 f"{path}: cannot be read: {error.strerror}", code="RID-FILE-READ"
             ) from None
-        self._send(self._http.build_request("PUT", _api(f"/files/{quote(name)}"), content=content))
+        self._send_checked(
+            self._http.build_request("PUT", _api_path(f"/files/{quote(name)}"), content=content)
+        )
 
     def get_run_file(self, run: str, name: str) -> bytes:
         """Return a file of a run."""
-        path = _api(f"/runs/{quote(run)}/files/{quote(name)}")
-        return self._send(self._http.build_request("GET", path)).content
+        path = _api_path(f"/runs/{quote(run)}/files/{quote(name)}")
+        return self._send_checked(self._http.build_request("GET", path)).content
 
-    def _send(self, request: httpx.Request) -> httpx.Response:
-        """Return the answer of a service that did not refuse."""
+    def _send_checked(self, request: httpx.Request) -> httpx.Response:
+        """Send a request and return the answer; raise the error of a refusal."""
         try:
             answer = self._http.send(request)
         except httpx.ReadTimeout:
             waited_s = request.extensions["timeout"]["read"]
             raise ServiceError(
-                f"the service has not answered for {waited_s:g} s: it hangs, or its computer is too"
-                " busy; what it was asked may still be done",
+                f"the service has not answered for {waited_s:g} s: it hangs, or its computer is"
+                " overloaded; the request may still be executed",
                 code="RID-SERVICE-UNREACHABLE",
             ) from None
         except httpx.HTTPError as error:
@@ -197,15 +211,15 @@ class ServiceClient:
                 f"the service cannot be reached: {error}", code="RID-SERVICE-UNREACHABLE"
             ) from None
         if not answer.is_success:
-            raise refusal_of(answer)
+            raise error_from_answer(answer)
         return answer
 
     @contextmanager
     def lease(self, cell: str, note: str = "", seconds: float = LEASE_S) -> Iterator[LeasedCell]:
-        """Have a cell for as long as the `with` lasts; it is renewed meanwhile.
+        """Hold the lease of a cell inside the `with` block; a thread renews it.
 
         Raises:
-            LockedError: Somebody else has it.
+            LockedError: Another client holds the cell.
         """
         wanted = {"note": note, "seconds": seconds}
         lease = HeldLease.model_validate(self.ask("POST", f"/cells/{quote(cell)}/lease", wanted))
@@ -217,7 +231,7 @@ class ServiceClient:
                     path = f"/cells/{quote(cell)}/lease"
                     self.ask("PUT", path, {"seconds": seconds}, lease.key)
                 except LockedError:
-                    return  # lost: the next job is refused, by its words
+                    return  # the lease is lost: the next job is refused with the reason
                 except ServiceError:
                     continue
 
@@ -228,7 +242,7 @@ class ServiceClient:
         finally:
             over.set()
             beating.join()
-            with contextlib.suppress(LockedError, ServiceError):  # it runs out by itself
+            with contextlib.suppress(LockedError, ServiceError):  # the lease expires by itself
                 self.ask("DELETE", f"/cells/{quote(cell)}/lease", None, lease.key)
 
     def run(
@@ -242,19 +256,19 @@ class ServiceClient:
         on_lost_client: OnLostClient = "stop",
         watch: Watch = lambda _job, _event: None,
     ) -> JobResult:
-        """Have a job done and wait for its end.
+        """Start a job and wait for its end.
 
         Args:
             cell: The cell's name.
             kind: The kind of job.
-            request: What is asked for, as `/api/v1/requests` has it.
-            lease: The key of the lease; a job that opens the cell needs it.
-            cleared: Whether nobody is in the cell and the emergency stop is at hand.
-            on_lost_client: What happens to a motion where this program is gone.
-            watch: Told what the job says.
+            request: Request in the form of the schema at `/api/v1/requests`.
+            lease: Key of the cell's lease; a job that uses the cell's bus requires it.
+            cleared: True if no one is in the cell and the emergency stop is within reach.
+            on_lost_client: Action on a motion if the connection to this program is lost.
+            watch: Function that is called with every event of the job.
 
         Raises:
-            RidDaqError: It was refused.
+            RidDaqError: The service refused the job.
         """
         wanted = {
             "kind": JobKind(kind).value,
@@ -266,7 +280,7 @@ class ServiceClient:
         return self.follow(Job.model_validate(begun), watch)
 
     def follow(self, job: Job, watch: Watch = lambda _job, _event: None) -> JobResult:
-        """Wait for the end of a job that was begun."""
+        """Wait for the end of a job that has been started."""
         known = 0
         document: dict[str, Any] | None = None
         ended: Ended | None = None
@@ -287,7 +301,7 @@ class ServiceClient:
 
 @dataclass(frozen=True)
 class LeasedCell:
-    """A cell that this program has."""
+    """A cell whose lease this program holds."""
 
     service: ServiceClient
     lease: HeldLease
@@ -301,7 +315,7 @@ class LeasedCell:
         on_lost_client: OnLostClient = "stop",
         watch: Watch = lambda _job, _event: None,
     ) -> JobResult:
-        """Have a job done on the cell and wait for its end; as `ServiceClient.run`."""
+        """Start a job on the cell and wait for its end; arguments as in `ServiceClient.run`."""
         return self.service.run(
             self.lease.cell,
             kind,
@@ -313,21 +327,21 @@ class LeasedCell:
         )
 
     def answer(self, job: Job, question: int, text: str) -> None:
-        """Answer what a job asks."""
+        """Send an answer to the question of a job."""
         told = {"question": question, "text": text}
         self.service.ask("POST", f"/jobs/{job.id}/answer", told, self.lease.key)
 
 
-def _api(path: str) -> str:
+def _api_path(path: str) -> str:
     return f"/api/v1{path}"
 
 
-def _patience(answer_s: float | None = None) -> httpx.Timeout:
-    """Return how long to wait for a connection, and for an answer (`_PATIENCE_S` if not said)."""
+def _timeout(answer_s: float | None = None) -> httpx.Timeout:
+    """Return the timeouts of a connection and of an answer (default: `_PATIENCE_S`)."""
     return httpx.Timeout(_PATIENCE_S if answer_s is None else answer_s, connect=_REACH_S)
 
 
-def _socket(address: str) -> Path:
+def _find_socket(address: str) -> Path:
     if address != "local":
         path = Path(address)
         if not path.is_socket():
@@ -342,11 +356,11 @@ def _socket(address: str) -> Path:
         return found[0]
     if not found:
         raise ConfigError(
-            "no service of yours runs on this computer: `rid-daq serve CELL` is one",
+            "you have no running service on this computer: start one with `rid-daq serve CELL`",
             code="RID-SERVICE-UNREACHABLE",
         )
     names = ", ".join(map(str, found))
     raise ConfigError(
-        f"several services run on this computer: name the socket of one: {names}",
+        f"several services run on this computer: give the socket of one service: {names}",
         code="RID-SERVICE-ADDRESS",
     )

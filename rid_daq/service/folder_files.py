@@ -1,4 +1,4 @@
-"""`folder_files`: the motions, models and other files of a service's folder, by what they are."""
+"""`folder_files`: lists the motions, models and other files of a service's folder by their kind."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ _NOT_CHOSEN: Final = frozenset({"manifest.json", "result.json", "session.json"})
 
 
 def folder_files(service: CellService, robot: str) -> FilesOfCell:
-    """Return the files of a service's folder, newest first; of runs, what commands put there.
+    """Return the files of a service's folder, newest first; from run folders, only JSON results.
 
     Args:
-        robot: The name of the cell's robot; what names another one is left out.
+        robot: Name of the cell's robot; files of other robots are left out.
     """
     found: dict[str, list[NamedFile]] = {sort: [] for sort in FilesOfCell.model_fields}
     for path in sorted(_files(service), key=_changed_s, reverse=True):
@@ -63,7 +63,7 @@ def folder_files(service: CellService, robot: str) -> FilesOfCell:
 
 
 def motion_kind(path: Path) -> str:
-    """Return the kind of a motion file, empty where it is none."""
+    """Return the kind of a motion file, empty for any other file."""
     return _motion_kind(_head(path))
 
 
@@ -72,22 +72,22 @@ def _motion_kind(head: bytes) -> str:
     return "" if found is None else found[1].decode()
 
 
-class Putting:
-    """The names that clients put files to at the moment: each is taken from the first byte on."""
+class Uploads:
+    """File names of the uploads in progress. A name is reserved from the first byte on."""
 
     def __init__(self) -> None:
         self._names: set[Path] = set()
 
     @contextlib.contextmanager
-    def taken(self, file: Path, shown: str) -> Iterator[None]:
-        """Have a name for as long as the `with` lasts.
+    def reserve(self, file: Path, shown: str) -> Iterator[None]:
+        """Reserve a file name inside the `with` block.
 
         Raises:
-            ConfigError: A file of that name is there, or is just being put (`RID-FILE-EXISTS`).
+            ConfigError: A file with this name exists, or is being uploaded (`RID-FILE-EXISTS`).
         """
         if file in self._names or os.path.lexists(file):
             raise ConfigError(
-                f"{shown}: is there already; choose another name", code="RID-FILE-EXISTS"
+                f"{shown}: exists already: choose another name", code="RID-FILE-EXISTS"
             )
         self._names.add(file)
         try:
@@ -97,18 +97,20 @@ class Putting:
 
 
 def visible_files(folder: Path) -> Iterator[Path]:
-    """Yield the YAML and JSON files that clients can name: no pipe, no link that leads out."""
+    """Yield the YAML and JSON files that clients can name; no pipes, no links out of the folder."""
     root = folder.resolve()
     for path in folder.rglob("*"):
         inside = path.relative_to(folder)
         if path.suffix in KINDS and not is_hidden(inside) and is_file_name(str(inside)):
-            with contextlib.suppress(OSError, RuntimeError):  # it has just gone; a loop of links
+            with contextlib.suppress(
+                OSError, RuntimeError
+            ):  # the file has just been removed, or is a loop of links
                 if path.is_file() and path.resolve().is_relative_to(root):
                     yield path
 
 
 def _files(service: CellService) -> Iterator[Path]:
-    """Yield what is worth a look: files beside the runs, and JSON that commands put into runs."""
+    """Yield files outside the runs folder, and JSON files that jobs wrote into run folders."""
     for path in visible_files(service.folder):
         if not path.is_relative_to(service.runs):
             yield path
@@ -121,13 +123,13 @@ def _files(service: CellService) -> Iterator[Path]:
 def _changed_s(path: Path) -> float:
     try:
         return path.stat().st_mtime
-    except OSError:  # it has just gone
+    except OSError:  # the file has just been removed
         return 0.0
 
 
 @functools.lru_cache(maxsize=256)
 def _robot_named_in(path: Path, _changed_s: float) -> str:
-    """Return the name of the robot in a model or a payload, empty where the file cannot be read."""
+    """Return the robot's name in a model or payload file, empty if the file cannot be read."""
     try:
         return str(parse_json(read_file(path, MOST_BYTES))["robot"]["name"])
     except (OSError, ConfigError, KeyError, TypeError):
@@ -138,5 +140,5 @@ def _head(path: Path) -> bytes:
     try:
         with open_file(path, MOST_BYTES) as file:
             return file.read(HEAD_BYTES)
-    except OSError:  # it has just gone, or is not ours to read
+    except OSError:  # the file has just been removed, or cannot be read
         return b""

@@ -1,4 +1,4 @@
-"""`serve_cells`: the service as a process: its sockets, its loop, its end."""
+"""`serve_cells`: runs the service in this process: sockets, event loop and shutdown."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from config.process.termination import ending_signals
 from rid_daq.live.live_page import listen_on
 from rid_daq.service.api.admission import Admission
 from rid_daq.service.api.app import make_api
-from rid_daq.service.doorkeeper import Doorkeeper
+from rid_daq.service.authenticator import Authenticator
 from rid_daq.service.front.front_link import FrontLink
 from rid_daq.service.logs import LOG
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
 from rid_daq.service.sockets import local_listener
-from rid_daq.service.stop.stop_entrance import StopEntrance
+from rid_daq.service.stop.stop_endpoint import StopEndpoint
 from rid_daq.service.store.state_folder import open_state_folder
-from rid_daq.session.ownership import owned
+from rid_daq.session.ownership import own_cell
 from rid_daq.web.access import Access
 from rid_daq.web.asgi_server import AsgiServer
-from rid_daq.web.door import Limits
+from rid_daq.web.connection_groups import Limits
 from rid_daq.web.guard import PLOT_POLICY, Guard
 
 LIMITS: Final = Limits(
@@ -43,7 +43,8 @@ LIMITS: Final = Limits(
     stream_bytes_s=32 << 10,
 )
 DESCRIPTORS: Final = 4096
-"""Open files that the service asks the system for: a thousand slow clients must not take all."""
+"""Limit of open files that the service requests, enough for a thousand slow clients.
+"""
 
 
 def serve_cells(
@@ -54,43 +55,44 @@ def serve_cells(
     pages: Sequence[APIRouter],
     ready: Callable[[str, Path], None],
 ) -> None:
-    """Serve cells until this process is told to end; then nothing moves any more.
+    """Serve cells until this process receives a termination signal; then stop all motions.
 
     Args:
         cells: Bundled names or cell files.
         folder: Folder of runs, motions and models.
-        access: Where pages are served, and by which certificate.
-        pace: Times real time at which simulated cells run.
-        pages: Routes beside the API.
-        ready: Told the address to open in a browser, and the socket for programs.
+        access: Address of the pages, and their TLS certificate.
+        pace: Speed of simulated cells, as a multiple of real time.
+        pages: Routes in addition to the API.
+        ready: Function that is called with the address to open in a browser and the socket for
+            programs.
 
     Raises:
-        ConfigError: A cell file is wrong, or an address cannot be served at.
-        LockedError: Another service has one of the cells, or this folder.
-        RecordingError: What the service keeps cannot be read or written.
+        ConfigError: A cell file is invalid, or the service cannot listen on the address.
+        LockedError: Another service owns one of the cells, or this folder.
+        RecordingError: The service's saved state cannot be read or written.
     """
     folder = folder.resolve()
     if not folder.is_dir():
-        raise ConfigError(f"{folder}: is no folder; make it first", code="RID-FILE-NOT-FOLDER")
+        raise ConfigError(f"{folder}: is not a folder: create it first", code="RID-FILE-NOT-FOLDER")
     served = [ServedCell(reference, pace) for reference in cells]
     with contextlib.ExitStack() as stack:
-        stack.enter_context(_only_one(folder))
+        stack.enter_context(_lock_folder(folder))
         for cell in served:
-            stack.enter_context(owned(cell.loaded.config))
+            stack.enter_context(own_cell(cell.loaded.config))
         listener = stack.enter_context(listen_on(access))
         access = replace(access, port=listener.getsockname()[1])
         local, address = stack.enter_context(local_listener(folder))
         service = CellService(folder, served)
         secure = access.certificate is not None
-        doorkeeper = Doorkeeper(service.tokens, access.port, secure=secure)
-        app = make_api(service, doorkeeper, pages)
+        authenticator = Authenticator(service.tokens, access.port, secure=secure)
+        app = make_api(service, authenticator, pages)
         server = AsgiServer(
             Guard(app, access, PLOT_POLICY),
-            None,  # the process in front encrypts
+            None,  # the front process encrypts
             LIMITS,
-            Admission(StopEntrance(app.state.stop_desk, access), doorkeeper, access),
+            Admission(StopEndpoint(app.state.stop_handler, access), authenticator, access),
         )
-        link = replace(access, token=doorkeeper.link_secret).url
+        link = replace(access, token=authenticator.link_secret).url
 
         async def serve() -> None:
             until = asyncio.Event()
@@ -112,13 +114,13 @@ def serve_cells(
                 await asyncio.gather(fronting, return_exceptions=True)
             LOG.info("ended")
 
-        access.tls()  # refused here, before anything begins
-        _allow_descriptors()
+        access.tls()  # raises an error about the certificate before anything starts
+        _raise_descriptor_limit()
         keep_from_collections()
         asyncio.run(serve())
 
 
-def _allow_descriptors() -> None:
+def _raise_descriptor_limit() -> None:
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     wanted = DESCRIPTORS if hard == resource.RLIM_INFINITY else min(DESCRIPTORS, hard)
     if soft != resource.RLIM_INFINITY and soft < wanted:
@@ -126,12 +128,13 @@ def _allow_descriptors() -> None:
 
 
 @contextlib.contextmanager
-def _only_one(folder: Path) -> Iterator[None]:
+def _lock_folder(folder: Path) -> Iterator[None]:
     state = open_state_folder(folder)
     try:
         with held_file(state / "lock"):
             yield
     except BlockingIOError:
         raise LockedError(
-            f"{folder}: another service works in this folder", code="RID-CELL-BUSY"
+            f"{folder}: another service uses this folder: end it, or choose another folder",
+            code="RID-CELL-BUSY",
         ) from None

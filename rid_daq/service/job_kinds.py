@@ -1,4 +1,4 @@
-"""`JobKind`: what a service does, each by the request of the command of the same name."""
+"""`JobKind`: kinds of jobs of a service; each uses the request of the command of that name."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rid_daq.operations.operation import Operation
 
 
 class JobKind(StrEnum):
-    """The kinds of jobs: the operations of the catalogue that a service does."""
+    """Kinds of jobs: the operations of the catalogue that a service executes."""
 
     _ignore_ = "kind"
     for kind in OF_KINDS:
@@ -17,5 +17,5 @@ class JobKind(StrEnum):
 
     @property
     def operation(self) -> Operation:
-        """Its declaration."""
+        """Declaration of the operation."""
         return operation(OF_KINDS[self.value])

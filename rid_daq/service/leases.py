@@ -1,4 +1,4 @@
-"""`Leases`: motion is one person's. Who may move a cell, given, renewed, taken over, run out."""
+"""`Leases`: leases of the cells are granted, renewed and taken over; they expire."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from config.process.safety_clock import boot_id, safety_now_s
 from rid_daq.service.records import HeldLease, Identity, Lease
 from rid_daq.service.refusals import NotAllowedError
 from rid_daq.service.store.leases import KeptLease, LeaseStore
-from rid_daq.service.store.tokens import hashed
+from rid_daq.service.store.tokens import hash_secret
 
 LEAST_S: Final = 2.0
 MOST_S: Final = 3600.0
 
 
 class Leases:
-    """The leases of the service's cells.
+    """Leases of the service's cells.
 
-    A lease outlives a restart of the service, not one of the computer.
+    A lease remains valid after a restart of the service, but not after a restart of the computer.
 
     Args:
-        store: Where they are kept over a restart.
+        store: Database table of the leases.
         now_s: The safety clock [s].
-        boot: The start of the computer that `now_s` belongs to; this one if not given.
+        boot: Id of the computer's start to which `now_s` belongs (default: the present one).
     """
 
     def __init__(
@@ -41,51 +41,54 @@ class Leases:
         self._now_s = now_s
         self._boot = boot_id() if boot is None else boot
 
-    def of(self, cell: str) -> Lease | None:
-        """Return the lease of a cell, None where nobody has one that runs."""
-        held = self._held(cell)
+    def lease_of(self, cell: str) -> Lease | None:
+        """Return the valid lease of a cell, None if there is no valid lease."""
+        held = self._current_lease(cell)
         return None if held is None else held.lease
 
     def end_s(self, cell: str, lease: str | None) -> float:
-        """Return when a lease ends on the safety clock [s]; minus infinity where it has ended."""
-        held = self._held(cell)
+        """Return the end of a lease on the safety clock [s]; minus infinity if it has ended."""
+        held = self._current_lease(cell)
         return held.ends_s if held is not None and held.lease.id == lease else -inf
 
     def take(
         self, cell: str, who: Identity, note: str, seconds: float, confirmed: str | None = None
     ) -> HeldLease:
-        """Give a cell to somebody.
+        """Grant the lease of a cell to a client.
 
         Args:
-            who: Who asks.
-            note: What for; others see it.
-            seconds: How long it holds unless it is renewed [s].
-            confirmed: The cell's name, typed by a person who takes it over from somebody.
+            who: The client.
+            note: Purpose of the lease; other clients can read it.
+            seconds: Duration of the lease unless it is renewed [s].
+            confirmed: Name of the cell, typed by a person who takes the cell over from another
+                client.
 
         Raises:
-            LockedError: Somebody has it.
-            NotAllowedError: A program wants to take it over.
-            ConfigError: The time is too short or too long, or the confirmation is not the cell's
+            LockedError: Another client holds the cell.
+            NotAllowedError: A program tries to take the cell over.
+            ConfigError: The duration is too short or too long, or the confirmation differs from the
+                cell's
                 name.
         """
-        self._check(seconds)
-        running = self._held(cell)
+        self._check_duration(seconds)
+        running = self._current_lease(cell)
         held = None if running is None else running.lease
         if running is not None and held is not None and confirmed is None:
             left_s = running.ends_s - self._now_s()
             raise LockedError(
-                f"cell {cell}: {held.owner} has it ({held.note or 'no note'}; {left_s:.0f} s left"
-                " unless renewed): wait, ask them, or take it over on the page",
+                f"cell {cell}: {held.owner} holds it ({held.note or 'no note'}; {left_s:.0f} s"
+                f" left unless renewed): wait, ask {held.owner}, or take it over on the page",
                 code="RID-LEASE-OTHER",
             )
         if held is not None and not who.person:
             raise NotAllowedError(
-                f"cell {cell}: only a person takes it over from {held.owner}, on the page",
+                f"cell {cell}: only a person can take it over from {held.owner}, on the page",
                 code="RID-ACCESS-ROLE",
             )
         if held is not None and confirmed != cell:
             raise ConfigError(
-                f"{confirmed!r} is not the cell's name {cell!r}: nothing was taken",
+                f"{confirmed!r} is not the cell's name {cell!r}: type the name to take the cell"
+                " over",
                 code="RID-ANSWER-NO",
             )
         lease = Lease(
@@ -98,66 +101,67 @@ class Leases:
         )
         key = secrets.token_urlsafe(24)
         self._store.note_token(lease, who.token)
-        self._store.put(KeptLease(lease, hashed(key), self._now_s() + seconds, self._boot))
+        self._store.put(KeptLease(lease, hash_secret(key), self._now_s() + seconds, self._boot))
         return HeldLease(**lease.model_dump(), key=key)
 
     def renew(self, cell: str, key: str, seconds: float) -> Lease:
-        """Let a lease hold on.
+        """Extend a lease.
 
         Raises:
-            LockedError: It has run out, or somebody else has the cell.
+            LockedError: The lease has expired, or another client holds the cell.
         """
-        self._check(seconds)
-        held = self._require(cell, key)
+        self._check_duration(seconds)
+        held = self._require_key(cell, key)
         renewed = held.lease.model_copy(update={"until_s": time.time() + seconds})
         self._store.renew(replace(held, lease=renewed, ends_s=self._now_s() + seconds))
         return renewed
 
     def require(self, cell: str, key: str | None) -> Lease:
-        """Return the lease whose key this is.
+        """Return the lease that a key belongs to.
 
         Raises:
-            LockedError: It is no key of the lease that runs.
+            LockedError: The key does not belong to the cell's valid lease.
         """
-        return self._require(cell, key).lease
+        return self._require_key(cell, key).lease
 
     def give_back(self, cell: str, key: str) -> None:
         """End a lease.
 
         Raises:
-            LockedError: It is not this one.
+            LockedError: The key does not belong to the cell's valid lease.
         """
-        self._require(cell, key)
+        self._require_key(cell, key)
         self._store.remove(cell)
 
-    def end_of(self, token: str) -> list[str]:
+    def end_leases_of_token(self, token: str) -> list[str]:
         """End the leases that were taken with a token; return their cells."""
-        cells = [lease.cell for lease in self._store.of_token(token) if self.of(lease.cell)]
+        cells = [lease.cell for lease in self._store.of_token(token) if self.lease_of(lease.cell)]
         for cell in cells:
             self._store.remove(cell)
         return cells
 
-    def _held(self, cell: str) -> KeptLease | None:
-        """Return the lease of a cell that runs; None where there is none."""
+    def _current_lease(self, cell: str) -> KeptLease | None:
+        """Return the valid lease of a cell, None if there is no valid lease."""
         kept = self._store.get(cell)
         runs = kept is not None and kept.boot == self._boot and kept.ends_s > self._now_s()
         return kept if runs else None
 
-    def _require(self, cell: str, key: str | None) -> KeptLease:
-        held = self._held(cell)
+    def _require_key(self, cell: str, key: str | None) -> KeptLease:
+        held = self._current_lease(cell)
         if held is None:
             raise LockedError(
-                f"cell {cell}: take it first (a lease); nobody has it now", code="RID-LEASE-NONE"
+                f"cell {cell}: no client holds it now: take its lease first", code="RID-LEASE-NONE"
             )
         if key is None or not held.has_key(key):
             raise LockedError(
-                f"cell {cell}: {held.lease.owner} has it: this lease is not theirs",
+                f"cell {cell}: {held.lease.owner} holds it, and the lease key of this request"
+                " belongs to another lease",
                 code="RID-LEASE-OTHER",
             )
         return held
 
-    def _check(self, seconds: float) -> None:
+    def _check_duration(self, seconds: float) -> None:
         if not LEAST_S <= seconds <= MOST_S:
             raise ConfigError(
-                f"seconds: {seconds:g}: give {LEAST_S:g} to {MOST_S:g}", code="RID-OPTION-RANGE"
+                f"seconds: {seconds:g}: must be {LEAST_S:g} to {MOST_S:g}", code="RID-OPTION-RANGE"
             )

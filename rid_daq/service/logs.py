@@ -1,6 +1,7 @@
-"""The service's log on standard error, with the job's id where one is; and its `Mishaps`.
+"""Log of the service on standard error, and `ErrorIsolator`, which logs errors of single parts.
 
-One JSON document a line for programs, a sentence with the time of day for a person at a terminal.
+The log has one JSON document per line for programs, or sentences with the time of day on a
+terminal. Entries about a job contain its id.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ class _Sentences(logging.Formatter):
 
 
 def log_to_stderr() -> None:
-    """Have the log written to standard error."""
+    """Write the log to standard error."""
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(_Sentences() if sys.stderr.isatty() else _Lines())
     LOG.addHandler(handler)
@@ -60,30 +61,30 @@ def log_to_stderr() -> None:
     LOG.propagate = False
 
 
-class Mishaps:
-    """Keeps what goes wrong with one thing that is watched from ending the others.
+class ErrorIsolator:
+    """Keeps an error of one supervised part from ending the others.
 
-    It is logged, once, however often it is tried again with the same end.
+    An error is logged once, even if every repetition of the same step raises it again.
     """
 
     def __init__(self) -> None:
-        self._told: dict[str, str] = {}
+        self._logged: dict[str, str] = {}
 
     @contextlib.contextmanager
-    def of(self, what: str, otherwise: Callable[[], None] = lambda: None) -> Iterator[None]:
-        """Keep an exception inside the `with`, also one that nobody has thought of.
+    def isolate(self, what: str, otherwise: Callable[[], None] = lambda: None) -> Iterator[None]:
+        """Catch and log any exception inside the `with` block.
 
         Args:
-            what: What is watched, in the words of the log.
-            otherwise: What is done where it went wrong.
+            what: Name of the supervised part in the log.
+            otherwise: Function that is called after an exception.
         """
         try:
             yield
         except Exception as error:
-            told = f"{type(error).__name__}: {error}"
-            if self._told.get(what) != told:
-                self._told[what] = told
-                LOG.exception("%s: something went wrong; the service goes on", what)
+            text = f"{type(error).__name__}: {error}"
+            if self._logged.get(what) != text:
+                self._logged[what] = text
+                LOG.exception("%s: unexpected error; the service continues", what)
             otherwise()
         else:
-            self._told.pop(what, None)
+            self._logged.pop(what, None)

@@ -1,4 +1,4 @@
-"""`Pairing`: a new device shows a code, and a person at the cell types it."""
+"""`Pairing`: gives a new device access after a person has typed the code that it shows."""
 
 from __future__ import annotations
 
@@ -16,20 +16,23 @@ from config.errors import LockedError
 from config.process.safety_clock import safety_now_s
 from rid_daq.service.records import Record, Role, Token, TokenEnd
 from rid_daq.service.refusals import UnknownError
-from rid_daq.service.store.tokens import TokenStore, hashed
+from rid_daq.service.store.tokens import TokenStore, hash_secret
 
 LASTS_S: Final = 300.0
 MOST_WAITING: Final = 100
 MOST_OF_ADDRESS: Final = 3
 MOST_WRONG: Final = 10
-"""Wrong codes that one token may show in `LASTS_S`: one in a million is right."""
+"""Maximum number of wrong codes per token within `LASTS_S`; one code in a million is right."""
 
 
 class WaitingDevice(Record):
-    """A device that waits. Its code is not listed: a person reads it on the device and types it."""
+    """Device that waits for confirmation.
+
+    The list contains no codes: a person reads the code on the device.
+    """
 
     code: str = Field(default="", description="Always empty.")
-    device: str = Field(description="Its IP address; a device's own words prove nothing.")
+    device: str = Field(description="IP address of the device; its own description is not trusted.")
     since_s: float
 
 
@@ -45,11 +48,11 @@ class _Waiting:
 
 
 class Pairing:
-    """The devices that wait to be let in; nobody is told their codes but themselves.
+    """Devices that wait for confirmation. Only the device itself receives its code.
 
     Args:
-        tokens: Gives a confirmed device its token.
-        ends: When that token ends.
+        tokens: Creates the token of a confirmed device.
+        ends: Expiry of that token.
         now_s: The safety clock [s].
     """
 
@@ -66,37 +69,38 @@ class Pairing:
         self._wrong: deque[tuple[float, str]] = deque()
 
     def begin(self, address: str) -> tuple[str, str]:
-        """Return the code that a device shows, and the secret that it asks again with.
+        """Return the code that a device shows, and the secret with which it polls for its token.
 
         Args:
-            address: The device's IP address; its places do not count for other addresses.
+            address: IP address of the device. Each address has its own limit of waiting devices.
 
         Raises:
             LockedError: Too many devices of this address wait (`RID-PAIR-ADDRESS-FULL`), or too
-                many in all (`RID-PAIR-FULL`).
+                many in
+                all (`RID-PAIR-FULL`).
         """
         self._forget_old()
         if Counter(each.address for each in self._waiting)[address] >= MOST_OF_ADDRESS:
             raise LockedError(
-                f"{MOST_OF_ADDRESS} devices of this address wait to be paired already: try again"
-                " in 5 minutes",
+                f"{MOST_OF_ADDRESS} devices with this address already wait for confirmation: try"
+                " again in 5 minutes",
                 code="RID-PAIR-ADDRESS-FULL",
             )
         if len(self._waiting) >= MOST_WAITING:
             raise LockedError(
-                f"{MOST_WAITING} devices wait to be paired already: try again in 5 minutes",
+                f"{MOST_WAITING} devices already wait for confirmation: try again in 5 minutes",
                 code="RID-PAIR-FULL",
             )
         taken = {each.code for each in self._waiting}
         while (code := f"{secrets.randbelow(1_000_000):06d}") in taken:
             continue
         secret = secrets.token_urlsafe(24)
-        waiting = _Waiting(code, hashed(secret), address, time.time(), self._now_s())
+        waiting = _Waiting(code, hash_secret(secret), address, time.time(), self._now_s())
         self._waiting.append(waiting)
         return code, secret
 
     def waiting(self) -> Sequence[WaitingDevice]:
-        """Return the devices that nobody has confirmed yet, without their codes."""
+        """Return the unconfirmed devices, without their codes."""
         self._forget_old()
         return [
             WaitingDevice(device=each.address, since_s=each.since_s)
@@ -105,22 +109,22 @@ class Pairing:
         ]
 
     def confirm(self, code: str, name: str, role: Role, by: str = "") -> Token:
-        """Let in the device that shows a code.
+        """Grant access to the device that shows a code.
 
         Args:
             code: The code, as a person has typed it.
-            name: The device's name, given by that person.
-            by: The token of that person; wrong codes are counted for each.
+            name: Name of the device, chosen by that person.
+            by: Id of that person's token; wrong codes are counted per token.
 
         Raises:
-            UnknownError: No device that waits shows it (`RID-PAIR-CODE`).
-            LockedError: Too many codes were wrong (`RID-PAIR-ATTEMPTS`).
+            UnknownError: No waiting device shows this code (`RID-PAIR-CODE`).
+            LockedError: Too many wrong codes were typed (`RID-PAIR-ATTEMPTS`).
         """
         self._forget_old()
         if sum(each == by for _, each in self._wrong) >= MOST_WRONG:
             raise LockedError(
-                f"{MOST_WRONG} codes were wrong in the last 5 minutes: wait, and have the device"
-                " show a new code",
+                f"{MOST_WRONG} wrong codes were typed in the last 5 minutes: wait 5 minutes, then"
+                " let the device show a new code",
                 code="RID-PAIR-ATTEMPTS",
             )
         for number, each in enumerate(self._waiting):
@@ -130,23 +134,29 @@ class Pairing:
                 return token
         self._wrong.append((self._now_s(), by))
         raise UnknownError(
-            "no device that waits shows this code: look at its page again", code="RID-PAIR-CODE"
+            "no waiting device shows this code: read the code on the device's page again",
+            code="RID-PAIR-CODE",
         )
 
     def collect(self, secret: str) -> str | None:
-        """Return the token of the device that asks again; None until it is confirmed.
+        """Return the token of a confirmed device; None if it still waits for confirmation.
+
+        Args:
+            secret: The secret that `begin` returned to the device.
 
         Raises:
-            UnknownError: It does not wait any more: it must begin again (`RID-PAIR-OVER`).
+            UnknownError: The device no longer waits: pairing must start again (`RID-PAIR-OVER`).
         """
         self._forget_old()
         for each in self._waiting:
-            if hmac.compare_digest(each.secret_hash, hashed(secret)):
+            if hmac.compare_digest(each.secret_hash, hash_secret(secret)):
                 if each.token is None:
                     return None
                 self._waiting.remove(each)
                 return each.secret
-        raise UnknownError("this code has run out: begin again", code="RID-PAIR-OVER")
+        raise UnknownError(
+            "this pairing code has expired: start the pairing again", code="RID-PAIR-OVER"
+        )
 
     def _forget_old(self) -> None:
         oldest_s = self._now_s() - LASTS_S

@@ -1,4 +1,4 @@
-"""`Readiness`: whether a cell may move: its newest preflight, its files, and open faults."""
+"""`Readiness`: decides if a cell may move, from its newest preflight, its files and open faults."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.store.cells import CellStore
 
 PREFLIGHT_LIMIT_S: Final = 1800.0
-NOT_SINCE_START: Final = "the service has been started since: check it again."
-SINCE_FAULT: Final = "a fault has stopped a motion since: check it again."
+NOT_SINCE_START: Final = "the service was restarted after the preflight: repeat the preflight."
+SINCE_FAULT: Final = "a fault has stopped a motion after the preflight: repeat the preflight."
 
 _NO_FAULT = frozenset(
     {
@@ -32,17 +32,17 @@ _NO_FAULT = frozenset(
         "POINTS_REFUSED",
     }
 )
-"""Stops after which nobody needs to look at the robot before the next preflight."""
+"""Codes of stops after which no one has to inspect the robot before the next preflight."""
 
 
 class Readiness:
-    """Whether cells are ready.
+    """Readiness of cells for motions.
 
-    A preflight counts in the service that has seen its end, and as long as that one goes on: the
-    store keeps its lines for people.
+    A preflight is valid only in the run of the service that saw its end. A preflight of an earlier
+    run is stored for display only.
 
     Args:
-        store: Where preflights and faults are kept.
+        store: Table of preflights and faults.
         now_s: The safety clock [s].
     """
 
@@ -53,45 +53,46 @@ class Readiness:
         self._void_since = NOT_SINCE_START
 
     def age_s(self, cell: ServedCell) -> float | None:
-        """Return how old the newest preflight is [s], None where there is none that counts."""
+        """Return the age of the newest preflight [s], None if no preflight is valid."""
         checked_s = self._checked_s.get(cell.name)
         return None if checked_s is None else self._now_s() - checked_s
 
     def preflight(self, cell: ServedCell) -> Preflight | None:
-        """Return the newest preflight, with why it does not count where it does not."""
+        """Return the newest preflight, with the reason if it is void."""
         found = self._store.preflight(cell.name)
         if found is None:
             return None
-        told = {"void_because": self._void(cell, *found), "age_s": self.age_s(cell)}
+        told = {"void_because": self._void_reason(cell, *found), "age_s": self.age_s(cell)}
         return found[0].model_copy(update=told)
 
     def obstacle(self, cell: ServedCell, kind: JobKind | None = None) -> str:
-        """Return why the cell is not ready to move, in a sentence; empty where it is.
+        """Return the reason why a cell is not ready to move, in a sentence; empty if it is ready.
 
         Args:
-            kind: The motion that is wanted: some need no axis test. Any motion if not given.
+            kind: Kind of the requested motion, because some kinds need no axis test (default: any
+                motion).
         """
         fault = self._store.fault(cell.name)
         if fault:
             return f"stopped by a fault: {fault} Find its cause, then reset the cell."
         if cell.problem:
-            return f"its files are wrong: {cell.problem}"
+            return f"its files have errors: {cell.problem}"
         found = self._store.preflight(cell.name)
         if found is None:
-            return "it was not checked yet: check it."
-        return self._void(cell, *found, kind=kind)
+            return "it has had no preflight yet: run the preflight."
+        return self._void_reason(cell, *found, kind=kind)
 
     def void_all(self, why: str) -> None:
-        """Let no preflight of before count, for a reason in a sentence."""
+        """Void all preflights so far, for a reason in a sentence."""
         self._checked_s.clear()
         self._void_since = why
 
     def fault(self, cell: ServedCell) -> str:
-        """Return the open fault, empty where there is none."""
+        """Return the open fault of a cell, empty without a fault."""
         return self._store.fault(cell.name)
 
     def note_check(self, cell: ServedCell, document: Mapping[str, object] | None) -> None:
-        """Keep what a check has found, of the files that it says it has read."""
+        """Save the result of a preflight, with the hash of the files that it has read."""
         told = None if document is None else document.get("lines")
         if document is None or not isinstance(told, list):
             return
@@ -106,17 +107,17 @@ class Readiness:
         self._checked_s[cell.name] = self._now_s()
 
     def note_end(self, cell: ServedCell, document: Mapping[str, object] | None) -> None:
-        """Keep the fault that has stopped a motion, where one has; its preflight is void."""
+        """Save the fault that has stopped a motion, if there is one; it voids the preflight."""
         stop = None if document is None else document.get("stop")
         if isinstance(stop, dict) and stop.get("code") not in _NO_FAULT:
             self._note_fault(cell.name, str(stop.get("text", "the motion was stopped.")))
 
     def note_death(self, cell: str, why: str) -> None:
-        """Keep that a motion's process died: nobody saw how it came to rest; as `note_end`."""
+        """Save as a fault that a motion's process died, so that no one saw the motion end."""
         self._note_fault(cell, f"{why}.")
 
     def note_reset(self, cell: ServedCell) -> None:
-        """Forget the fault that a person has reset; the cell must be checked again."""
+        """Delete the fault that a person has reset; the cell needs a new preflight."""
         self._store.note_fault(cell.name, "")
 
     def _note_fault(self, cell: str, fault: str) -> None:
@@ -127,7 +128,7 @@ class Readiness:
             void = preflight.model_copy(update={"void_because": SINCE_FAULT})
             self._store.note_preflight(cell, void, files_hash)
 
-    def _void(
+    def _void_reason(
         self,
         cell: ServedCell,
         preflight: Preflight,
@@ -136,20 +137,22 @@ class Readiness:
     ) -> str:
         if preflight.void_because:
             return preflight.void_because
-        if not (preflight.passed or _suffices(preflight, kind)):
-            return "its preflight is red: see there what to do, then check again."
+        if not (preflight.passed or _is_sufficient_for(preflight, kind)):
+            return (
+                "its preflight has failed: follow the advice in its failed lines, then repeat it."
+            )
         age_s = self.age_s(cell)
         if age_s is None:
             return self._void_since
         if age_s > PREFLIGHT_LIMIT_S:
-            return f"its preflight is {age_s / 60.0:.0f} min old: check it again."
+            return f"its preflight is {age_s / 60.0:.0f} min old: repeat the preflight."
         if files_hash != cell.loaded.files_hash:
-            return "its files have changed since the preflight: check it again."
+            return "its files have changed after the preflight: repeat the preflight."
         return ""
 
 
-def _suffices(preflight: Preflight, kind: JobKind | None) -> bool:
-    """Return whether a red preflight lacks nothing that a kind of motion needs."""
+def _is_sufficient_for(preflight: Preflight, kind: JobKind | None) -> bool:
+    """Return True if a failed preflight lacks only items that a kind of motion does not need."""
     red = [line.get("what") for line in preflight.lines if line.get("verdict") == "red"]
     waits_for_axes_only = preflight.problem is None and {*red} <= {AXIS_TEST, LAST_POSE}
     is_held = kind is not None and not kind.operation.needs_axis_test

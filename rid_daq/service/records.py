@@ -1,4 +1,4 @@
-"""What the service keeps and tells: jobs, leases, who is who. One frozen model each."""
+"""Records in the service's API: jobs, leases, identities, cells. Each is a frozen model."""
 
 from __future__ import annotations
 
@@ -10,41 +10,43 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 from rid_daq.service.job_kinds import JobKind
 
 MOST_CHARACTERS: Final = 200
-"""Of names, notes and other texts that every answer repeats."""
+"""Maximum length of names, notes and other texts that every answer repeats."""
 
 ShortText = Annotated[str, StringConstraints(max_length=MOST_CHARACTERS)]
 
 
 class Record(BaseModel):
-    """A frozen model that takes no other fields."""
+    """Frozen model that refuses unknown fields."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class Role(StrEnum):
-    """What somebody may do; each includes the ones before."""
+    """Access right of a client. Each role includes the rights of the roles before it."""
 
     VIEWER = "viewer"
     OPERATOR = "operator"
     ADMINISTRATOR = "administrator"
 
     def includes(self, other: Role) -> bool:
-        """Return whether this role may do what another may."""
+        """Return True if this role has all rights of another role."""
         order = list(Role)
         return order.index(self) >= order.index(other)
 
 
 class Identity(Record):
-    """Who asks: a name, a role, and whether a person at a page asks, or a program."""
+    """Caller of a request: a name, a role, and whether a person at a page or a program calls."""
 
     name: str
     role: Role
     person: bool
-    token: str = Field(description="The id of the token that was shown; empty on this computer.")
+    token: str = Field(
+        description="Id of the request's token; empty for a request from this computer."
+    )
 
 
 class JobState(StrEnum):
-    """Where a job is."""
+    """State of a job."""
 
     ACCEPTED = "accepted"
     RUNNING = "running"
@@ -55,20 +57,20 @@ class JobState(StrEnum):
 
     @property
     def is_over(self) -> bool:
-        """Whether nothing more happens to it."""
+        """True if the job has ended and its state is final."""
         return self not in (JobState.ACCEPTED, JobState.RUNNING)
 
 
 OnLostClient = Literal["stop", "finish"]
-"""What happens to a motion whose lease ends."""
+"""Action on a motion whose lease ends."""
 
 
 class Job(Record):
-    """A job: what was asked for, by whom, and what became of it.
+    """A job: its request, its owner and its outcome.
 
-    Times are seconds since 1970. `exit_code` is that of the command of the same kind; `reason` says
-    in a sentence why a job did not end well; `run` is the id of the newest run that it made,
-    `lease` that of the lease that it was begun with.
+    Times are seconds since 1970. `exit_code` is the exit code of the command of the same kind.
+    `reason` is a sentence with the reason for any other end than success. `run` is the id of the
+    newest run that the job made; `lease` is the id of the lease with which the job was started.
     """
 
     id: str
@@ -89,10 +91,11 @@ class Job(Record):
 
 
 class Lease(Record):
-    """Who may move a cell, and until when unless it is renewed [s since 1970].
+    """Right of one client to move a cell. It ends at `until_s` unless it is renewed [s since 1970].
 
-    That time is for people: the service counts by a clock that no change of the date moves.
-    A lease that is renewed keeps its `id`; one that is taken anew, or over, has another.
+    `until_s` is for display only: the service measures the time with a clock that ignores changes
+    of the date. A renewed lease keeps its `id`; a new lease, or one taken over from another client,
+    has a new `id`.
     """
 
     id: str
@@ -104,13 +107,13 @@ class Lease(Record):
 
 
 class HeldLease(Lease):
-    """A lease as its holder gets it: with the key that jobs and renewals show."""
+    """A lease as its holder receives it: with the key that jobs and renewals must contain."""
 
     key: str
 
 
 class TokenEnd(StrEnum):
-    """When a token ends that nobody revokes."""
+    """Expiry of a token that no one revokes."""
 
     NEVER = "never"
     UNUSED = "unused"
@@ -118,7 +121,7 @@ class TokenEnd(StrEnum):
 
 
 class Token(Record):
-    """What somebody shows to be let in; the secret itself is not kept."""
+    """Access token of a person or program. The service does not store its secret."""
 
     id: str
     name: str
@@ -128,12 +131,12 @@ class Token(Record):
     used_s: float | None = None
     ends: TokenEnd = Field(
         default=TokenEnd.NEVER,
-        description="Never; after 30 days without use; or with this run of the service.",
+        description="Never; after 30 days without use; or at the end of the service.",
     )
 
 
 class AuditEntry(Record):
-    """Who did what, when [s since 1970], to which cell."""
+    """Entry of the log of user actions: caller, action, time [s since 1970] and cell."""
 
     at_s: float
     who: str
@@ -143,7 +146,7 @@ class AuditEntry(Record):
 
 
 class CellState(StrEnum):
-    """Where a cell is."""
+    """State of a cell."""
 
     CLOSED = "closed"
     CHECKING = "checking"
@@ -154,10 +157,10 @@ class CellState(StrEnum):
 
 
 class Preflight(Record):
-    """The newest preflight of a cell: when, whether green, its lines, and what it is void by.
+    """Newest preflight of a cell: time, verdict, lines, and the reason if it is void.
 
-    `at_s` is for people [s since 1970]; `age_s` is what counts, None where the service has been
-    started, or stood still, since.
+    `at_s` is for display only [s since 1970]. `age_s` decides if the preflight is valid; it is None
+    if the service was started or paused after the preflight.
     """
 
     at_s: float
@@ -169,11 +172,11 @@ class Preflight(Record):
 
 
 class CellStatus(Record):
-    """A cell, as everybody may see it; `simulated` stands in every answer.
+    """Public status of a cell; every answer contains `simulated`.
 
-    `preflight_age_s` is None if there is none that counts. `not_ready_because` is about motions in
-    general, `not_held_because` about axis test and jog, in which a key is held: they need no axis
-    test before.
+    `preflight_age_s` is None without a valid preflight. `not_ready_because` is the obstacle to
+    motions in general. `not_held_because` is the obstacle to axis test and jog, for which a key is
+    held: they do not require an earlier axis test.
     """
 
     cell: str
@@ -194,13 +197,13 @@ class CellStatus(Record):
 class NamedFile(Record):
     """A file of the service's folder that requests may name."""
 
-    path: str = Field(description="Inside the service's folder.")
-    words: str = Field(description="What people read in a list.")
-    kind: str = Field(default="", description="Of a motion: its kind.")
+    path: str = Field(description="Path relative to the service's folder.")
+    words: str = Field(description="Label of the file in lists.")
+    kind: str = Field(default="", description="Kind of the motion; empty for other files.")
 
 
 class FilesOfCell(Record):
-    """What lies in the service's folder for a cell's robot, by what it is; the newest first."""
+    """Files in the service's folder for a cell's robot, by kind; the newest first."""
 
     motions: tuple[NamedFile, ...] = ()
     models: tuple[NamedFile, ...] = ()

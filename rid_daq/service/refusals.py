@@ -1,4 +1,4 @@
-"""Refusals of the service, each with the status that a client gets."""
+"""Errors of the service's refusals, and their HTTP status codes."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ if TYPE_CHECKING:
 
 
 class NotAllowedError(ServiceError):
-    """Who asks may not do this."""
+    """The caller's role does not allow the request."""
 
 
 class UnknownError(ServiceError):
-    """There is no such cell, job, run or file."""
+    """The service has no such cell, job, run or file."""
 
 
 class NotKnownError(ServiceError):
-    """Nobody knows who asks: a token is needed."""
+    """The sender is unknown: the request needs a token."""
 
 
 class StoreBusyError(ServiceError):
-    """The service's file cannot be read or written now."""
+    """The service's database cannot be read or written now."""
 
 
 _STATUS: tuple[tuple[type[RidDaqError], HTTPStatus], ...] = (
@@ -36,7 +36,10 @@ _STATUS: tuple[tuple[type[RidDaqError], HTTPStatus], ...] = (
     (errors.LockedError, HTTPStatus.CONFLICT),
     (errors.PreflightError, HTTPStatus.CONFLICT),
     (errors.ConfigError, HTTPStatus.UNPROCESSABLE_ENTITY),
-    (errors.RecordingError, HTTPStatus.UNPROCESSABLE_ENTITY),  # a damaged run harms itself only
+    (
+        errors.RecordingError,
+        HTTPStatus.UNPROCESSABLE_ENTITY,
+    ),  # a damaged run does not affect the rest of the service
     (errors.DataQualityError, HTTPStatus.UNPROCESSABLE_ENTITY),
     (errors.EstimationError, HTTPStatus.UNPROCESSABLE_ENTITY),
 )
@@ -46,23 +49,23 @@ _REFUSALS: Final[dict[str, type[RidDaqError]]] = {
 }
 
 
-def status_of(error: RidDaqError) -> HTTPStatus:
-    """Return the status that a client gets for an error."""
+def http_status(error: RidDaqError) -> HTTPStatus:
+    """Return the HTTP status code of an error."""
     for kind, status in _STATUS:
         if isinstance(error, kind):
             return status
     return HTTPStatus.INTERNAL_SERVER_ERROR
 
 
-def refusal_of(answer: httpx.Response) -> RidDaqError:
-    """Return the error that an answer names."""
+def error_from_answer(answer: httpx.Response) -> RidDaqError:
+    """Return the error that an answer of the service describes."""
     try:
-        told = answer.json()
-        name, message = str(told["error"]), str(told["message"])
-        code = str(told.get("code", ""))
+        document = answer.json()
+        name, message = str(document["error"]), str(document["message"])
+        code = str(document.get("code", ""))
     except (AttributeError, ValueError, KeyError, TypeError):
         return ServiceError(
-            f"the service answers {answer.status_code} {answer.reason_phrase}",
+            f"the service answered with status {answer.status_code} {answer.reason_phrase}",
             code="RID-SERVICE-UNREACHABLE",
         )
     named = getattr(errors, name, None)

@@ -1,4 +1,4 @@
-"""`send`: a command's request done by the service that has the cell."""
+"""`send`: sends a command's request to the service that owns the cell."""
 
 from __future__ import annotations
 
@@ -20,15 +20,16 @@ _NAME = re.compile(r"^name:\s*[\"']?([\w.-]+)", re.MULTILINE)
 
 
 def send(address: str, operation: Operation, request: Request, console: Console) -> None:
-    """Send a request to a service, and show what the job says.
+    """Send a request to a service, and show the events of the job.
 
     Args:
-        address: The service's address.
-        console: Where it is shown.
+        address: Address of the service.
+        console: Console that shows the events.
 
     Raises:
-        SystemExit: With the exit code of the command, if that is not 0.
-        RidDaqError: As the command does; or the service refused, or cannot be reached.
+        SystemExit: The command ended with an exit code other than 0.
+        RidDaqError: The error of the command; or the service refused the request, or cannot be
+            reached.
     """
     from rid_daq.service.client import JobResult, ServiceClient
 
@@ -38,7 +39,7 @@ def send(address: str, operation: Operation, request: Request, console: Console)
         cells = service.cells()
         name = _cell_name(getattr(request, "cell", None), [each.cell for each in cells])
         cell = next(each for each in cells if each.cell == name)
-        shown = _Shown(console)
+        shown = _EventDisplay(console)
         if not kind.operation.opens_cell:
             result: JobResult = service.run(name, kind, body, watch=shown)
         else:
@@ -55,15 +56,15 @@ def send(address: str, operation: Operation, request: Request, console: Console)
                 service.stop(name)
                 raise
     shown.close()
-    _end(result.job.reason, result.ended)
+    _raise_job_failure(result.job.reason, result.ended)
 
 
-def _end(reason: str, ended: Any) -> None:
-    """End as the command would have.
+def _raise_job_failure(reason: str, ended: Any) -> None:
+    """Raise the error of a failed job; return if the job succeeded.
 
     Raises:
-        RidDaqError: What has ended it.
-        SystemExit: With its exit code.
+        RidDaqError: The error that ended the job.
+        SystemExit: The exit code of the command, if it is not 0.
     """
     if ended is None:
         raise ServiceError(reason, code="RID-JOB-NOT-DONE")
@@ -75,10 +76,10 @@ def _end(reason: str, ended: Any) -> None:
 
 
 def _cell_name(asked: str | None, names: list[str]) -> str:
-    """Return which of a service's cells is meant: by its name, or by a file that has it.
+    """Return the name of the service's cell that a user means, by its name or by a cell file.
 
     Raises:
-        ConfigError: None of them.
+        ConfigError: The service has no such cell.
     """
     if asked is None:
         return names[0]
@@ -93,11 +94,11 @@ def _cell_name(asked: str | None, names: list[str]) -> str:
     )
 
 
-class _Shown:
-    """Shows on a console what a job says, and asks there what it asks.
+class _EventDisplay:
+    """Shows the events of a job on a console, and asks the job's questions there.
 
     Args:
-        console: Where.
+        console: The console.
     """
 
     def __init__(self, console: Console) -> None:
@@ -131,7 +132,7 @@ class _Shown:
                 self._ask(job, event)
 
     def close(self) -> None:
-        """End the progress that is shown."""
+        """End the progress display."""
         if self._display is not None:
             self._display.__exit__(None, None, None)
         self._display = self._progress = None
@@ -139,8 +140,8 @@ class _Shown:
     def _ask(self, job: Any, event: Any) -> None:
         if event.form == "hold":
             raise ConfigError(
-                "a key must be held: do this on the service's page, or in a terminal at the cell"
-                " without --service",
+                "this job needs a held key: start it on the service's page, or in a terminal at"
+                " the cell without --service",
                 code="RID-KEY-NEEDED",
             )
         if event.form == "yes_no":

@@ -1,4 +1,4 @@
-"""What a client may ask for, and files that it may name; the worker checks a request again."""
+"""Checks of a client's request and of the files in it; the worker repeats the checks."""
 
 from __future__ import annotations
 
@@ -31,10 +31,11 @@ MOST_SHOWN: Final = 300
 _MOST_OF: Final = MappingProxyType(
     {"text": 16_000, **dict.fromkeys(("output", "report", "motion", "model", "what"), 1000)}
 )
-"""Characters of a field's texts, if not `MOST_CHARACTERS`: a pasted file, and paths."""
+"""Maximum length of a field's texts, if not `MOST_CHARACTERS`: pasted files and paths
+[characters]."""
 
 MOST_HASHED: Final = 500_000_000
-"""The largest file that a job may be made from: a feedforward."""
+"""Size limit of a job's input file: a feedforward file [bytes]."""
 
 
 @functools.cache
@@ -46,40 +47,40 @@ def request_schemas() -> dict[str, Any]:
 def check_request(
     kind: JobKind, request: dict[str, Any], folder: Path, of_cells: Collection[Path] = ()
 ) -> None:
-    """Refuse what is no request of its kind, and files that a client may not name.
+    """Raise an error for an invalid request, and for files that clients must not name.
 
     Args:
         kind: The kind of the job.
-        request: What is asked for.
-        folder: The service's folder: files outside of it, and hidden ones, are not named.
-        of_cells: The files of cells: no job writes over them.
+        request: The request.
+        folder: The service's folder; a request can name only visible files inside this folder.
+        of_cells: Files of the served cells; no job may overwrite them.
 
     Raises:
-        ConfigError: It says what, and where.
+        ConfigError: The request is invalid; the message says what and where.
     """
     _refuse_unreadable(kind, request, ())
-    request_of(kind, request, cell="")
+    parse_request(kind, request, cell="")
     for text in _texts({name: told for name, told in request.items() if name != _NO_PATH}):
         require_inside(text, folder)
     for name in kind.operation.outputs:
         output = request.get(name)
         if output is not None and require_inside(output, folder) in map(Path.resolve, of_cells):
             raise ConfigError(
-                f"{output}: belongs to a cell that is served: choose another name",
+                f"{output}: is a file of a served cell: choose another name",
                 code="RID-OUTPUT-CELL",
             )
     require_ending(kind, request)
 
 
-def request_of(kind: JobKind, told: object, **owned: object) -> Request:
-    """Return the request of a job; the service checks it by this, and its worker again.
+def parse_request(kind: JobKind, told: object, **owned: object) -> Request:
+    """Return the validated request of a job; both the service and its worker call this function.
 
     Args:
-        told: What the client says of it.
-        owned: Values of fields that the service sets, as far as the request has them.
+        told: The request as the client sent it.
+        owned: Values of the fields that the service sets, used if the request has these fields.
 
     Raises:
-        ConfigError: It is not a request of this kind, or a number in it is outside of its range.
+        ConfigError: The request is invalid for this kind, or a number is out of its range.
     """
     if not isinstance(told, dict):
         raise ConfigError(f"{kind.value}: the request must be a JSON object", code=INVALID)
@@ -91,10 +92,10 @@ def request_of(kind: JobKind, told: object, **owned: object) -> Request:
 
 
 def _require_bounded(kind: JobKind, request: Mapping[str, Any]) -> None:
-    """Refuse texts that are too long, and a request that is (`RID-REQUEST-LENGTH`).
+    """Raise an error if a text or the whole request is too long (`RID-REQUEST-LENGTH`).
 
     Raises:
-        ConfigError: One of them is.
+        ConfigError: A text or the request is too long.
     """
     for name, told in request.items():
         most = _MOST_OF.get(name, MOST_CHARACTERS)
@@ -113,46 +114,45 @@ def _require_bounded(kind: JobKind, request: Mapping[str, Any]) -> None:
 
 
 def require_ending(kind: JobKind, request: Mapping[str, Any]) -> None:
-    """Refuse an output whose name does not end as files of its kind do (`RID-OUTPUT-ENDING`).
+    """Raise an error if an output's file ending does not fit its kind (`RID-OUTPUT-ENDING`).
 
     Raises:
-        ConfigError: It ends otherwise.
+        ConfigError: The ending is another one.
     """
     for name, allowed in kind.operation.outputs.items():
         output = request.get(name)
         if output is not None and allowed and Path(str(output)).suffix not in allowed:
             raise ConfigError(
-                f"{output}: the {name} of {kind.value} ends in {', '.join(allowed)}: give such a"
-                " name",
+                f"{output}: the {name} of {kind.value} must end in {', '.join(allowed)}",
                 code="RID-OUTPUT-ENDING",
             )
 
 
 def require_inside(path: str, folder: Path, beside: Path | None = None) -> Path:
-    """Return a path that a client has named, resolved inside the service's folder.
+    """Return the absolute path of a file that a client has named, inside the service's folder.
 
     Args:
         folder: The service's folder.
-        beside: Where the path begins; the service's folder where nothing is said.
+        beside: Folder to which the path is relative (default: the service's folder).
 
     Raises:
-        ConfigError: It leads out of it, or to what is hidden.
+        ConfigError: The path is outside the folder, or hidden.
     """
     root = folder.resolve()
     shown = f"{path[:MOST_SHOWN]!r}"
     if not is_file_name(path):
         raise ConfigError(
-            f"{shown}: is no name of a file here: at most {MOST_OF_PART} bytes between two"
-            " slashes, without control characters",
+            f"{shown}: is not a valid file name: use at most {MOST_OF_PART} bytes between two"
+            " slashes, and no control characters",
             code="RID-PATH-NAME",
         )
     try:
         found = (root / (beside or root) / path).resolve()
-    except (OSError, ValueError, RuntimeError):  # a loop of links; what no file can be called
+    except (OSError, ValueError, RuntimeError):  # a loop of links, or an impossible file name
         found = root.parent
     if not found.is_relative_to(root) or Path(path).as_posix().startswith("~"):
         raise ConfigError(
-            f"{shown}: is not inside the service's folder; name a file in there",
+            f"{shown}: is outside the service's folder: name a file inside it",
             code="RID-PATH-OUTSIDE",
         )
     if is_hidden(found.relative_to(root)):
@@ -161,7 +161,7 @@ def require_inside(path: str, folder: Path, beside: Path | None = None) -> Path:
 
 
 def is_file_name(path: str) -> bool:
-    """Return whether a path can be of a file that every client can name."""
+    """Return True if a path is short and contains only printable characters."""
     try:
         encoded = path.encode()
     except UnicodeEncodeError:
@@ -172,20 +172,20 @@ def is_file_name(path: str) -> bool:
 
 
 def is_hidden(inside: Path) -> bool:
-    """Return whether a path is the service's own, or hidden otherwise; a number never is."""
+    """Return True if a path contains a hidden part: a name that begins with a dot and no digit."""
     return any(part.startswith(".") and not part[1:2].isdigit() for part in inside.parts)
 
 
 def refuse_bad_file(file: Path, content: bytes, folder: Path) -> None:
-    """Refuse JSON that no reader takes, and a motion whose table is outside the service's folder.
+    """Raise an error for unreadable JSON, and for a motion whose table is outside the folder.
 
     Args:
-        file: Where it is to lie.
-        content: The file.
+        file: Path at which the file will be saved.
+        content: Content of the file.
         folder: The service's folder.
 
     Raises:
-        ConfigError: `RID-FILE-JSON`: it is no JSON, or nested too deeply; or as
+        ConfigError: The file is no JSON, or nested too deeply (`RID-FILE-JSON`); or an error of
             `refuse_table_outside`.
     """
     if file.suffix != ".json":
@@ -198,26 +198,26 @@ def refuse_bad_file(file: Path, content: bytes, folder: Path) -> None:
 
 
 def refuse_table_outside(motion: Path, content: bytes, folder: Path) -> None:
-    """Refuse a motion whose positions stand in a file outside the service's folder.
+    """Raise an error for a motion whose table of positions is outside the service's folder.
 
     Args:
-        motion: Where its file is to lie; its table is looked for from there.
-        content: The file; what is no motion has no table.
+        motion: Path at which the motion file will be saved; the table's path is relative to it.
+        content: Content of the file; a file that is no motion has no table.
         folder: The service's folder.
 
     Raises:
-        ConfigError: The table leads out of it, or to what is hidden.
+        ConfigError: The table's path is outside the folder, or hidden.
     """
     table = _table_of(content, motion.name)
     if table is not None:
         require_inside(table, folder, motion.parent)
 
 
-def hashes_of_named(request: dict[str, Any], folder: Path) -> dict[str, str]:
+def hash_named_files(request: dict[str, Any], folder: Path) -> dict[str, str]:
     """Return the SHA-256 of the files that a request names, and of their tables, by their paths.
 
     Args:
-        request: What is asked for, checked.
+        request: The validated request.
         folder: The service's folder.
     """
     found: dict[str, str] = {}
@@ -226,7 +226,7 @@ def hashes_of_named(request: dict[str, Any], folder: Path) -> dict[str, str]:
         path = waiting.pop()
         try:
             content = read_file(path, MOST_HASHED)
-        except OSError:  # it names no file, or one that the job itself refuses
+        except OSError:  # not a file, or a file that the job itself refuses
             continue
         found[os.path.abspath(path)] = sha256_of(content)
         table = _table_of(content, path.name)
@@ -236,10 +236,12 @@ def hashes_of_named(request: dict[str, Any], folder: Path) -> dict[str, str]:
 
 
 def _table_of(content: bytes, name: str) -> str | None:
-    """Return the file in which a motion's positions stand, None where there is none."""
-    if len(content) > MAX_BYTES:  # no motion file
+    """Return the file with the positions of a motion, None if the file has no such table."""
+    if len(content) > MAX_BYTES:  # too large for a motion file
         return None
-    if _TABLE.encode() not in content and b"\\" not in content:  # escapes may spell it too
+    if (
+        _TABLE.encode() not in content and b"\\" not in content
+    ):  # escape sequences may encode the keyword
         return None
     try:
         told = parse_yaml(content, name).data
@@ -251,14 +253,16 @@ def _table_of(content: bytes, name: str) -> str | None:
 
 
 def _refuse_unreadable(kind: JobKind, value: Any, path: tuple[str, ...]) -> None:
-    """Refuse what no schema refuses for certain: NaN, infinities, and texts of half characters."""
+    """Raise an error for values that a schema may accept: NaN, infinity, lone surrogates."""
     if isinstance(value, str) and not value.isascii():
         try:
             value.encode()
         except UnicodeEncodeError:
             where = ".".join(path).encode("ascii", "backslashreplace").decode()
             raise ConfigError(
-                f"{kind.value}: {where}: {value!a} has half a character", code=TEXT_CODE
+                f"{kind.value}: {where}: {value!a} contains an incomplete character (lone"
+                " surrogate)",
+                code=TEXT_CODE,
             ) from None
     if isinstance(value, float) and not math.isfinite(value):
         where = ".".join(path)

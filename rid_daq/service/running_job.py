@@ -1,4 +1,4 @@
-"""`RunningJob`: a worker process, what it says, and the motion that it has under way."""
+"""`RunningJob`: a worker process, the events of its job, and its present motion."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ from rid_daq.terminal.job_events import (
 )
 
 MOST_WAITING_BYTES: Final = 1 << 15
-"""Orders that may wait for a worker that does not read, before keys are dropped [bytes]."""
+"""Queue limit of a worker that does not read; beyond it, key messages are dropped [bytes]."""
 
 
 class EventTail:
-    """Reads the events of a job as they are written.
+    """Reads new events from the event file of a job.
 
     Args:
-        path: The file of the events.
+        path: The event file.
     """
 
     def __init__(self, path: Path) -> None:
@@ -49,8 +49,8 @@ class EventTail:
         self._offset = 0
         self._rest = b""
 
-    def new(self) -> Sequence[AnyEvent]:
-        """Return what has been said since the last look."""
+    def read_new(self) -> Sequence[AnyEvent]:
+        """Return the events that were written since the last call."""
         try:
             with self._path.open("rb") as file:
                 file.seek(self._offset)
@@ -61,18 +61,18 @@ class EventTail:
         *lines, self._rest = (self._rest + data).split(b"\n")
         events = []
         for line in lines:
-            with contextlib.suppress(ValidationError):  # a line that a killed worker has torn
+            with contextlib.suppress(ValidationError):  # an incomplete line of a killed worker
                 events.append(EVENT.validate_json(line))
         return events
 
 
 @dataclass(frozen=True)
 class WorkerProcess:
-    """A worker, and the memory in which it sees that the service lives.
+    """A worker process, and the shared memory with the service's heartbeat.
 
     Attributes:
         process: The worker.
-        beat: The memory.
+        beat: The shared memory.
     """
 
     process: asyncio.subprocess.Process
@@ -80,18 +80,18 @@ class WorkerProcess:
 
 
 class RunningJob:
-    """A job that runs.
+    """A running job.
 
     Args:
-        job: As it is journalled.
-        events: The file of its events.
+        job: The job as it is saved.
+        events: Event file of the job.
 
     Attributes:
-        job: As it is journalled last.
-        beat: Where its worker sees that the service lives.
-        stopping: Why it was told to stop; empty where it was not.
-        question: What waits for an answer.
-        ended: Its own last word.
+        job: The job as it was saved last.
+        beat: Shared memory with the service's heartbeat for the worker.
+        stopping: Reason of the stop request; empty without a stop request.
+        question: Question of the job that waits for an answer.
+        ended: Last event of the job.
     """
 
     def __init__(self, job: Job, cell: ServedCell, worker: WorkerProcess, events: Path) -> None:
@@ -111,9 +111,9 @@ class RunningJob:
         self._control: ControlBlock | None = None
         self._picture: MotionPicture | None = None
 
-    def look(self) -> Sequence[AnyEvent]:
-        """Return what it has said since the last look, and remember what counts."""
-        new = self._tail.new()
+    def read_events(self) -> Sequence[AnyEvent]:
+        """Return the new events of the job, and update the job's state from them."""
+        new = self._tail.read_new()
         for event in new:
             match event:
                 case MotionBegun():
@@ -133,44 +133,44 @@ class RunningJob:
 
     @property
     def is_over(self) -> bool:
-        """Whether its process has ended."""
+        """True if the worker process has ended."""
         return self.process.returncode is not None
 
     def stop(self, why: str, code: StopCode) -> None:
-        """Have it end: a motion by the word in shared memory, anything else by SIGTERM."""
+        """Stop the job: a motion through the control block, any other job by SIGTERM."""
         self.stopping = self.stopping or why
         self._stop_code = self._stop_code or code
         control = self._find_control()
         if control is not None:
             control.program.request_stop(code)
-        if control is None or control.task_gone:  # which may read that word no more
+        if control is None or control.task_gone:  # this task may no longer read the control block
             with contextlib.suppress(ProcessLookupError):
                 self.process.terminate()
 
-    def insist(self) -> None:
-        """Tell a motion that it began although it was told to stop; nothing where none is."""
+    def repeat_stop(self) -> None:
+        """Repeat the stop request for a motion that began after it; do nothing without a motion."""
         if self._stop_code is not None and (control := self._find_control()) is not None:
             control.program.request_stop(self._stop_code)
 
-    def order(self, **order: Any) -> None:
-        """Tell its worker something; nothing where it has ended."""
+    def send_order(self, **order: Any) -> None:
+        """Send an order to the worker; do nothing if it has ended."""
         writer = self.process.stdin
         if writer is not None and not writer.is_closing():
             writer.write((json.dumps(order) + "\n").encode())
 
-    def order_soon(self, **order: Any) -> None:
-        """Tell its worker something that is worth nothing later, unless much waits already."""
+    def send_order_if_writable(self, **order: Any) -> None:
+        """Send an order that is useless later, unless too many orders wait already."""
         writer = self.process.stdin
         if writer is not None and writer.transport.get_write_buffer_size() < MOST_WAITING_BYTES:
-            self.order(**order)
+            self.send_order(**order)
 
     @property
     def wants_key(self) -> bool:
-        """Whether it wants a key to be held now."""
+        """True if the job requires a held key now."""
         return self.question is not None and self.question.form == "hold" and not self.is_over
 
-    def samples(self) -> dict[str, object] | None:
-        """Return the newest picture of the motion under way, None where none is."""
+    def newest_picture(self) -> dict[str, object] | None:
+        """Return the newest values of the present motion for the page, None without a motion."""
         if self._motion is None or self.is_over:
             return None
         control = self._find_control()
@@ -193,45 +193,45 @@ class RunningJob:
         return found
 
     def _find_control(self) -> ControlBlock | None:
-        """Return the control block of the motion under way, None where none is."""
+        """Return the control block of the present motion, None without a motion."""
         if self.is_over:
             return None
         if self._control is None or self._control.task_gone:
             try:
                 return ControlBlock.of_process(self.process.pid)
-            except OSError:  # it has just ended
+            except OSError:  # the process has just ended
                 return None
         return self._control
 
 
 def _failed_verdict(blocks: Iterable[ToldBlock]) -> str:
-    """Return the first failed verdict, empty if there is none."""
+    """Return the text of the first failed verdict; empty if all passed."""
     failed = (each for each in blocks if isinstance(each, Verdict) and each.passed is False)
     return next((each.text for each in failed), "")
 
 
 @dataclass
 class StartingJob:
-    """A job whose worker is on its way.
+    """A job whose worker is being started.
 
     Attributes:
-        job: As it is journalled.
-        stopping: Why it is not to begin; empty where it is.
+        job: The job as it is saved.
+        stopping: Reason of the stop request; empty without a stop request.
     """
 
     job: Job
     stopping: str = ""
 
     def stop(self, why: str, _code: StopCode) -> None:
-        """Have it not begin."""
+        """Prevent the start of the job."""
         self.stopping = self.stopping or why
 
 
-class WarmWorker:
-    """A worker that is ready before there is a job: it has imported what jobs need.
+class ReadyWorker:
+    """Spare worker that has already imported the modules that jobs need.
 
     Args:
-        log: Where workers write what is no event: mistakes of the program.
+        log: Log file for output of workers that is not an event, such as tracebacks.
     """
 
     def __init__(self, log: Path) -> None:
@@ -239,11 +239,11 @@ class WarmWorker:
         self._ready: WorkerProcess | None = None
 
     async def prepare(self) -> None:
-        """Start one, where none is ready."""
+        """Start a spare worker unless one is ready."""
         if self._ready is None or self._ready.process.returncode is not None:
             self._ready = await self._start()
 
-    async def take(self) -> WorkerProcess:
+    async def acquire(self) -> WorkerProcess:
         """Return a worker that waits for its job."""
         ready, self._ready = self._ready, None
         if ready is not None and ready.process.returncode is None:
@@ -251,7 +251,7 @@ class WarmWorker:
         return await self._start()
 
     async def end(self) -> None:
-        """End the one that is ready."""
+        """End the spare worker."""
         ready, self._ready = self._ready, None
         if ready is not None and ready.process.returncode is None:
             ready.process.kill()

@@ -1,4 +1,4 @@
-"""`ServedCell`: a cell of the service: its files as they are now, and what is known of it."""
+"""`ServedCell`: a cell of the service with the present content of its files."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ LOOK_S: Final = 1.0
 
 
 class ServedCell:
-    """A cell file, looked at again where a file of it, or one beside it, has changed.
+    """Cell that is reloaded if one of its files, or a file in the cell file's folder, has changed.
 
     Args:
-        reference: A bundled name or a path.
-        pace: How many times the clock's pace the cell keeps where it is simulated.
+        reference: Bundled name or path of the cell file.
+        pace: Speed of the cell if it is simulated, as a multiple of real time.
 
     Raises:
         ConfigError: The cell cannot be loaded.
@@ -31,22 +31,24 @@ class ServedCell:
         self.pace = pace if loaded.config.simulated else None
         self.problem = ""
         self._loaded = loaded
-        self._signature: tuple[tuple[str, int, int], ...] | None = None  # unknown as it was read
+        self._signature: tuple[tuple[str, int, int], ...] | None = (
+            None  # forces a check at the first access
+        )
         self._looked_s = time.monotonic()
 
     @property
     def loaded(self) -> LoadedCell:
-        """The cell as its files say now; as they said last where they are wrong now (`problem`)."""
+        """Cell from its present files; from the last valid ones if they have errors (`problem`)."""
         now_s = time.monotonic()
         if now_s - self._looked_s < LOOK_S:
             return self._loaded
-        return self.look_again()
+        return self.reload_if_changed()
 
-    def look_again(self) -> LoadedCell:
-        """Return the cell as its files say at this moment; as `loaded`."""
+    def reload_if_changed(self) -> LoadedCell:
+        """Check the files now and return the cell, as `loaded`."""
         self._looked_s = time.monotonic()
         try:
-            signature = self._look()
+            signature = self._file_signature()
             if signature != self._signature or self.problem:
                 self._loaded = self._load()
                 self._signature, self.problem = signature, ""
@@ -54,8 +56,8 @@ class ServedCell:
             self.problem = str(error)
         return self._loaded
 
-    def pace_here(self) -> float | None:
-        """Return the pace of a job that begins now; None where other devices keep their own."""
+    def own_pace(self) -> float | None:
+        """Return the pace of a job that starts now; None if other processes simulate the cell."""
         served = self.pace is not None and is_served(self._loaded.config)
         return None if served else self.pace
 
@@ -63,17 +65,17 @@ class ServedCell:
         loaded = load_cell(self.reference)
         if loaded.config.name != self.name:
             raise ConfigError(
-                f"{self.reference}: the cell is called {loaded.config.name!r} now, it was"
-                f" {self.name!r}: start the service again",
+                f"{self.reference}: the cell's name has changed from {self.name!r} to"
+                f" {loaded.config.name!r}: restart the service",
                 code="RID-SERVICE-CELLS",
             )
         return loaded
 
-    def _look(self) -> tuple[tuple[str, int, int], ...]:
-        """Return what tells of a change of the files, and of what lies beside the cell's."""
+    def _file_signature(self) -> tuple[tuple[str, int, int], ...]:
+        """Return names, times and sizes of the cell's files and their folder, to detect changes."""
         path = self._loaded.path
         found = []
-        with contextlib.suppress(OSError):  # what is gone is told by the load
+        with contextlib.suppress(OSError):  # a missing file is reported when the cell is loaded
             beside = () if path is None else path.resolve().parent.iterdir()
             for file in sorted({*self._loaded.paths, *beside}):
                 if file.is_file():

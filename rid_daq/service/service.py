@@ -1,7 +1,7 @@
-"""`CellService`: cells, their jobs and who may do what; nothing here speaks HTTP.
+"""`CellService`: cells, their jobs and access rights, independent of HTTP.
 
-One job a cell at a time, journalled before its worker is told to begin. Jobs that only compute wait
-for one another. Whatever the service does, a motion can be stopped without it.
+A cell executes one job at a time. The job is saved in the database before its worker starts. Jobs
+that only compute run one after the other. A motion can be stopped even if the service hangs.
 """
 
 from __future__ import annotations
@@ -19,10 +19,11 @@ from acquisition.runs.run_id import new_run_id
 from acquisition.task.service_beat import SERVICE_LIMIT_S
 from config.errors import ConfigError, LockedError, PreflightError
 from config.process.safety_clock import safety_now_s
-from rid_daq.service.folder_files import Putting
+from rid_daq.service.folder_files import Uploads
 from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.job_runner import JobRunner
 from rid_daq.service.leases import Leases
-from rid_daq.service.logs import LOG, Mishaps
+from rid_daq.service.logs import LOG, ErrorIsolator
 from rid_daq.service.readiness import PREFLIGHT_LIMIT_S, Readiness
 from rid_daq.service.records import (
     CellState,
@@ -34,7 +35,7 @@ from rid_daq.service.records import (
     Role,
 )
 from rid_daq.service.refusals import NotAllowedError, UnknownError
-from rid_daq.service.request_check import check_request, hashes_of_named, request_schemas
+from rid_daq.service.request_check import check_request, hash_named_files, request_schemas
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.store.audit import AuditLog
 from rid_daq.service.store.cells import CellStore
@@ -43,7 +44,6 @@ from rid_daq.service.store.jobs import JobStore
 from rid_daq.service.store.leases import LeaseStore
 from rid_daq.service.store.state_folder import open_state_folder
 from rid_daq.service.store.tokens import TokenStore
-from rid_daq.service.workshop import Workshop
 from rid_daq.web.feed import Feed
 
 LOOK_S: Final = 0.05
@@ -53,14 +53,14 @@ MOST_EVENTS: Final = 2000
 
 
 class CellService:
-    """The cells that this process owns.
+    """Cells that this process owns, with their jobs, leases and tokens.
 
     Args:
-        folder: Where runs, motions and models lie; what clients name is inside of it.
+        folder: Folder of runs, motions and models. Clients can name files in this folder only.
 
     Raises:
-        ConfigError: Two cells have one name.
-        RecordingError: What the service keeps cannot be read or written.
+        ConfigError: Two cells have the same name.
+        RecordingError: The service's saved state cannot be read or written.
     """
 
     def __init__(self, folder: Path, cells: Sequence[ServedCell]) -> None:
@@ -69,7 +69,8 @@ class CellService:
         self.cells = {cell.name: cell for cell in cells}
         if len(self.cells) != len(cells):
             raise ConfigError(
-                "two of the cells have one name: give each its own", code="RID-SERVICE-CELLS"
+                "two cells have the same name: give each cell its own name",
+                code="RID-SERVICE-CELLS",
             )
         state = open_state_folder(self.folder)
         self.database = open_database(state / "service.db")
@@ -82,7 +83,7 @@ class CellService:
             cell_store.add(name)
         self.readiness = Readiness(cell_store)
         self.feed = Feed(MOST_EVENTS)
-        self.workshop = Workshop(
+        self.job_runner = JobRunner(
             self.folder,
             self.runs,
             state,
@@ -92,23 +93,24 @@ class CellService:
             readiness=self.readiness,
             feed=self.feed,
         )
-        self.putting = Putting()
+        self.uploads = Uploads()
         self.started_s, self.began_s = time.time(), safety_now_s()
         self.stops = 0
-        self._told: dict[str, str] = {}
+        self._published: dict[str, str] = {}
         self._beat_s: float | None = None
-        self._mishaps = Mishaps()
+        self._errors = ErrorIsolator()
 
     def cell(self, name: str) -> ServedCell:
         """Return a cell by its name.
 
         Raises:
-            UnknownError: There is none.
+            UnknownError: The service has no cell with this name.
         """
         found = self.cells.get(name)
         if found is None:
             raise UnknownError(
-                f"no cell {name!r} here; there are {', '.join(self.cells)}", code="RID-CELL-UNKNOWN"
+                f"no cell {name!r} in this service; its cells are {', '.join(self.cells)}",
+                code="RID-CELL-UNKNOWN",
             )
         return found
 
@@ -116,7 +118,7 @@ class CellService:
         """Return a job by its id.
 
         Raises:
-            UnknownError: There is none.
+            UnknownError: No job has this id.
         """
         found = self.jobs.get(job_id)
         if found is None:
@@ -124,8 +126,8 @@ class CellService:
         return found
 
     def status(self, cell: ServedCell) -> CellStatus:
-        """Return what everybody may see of a cell."""
-        running = self.workshop.of_cell(cell.name)
+        """Return the public status of a cell: state, fault, preflight, job and lease."""
+        running = self.job_runner.job_on_bus(cell.name)
         obstacle = self.readiness.obstacle(cell)
         fault = self.readiness.fault(cell)
         if running is not None and not running.job.kind.operation.moves:
@@ -150,7 +152,7 @@ class CellService:
             not_ready_because=obstacle,
             not_held_because=self.readiness.obstacle(cell, JobKind("axes")),
             job=None if running is None else running.job,
-            lease=self.leases.of(cell.name),
+            lease=self.leases.lease_of(cell.name),
         )
 
     async def begin(
@@ -164,38 +166,38 @@ class CellService:
         cleared: bool = False,
         on_lost_client: OnLostClient = "stop",
     ) -> Job:
-        """Journal a job and begin it; one that only computes may have to wait for its turn.
+        """Save a job and start it; a job that only computes may have to wait for its turn.
 
         Args:
-            kind: What is done.
-            request: What is asked for, as the schema of its operation has it.
-            who: Who asks.
-            lease: The key of the cell's lease.
-            cleared: Whether a person has just said that nobody is in the cell.
-            on_lost_client: What happens to a motion whose lease ends.
+            kind: Kind of the job.
+            request: Request in the form of the operation's schema.
+            who: Caller that starts the job.
+            lease: Key of the cell's lease.
+            cleared: True if a person has just confirmed that the cell is clear.
+            on_lost_client: Action on a motion whose lease ends.
 
         Raises:
-            ConfigError: It is no request of this kind.
-            LockedError: Somebody else has the cell, or another job has its bus open.
-            PreflightError: The cell is not ready to move, or nobody has said that it is clear.
-            NotAllowedError: Who asks may only look.
+            ConfigError: The request is invalid for this kind of job.
+            LockedError: Another client holds the cell, or another job uses its bus.
+            PreflightError: The cell is not ready to move, or no one has confirmed that it is clear.
+            NotAllowedError: The caller has read-only access.
         """
         require_role(who, Role.OPERATOR)
-        if self.workshop.closing:
+        if self.job_runner.closing:
             raise LockedError(
-                "the service is ending: nothing more is begun", code="RID-SERVICE-ENDING"
+                "the service is shutting down: it starts no more jobs", code="RID-SERVICE-ENDING"
             )
-        request = paced(kind, request, cell.pace_here())
+        request = with_service_pace(kind, request, cell.own_pace())
         of_cells = [path for each in self.cells.values() for path in each.loaded.paths]
         await asyncio.to_thread(check_request, kind, request, self.folder, of_cells)
         approved: dict[str, str] = {}
         if kind.operation.moves:
-            approved = await asyncio.to_thread(hashes_of_named, request, self.folder)
+            approved = await asyncio.to_thread(hash_named_files, request, self.folder)
         if kind.operation.opens_cell:
             self._require_free(cell, kind, lease, cleared=cleared)
-        if kind.operation.moves:  # by the bytes that the preflight counted for
+        if kind.operation.moves:  # the contents of the files that passed the preflight
             approved |= {str(path): found for path, found in cell.loaded.hashes.items()}
-        held = self.leases.of(cell.name)
+        held = self.leases.lease_of(cell.name)
         job = Job(
             id=new_run_id(time.time_ns()),
             cell=cell.name,
@@ -208,11 +210,11 @@ class CellService:
             created_s=time.time(),
         )
         self.audit.note(who.name, f"began {kind.value}", cell.name, f"job {job.id}")
-        return await self.workshop.begin(job, cell, cleared=cleared, approved=approved)
+        return await self.job_runner.begin(job, cell, cleared=cleared, approved=approved)
 
     def stop(self, cell: str, who: str) -> bool:
-        """Stop what moves in a cell; return whether something was told to stop."""
-        job = self.workshop.stop(cell, f"stopped by {who}")
+        """Stop the motion in a cell; return True if a job received the stop."""
+        job = self.job_runner.stop(cell, f"stopped by {who}")
         if job is None:
             return False
         self.stops += 1
@@ -220,25 +222,27 @@ class CellService:
         return True
 
     def cancel(self, job: Job, who: Identity) -> None:
-        """End a job: one that waits does not begin, one that runs is stopped.
+        """End a job: a waiting job does not start, a running job is stopped.
 
         Raises:
-            NotAllowedError: Who asks may only look; a motion is stopped by `stop`, which everybody
-                may.
+            NotAllowedError: The caller has read-only access. Any caller can stop a motion with
+                `stop`.
         """
         require_role(who, Role.OPERATOR)
         self.audit.note(who.name, "cancelled", job.cell, f"job {job.id}")
-        self.workshop.cancel(job, who.name)
+        self.job_runner.cancel(job, who.name)
 
     def answer(self, job: Job, question: int, text: str, who: Identity, lease: str | None) -> None:
-        """Answer what a job asks.
+        """Send an answer to the question of a job.
 
         Raises:
-            LockedError: It asks nothing of that number now, or who answers does not have the cell.
-            NotAllowedError: Who answers may only look.
+            LockedError: The job has no open question with this number, or the caller does not hold
+                the
+                cell.
+            NotAllowedError: The caller has read-only access.
         """
         require_role(who, Role.OPERATOR)
-        running = self.workshop.get(job.id)
+        running = self.job_runner.get(job.id)
         asked = None if running is None else running.question
         if running is None or asked is None or asked.question != question:
             raise LockedError(
@@ -247,73 +251,77 @@ class CellService:
         if job.kind.operation.opens_cell:
             self.leases.require(job.cell, lease)
         self.audit.note(who.name, "answered", job.cell, f"{asked.text} {text}")
-        running.order(answer=question, text=text)
+        running.send_order(answer=question, text=text)
 
-    def wanting_keys(self) -> list[str]:
-        """Return the jobs that want a key to be held now."""
-        return [running.job.id for running in self.workshop if running.wants_key]
+    def jobs_wanting_keys(self) -> list[str]:
+        """Return the ids of the jobs that require a held key now."""
+        return [running.job.id for running in self.job_runner if running.wants_key]
 
-    def pass_on_key(self, job_id: str, message: KeyMessage) -> None:
-        """Pass a message about a key on to the worker, which judges it; a release at any time."""
-        running = self.workshop.get(job_id)
+    def forward_key(self, job_id: str, message: KeyMessage) -> None:
+        """Forward a key message to the worker of a job, which decides if the key counts.
+
+        The release of a key is forwarded even if the job requires no key now.
+        """
+        running = self.job_runner.get(job_id)
         if running is None or not (running.wants_key or message.is_release):
             return
-        running.order_soon(**message.to_order())
+        running.send_order_if_writable(**message.to_order())
 
     async def run(self, until: asyncio.Event) -> None:
-        """Watch jobs and leases until the event; then stop what moves, and end."""
-        await self.workshop.prepare()
-        beating = asyncio.create_task(self._beat())
+        """Supervise jobs and leases until the event is set; then stop all motions and return."""
+        await self.job_runner.prepare()
+        beating = asyncio.create_task(self._send_heartbeats())
         try:
-            await self._watch(until)
-            await self.workshop.close()
+            await self._watch_jobs(until)
+            await self.job_runner.close()
         finally:
             beating.cancel()
         await asyncio.to_thread(self.database.close)
 
-    async def _watch(self, until: asyncio.Event) -> None:
+    async def _watch_jobs(self, until: asyncio.Event) -> None:
         next_s = 0.0
         while not until.is_set():
-            await self.workshop.look()
+            await self.job_runner.poll()
             if time.monotonic() >= next_s:
                 next_s = time.monotonic() + CELLS_S
                 for cell in self.cells.values():
-                    with self._mishaps.of(f"cell {cell.name}"):
+                    with self._errors.isolate(f"cell {cell.name}"):
                         self._publish_cell(cell)
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(until.wait(), LOOK_S)
 
-    async def _beat(self) -> None:
-        """Give signs of life from the event loop, which tell that it can still answer a STOP."""
+    async def _send_heartbeats(self) -> None:
+        """Send heartbeats from the event loop; they show that it can still answer a STOP."""
         while True:
-            with self._mishaps.of("the service's signs of life"):
-                self._note_standstill()
-                self.workshop.give_signs_of_life()
+            with self._errors.isolate("heartbeats of the service"):
+                self._void_preflights_after_pause()
+                self.job_runner.send_heartbeats()
             await asyncio.sleep(BEAT_S)
 
-    def _note_standstill(self) -> None:
-        """Void every preflight after this process has stood still, or the computer has slept.
+    def _void_preflights_after_pause(self) -> None:
+        """Void every preflight after a pause of this process, for example a suspended computer.
 
-        What was asked for meanwhile is answered only now: nobody expects it to move the robot.
+        A request that was sent during the pause is answered only now, and its sender no longer
+        expects the robot to move.
         """
         now_s, before_s = safety_now_s(), self._beat_s
         self._beat_s = now_s
         if before_s is not None and now_s - before_s > SERVICE_LIMIT_S:
-            still = f"the service stood still for {now_s - before_s:.0f} s"
-            LOG.warning("%s; preflights count no more", still)
-            self.readiness.void_all(f"{still}: check it again.")
+            still = f"the service was paused for {now_s - before_s:.0f} s"
+            LOG.warning("%s; all preflights are void", still)
+            self.readiness.void_all(f"{still}: repeat the preflight.")
 
     def _require_free(
         self, cell: ServedCell, kind: JobKind, lease: str | None, *, cleared: bool
     ) -> None:
-        self._note_standstill()
-        cell.look_again()
+        self._void_preflights_after_pause()
+        cell.reload_if_changed()
         self.leases.require(cell.name, lease)
-        running = self.workshop.of_cell(cell.name)
-        if self.workshop.is_busy(cell.name):
+        running = self.job_runner.job_on_bus(cell.name)
+        if self.job_runner.is_busy(cell.name):
             busy = "a job" if running is None else running.job.kind.value
             raise LockedError(
-                f"cell {cell.name}: {busy} is under way: wait for its end, or stop it",
+                f"cell {cell.name}: {busy} is running: wait for its end, or stop it",
                 code="RID-JOB-RUNNING",
             )
         if not kind.operation.moves:
@@ -325,34 +333,35 @@ class CellService:
             )
         if not (cleared or cell.loaded.config.simulated):
             raise PreflightError(
-                f"cell {cell.name} is real: say that nobody is in it and the emergency stop is at"
-                " hand (cleared), each time",
+                f"cell {cell.name} is real: confirm before each motion that no one is in the cell"
+                " and that the emergency stop is within reach (cleared)",
                 code="RID-ANSWER-NO",
             )
 
     def _publish_cell(self, cell: ServedCell) -> None:
-        """Tell viewers how a cell is, where that is news."""
+        """Send the status of a cell to all viewers if it has changed."""
         status = self.status(cell).model_dump(mode="json", exclude={"preflight_age_s"})
-        told = json.dumps({"type": "cell", "cell": status})
-        if self._told.get(cell.name) != told:
-            self._told[cell.name] = told
-            self.feed.tell(told.encode())
+        message = json.dumps({"type": "cell", "cell": status})
+        if self._published.get(cell.name) != message:
+            self._published[cell.name] = message
+            self.feed.publish_event(message.encode())
 
 
 def require_role(who: Identity, role: Role) -> None:
-    """Refuse who may not do what a role may.
+    """Raise an error if the caller's role does not include a role.
 
     Raises:
-        NotAllowedError: The role is not enough.
+        NotAllowedError: The role of the caller is insufficient.
     """
     if not who.role.includes(role):
         raise NotAllowedError(
-            f"{who.name} is {who.role.value}: this needs {role.value}", code="RID-ACCESS-ROLE"
+            f"{who.name} has the role {who.role.value}: this request needs {role.value}",
+            code="RID-ACCESS-ROLE",
         )
 
 
-def paced(kind: JobKind, request: dict[str, Any], pace: float | None) -> dict[str, Any]:
-    """Return a request whose simulated cell keeps the service's pace where it names none."""
+def with_service_pace(kind: JobKind, request: dict[str, Any], pace: float | None) -> dict[str, Any]:
+    """Return the request with the service's pace for simulated cells, if it sets no pace itself."""
     known = request_schemas()[kind.value]["properties"]
     if pace is None:
         return request

@@ -1,4 +1,4 @@
-"""Where the services of this user are reached by programs on this computer."""
+"""Unix sockets through which programs on this computer reach the services of this user."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ BACKLOG: Final = 128
 _ENDING: Final = "service.sock"
 
 
-def socket_of(folder: Path) -> Path:
-    """Return where the service of a folder is reached; short, as a socket's name must be."""
+def socket_path_of(folder: Path) -> Path:
+    """Return the path of the socket of a folder's service; socket paths must be short."""
     from mock_hw.host.runtime_directory import runtime_directory
 
     digest = hashlib.sha256(str(folder.resolve()).encode()).hexdigest()[:12]
@@ -33,20 +33,22 @@ def local_sockets() -> list[Path]:
 
 
 def is_this_computer(address: str) -> bool:
-    """Return whether a URL leads to an address that only this computer has."""
+    """Return True if the host of a URL is a loopback address."""
     host = urlsplit(address).hostname or ""
     return host == "localhost" or is_loopback(host)
 
 
 @contextlib.contextmanager
 def local_listener(folder: Path) -> Iterator[tuple[socket.socket, Path]]:
-    """Yield a socket that only this user can open, and where it is; it is gone afterwards.
+    """Yield a listening socket that only this user can open, and its path; then remove the socket.
 
-    It listens: who is told of it before the service answers waits and is not turned away.
+    A client that connects before the service answers waits and is not refused.
     """
-    path = socket_of(folder)
+    path = socket_path_of(folder)
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listener:
-        path.unlink(missing_ok=True)  # of a service that was killed: the folder's lock is ours
+        path.unlink(
+            missing_ok=True
+        )  # left by a killed service: this process holds the folder's lock
         mask = os.umask(0o177)
         try:
             listener.bind(str(path))

@@ -1,4 +1,4 @@
-"""The systemd unit of the service: written by `--install`, and kept current by the program."""
+"""`SystemdUnit`: systemd unit of the service; `--install` writes it, and the service updates it."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from rid_daq.session.versions import program_version
 NAME: Final = "rid-daq.service"
 _HEAD: Final = "# Written by rid-daq"
 _TEXT = """\
-{head} {version}; it is written again by newer versions. Changes of yours belong into
-# {name}.d/own.conf (`systemctl edit`), which is left alone.
+{head} {version}; newer versions overwrite this file. Put your own changes into
+# {name}.d/own.conf (`systemctl edit`), which rid-daq does not change.
 [Unit]
 Description=rid-daq: {cells}
 After=network.target
@@ -27,7 +27,7 @@ After=network.target
 Type=exec
 WorkingDirectory={folder}
 ExecStart={command}
-# The service stops what moves; its workers end by themselves.
+# On SIGTERM the service stops all motions, and its workers end by themselves.
 KillSignal=SIGTERM
 KillMode=mixed
 TimeoutStopSec=45
@@ -43,11 +43,11 @@ WantedBy={target}
 
 @dataclass(frozen=True)
 class SystemdUnit:
-    """A unit of this program.
+    """Systemd unit of this program.
 
     Attributes:
-        path: Where it lies.
-        text: What stands in it.
+        path: Path of the unit file.
+        text: Content of the unit file.
     """
 
     path: Path
@@ -55,12 +55,12 @@ class SystemdUnit:
 
     @classmethod
     def of(cls, cells: Sequence[str], folder: Path, arguments: Sequence[str]) -> SystemdUnit:
-        """Return the unit of a service: of the computer where root asks, else of the user.
+        """Return the unit of a service: a system unit for root, else a user unit.
 
         Args:
-            cells: What is served.
-            folder: Where.
-            arguments: The command line behind `rid-daq serve`.
+            cells: Names of the served cells.
+            folder: Folder of the service.
+            arguments: Command line after `rid-daq serve`.
         """
         is_root = os.geteuid() == 0
         home = Path("/etc/systemd/system")
@@ -80,11 +80,11 @@ class SystemdUnit:
         return cls(home / NAME, text)
 
     def install(self) -> str:
-        """Write it; return what a person does next.
+        """Write the unit file; return the command that the user runs next.
 
         Raises:
-            ConfigError: A unit of somebody else is there.
-            RecordingError: It cannot be written.
+            ConfigError: The file exists and was not written by rid-daq.
+            RecordingError: The file cannot be written.
         """
         with system_errors(
             RecordingError, f"{self.path}: cannot be written", code="RID-FILE-WRITE"
@@ -92,7 +92,7 @@ class SystemdUnit:
             before = self.path.read_text(encoding="utf-8") if self.path.exists() else _HEAD
             if not before.startswith(_HEAD):
                 raise ConfigError(
-                    f"{self.path}: is there already and was not written by rid-daq: move it away",
+                    f"{self.path}: exists and was not written by rid-daq: move it to another place",
                     code="RID-FILE-EXISTS",
                 )
             self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -101,10 +101,10 @@ class SystemdUnit:
         return f"systemctl{user} daemon-reload && systemctl{user} enable --now {NAME}"
 
     def keep_current(self) -> bool:
-        """Write it again where systemd has started this program from an older one of ours.
+        """Rewrite the unit file if systemd started this program from an older version of the file.
 
         Returns:
-            Whether it was written.
+            True if the file was written.
         """
         if "INVOCATION_ID" not in os.environ or not self.path.exists():
             return False
@@ -122,5 +122,5 @@ class SystemdUnit:
 
 
 def _escaped(text: str) -> str:
-    """Return text that systemd takes as it is: no specifiers, no lines."""
+    """Return the text for systemd: percent signs doubled, line breaks replaced by spaces."""
     return text.replace("%", "%%").replace("\n", " ")

@@ -1,4 +1,5 @@
-"""A session: the cell that is opened, its lock, and the sessions that run on this machine.
+"""Sessions: opening a cell, its lock, and the list of sessions that run on this computer.
 
-Who may command a bus, and who is known to. Begin with `session.py`; decision 0031 says why.
+A session is one program that controls a cell. Begin with `session.py`; decision 0031 gives the
+reasons.
 """

@@ -1,4 +1,4 @@
-"""The cell that a command works on: held alone, its mock hardware started where it is needed."""
+"""Opens the cell that a command works on, and starts its simulated devices if necessary."""
 
 from __future__ import annotations
 
@@ -20,37 +20,39 @@ if TYPE_CHECKING:
 
 
 @contextlib.contextmanager
-def mountable_cell(
+def hold_reachable_cell(
     loaded: LoadedCell,
     simulation: Simulation | None = None,
     faults: FaultScript = NO_SCRIPT,
     *,
     any_eds: bool = False,
 ) -> Iterator[tuple[CellConfig, SimulatedCell | None]]:
-    """Yield the cell with devices behind its bus, held alone as long as the `with` lasts.
+    """Yield the cell with devices on its bus; no other session can use it inside the `with` block.
 
-    A real cell, and a simulated one that `rid-daq mock` serves, are taken as they are. Otherwise
-    a simulated cell's mock hardware is started on a bus of this session's own, and yielded too:
-    payloads can be mounted on it while it runs.
+    The devices of a real cell, and of a simulated cell that `rid-daq mock` serves, run already. For
+    any other simulated cell, this function starts simulated devices on a bus of this session and
+    yields them too: payloads can be mounted on their robot.
 
     Args:
-        loaded: The cell file and what it names.
-        simulation: How mock hardware that is started here is.
-        faults: What goes wrong in it.
-        any_eds: Whether the caller itself says what the drives' data sheets lack.
+        loaded: The cell file and the files that it names.
+        simulation: Settings of the simulated devices that are started here.
+        faults: Faults of these devices.
+        any_eds: True if the caller itself reports problems of the drives' EDS files.
 
     Raises:
-        ConfigError: There is no such payload, or no mock hardware started here that it could be
-            mounted on, or that could have faults; or it has two ways to keep time.
-        PreflightError: By its data sheet a drive cannot do what it is needed for.
+        ConfigError: A setting contradicts another one, or needs simulated devices that are started
+            here;
+            or the payload does not exist.
+        PreflightError: According to its EDS file, a drive lacks a required object.
         LockedError: Another session holds the cell.
-        TransportError: The mock hardware does not start.
+        TransportError: The simulated devices do not start.
     """
     simulation = simulation or Simulation()
     payload, cell = simulation.payload, loaded.config
     if simulation.realtime and simulation.pace is not None:
         raise ConfigError(
-            "--realtime and --pace are two ways to keep time: give one", code="RID-OPTION-EXCLUSIVE"
+            "--realtime and --pace exclude each other: give one option only",
+            code="RID-OPTION-EXCLUSIVE",
         )
     refuse_one_process(cell)
     refuse_owned(cell)
@@ -59,24 +61,24 @@ def mountable_cell(
     if not cell.simulated or is_served(cell):
         if simulation.pace is not None:
             raise ConfigError(
-                f"cell {cell.name}: its devices are not started here and keep their own time: leave"
-                " --pace out, or give it to `rid-daq mock`",
+                f"cell {cell.name}: its devices run in another process, which sets the pace:"
+                " leave --pace out, or give it to `rid-daq mock`",
                 code="RID-CELL-NOT-OURS",
             )
         if payload is not None:
             raise ConfigError(
-                f"cell {cell.name}: its robot is not started here, so nothing can be mounted on its"
-                " flange: leave --payload out, or give it to `rid-daq mock`",
+                f"cell {cell.name}: its robot runs in another process, so no payload can be"
+                " mounted on its flange: leave --payload out, or give it to `rid-daq mock`",
                 code="RID-CELL-NOT-OURS",
             )
         if faults is not NO_SCRIPT:
             raise ConfigError(
-                f"cell {cell.name}: its devices are not started here, so nothing can be made to go"
-                " wrong in them: leave --faults out, or give it to `rid-daq mock`",
+                f"cell {cell.name}: its devices run in another process, so faults cannot be"
+                " simulated in them: leave --faults out, or give it to `rid-daq mock`",
                 code="RID-CELL-NOT-OURS",
             )
         with hold_cell(cell):
-            yield _as_served(cell), None
+            yield _with_served_addresses(cell), None
         return
     from mock_hw.bus.served_bus import SIMULATED
     from mock_hw.cell import SimulatedCell
@@ -84,11 +86,11 @@ def mountable_cell(
 
     if loaded.plant is None:
         raise ConfigError(
-            f"cell {cell.name}: a simulated cell needs plant", code="RID-CELL-NOT-SIMULATED"
+            f"cell {cell.name}: a simulated cell needs the key plant", code="RID-CELL-NOT-SIMULATED"
         )
     if simulation.pace is not None and cell.can.interface != SIMULATED:
         raise ConfigError(
-            f"cell {cell.name}: time waits for nobody on {cell.can.interface}: leave --pace out",
+            f"cell {cell.name}: {cell.can.interface} runs in real time only: leave --pace out",
             code="RID-MOCK-REAL-TIME",
         )
     with (
@@ -110,8 +112,8 @@ def mountable_cell(
         yield simulated.cell, simulated
 
 
-def _as_served(cell: CellConfig) -> CellConfig:
-    """Return the cell with bus and serial ports as `rid-daq mock` has made them."""
+def _with_served_addresses(cell: CellConfig) -> CellConfig:
+    """Return the cell with the bus and the serial ports that `rid-daq mock` has created."""
     if not cell.simulated:
         return cell
     from mock_hw.bus.served_bus import served_name, with_served_channel
@@ -129,21 +131,21 @@ def _as_served(cell: CellConfig) -> CellConfig:
 
 
 def refuse_one_process(cell: CellConfig) -> None:
-    """Refuse a bus that does not leave a process: sessions are several.
+    """Raise an error for a bus that exists only within one process: a session has several.
 
     Raises:
         ConfigError: The cell's interface is `virtual`.
     """
     if cell.can.interface == "virtual":
         raise ConfigError(
-            f"cell {cell.name}: can.interface virtual lives within one process, a session has"
-            " several; use rid_sim, udp_multicast, slcan or socketcan",
+            f"cell {cell.name}: can.interface virtual exists only within one process, but a"
+            " session has several; use rid_sim, udp_multicast, slcan or socketcan",
             code="RID-CAN-INTERFACE",
         )
 
 
 def is_served(cell: CellConfig) -> bool:
-    """Return whether somebody serves the cell's simulated devices already."""
+    """Return True if another process already serves the cell's simulated devices."""
     if cell.can.interface != "rid_sim":
         from mock_hw.bus.served_bus import is_bus_served, with_served_channel
 

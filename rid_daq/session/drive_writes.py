@@ -1,4 +1,4 @@
-"""Write logs of what commands write to drives: where they are kept, and how one is named."""
+"""Write logs of commands that write to drives: their folder, and how a user names one."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ FOLDER: Final = "drive_writes"
 
 
 def new_write_log(runs: Path) -> WriteLog:
-    """Return a write log for a command that makes no run, in a folder beside the runs."""
+    """Return a write log for a command that makes no run, in a folder next to the run folders."""
     return WriteLog(runs / FOLDER / f"{new_run_id(time.time_ns())}.jsonl")
 
 
-def held_before(runs: Path, reference: str) -> tuple[SavedDrive, ...]:
-    """Return what the drives held before a run, or before the command of a write log.
+def settings_before_writes(runs: Path, reference: str) -> tuple[SavedDrive, ...]:
+    """Return the drives' settings before a run, or before the command of a write log.
 
     Args:
-        runs: The folder of all runs.
-        reference: A run, as commands name it, be it unfinished; or the path of a write log.
+        runs: Folder of all runs.
+        reference: A run, even an unfinished one, as in commands; or the path of a write log.
 
     Raises:
-        ConfigError: There is no such run, it wrote nothing to drives, or its write_log is damaged.
-        RecordingError: The run's folder cannot be read.
+        ConfigError: There is no such run, it wrote nothing to drives, or its write log is damaged.
+        RecordingError: The run folder cannot be read.
     """
     path = Path(reference)
     if path.suffix != ".jsonl":
@@ -37,7 +37,7 @@ def held_before(runs: Path, reference: str) -> tuple[SavedDrive, ...]:
         path = folder.file(DRIVE_WRITES)
         if not path.exists():
             raise ConfigError(
-                f"{folder.path}: nothing was written to drives in this run: nothing to roll back",
+                f"{folder.path}: this run wrote nothing to drives, so there is nothing to restore",
                 code="RID-WRITE-LOG-EMPTY",
             )
     return read_write_log(path)

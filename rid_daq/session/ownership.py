@@ -1,4 +1,4 @@
-"""Who owns a cell beyond one session: the service that serves it, for as long as it runs."""
+"""Ownership of a cell by a service: it lasts until the service ends."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from rid_daq.session.session import lock_path
 
 
 @contextlib.contextmanager
-def owned(cell: CellConfig) -> Iterator[None]:
-    """Own a cell for as long as the `with` lasts: others must ask this process.
+def own_cell(cell: CellConfig) -> Iterator[None]:
+    """Own a cell inside the `with` block: other processes must send their requests to this process.
 
     Raises:
-        LockedError: Another service owns it.
+        LockedError: Another service owns the cell.
         RecordingError: The lock file cannot be opened.
     """
     path = _owner_file(cell)
@@ -27,8 +27,8 @@ def owned(cell: CellConfig) -> Iterator[None]:
             stack.enter_context(held_file(path))
         except BlockingIOError:
             raise LockedError(
-                f"cell {cell.name}: another service has it (process {file_holder(path)}): end that"
-                " one, or leave the cell to it",
+                f"cell {cell.name}: another service owns it (process {file_holder(path)}): end"
+                " that service, or do not serve this cell here",
                 code="RID-CELL-BUSY",
             ) from None
         except OSError as error:
@@ -39,15 +39,15 @@ def owned(cell: CellConfig) -> Iterator[None]:
 
 
 def refuse_owned(cell: CellConfig) -> None:
-    """Refuse a cell that a service owns, unless that service has started this very process.
+    """Raise an error if a service owns the cell, unless that service has started this process.
 
     Raises:
-        LockedError: A service owns it.
+        LockedError: A service owns the cell.
     """
     owner = file_holder(_owner_file(cell))
     if owner is not None and owner not in (os.getpid(), os.getppid()):
         raise LockedError(
-            f"cell {cell.name}: the service has it (process {owner}): send this there with"
+            f"cell {cell.name}: a service owns it (process {owner}): send the request to it with"
             " `--service local`, or end the service",
             code="RID-CELL-BUSY",
         )

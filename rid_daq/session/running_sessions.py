@@ -1,7 +1,7 @@
-"""`RunningSession`: a session that holds a bus of this machine, found by the file that it signed.
+"""`RunningSession`: a session that holds a bus of this computer, found by its session file.
 
-The file lies beside the lock of the bus. Nothing that it says is believed unless the kernel says
-the same; see docs/decisions/0031.
+The session file is in the folder of the bus's lock. Its content is used only if the kernel confirms
+it; see docs/decisions/0031.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from config.errors import RecordingError, TransportError
 from config.process.file_locks import held_file, lock_holder
 
 _STARTED = 22 - 3
-"""Where the start time is in /proc/PID/stat behind the name, which is the second field."""
+"""Position of the start time in /proc/PID/stat after the name, which is the second field."""
 
 
 @dataclass(frozen=True)
 class ProcessIdentity:
-    """A process that lives: numbers are used again, a number with its start time is not.
+    """Identity of a living process. Its number may be reused; number and start time are unique.
 
     Attributes:
-        pid: Its number.
-        uid: The user on whose behalf it acts.
-        started: When it began, in clock ticks since the computer did.
+        pid: Process number.
+        uid: Effective user of the process.
+        started: Start time, in clock ticks since the start of the computer.
     """
 
     pid: int
@@ -41,7 +41,10 @@ class ProcessIdentity:
 
     @classmethod
     def of(cls, pid: int) -> ProcessIdentity | None:
-        """Return who bears a number now; None where nobody does, or this user may not see it.
+        """Return the process that has a number now.
+
+        Returns:
+            None if there is no such process, or if this user cannot see it.
 
         Note:
             proc(5): field 22 of /proc/PID/stat; the second number behind ``Uid:`` in
@@ -58,22 +61,22 @@ class ProcessIdentity:
         return cls(pid, uid, started)
 
 
-_SIGNATURE = re.compile(r"started ([0-9]+): ([^\n]*)\ncell ([^\n]*)\n")
-_SIGNATURE_BYTES = 1000
+_FILE_FORMAT = re.compile(r"started ([0-9]+): ([^\n]*)\ncell ([^\n]*)\n")
+_FILE_BYTES = 1000
 _LONGEST_COMMAND = 100
 _OF_ANOTHER_USER = "belongs to another user; only that user or root can stop it from here"
 
 
 @dataclass(frozen=True)
 class RunningSession:
-    """A session that runs, or what passes itself off as one.
+    """A running session, or a process that claims to be one.
 
     Attributes:
-        file: What it signed, and holds.
-        pid: Of the program, by the kernel's word.
-        command: The first words of its command line; empty where that is not known.
-        cell: The name of the cell that it holds; empty where that is not known.
-        refusal: Why it cannot be stopped from here; None where it can.
+        file: Session file, which the session has locked.
+        pid: Number of the process, as the kernel reports it.
+        command: First words of its command line; empty if unknown.
+        cell: Name of its cell; empty if unknown.
+        refusal: Reason why it cannot be stopped from here; None if it can.
     """
 
     file: Path
@@ -84,21 +87,21 @@ class RunningSession:
 
     @property
     def words(self) -> str:
-        """What it is, for people."""
+        """Description of the session for messages."""
         by = f", `{self.command}`" if self.command else ""
         return f"session on {self.cell or 'a cell'} (process {self.pid}{by})"
 
     def control(self) -> ControlBlock | None:
-        """Return the control block of the motion that is under way, None where none is.
+        """Return the control block of the present motion, None without a motion.
 
         Raises:
-            PermissionError: This process may not look into that one.
+            PermissionError: This process has no access to the memory of that process.
         """
         control = ControlBlock.of_process(self.pid)
-        return control if self.is_running else None  # else its number may be another's by now
+        return control if self.is_running else None  # otherwise the number may have been reused
 
     def terminate(self) -> None:
-        """Send SIGTERM to the very process that holds the file; to none if it has ended."""
+        """Send SIGTERM to the process that holds the session file; do nothing if it has ended."""
         with contextlib.suppress(ProcessLookupError):
             process = os.pidfd_open(self.pid)
             try:
@@ -109,19 +112,20 @@ class RunningSession:
 
     @property
     def is_running(self) -> bool:
-        """Whether it still holds its bus."""
-        return _read(self.file) == self
+        """True if the session still holds its bus."""
+        return _read_session(self.file) == self
 
 
 def machine_lock_folders() -> tuple[Path, ...]:
-    """Return where locks of real buses may live; a new one is made in the first.
+    """Return the folders that may contain locks of real buses; the first one receives new locks.
 
-    It is the machine's lock folder, or the one for temporary files where that cannot be written; or
-    the one that the environment variable RID_DAQ_LOCKS names.
+    The folders are the computer's lock folder, and the folder for temporary files, which comes
+    first if the lock folder is not writable. The environment variable RID_DAQ_LOCKS names another
+    folder instead.
     """
-    told = os.environ.get("RID_DAQ_LOCKS")
-    if told:
-        return (Path(told),)
+    folder = os.environ.get("RID_DAQ_LOCKS")
+    if folder:
+        return (Path(folder),)
     machine_wide, temporary = Path("/run/lock"), Path(tempfile.gettempdir())
     if os.access(machine_wide, os.W_OK):
         return machine_wide, temporary
@@ -129,32 +133,32 @@ def machine_lock_folders() -> tuple[Path, ...]:
 
 
 def running_sessions(cell: str | None = None) -> list[RunningSession]:
-    """Return the sessions that run on this machine, simulated ones of this user included.
+    """Return the sessions that run on this computer, including simulated ones of this user.
 
     Args:
-        cell: The name of a cell, where only its session is wanted.
+        cell: Name of a cell, to return only its session.
     """
-    found = [session for path in _session_files() if (session := _read(path)) is not None]
+    found = [session for path in _session_files() if (session := _read_session(path)) is not None]
     return [session for session in found if cell is None or session.cell in (cell, "")]
 
 
 def session_on(lock: Path, pid: int) -> RunningSession | None:
-    """Return the session of a process that holds the lock of a bus, None where it has none."""
+    """Return the session of a process that locks a bus, None if it has no session file."""
     process = ProcessIdentity.of(pid)
-    session = None if process is None else _read(_session_file(lock, process.uid))
+    session = None if process is None else _read_session(_session_file(lock, process.uid))
     return session if session is not None and session.pid == pid else None
 
 
 @contextlib.contextmanager
-def signed(lock: Path, cell: str) -> Iterator[None]:
-    """Let this process be found as a session for as long as the `with` lasts.
+def registered_session(lock: Path, cell: str) -> Iterator[None]:
+    """Write the session file of this process, and keep it locked inside the `with` block.
 
     Args:
-        lock: The lock of its bus, which it holds.
-        cell: The name of its cell.
+        lock: Lock file of the bus, which this process holds.
+        cell: Name of the cell.
 
     Raises:
-        RecordingError: The file cannot be written; it may be another user's.
+        RecordingError: The file cannot be written; it may belong to another user.
     """
     path = _session_file(lock, os.geteuid())
     this = ProcessIdentity.of(os.getpid())
@@ -164,17 +168,18 @@ def signed(lock: Path, cell: str) -> Iterator[None]:
     )
     with contextlib.ExitStack() as stack:
         try:
-            path.unlink(missing_ok=True)  # of a session that was killed
+            path.unlink(missing_ok=True)  # left by a killed session
             text = f"started {0 if this is None else this.started}: {command}\ncell {cell}\n"
             new = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC | os.O_NOFOLLOW
             with open(os.open(path, new, 0o644), "wb") as file:
                 os.fchmod(file.fileno(), 0o644)
                 file.write(text.encode())
-            stack.enter_context(held_file(path))  # it is looked at from here on
+            stack.enter_context(held_file(path))  # other processes can find the file from here on
         except OSError as error:
             raise RecordingError(
-                f"{path}: cannot be written: {error.strerror}. `rid-daq stop` finds a session by"
-                " it: let its owner or root remove it, or name another folder with RID_DAQ_LOCKS",
+                f"{path}: cannot be written: {error.strerror}. `rid-daq stop` needs this file to"
+                " find the session: ask its owner or root to remove it, or set another folder in"
+                " RID_DAQ_LOCKS",
                 code="RID-FILE-ACCESS",
             ) from None
         yield
@@ -196,49 +201,49 @@ def _session_files() -> list[Path]:
 
 
 def _entries(folder: Path) -> list[Path]:
-    """Return what is in a folder; nothing where it is none, or vanishes."""
+    """Return the entries of a folder; an empty list if the folder does not exist."""
     with contextlib.suppress(OSError):
         return list(folder.iterdir())
     return []
 
 
-def _read(path: Path) -> RunningSession | None:
-    """Return whose session a file is, None where nobody holds it."""
+def _read_session(path: Path) -> RunningSession | None:
+    """Return the session of a session file, None if no process has locked the file."""
     try:
         descriptor = os.open(path, os.O_PATH | os.O_CLOEXEC | os.O_NOFOLLOW)
     except OSError:
-        return None  # it has ended meanwhile
+        return None  # the session has ended in the meantime
     try:
         pid = lock_holder(descriptor)
         if pid is None:
             return None
         status = os.fstat(descriptor)
-        text = _text(descriptor) if stat.S_ISREG(status.st_mode) else ""
+        text = _read_text(descriptor) if stat.S_ISREG(status.st_mode) else ""
     finally:
         os.close(descriptor)
-    match = _SIGNATURE.fullmatch(text)
+    match = _FILE_FORMAT.fullmatch(text)
     owner = status.st_uid
-    signed_by = None if match is None else ProcessIdentity(pid, owner, int(match[1]))
-    true = signed_by is not None and signed_by == ProcessIdentity.of(pid)
+    registered_by = None if match is None else ProcessIdentity(pid, owner, int(match[1]))
+    true = registered_by is not None and registered_by == ProcessIdentity.of(pid)
     refusal = None
     if os.geteuid() not in (owner, 0):
         refusal = _OF_ANOTHER_USER
     elif not true or pid <= 1:
         refusal = (
-            "holds a lock of rid-daq without having signed it as a session does: left alone;"
-            f" `ps -fp {pid}` says what it is"
+            f"holds a lock of rid-daq without a valid session file: not stopped; `ps -fp {pid}`"
+            " shows the process"
         )
     elif pid == os.getpid():
-        refusal = "is this very program"
+        refusal = "is this program itself"
     command, cell = (match[2], match[3]) if match is not None and true else ("", "")
     return RunningSession(path, pid, command, cell, refusal)
 
 
-def _text(descriptor: int) -> str:
-    """Return what is in a file, nothing where this user may not read it."""
+def _read_text(descriptor: int) -> str:
+    """Return the content of a file, empty if this user cannot read it."""
     with (
         contextlib.suppress(OSError),
         open(f"/proc/self/fd/{descriptor}", "rb", buffering=0) as file,
     ):
-        return file.read(_SIGNATURE_BYTES).decode("utf-8", "replace")
+        return file.read(_FILE_BYTES).decode("utf-8", "replace")
     return ""

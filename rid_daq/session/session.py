@@ -1,4 +1,4 @@
-"""A session: the runs' folder, and the lock that keeps a second session off the same bus."""
+"""A session: the lock that keeps other sessions off a bus, and helpers for run folders."""
 
 from __future__ import annotations
 
@@ -13,24 +13,25 @@ from acquisition.runs.manifest import LATEST, RunStatus
 from config.cell.cell import CellConfig
 from config.errors import LockedError, RecordingError, RidDaqError
 from config.process.file_locks import file_holder, held_file
-from rid_daq.session.running_sessions import machine_lock_folders, session_on, signed
+from rid_daq.session.running_sessions import machine_lock_folders, registered_session, session_on
 
 
 @contextlib.contextmanager
 def hold_cell(cell: CellConfig, folder: Path | None = None) -> Iterator[None]:
-    """Hold a cell's bus alone for as long as the `with` lasts.
+    """Lock a cell's bus for this session inside the `with` block.
 
-    The lock belongs to the operating system: it ends with this process, however that ends. A file
-    beside it says to `rid-daq stop` what holds it.
+    The operating system releases the lock when this process ends, for any reason. `rid-daq stop`
+    finds the session by a session file in the same folder.
 
     Args:
-        cell: The cell whose bus (interface and channel) nobody else may command meanwhile.
-        folder: Where lock files live. Unless told, the machine's lock folder, and for a simulated
-            bus the folder that its socket is in.
+        cell: The cell whose bus (interface and channel) is locked.
+        folder: Folder of lock files (default: the computer's lock folder; for a simulated bus, the
+            folder
+            of its socket).
 
     Raises:
-        LockedError: Another session holds the bus; the message says which.
-        RecordingError: The lock file cannot be opened, or the session's not be written.
+        LockedError: Another session holds the bus; the message names it.
+        RecordingError: The lock file cannot be opened, or the session file cannot be written.
     """
     path = lock_path(cell, folder)
     with contextlib.ExitStack() as stack:
@@ -38,9 +39,9 @@ def hold_cell(cell: CellConfig, folder: Path | None = None) -> Iterator[None]:
             stack.enter_context(held_file(path))
         except BlockingIOError:
             raise LockedError(
-                f"cell {cell.name}: bus {cell.can.interface}:{cell.can.channel} is held by another"
-                f" session ({_holder(path)}). Wait until it ends, or stop it:"
-                f" `rid-daq stop {cell.name}`.",
+                f"cell {cell.name}: bus {cell.can.interface}:{cell.can.channel} is locked by"
+                f" another session ({_holder(path)}). Wait until it ends, or stop it: `rid-daq"
+                f" stop {cell.name}`.",
                 code="RID-CELL-BUSY",
             ) from None
         except OSError as error:
@@ -48,31 +49,31 @@ def hold_cell(cell: CellConfig, folder: Path | None = None) -> Iterator[None]:
                 f"{path}: cannot open the lock file: {error.strerror}{_advice(error)}",
                 code="RID-FILE-ACCESS",
             ) from None
-        stack.enter_context(signed(path, cell.name))
+        stack.enter_context(registered_session(path, cell.name))
         yield
 
 
 def as_label(text: str) -> str:
-    """Return text, such as a file's name, as a run's label may be."""
+    """Return a text, such as a file name, in the form of a run's label."""
     label = re.sub(r"[^\w .-]", "_", text)[:64] or "run"
     return f"{label}_" if label == LATEST else label
 
 
 @contextlib.contextmanager
-def unfinished(folder: RunFolder) -> Iterator[None]:
-    """Mark a run as stopped, with the reason, where the `with` is left by an error or a signal."""
+def mark_unfinished(folder: RunFolder) -> Iterator[None]:
+    """Mark a run as stopped, with the reason, if an error or a signal ends the `with` block."""
     try:
         yield
     except BaseException as error:
         told = isinstance(error, RidDaqError)
-        why = str(error) if told else "interrupted, or failed by itself"
+        why = str(error) if told else "interrupted, or ended by an internal error"
         with contextlib.suppress(RidDaqError):
             folder.finish(RunStatus.STOPPED, {"why": why})
         raise
 
 
 def lock_folder(cell: CellConfig) -> Path:
-    """Return where the lock of a cell's bus lives."""
+    """Return the folder of the lock of a cell's bus."""
     if cell.can.interface == "rid_sim":
         from mock_hw.host.runtime_directory import socket_path
 
@@ -81,7 +82,7 @@ def lock_folder(cell: CellConfig) -> Path:
 
 
 def lock_path(cell: CellConfig, folder: Path | None = None) -> Path:
-    """Return the lock of a cell's bus; `folder` as `hold_cell` has it."""
+    """Return the lock file of a cell's bus; `folder` as in `hold_cell`."""
     bus = f"{cell.can.interface}:{cell.can.channel}"
     words = re.sub(r"[^\w.-]", "_", bus)[-40:]
     return (
@@ -90,10 +91,10 @@ def lock_path(cell: CellConfig, folder: Path | None = None) -> Path:
 
 
 def _holder(path: Path) -> str:
-    """Say who holds the lock of a bus."""
+    """Describe the process that holds the lock of a bus."""
     pid = file_holder(path)
     if pid is None:
-        return "which has just ended, or runs in another container"
+        return "it has just ended, or runs in another container"
     session = session_on(path, pid)
     return f"process {pid}: {session.command}" if session and session.command else f"process {pid}"
 

@@ -1,4 +1,4 @@
-"""Stopping the sessions that run on this machine: all are asked first, then watched to rest."""
+"""Stops running sessions: requests all stops first, then waits until all axes are at rest."""
 
 from __future__ import annotations
 
@@ -20,13 +20,14 @@ END_PATIENCE_S: Final = 30.0
 
 
 @dataclass(frozen=True)
-class Stopped:
-    """What became of a session that was told to stop.
+class SessionStop:
+    """Result of a stop request to a session.
 
     Attributes:
-        seen: Whether it was seen to have stopped.
+        seen: True if the stop was confirmed.
         sentence: What happened, with times.
-        rest_at: When the axes were at rest, where they moved and that was seen.
+        rest_at: Time at which the axes were at rest; None if they did not move or this was not
+            observed.
     """
 
     seen: bool
@@ -34,47 +35,49 @@ class Stopped:
     rest_at: str | None = None
 
 
-def stop_sessions(sessions: Sequence[RunningSession]) -> list[tuple[RunningSession, Stopped]]:
-    """Stop sessions; return what became of each."""
-    # First the request to everyone, then the looking.
-    waits = [(session, _ask(session)) for session in sessions]
+def stop_sessions(sessions: Sequence[RunningSession]) -> list[tuple[RunningSession, SessionStop]]:
+    """Stop sessions; return the result for each session."""
+    # send all requests before waiting for the first result
+    waits = [(session, _start_stop(session)) for session in sessions]
     return [(session, wait()) for session, wait in waits]
 
 
-def _ask(session: RunningSession) -> Callable[[], Stopped]:
-    """Tell a session to stop; return what waits until it has.
+def _start_stop(session: RunningSession) -> Callable[[], SessionStop]:
+    """Send a stop request to a session; return a function that waits for the result.
 
-    Whatever goes wrong with it is told as its result: the others are stopped all the same.
+    Any error is returned as the result of this session, so that the other sessions are stopped too.
     """
     try:
-        wait = _told(session)
+        wait = _send_stop(session)
     except Exception as error:
-        failed = _failed(error)
+        failed = _failure(error)
         return lambda: failed
 
-    def waited() -> Stopped:
+    def waited() -> SessionStop:
         try:
             return wait()
         except Exception as error:
-            return _failed(error)
+            return _failure(error)
 
     return waited
 
 
-def _failed(error: Exception) -> Stopped:
-    return Stopped(False, f"could not be stopped from here: {error or type(error).__name__}")
+def _failure(error: Exception) -> SessionStop:
+    return SessionStop(False, f"could not be stopped from here: {error or type(error).__name__}")
 
 
-def _told(session: RunningSession) -> Callable[[], Stopped]:
+def _send_stop(session: RunningSession) -> Callable[[], SessionStop]:
     if session.refusal is not None:
-        refused = Stopped(False, session.refusal)
+        refused = SessionStop(False, session.refusal)
         return lambda: refused
     try:
         control = session.control()
     except (OSError, ValueError):
-        # as for a program with capabilities of its own: it can be told, but not watched
+        # for example a program with other privileges: it receives signals but cannot be watched
         session.terminate()
-        return lambda: _wait_for_end(session, "told to end; whether its axes rest was not seen")
+        return lambda: _wait_for_end(
+            session, "termination requested; it was not observed if its axes are at rest"
+        )
     if control is None:
         session.terminate()
         return lambda: _wait_for_end(session, None)
@@ -83,19 +86,19 @@ def _told(session: RunningSession) -> Callable[[], Stopped]:
     return lambda: _wait_for_rest(session, control, began_s)
 
 
-def _wait_for_end(session: RunningSession, doubt: str | None) -> Stopped:
+def _wait_for_end(session: RunningSession, doubt: str | None) -> SessionStop:
     ended = _wait(lambda: not session.is_running, END_PATIENCE_S)
     if not ended:
-        return Stopped(False, f"did not end within {END_PATIENCE_S:g} s")
+        return SessionStop(False, f"did not end within {END_PATIENCE_S:g} s")
     if doubt is not None:
-        return Stopped(False, doubt)
-    return Stopped(True, "ended; no motion was under way")
+        return SessionStop(False, doubt)
+    return SessionStop(True, "ended; there was no motion")
 
 
-def _wait_for_rest(session: RunningSession, control: ControlBlock, began_s: float) -> Stopped:
-    """Watch a motion until its axes rest.
+def _wait_for_rest(session: RunningSession, control: ControlBlock, began_s: float) -> SessionStop:
+    """Watch a motion until its axes are at rest.
 
-    The task may be configuring drives when it is told: the request is then seen before they move.
+    If the task is configuring drives, it sees the stop request before the axes move.
     """
 
     def is_over() -> bool:
@@ -106,7 +109,7 @@ def _wait_for_rest(session: RunningSession, control: ControlBlock, began_s: floa
 
     patience_s = STOP_PATIENCE_S if control.task.state is TaskState.MOVING else END_PATIENCE_S
     if not _wait(has_answered, patience_s):
-        return Stopped(False, f"did not answer within {patience_s:g} s")
+        return SessionStop(False, f"did not answer within {patience_s:g} s")
     answered_ms = 1e3 * (time.monotonic() - began_s)
     _wait(lambda: control.task.ramp_s is not None or is_over(), REST_PATIENCE_S)
     reason, ramp_s = control.task.stop_reason, control.task.ramp_s
@@ -114,8 +117,8 @@ def _wait_for_rest(session: RunningSession, control: ControlBlock, began_s: floa
     if reason is not None and ramp_s is not None:
         why = "quick stop"
         if reason.code is not StopCode.STOP_COMMAND:
-            why = f"was stopping already ({reason.text})"
-        return Stopped(
+            why = f"earlier stop ({reason.text})"
+        return SessionStop(
             True,
             f"{why} seen {answered_ms:.0f} ms after the request; all axes at rest {ramp_s:.3f} s"
             f" later, at {now:%H:%M:%S}.{now.microsecond // 1000:03d}.",
@@ -123,26 +126,26 @@ def _wait_for_rest(session: RunningSession, control: ControlBlock, began_s: floa
         )
     if is_over() and control.task.state is TaskState.FINISHED:
         if not control.task.power_off:
-            return Stopped(False, _power_words(control))
+            return SessionStop(False, _power_words(control))
         if reason is None:
-            return Stopped(True, "ended by itself meanwhile; the drives are off")
+            return SessionStop(True, "ended by itself in the meantime; the drives are off")
         if not control.progress.cycles:
-            return Stopped(True, "stopped before the motion; the axes did not move")
-        return Stopped(False, "stopped, but the axes were not seen to come to rest")
-    return Stopped(False, "did not come to its end: nobody knows what its axes do")
+            return SessionStop(True, "stopped before the motion; the axes did not move")
+        return SessionStop(False, "stopped, but the axes were not seen to come to rest")
+    return SessionStop(False, "did not end: the state of its axes is unknown")
 
 
 def _power_words(control: ControlBlock) -> str:
-    """Say that nobody saw the drives without power, and what the task has said of its end."""
+    """Return the message that power off was not confirmed, with the task's error and notes."""
     said = [*([control.task.error] if control.task.error else []), *control.task.notes]
     return (
-        "ended without confirmation that power is off: make sure of it before entering the cell"
-        + (f" ({'; '.join(map(str, said))})" if said else "")
+        "ended without confirmation that power is off: make sure that power is off before you"
+        " enter the cell" + (f" ({'; '.join(map(str, said))})" if said else "")
     )
 
 
 def _wait(condition: Callable[[], bool], patience_s: float) -> bool:
-    """Wait until a condition holds; return whether it did in time."""
+    """Wait until a condition is true; return True if it was in time."""
     until_s = time.monotonic() + patience_s
     while not condition():
         if time.monotonic() > until_s:

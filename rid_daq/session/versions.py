@@ -1,4 +1,4 @@
-"""Which software made a result."""
+"""Versions of the software that made a result."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ _PACKAGES = ("numpy", "scipy", "numba", "pin", "python-can", "mcap")
 
 
 def program_version() -> str:
-    """Return rid-daq's own version."""
+    """Return the version of rid-daq."""
     return metadata.version("rid-daq")
 
 
 def software_versions() -> dict[str, str]:
-    """Return name and version of everything that shapes a number: program, Python, packages."""
+    """Return the versions of rid-daq, Python and all packages that influence numerical results."""
     versions = {"rid-daq": program_version(), "python": platform.python_version()}
     return versions | {name: metadata.version(name) for name in _PACKAGES}

@@ -1,1 +1,1 @@
-"""The web server: bounded, guarded against unknown pages, and what it shows viewers."""
+"""Web server: limits for clients, protection against unknown web pages, feed for viewers."""

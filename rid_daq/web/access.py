@@ -1,8 +1,9 @@
-"""`Access`: from where, under which name and with which secret the live page may be asked.
+"""`Access`: the addresses, names and secrets with which clients may use the web server.
 
-A browser on this machine also runs pages from unknown sites. They can send requests to 127.0.0.1,
-but not choose their Host, Origin and Sec-Fetch-Site headers, nor send a header of their own without
-asking first; so those are what is checked (DNS rebinding, cross-site requests).
+A browser on this computer also runs pages of unknown sites. Such a page can send requests to
+127.0.0.1. It cannot choose their Host, Origin and Sec-Fetch-Site headers, and it cannot add its own
+header without a preflight request. The server therefore checks these headers (against DNS rebinding
+and cross-site requests).
 """
 
 from __future__ import annotations
@@ -30,15 +31,16 @@ _FETCH_SITES = ("same-origin", "none")
 
 @dataclass(frozen=True)
 class Access:
-    """Who may ask for what.
+    """Address and secrets of the web server.
 
     Attributes:
-        address: The literal address that is listened on.
-        port: Its port, once it is known.
-        token: What a viewer must show; new at every start unless the user has given one.
+        address: IP address on which the server listens.
+        port: Port of the server, 0 until it is known.
+        token: Secret that a viewer must send; new at every start unless the user sets one.
         certificate: PEM file with certificate and key, for TLS.
-        session: The secret in the page's addresses. It ends with the program, so that a page that
-            stays open sends nothing of use to whichever program has the port afterwards.
+        session: Secret in the addresses of the page. It expires when the program ends: a page that
+            stays
+            open cannot give a valid secret to another program that uses the port later.
     """
 
     address: str
@@ -54,11 +56,12 @@ class Access:
         token: Path | None = None,
         certificate: Path | None = None,
     ) -> Access:
-        """Return what the user's options say; a loopback address is all that goes without more.
+        """Return the access according to the user's options (default: a loopback address only).
 
         Raises:
-            ConfigError: The address is none, or can be reached from other machines and has no token
-                or no TLS; a file is missing or too short.
+            ConfigError: The address is invalid, or other computers can reach it and it has no token
+                or no
+                TLS; or a file is missing or too short.
         """
         address, port = _parse_listen(listen)
         if not ipaddress.ip_address(address).is_loopback and (token is None or certificate is None):
@@ -68,35 +71,37 @@ class Access:
                 if given is None
             ]
             raise ConfigError(
-                f"--listen {listen}: other machines can reach this address, so the live page needs"
-                f" {' and '.join(missing)} too (a secret, and TLS); without them it is served on"
-                " 127.0.0.1 only",
+                f"--listen {listen}: other computers can reach this address, so the live page"
+                f" also needs {' and '.join(missing)} (a secret, and TLS); without them it is"
+                " served on 127.0.0.1 only",
                 code="RID-LISTEN-UNPROTECTED",
             )
         secret = secrets.token_urlsafe(32) if token is None else _read_token(token)
         if certificate is not None and not certificate.is_file():
             raise ConfigError(
-                f"--certificate {certificate}: there is no such file", code="RID-FILE-UNKNOWN"
+                f"--certificate {certificate}: the file does not exist", code="RID-FILE-UNKNOWN"
             )
         return cls(address, port, secret, certificate)
 
     @classmethod
     def of_service(cls, listen: str, certificate: Path | None) -> Access:
-        """Return what the options of `rid-daq serve` say; its tokens are its own.
+        """Return the access according to the options of `rid-daq serve`, with an empty token.
+
+        The service has a table of tokens instead.
 
         Raises:
-            ConfigError: The address is none, or can be reached from other machines and has no TLS.
+            ConfigError: The address is invalid, or other computers can reach it and it has no TLS.
         """
         address, port = _parse_listen(listen)
         if not ipaddress.ip_address(address).is_loopback and certificate is None:
             raise ConfigError(
-                f"--listen {listen}: other machines can reach this address, so it needs"
+                f"--listen {listen}: other computers can reach this address, so it needs"
                 " --certificate FILE (TLS); without it pages are served on 127.0.0.1 only",
                 code="RID-LISTEN-UNPROTECTED",
             )
         if certificate is not None and not certificate.is_file():
             raise ConfigError(
-                f"--certificate {certificate}: there is no such file", code="RID-FILE-UNKNOWN"
+                f"--certificate {certificate}: the file does not exist", code="RID-FILE-UNKNOWN"
             )
         return cls(address, port, "", certificate)
 
@@ -107,7 +112,7 @@ class Access:
 
     @property
     def url(self) -> str:
-        """What to open in a browser."""
+        """Address to open in a browser."""
         host = self.address
         if ipaddress.ip_address(host).is_unspecified:
             host = socket.gethostname()
@@ -116,27 +121,29 @@ class Access:
         return f"{self.scheme}://{host}:{self.port}/?t={self.token}"
 
     def tls(self) -> ssl.SSLContext | None:
-        """Return how connections are encrypted, None where they are not.
+        """Return the TLS settings of connections, None without TLS.
 
         Raises:
-            ConfigError: The file does not hold a certificate and its key.
+            ConfigError: The file does not contain a certificate and its key.
         """
         if self.certificate is None:
             return None
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         context.minimum_version = ssl.TLSVersion.TLSv1_2
         try:
-            context.load_cert_chain(self.certificate, password="")  # a locked key must not ask
-        except OSError as error:  # ssl.SSLError is one
+            context.load_cert_chain(
+                self.certificate, password=""
+            )  # a key with a passphrase must not prompt for it
+        except OSError as error:  # ssl.SSLError is an OSError
             raise ConfigError(
-                f"--certificate {self.certificate}: does not hold a certificate and its key (PEM,"
-                f" without a passphrase): {error.strerror or error}",
+                f"--certificate {self.certificate}: does not contain a certificate and its key"
+                f" (PEM, without a passphrase): {error.strerror or error}",
                 code="RID-LISTEN-CREDENTIALS",
             ) from None
         return context
 
     def is_own_name(self, host: str) -> bool:
-        """Return whether a Host header names this server by an address that cannot be rebound."""
+        """Return True if a Host header names this server by an address that cannot be rebound."""
         try:
             parts = urlsplit(f"//{host}")
             name, port = parts.hostname, parts.port
@@ -159,30 +166,30 @@ class Access:
         return own.is_unspecified or asked == own
 
     def is_own_page(self, headers: Mapping[str, str]) -> bool:
-        """Return whether a request comes from our page, from the address bar, or from no browser.
+        """Return True if a request comes from our own page, the address bar, or no browser.
 
         Args:
-            headers: By lower-case name; `host` has been found to be our own name.
+            headers: Headers by lower-case name; `host` was found to be a name of this server.
         """
         origin = headers.get("origin")
         if origin is not None and origin != f"{self.scheme}://{headers.get('host', '')}":
             return False
         return headers.get("sec-fetch-site", "none") in _FETCH_SITES
 
-    def knows(self, token: str) -> bool:
-        """Return whether this is the token, in a time that does not tell how much of it is."""
+    def is_token(self, token: str) -> bool:
+        """Return True if the text is the token; the comparison takes the same time for any text."""
         return hmac.compare_digest(token.encode(), self.token.encode())
 
     def admits(self, headers: Mapping[str, str], session: str | None) -> bool:
-        """Return whether a request shows the token as bearer, or the session in its address."""
+        """Return True if a request contains the bearer token, or the session secret in its URL."""
         bearer = bearer_of(headers)
-        if bearer and self.knows(bearer):
+        if bearer and self.is_token(bearer):
             return True
         return session is not None and hmac.compare_digest(session.encode(), self.session.encode())
 
 
 def is_loopback(address: str) -> bool:
-    """Return whether an IP address is one of this computer's own."""
+    """Return True if an IP address is a loopback address."""
     try:
         found = ipaddress.ip_address(address.partition("%")[0])
     except ValueError:
@@ -205,8 +212,8 @@ def _parse_listen(listen: str) -> tuple[str, int]:
         return str(ipaddress.ip_address(name)), port
     except ValueError:
         raise ConfigError(
-            f"--listen {listen}: give a literal address and a port, as {DEFAULT_LISTEN} or"
-            " [::1]:8642; port 0 takes any that is free",
+            f"--listen {listen}: give an IP address and a port, for example {DEFAULT_LISTEN} or"
+            " [::1]:8642; port 0 selects a free port",
             code="RID-LISTEN-ADDRESS",
         ) from None
 
@@ -220,8 +227,8 @@ def _read_token(path: Path) -> str:
         ) from None
     if len(token) < LEAST_TOKEN_CHARACTERS or not all(c.isalnum() or c in "-_" for c in token):
         raise ConfigError(
-            f"--token {path}: must hold {LEAST_TOKEN_CHARACTERS} or more letters, digits, - or _;"
-            " `openssl rand -hex 32` makes one",
+            f"--token {path}: must contain at least {LEAST_TOKEN_CHARACTERS} letters, digits, -"
+            " or _; `openssl rand -hex 32` creates one",
             code="RID-LISTEN-CREDENTIALS",
         )
     return token

@@ -1,7 +1,8 @@
-"""`AsgiServer`: serves an application to browsers and programs; bounded whatever they do.
+"""`AsgiServer`: serves an application to browsers and programs, with limits for every client.
 
-uvicorn speaks HTTP and WebSocket; what it lacks stands here and in `connection`: a client's time
-for its request, how many may be at it, how much they may send, and who has to go for a new one.
+uvicorn provides HTTP and WebSocket. This file and `connection.py` add what uvicorn lacks: a timeout
+for requests, limits of connections and data, and the choice of the connection that is closed for a
+new one.
 """
 
 from __future__ import annotations
@@ -17,14 +18,14 @@ from h11 import LocalProtocolError
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from rid_daq.web.connection import Connection
-from rid_daq.web.door import Door, Limits
-from rid_daq.web.reception import Peer, Reception
-from rid_daq.web.turns import NoTurnError, Turn, Turns
+from rid_daq.web.connection_groups import ConnectionGroups, Limits
+from rid_daq.web.fair_scheduler import FairScheduler, QueueFullError, Slot
+from rid_daq.web.head_handler import HeadHandler, Peer
 from rid_daq.web.uvicorn_parts import Uvicorn
 
 LAST_WORDS_S = 0.5
 _BACKLOG = 1024
-_ACCEPTED_AT_ONCE = 8  # then those who are there are heard, before more come in
+_ACCEPTED_AT_ONCE = 8  # then open connections are served before more are accepted
 _CONNECTION = "rid_daq_connection"
 _CLOSE = (b"connection", b"close")
 _EVENTS = b"text/event-stream"
@@ -33,15 +34,16 @@ _EVENTS = b"text/event-stream"
 class AsgiServer:
     """Serves one application; every connection carries one request, or one stream.
 
-    The application finds in `scope["state"]["local"]` whether a request came by a Unix socket. It
-    gets a request when all of it is there. A WebSocket, or an answer of type `text/event-stream`,
-    is a stream: `Limits.streams` of them may stay, another gets 503.
+    `scope["state"]["local"]` tells the application if a request arrived through a Unix socket. The
+    application receives a request when it is complete. A WebSocket, or an answer of type
+    `text/event-stream`, is a stream: at most `Limits.streams` are open, a further one receives
+    status 503.
 
     Args:
-        app: What answers.
-        tls: How connections by TCP are encrypted, None where they are not.
-        limits: What clients may take.
-        reception: Decides about requests by their heads, before the application sees them.
+        app: The application.
+        tls: TLS settings of TCP connections, None without TLS.
+        limits: Limits of the clients.
+        head_handler: Decides about requests from their heads, before the application receives them.
     """
 
     def __init__(
@@ -49,22 +51,22 @@ class AsgiServer:
         app: ASGIApp,
         tls: ssl.SSLContext | None = None,
         limits: Limits | None = None,
-        reception: Reception | None = None,
+        head_handler: HeadHandler | None = None,
     ) -> None:
         self.limits = limits or Limits()
         self._app = app
         self._tls = tls
-        self._reception = reception
-        self._turns = Turns()
+        self._head_handler = head_handler
+        self._scheduler = FairScheduler()
         self._uvicorn = Uvicorn(self._answer, self.limits.message_bytes, self.limits.stream_s / 2)
-        self._doors: list[Door] = []
-        self._adopting: dict[bool, Door] = {}
+        self._groups: list[ConnectionGroups] = []
+        self._adopting: dict[bool, ConnectionGroups] = {}
         self._adoptions: set[asyncio.Task[object]] = set()
 
     @property
     def streams(self) -> int:
-        """How many streams there are now."""
-        return sum(len(door.streams) for door in self._doors)
+        """Number of open streams."""
+        return sum(len(groups.streams) for groups in self._groups)
 
     async def serve(
         self,
@@ -72,18 +74,19 @@ class AsgiServer:
         until: asyncio.Event,
         last_words_s: float = LAST_WORDS_S,
     ) -> None:
-        """Serve on sockets that are bound, until the event is set; they are closed then.
+        """Serve on bound sockets until the event is set; then close them.
 
-        From then on nobody is let in; answers and streams have `last_words_s` to end by themselves.
-        A WebSocket that has not is told 1012, and the application's tasks are cancelled.
+        After that no connection is accepted. Answers and streams have `last_words_s` to end by
+        themselves. A WebSocket that is still open is closed with code 1012, and the application's
+        tasks are cancelled.
 
         Args:
-            listeners: By TCP (with TLS where there is a context) and Unix sockets (without).
-            until: Ends it.
-            last_words_s: How long the end may take.
+            listeners: TCP sockets (with TLS if `tls` is set) and Unix sockets (without TLS).
+            until: Event that ends the server.
+            last_words_s: Time for the end of answers and streams [s].
 
         Raises:
-            RuntimeError: The application's start has failed.
+            RuntimeError: The application failed to start.
         """
         lifespan = self._uvicorn.lifespan()
         await lifespan.startup()
@@ -92,46 +95,48 @@ class AsgiServer:
         try:
             async with contextlib.AsyncExitStack() as stack:
                 for local in (False, True):
-                    self._adopting[local] = self._door(None, lifespan.state, local=local)
+                    self._adopting[local] = self._new_groups(None, lifespan.state, local=local)
                 for listener in listeners:
-                    await self._open(listener, lifespan.state, stack)
+                    await self._listen(listener, lifespan.state, stack)
                 await until.wait()
-            await self._end(last_words_s)
+            await self._shut_down(last_words_s)
         finally:
-            await self._abandon(last_words_s)
+            await self._cancel_rest(last_words_s)
             await lifespan.shutdown()
 
-    async def _open(
+    async def _listen(
         self, listener: socket.socket, state: dict[str, object], stack: contextlib.AsyncExitStack
     ) -> None:
         local = listener.family == socket.AF_UNIX
-        door = self._door(None if local else self._tls, state, local=local)
+        groups = self._new_groups(None if local else self._tls, state, local=local)
         server = await asyncio.get_running_loop().create_server(
-            lambda: Connection(door), sock=listener, backlog=_ACCEPTED_AT_ONCE
+            lambda: Connection(groups), sock=listener, backlog=_ACCEPTED_AT_ONCE
         )
         stack.callback(server.close)
         listener.listen(_BACKLOG)
 
     def adopt(self, line: socket.socket, peer: Peer, received: bytes) -> None:
-        """Serve a connection that another process has accepted, and read so far.
+        """Serve a connection that another process has accepted and partly read.
 
         Args:
-            line: The connection, without TLS.
+            line: Socket of the connection, without TLS.
             peer: The client.
-            received: What it has sent already.
+            received: Bytes that the other process has read.
         """
-        door = self._adopting.get(peer.local)
-        if door is None:
+        groups = self._adopting.get(peer.local)
+        if groups is None:
             line.close()
             return
         loop = asyncio.get_running_loop()
         adoption = loop.create_task(
-            loop.connect_accepted_socket(lambda: Connection(door, peer, received), line)
+            loop.connect_accepted_socket(lambda: Connection(groups, peer, received), line)
         )
         self._adoptions.add(adoption)
         adoption.add_done_callback(self._adoptions.discard)
 
-    def _door(self, tls: ssl.SSLContext | None, state: dict[str, object], *, local: bool) -> Door:
+    def _new_groups(
+        self, tls: ssl.SSLContext | None, state: dict[str, object], *, local: bool
+    ) -> ConnectionGroups:
         def speaker(connection: Connection) -> asyncio.Protocol:
             own = {
                 **state,
@@ -141,27 +146,29 @@ class AsgiServer:
             }
             return self._uvicorn.protocol(own)
 
-        door = Door(self.limits, speaker, tls, local=local, reception=self._reception)
-        self._doors.append(door)
-        return door
+        groups = ConnectionGroups(
+            self.limits, speaker, tls, local=local, head_handler=self._head_handler
+        )
+        self._groups.append(groups)
+        return groups
 
-    async def _end(self, last_words_s: float) -> None:
-        for door in self._doors:
-            door.dismiss_waiting()
-        await self._until_empty(last_words_s)
-        for door in self._doors:
-            door.shut_down()
-        await self._until_empty(last_words_s)
+    async def _shut_down(self, last_words_s: float) -> None:
+        for groups in self._groups:
+            groups.abort_incomplete()
+        await self._wait_until_empty(last_words_s)
+        for groups in self._groups:
+            groups.shut_down()
+        await self._wait_until_empty(last_words_s)
 
-    async def _until_empty(self, patience_s: float) -> None:
+    async def _wait_until_empty(self, patience_s: float) -> None:
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(patience_s):
-                while any(door.connections for door in self._doors):
+                while any(groups.connections for groups in self._groups):
                     await asyncio.sleep(0.01)
 
-    async def _abandon(self, patience_s: float) -> None:
-        for door in self._doors:
-            door.abort()
+    async def _cancel_rest(self, patience_s: float) -> None:
+        for groups in self._groups:
+            groups.abort()
         tasks = self._uvicorn.tasks
         if tasks:
             await asyncio.wait(tasks, timeout=patience_s)
@@ -171,7 +178,7 @@ class AsgiServer:
         await asyncio.gather(*tasks, return_exceptions=True)
 
     async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Ask the application; uvicorn calls this."""
+        """Call the application for a request; uvicorn calls this function."""
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             return
@@ -181,66 +188,71 @@ class AsgiServer:
                 await self._answer_websocket(connection, scope, receive, send)
             else:
                 await self._answer_request(connection, scope, receive, send)
-        except LocalProtocolError:  # what came behind the head was answered with 400 already
+        except LocalProtocolError:  # data after the head were already answered with status 400
             connection.abort()
         finally:
-            connection.answered()
+            connection.note_answered()
 
     async def _answer_request(
         self, connection: Connection, scope: Scope, receive: Receive, send: Send
     ) -> None:
         try:
-            body = await self._body(scope, receive, connection.body_bytes)
+            body = await self._read_body(scope, receive, connection.body_bytes)
         except _TooLongError:
-            await _refuse(send, HTTPStatus.REQUEST_ENTITY_TOO_LARGE)
+            await _send_refusal(send, HTTPStatus.REQUEST_ENTITY_TOO_LARGE)
             return
         if body is None:
             return
-        connection.request_is_whole()
+        connection.note_request_complete()
         body_messages: list[Message] = [{"type": "http.request", "body": body, "more_body": False}]
 
-        async def replayed() -> Message:
+        async def replay() -> Message:
             return body_messages.pop() if body_messages else await receive()
 
         try:
-            async with self._turns.of(connection.owner) as turn:
-                await self._ask(connection, turn, scope, replayed, send)
-        except NoTurnError:
-            await _refuse(send, HTTPStatus.TOO_MANY_REQUESTS, (b"retry-after", b"1"))
+            async with self._scheduler.slot(connection.owner) as slot:
+                await self._call_application(connection, slot, scope, replay, send)
+        except QueueFullError:
+            await _send_refusal(send, HTTPStatus.TOO_MANY_REQUESTS, (b"retry-after", b"1"))
 
-    async def _ask(
+    async def _call_application(
         self,
         connection: Connection,
-        turn: Turn,
+        slot: Slot,
         scope: Scope,
         receive: Receive,
         send: Send,
     ) -> None:
-        """Ask the application; the turn ends with its work, before the client takes the answer."""
+        """Call the application for a request.
+
+        The slot is released when the answer begins, before the client has received it.
+        """
         refused = False
 
         async def reply(message: Message) -> None:
             nonlocal refused
             if message["type"] == "http.response.start":
-                turn.give_back()
+                slot.release()
                 headers = [(name.lower(), value) for name, value in message["headers"]]
                 stream = any(n == b"content-type" and v.startswith(_EVENTS) for n, v in headers)
                 if stream and not connection.become_stream():
                     refused = True
-                    await _refuse(send, HTTPStatus.SERVICE_UNAVAILABLE, (b"retry-after", b"5"))
+                    await _send_refusal(
+                        send, HTTPStatus.SERVICE_UNAVAILABLE, (b"retry-after", b"5")
+                    )
                     return
                 message = {**message, "headers": [*headers, _CLOSE]}
             if not refused:
                 await send(message)
                 if message["type"] == "http.response.body" and not message.get("more_body"):
-                    connection.answered()
+                    connection.note_answered()
 
         await self._app(scope, receive, reply)
 
     async def _answer_websocket(
         self, connection: Connection, scope: Scope, receive: Receive, send: Send
     ) -> None:
-        connection.request_is_whole()
+        connection.note_request_complete()
         refused = False
 
         async def reply(message: Message) -> None:
@@ -248,7 +260,9 @@ class AsgiServer:
             if message["type"] == "websocket.accept" and not connection.become_stream():
                 refused = True
                 status = HTTPStatus.SERVICE_UNAVAILABLE
-                await _refuse(send, status, (b"retry-after", b"5"), kind="websocket.http.response")
+                await _send_refusal(
+                    send, status, (b"retry-after", b"5"), kind="websocket.http.response"
+                )
             if refused:
                 raise ConnectionAbortedError
             await send(message)
@@ -256,11 +270,11 @@ class AsgiServer:
         try:
             await self._app(scope, receive, reply)
         except Exception:
-            if not refused:  # else the application was told, by an error, that nobody is there
+            if not refused:  # otherwise this exception is the application's notice of the refusal
                 raise
 
-    async def _body(self, scope: Scope, receive: Receive, most: int) -> bytes | None:
-        """Return a request's whole body, None if the client has gone."""
+    async def _read_body(self, scope: Scope, receive: Receive, most: int) -> bytes | None:
+        """Return the complete body of a request, None if the client has closed the connection."""
         announced = dict(scope["headers"]).get(b"content-length", b"0")
         if int(announced) > most:
             raise _TooLongError
@@ -275,13 +289,13 @@ class AsgiServer:
 
 
 class _TooLongError(Exception):
-    """A request with more than is taken."""
+    """The body of a request is too long."""
 
 
-async def _refuse(
+async def _send_refusal(
     send: Send, status: HTTPStatus, *headers: tuple[bytes, bytes], kind: str = "http.response"
 ) -> None:
-    """Answer with a status and its name."""
+    """Answer with a status code and its name."""
     body = status.phrase.encode() + b"\n"
     plain = (b"content-type", b"text/plain; charset=utf-8")
     length = (b"content-length", str(len(body)).encode())

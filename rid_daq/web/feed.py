@@ -1,4 +1,4 @@
-"""`Feed`: what viewers are shown; a slow one misses pictures, and no event."""
+"""`Feed`: pictures and events for viewers. A slow viewer misses pictures, but no events."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ MOST_EVENTS = 256
 
 
 class Feed:
-    """Hands what is published to every viewer, each at its own pace; one thread's.
+    """Sends what is published to every viewer at the viewer's own speed; for one thread.
 
-    A picture replaces the one before it of the same subject that a viewer has not taken yet. An
-    event is kept for every viewer; one for whom too many wait is ended, so that it knows that it
-    has missed something.
+    A picture replaces an earlier picture of the same subject that a viewer has not received yet.
+    Events are queued for every viewer. A viewer whose queue is too long is disconnected, so that it
+    knows that events are missing.
 
     Args:
-        most_events: How many events may wait for a viewer.
+        most_events: Maximum length of a viewer's queue of events.
     """
 
     def __init__(self, most_events: int = MOST_EVENTS) -> None:
@@ -28,29 +28,29 @@ class Feed:
 
     @property
     def viewers(self) -> int:
-        """How many there are."""
+        """Number of viewers."""
         return len(self._viewers)
 
-    def show(self, picture: bytes, of: str = "") -> None:
-        """Publish a picture of how a subject is now."""
+    def publish_picture(self, picture: bytes, of: str = "") -> None:
+        """Publish a picture of the present state of a subject."""
         self._pictures[of] = picture
         for viewer in self._viewers:
             viewer.pictures[of] = picture
             viewer.wake.set()
 
-    def forget(self, of: str) -> None:
-        """Show the newest picture of a subject to nobody who comes later."""
+    def forget_picture(self, of: str) -> None:
+        """Delete the newest picture of a subject; later viewers do not receive it."""
         self._pictures.pop(of, None)
 
-    def tell(self, event: bytes) -> None:
-        """Publish what has happened."""
+    def publish_event(self, event: bytes) -> None:
+        """Publish an event."""
         for viewer in self._viewers:
             viewer.events.append(event)
             viewer.over = viewer.over or len(viewer.events) > self._most_events
             viewer.wake.set()
 
     def end(self) -> None:
-        """Say that nothing follows; who is behind still gets the last pictures and all events."""
+        """End the feed; viewers still receive their last pictures and all queued events."""
         self._over = True
         for viewer in self._viewers:
             viewer.over = True
@@ -59,11 +59,11 @@ class Feed:
     async def view(
         self, first: Sequence[bytes] = (), pause_s: float = 0.0
     ) -> AsyncGenerator[bytes]:
-        """Yield what one viewer is shown, from the last pictures on; events before pictures.
+        """Yield the messages to one viewer, from the newest pictures on; events before pictures.
 
         Args:
-            first: Events that this viewer alone is told at first.
-            pause_s: The least time between two looks at what is new [s].
+            first: Events that only this viewer receives, before all others.
+            pause_s: Minimum time between two checks for new messages [s].
         """
         viewer = _Viewer(first, self._pictures, self._over)
         self._viewers.add(viewer)
@@ -88,7 +88,7 @@ class Feed:
 
 
 class _Viewer:
-    """What waits for one viewer."""
+    """Queued messages of one viewer."""
 
     def __init__(self, events: Sequence[bytes], pictures: dict[str, bytes], over: bool) -> None:
         self.events = deque(events)

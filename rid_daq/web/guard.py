@@ -1,4 +1,4 @@
-"""`Guard`: refuses what unknown pages in the same browser can send (decision 0022)."""
+"""`Guard`: refuses requests that unknown pages in the same browser send (decision 0022)."""
 
 from __future__ import annotations
 
@@ -14,30 +14,31 @@ PAGE_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self';"
     " base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-"""What a page may load: its own files."""
+"""Content that a page may load: files of this server."""
 
 PLOT_POLICY = PAGE_POLICY.replace("style-src 'self'", "style-src 'self' 'unsafe-inline'").replace(
     "img-src 'self'", "img-src 'self' data: blob:"
 )
-"""The same for a page with a plot library that writes styles and makes pictures."""
+"""As `PAGE_POLICY`, for a page with a plot library that writes styles and creates images."""
 
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 _ONCE = ("host", "origin", "sec-fetch-site", "content-type", "cookie", "authorization", STOP_HEADER)
 
 
 class Guard:
-    """An application behind a guard who knows our own names and our own pages.
+    """Application that checks the sender of each request before the application behind it answers.
 
-    By TCP, `Host` must be our own name and `Origin` and `Sec-Fetch-Site` ours or absent; a Unix
-    socket is out of a browser's reach. What changes something must be `application/json` and have
-    the header `x-rid-daq`, which no unknown page can send without asking. A WebSocket is
-    refused before it is accepted. Every answer has headers that keep a browser from taking it for
-    something else; a header that the application has set stays.
+    For TCP, `Host` must be a name of this server, and `Origin` and `Sec-Fetch-Site` must belong to
+    its pages or be absent. Browsers cannot reach a Unix socket. A request that changes something
+    must be `application/json` and have the header `x-rid-daq`, which an unknown page cannot send
+    without a preflight request. A WebSocket is refused before it is accepted. Every answer has
+    headers that prevent a browser from interpreting it as another type; headers of the application
+    are kept.
 
     Args:
-        app: What answers those who may ask.
-        access: Under which names.
-        policy: The pages' content security policy.
+        app: The application.
+        access: Names and pages of this server.
+        policy: Content security policy of the pages.
     """
 
     def __init__(self, app: ASGIApp, access: Access, policy: str = PAGE_POLICY) -> None:
@@ -57,7 +58,7 @@ class Guard:
         ]
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request, or let the application do so."""
+        """Refuse a request, or pass it to the application."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
@@ -81,7 +82,7 @@ class Guard:
             await reply({"type": "http.response.body", "body": b""})
 
     def _refusal(self, scope: Scope) -> HTTPStatus | None:
-        """Return why a request is refused, None where it is not."""
+        """Return the status of a refusal, None if the request is allowed."""
         lines = [
             (name.decode("latin-1").lower(), value.decode("latin-1"))
             for name, value in scope["headers"]
@@ -101,12 +102,12 @@ class Guard:
 def sender_refusal(
     access: Access, lines: Sequence[tuple[str, str]], *, local: bool
 ) -> HTTPStatus | None:
-    """Return why a request is refused by its headers alone, None if it is not.
+    """Return the status if the headers of a request do not allow its sender, else None.
 
     Args:
-        access: Our own names and pages.
+        access: Names and pages of this server.
         lines: The headers, names in lower case.
-        local: Whether it came by a Unix socket, which no browser reaches.
+        local: True if the request arrived through a Unix socket, which no browser reaches.
     """
     counts = Counter(name for name, _ in lines)
     if any(counts[name] > 1 for name in _ONCE):

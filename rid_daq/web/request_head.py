@@ -1,4 +1,4 @@
-"""`RequestHead`: a request's first lines, read without a library, to decide what happens to it."""
+"""`RequestHead`: head of an HTTP request, parsed before the request is accepted."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ class RequestHead:
     """Method, path and headers of a request.
 
     Attributes:
-        method: As sent.
-        path: Without its query, percent-decoded.
+        method: Method as sent.
+        path: Path without its query, percent-decoded.
         lines: Headers in their order, names in lower case.
     """
 
@@ -43,17 +43,17 @@ class RequestHead:
 
     @property
     def headers(self) -> Mapping[str, str]:
-        """The headers by name; the last of several."""
+        """Headers by name; of repeated headers the last."""
         return MappingProxyType(dict(self.lines))
 
     @property
     def is_websocket(self) -> bool:
-        """Whether the client asks for a WebSocket."""
+        """True if the client requests a WebSocket."""
         return self.method == "GET" and self.headers.get("upgrade", "").lower() == "websocket"
 
     @property
     def body_bytes(self) -> int | None:
-        """The announced length of the body, None if it is unknown or malformed."""
+        """Announced length of the body, None if it is unknown or malformed."""
         headers = self.headers
         if "transfer-encoding" in headers:
             return None

@@ -1,4 +1,4 @@
-"""The secrets that a request shows: as bearer, in the protocol of a WebSocket, in cookies."""
+"""Secrets in a request: bearer token, WebSocket protocol and cookies."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 SOCKET_PROTOCOL: Final = "rid-daq"
-"""A WebSocket's protocol; `rid-daq.SECRET` beside it shows a session secret."""
+"""Protocol of our WebSockets; `rid-daq.SECRET` next to it contains a session secret."""
 
 
 def bearer_of(headers: Mapping[str, str]) -> str:
@@ -16,24 +16,25 @@ def bearer_of(headers: Mapping[str, str]) -> str:
 
 
 def socket_secret_of(headers: Mapping[str, str]) -> str:
-    """Return the secret in a WebSocket's protocols, the only header that a page chooses."""
+    """Return the secret among a WebSocket's protocols, the only header that a page can set."""
     offered = (
-        each.strip().partition(".") for each in _split(headers, "sec-websocket-protocol", ",")
+        each.strip().partition(".")
+        for each in _header_parts(headers, "sec-websocket-protocol", ",")
     )
     return next((secret for name, _, secret in offered if name == SOCKET_PROTOCOL and secret), "")
 
 
 def cookies_of(headers: Mapping[str, str]) -> Sequence[tuple[str, str]]:
-    """Return the cookies of a request with their names; a name can occur twice."""
-    pairs = (each.partition("=") for each in _split(headers, "cookie", ";"))
+    """Return the names and values of a request's cookies; a name can occur twice."""
+    pairs = (each.partition("=") for each in _header_parts(headers, "cookie", ";"))
     return [(name.strip(), value.strip()) for name, _, value in pairs]
 
 
-def secrets_of(headers: Mapping[str, str]) -> Sequence[str]:
-    """Return every secret that a request may show, in cookies of any name: enough to stop by."""
+def all_secrets_of(headers: Mapping[str, str]) -> Sequence[str]:
+    """Return every secret in a request, in cookies of any name; each may authorise a STOP."""
     shown = [bearer_of(headers), socket_secret_of(headers)]
     return [each for each in (*shown, *(value for _, value in cookies_of(headers))) if each]
 
 
-def _split(headers: Mapping[str, str], name: str, separator: str) -> Sequence[str]:
+def _header_parts(headers: Mapping[str, str], name: str, separator: str) -> Sequence[str]:
     return headers.get(name, "").split(separator)

@@ -1,8 +1,8 @@
-"""`Uvicorn`: the parts of uvicorn that speak HTTP and WebSocket, without its server.
+"""`Uvicorn`: the HTTP and WebSocket protocols of uvicorn, without its server.
 
-The only file that imports uvicorn. `AsgiServer` accepts and limits connections itself, for which
+Only this file imports uvicorn. `AsgiServer` accepts and limits connections itself, for which
 uvicorn has no public interface. `tests/rid_daq/live/test_uvicorn_parts.py` fails if uvicorn changes
-what is used here, or no longer needs the correction in `HttpProtocol`.
+an interface that is used here, or no longer needs the correction in `HttpProtocol`.
 """
 
 from __future__ import annotations
@@ -19,13 +19,14 @@ from uvicorn.server import ServerState
 
 
 class HttpProtocol(H11Protocol):
-    """uvicorn's protocol, which raises an error for some malformed requests.
+    """Protocol of uvicorn, corrected for some malformed requests.
 
-    Its answer to a HEAD request that becomes malformed has a body, which h11 refuses to send.
+    uvicorn's answer to a HEAD request that becomes malformed has a body, which h11 refuses to send
+    with an exception.
     """
 
     def data_received(self, data: bytes) -> None:
-        """Take bytes from a client; end the connection if it cannot be answered."""
+        """Process bytes of a client; close the connection if it cannot be answered."""
         try:
             super().data_received(data)
         except LocalProtocolError:
@@ -33,12 +34,12 @@ class HttpProtocol(H11Protocol):
 
 
 class Uvicorn:
-    """Makes one protocol a connection for an application.
+    """Creates one protocol per connection for an application.
 
     Args:
-        app: What answers.
-        message_bytes: The largest WebSocket message.
-        ping_s: Period and timeout of WebSocket pings.
+        app: The application.
+        message_bytes: Maximum size of a WebSocket message.
+        ping_s: Period and timeout of WebSocket pings [s].
     """
 
     def __init__(self, app: ASGIApp, message_bytes: int, ping_s: float) -> None:
@@ -53,7 +54,7 @@ class Uvicorn:
             ws_per_message_deflate=False,
             interface="asgi3",
             log_config=None,
-            log_level="error",  # requests of unknown clients are not worth a line
+            log_level="error",  # requests of unknown clients are not logged
             access_log=False,
             proxy_headers=False,
             server_header=False,
@@ -63,14 +64,14 @@ class Uvicorn:
 
     @property
     def tasks(self) -> tuple[asyncio.Task[None], ...]:
-        """Tasks of the application that are running."""
+        """Running tasks of the application."""
         return tuple(self._state.tasks)
 
     def lifespan(self) -> LifespanOff | LifespanOn:
-        """Return what starts and ends the application."""
+        """Return the object that starts and ends the application."""
         own: LifespanOff | LifespanOn = self._config.lifespan_class(self._config)
         return own
 
     def protocol(self, state: dict[str, object]) -> HttpProtocol:
-        """Return the protocol of one connection, whose requests have a copy of `state`."""
+        """Return the protocol of one connection, whose requests contain a copy of `state`."""
         return HttpProtocol(self._config, self._state, state)

@@ -1,6 +1,6 @@
-"""The workbench: pages of the service for a browser at the cell.
+"""Workbench: the pages of the service for a browser at the cell.
 
-The server renders them (`templates`); small JavaScript modules (`static`) show what changes, and
-send what a person asks for to the API, which can do all of it. Begin with `visit.py`,
-the shell of every page; `pages.py` lists the pages.
+The server renders the pages (`templates`). Small JavaScript modules (`static`) update them, and
+send the user's requests to the API, which offers everything that the pages do. Begin with
+`visit.py`, which renders the frame of every page; `pages.py` lists the pages.
 """

@@ -1,4 +1,4 @@
-"""Routes of blocks that pages show: of runs, motions, preflights, warm-ups, and of a history."""
+"""Routes of the blocks on pages: results of runs, motions, preflights, warm-ups, histories."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from rid_daq.workbench.static_files import require_current
 router = APIRouter(prefix="/blocks", include_in_schema=False)
 
 KEPT: Final = {"cache-control": "private, max-age=31536000, immutable"}
-_DRAWING: Final = threading.Lock()
+_DRAWING_LOCK: Final = threading.Lock()
 
 
 class View:
-    """The form in which a page wants blocks.
+    """Form in which a page requests blocks.
 
-    Without `plot` the answer is the blocks as JSON: tables as texts, of plots the caption and the
-    number. With the number of a plot it is the plot, to be zoomed or as a table.
+    Without `plot`, the answer is the blocks as JSON: tables as texts, plots as caption and number.
+    With `plot`, the answer is the plot with that number, as a figure to zoom or as a CSV table.
     """
 
     def __init__(
@@ -48,22 +48,24 @@ class View:
         """Return the answer of a route.
 
         Raises:
-            UnknownError: There is no plot of this number.
+            UnknownError: There is no plot with this number.
         """
         found = list(blocks)
         plots = [block for block in found if isinstance(block, Plot)]
         if self._plot is None:
-            return JSONResponse([_told(block, plots) for block in found])
+            return JSONResponse([_as_document(block, plots) for block in found])
         if self._plot >= len(plots):
-            raise UnknownError(f"there is no plot {self._plot} here", code="RID-RUN-FILE")
-        return self._drawn(plots[self._plot])
+            raise UnknownError(
+                f"there is no plot number {self._plot} in these blocks", code="RID-RUN-FILE"
+            )
+        return self._draw(plots[self._plot])
 
-    def _drawn(self, plot: Plot) -> Response:
-        """Return a plot; one is drawn at a time."""
+    def _draw(self, plot: Plot) -> Response:
+        """Return a plot; only one plot is drawn at a time."""
         from rid_daq.figures.embedding import as_csv, as_item
         from rid_daq.figures.plot_figure import plot_figure
 
-        with _DRAWING:
+        with _DRAWING_LOCK:
             figure = plot_figure(plot)
             if self._form == "csv":
                 saved = {"content-disposition": f'attachment; filename="{plot.name}.csv"'}
@@ -77,7 +79,7 @@ AsWanted = Annotated[View, Depends()]
 
 @router.get("/script/{version}/bokeh.js")
 def bokeh_library(request: Request, version: str) -> Response:
-    """Return BokehJS as its package has it."""
+    """Return the BokehJS library of the installed package."""
     require_current(version, "the plot library")
     return _bokeh().answer(request, "text/javascript", KEPT)
 
@@ -90,17 +92,17 @@ def send_run_blocks(
     view: AsWanted,
     section: Annotated[tuple[str, ...], Query()] = (),
 ) -> Response:
-    """Return sections of a run's result, all if none is named."""
+    """Return sections of a run's result (default: all sections)."""
     from rid_daq.workbench import run_blocks as shown
 
     return view.answer(shown.run_blocks(run_folder(service, run), section))
 
 
 @router.get("/cells/{cell}/motion")
-def motion(
+def send_motion(
     cell: OfCell, service: Service, view: AsWanted, file: str, model: str | None = None
 ) -> Response:
-    """Return what a motion file does on a cell."""
+    """Return the blocks that describe a motion file on a cell."""
     from rid_daq.workbench.motion_blocks import motion_blocks
 
     path = require_inside(file, service.folder)
@@ -110,7 +112,7 @@ def motion(
 
 @router.get("/cells/{cell}/preflight")
 def send_preflight(cell: OfCell, service: Service, view: AsWanted) -> Response:
-    """Return the lines of the newest preflight, devices with red ones first."""
+    """Return the lines of the newest preflight, devices with red lines first."""
     from rid_daq.preflight.bus_check import CheckLine
     from rid_daq.preflight.check_words import all_blocks
 
@@ -122,20 +124,20 @@ def send_preflight(cell: OfCell, service: Service, view: AsWanted) -> Response:
 
 @router.get("/jobs/{job}/warm-up")
 def send_warm_up(job: OfJob, service: Service, view: AsWanted) -> Response:
-    """Return the course of a job's warm-up until now."""
+    """Return the plot of a job's warm-up until now."""
     from rid_daq.workbench.run_blocks import warm_up_plot
 
-    events = EventTail(service.workshop.events(job.id)).new()
-    told = [event for event in events if isinstance(event, WarmedUp)]
-    if not told:
+    events = EventTail(service.job_runner.events(job.id)).read_new()
+    warmed = [event for event in events if isinstance(event, WarmedUp)]
+    if not warmed:
         raise UnknownError(f"job {job.id} has no warm-up yet", code="RID-JOB-UNKNOWN")
-    power = [period for event in told for period in event.power_w]
-    return view.answer([warm_up_plot(told[0].joints, power, told[0].settled_percent)])
+    power = [period for event in warmed for period in event.power_w]
+    return view.answer([warm_up_plot(warmed[0].joints, power, warmed[0].settled_percent)])
 
 
 @router.get("/cells/{cell}/history")
-def history(cell: OfCell, service: Service, view: AsWanted, quantity: str) -> Response:
-    """Return how a quantity of the cell's robot has changed from run to run."""
+def send_history(cell: OfCell, service: Service, view: AsWanted, quantity: str) -> Response:
+    """Return the values of a quantity of the cell's robot, run by run."""
     from rid_daq.workbench.robot_history import history_of
 
     robot = cell.loaded.robot.name
@@ -145,7 +147,7 @@ def history(cell: OfCell, service: Service, view: AsWanted, quantity: str) -> Re
     raise UnknownError(f"no run of {robot} has an estimate of {quantity!r}", code="RID-RUN-FILE")
 
 
-def _told(block: AnyBlock, plots: list[Plot]) -> dict[str, Any]:
+def _as_document(block: AnyBlock, plots: list[Plot]) -> dict[str, Any]:
     if isinstance(block, Plot):
         number = next(i for i, each in enumerate(plots) if each is block)
         return {"kind": "plot", "name": block.name, "caption": block.caption, "number": number}

@@ -1,4 +1,4 @@
-"""The page of a cell: how it is, what may be done, and what stands in the way."""
+"""Page of a cell: its state, its actions, and obstacles to motions."""
 
 from __future__ import annotations
 

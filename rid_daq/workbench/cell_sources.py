@@ -1,4 +1,4 @@
-"""`CellSource`: a file of a cell as it is now, line by line, with the error where it stands."""
+"""`CellSource`: present content of a cell's file, line by line, with the line of an error."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ class CellSource:
     """A file of a cell.
 
     Attributes:
-        name: What it is called.
-        lines: What it says.
-        wrong_line: The line that an error names, counted from 1.
+        name: Name of the file.
+        lines: Its content.
+        wrong_line: Number of the line with an error, from 1; None without an error.
     """
 
     name: str
@@ -27,8 +27,8 @@ class CellSource:
 
 
 def sources_of(cell: ServedCell) -> tuple[CellSource, ...]:
-    """Return the files of a cell; where it has an error, the line that it names."""
-    loaded = cell.look_again()
+    """Return the files of a cell, with the line of the cell's error."""
+    loaded = cell.reload_if_changed()
     place = _PLACE.search(cell.problem)
     found = []
     for name, content in loaded.files.items():

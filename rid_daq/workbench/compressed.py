@@ -1,4 +1,4 @@
-"""`CompressedBody`: an answer's body, sent compressed to who takes it so: slow links carry less."""
+"""`CompressedBody`: body of an answer, sent in gzip if the client accepts it."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ _LEVEL = 6
 
 @dataclass(frozen=True)
 class CompressedBody:
-    """A body and the same in gzip.
+    """A body, uncompressed and in gzip.
 
     Attributes:
         plain: The body.
-        gzipped: The body, compressed.
+        gzipped: The body in gzip.
     """
 
     plain: bytes
@@ -32,11 +32,11 @@ class CompressedBody:
     def answer(
         self, request: Request, media_type: str, headers: Mapping[str, str] | None = None
     ) -> Response:
-        """Return the answer to a request, in the form that it accepts.
+        """Return the answer to a request, in an encoding that the client accepts.
 
         Args:
-            request: Its header `Accept-Encoding` decides.
-            media_type: Kind of the body.
+            request: The request with its header `Accept-Encoding`.
+            media_type: Media type of the body.
             headers: Other headers of the answer.
         """
         named = {**(headers or {}), "vary": "accept-encoding"}

@@ -1,4 +1,4 @@
-"""`check_data`: whether runs can be identified together, and what they show, before it is done."""
+"""`check_data`: checks before an identification if runs can be used together."""
 
 from __future__ import annotations
 
@@ -20,11 +20,16 @@ from rid_daq.report.result_file import RESULT, read_result
 from rid_daq.runs.run_data import MOTION, ROBOT, require_own
 
 LARGEST_CONDITION = 200.0
-"""Above it, small errors of the model become large ones of the parameters."""
+"""Limit of the condition number; above it, small errors of the model cause large errors of
+parameters.
+"""
 
 
 class Finding(BaseModel):
-    """A line of the check: true where it is good, false where it forbids, None where it is told."""
+    """Line of the check.
+
+    `passed` is False if it forbids the identification, and None for information.
+    """
 
     model_config = ConfigDict(frozen=True)
 
@@ -33,12 +38,12 @@ class Finding(BaseModel):
 
 
 class DataCheck(BaseModel):
-    """What the check found.
+    """Result of the check.
 
     Attributes:
-        data, model: Of the runs; and of runs and model together.
-        parameters: Base parameters of the cell's robot.
-        friction: The friction terms of each joint in the robot file, by its name.
+        data, model: Findings about the runs; and about runs and model together.
+        parameters: Number of base parameters of the cell's robot.
+        friction: Friction terms of each joint in the robot file, by its name.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -50,7 +55,7 @@ class DataCheck(BaseModel):
 
 
 def check_data(cell: LoadedCell, runs: Sequence[RunFolder]) -> DataCheck:
-    """Return whether runs can be identified together; nothing of them is computed anew.
+    """Check if runs can be identified together; nothing is estimated.
 
     Args:
         cell: The cell whose robot is identified.
@@ -75,7 +80,7 @@ def _of_run(folder: RunFolder, robot: RobotDescription) -> list[Finding]:
         manifest = folder.manifest()
         require_own(folder)
         if manifest.status not in (RunStatus.COMPLETE, RunStatus.RECOVERED):
-            text = f"{name} is {manifest.status}: choose a complete one, or record it again."
+            text = f"{name} is {manifest.status}: choose a complete run, or record it again."
             return [Finding(passed=False, text=text)]
         found = [_robot(name, load_robot(str(folder.file(ROBOT))), robot)]
         if folder.file(RESULT).exists():
@@ -92,15 +97,18 @@ def _of_run(folder: RunFolder, robot: RobotDescription) -> list[Finding]:
 
 def _robot(name: str, of_run: RobotDescription, of_cell: RobotDescription) -> Finding:
     if of_run.name != of_cell.name:
-        text = f"{name} is of robot {of_run.name}, the cell has {of_cell.name}: choose another run."
+        text = (
+            f"{name} is of robot {of_run.name}, but the cell has {of_cell.name}: choose"
+            " another run."
+        )
         return Finding(passed=False, text=text)
     if of_run != of_cell:
         text = (
-            f"{name}: the robot file has changed since. The model is of the file as it was in the"
-            " run."
+            f"{name}: the robot file has changed after the run. The model will use the robot file"
+            " of the run."
         )
         return Finding(passed=None, text=text)
-    return Finding(passed=True, text=f"{name} is complete, of this cell's robot file.")
+    return Finding(passed=True, text=f"{name} is complete and has this cell's robot file.")
 
 
 def _of_motion(folder: RunFolder, robot: RobotDescription) -> list[Finding]:
@@ -110,7 +118,10 @@ def _of_motion(folder: RunFolder, robot: RobotDescription) -> list[Finding]:
     try:
         excitation = FourierMotion.of(load_motion(folder.file(MOTION)))
         if excitation is None:
-            text = f"{name}: the motion is no excitation, so it has no condition number to judge."
+            text = (
+                f"{name}: the motion is not an excitation trajectory, so it has no condition"
+                " number."
+            )
             return [Finding(passed=None, text=text)]
         condition = condition_number(robot, excitation)
     except RidDaqError as error:
@@ -118,8 +129,12 @@ def _of_motion(folder: RunFolder, robot: RobotDescription) -> list[Finding]:
     if condition > LARGEST_CONDITION:
         text = (
             f"{name}: condition number {condition:.3g}, above {LARGEST_CONDITION:g}: the motion"
-            " shows some parameters badly. Design a better excitation, or add a run."
+            " makes some parameters poorly identifiable. Design a better excitation trajectory,"
+            " or add a run."
         )
         return [Finding(passed=None, text=text)]
-    text = f"{name}: condition number {condition:.3g}: the motion shows every base parameter."
+    text = (
+        f"{name}: condition number {condition:.3g}: the motion makes every base parameter"
+        " identifiable."
+    )
     return [Finding(passed=True, text=text)]

@@ -1,4 +1,4 @@
-"""The pages of the work on a cell: Experiment, Identify, Friction, Payload, Compensation."""
+"""Pages of the work on a cell: Experiment, Identify, Friction, Payload, Compensation."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ router = APIRouter(prefix="/cells/{cell}", route_class=PageRoute, include_in_sch
 
 @router.get("/experiment")
 async def experiment_page(visit: Visitor) -> HTMLResponse:
-    """Show what may be driven, with its picture."""
+    """Show the motions that can be recorded, with their plots."""
     return visit.page("experiment.html", files=await cell_files(visit))
 
 
 @router.get("/identify")
 async def identify_page(visit: Visitor) -> HTMLResponse:
-    """Show the way from runs to a model."""
+    """Show the steps from runs to a model."""
     return visit.page("identify.html", files=await cell_files(visit))
 
 
@@ -33,7 +33,7 @@ async def identify_page(visit: Visitor) -> HTMLResponse:
 def identify_check(
     cell: OfCell, service: Service, run: Annotated[list[str] | None, Query()] = None
 ) -> dict[str, object]:
-    """Return whether runs can be identified together."""
+    """Return the findings about runs that will be identified together."""
     from rid_daq.workbench.data_check import check_data
 
     folders = [run_folder(service, name) for name in run or ()]
@@ -42,7 +42,7 @@ def identify_check(
 
 @router.get("/friction")
 async def friction_page(visit: Visitor) -> HTMLResponse:
-    """Show friction alone: from runs at constant speed, or there and back."""
+    """Show the measurement of friction alone: constant-speed runs, or forward and reversed runs."""
     return visit.page("friction.html", files=await cell_files(visit))
 
 
@@ -66,11 +66,11 @@ async def payload_page(visit: Visitor) -> HTMLResponse:
 
 @router.get("/compensation")
 async def compensation_page(visit: Visitor) -> HTMLResponse:
-    """Show loops, feedforward, paths before and after, and streaming."""
+    """Show velocity loops, feedforward, paths before and after, and streaming."""
     return visit.page("compensation.html", files=await cell_files(visit))
 
 
 async def cell_files(visit: Visit) -> FilesOfCell:
-    """Return what lies in the service's folder for the cell's robot."""
+    """Return the files in the service's folder for the cell's robot."""
     robot = visit.cell.loaded.robot.name
     return await run_in_threadpool(folder_files, visit.service, robot)

@@ -1,4 +1,4 @@
-"""`MENU`: the pages of a cell, in the order of the work."""
+"""`MENU`: the pages of a cell, in the usual order of the work."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ class MenuEntry:
     """A page of a cell.
 
     Attributes:
-        path: What follows `/cells/CELL` in its address; empty for the cell's own page.
-        title: What it is called.
+        path: Part of its address after `/cells/CELL`; empty for the cell's own page.
+        title: Title of the page.
     """
 
     path: str

@@ -1,4 +1,4 @@
-"""`motion_blocks`: what a person should know of a motion before it is driven, and its plots."""
+"""`motion_blocks`: description and plots of a motion before it is executed."""
 
 from __future__ import annotations
 
@@ -23,25 +23,27 @@ from rid_daq.blocks.formats import duration, number
 from rid_daq.blocks.plot import Axis, Colour, Line, Panel, Plot
 from rid_daq.operations.cell_files import read_estimate_for, read_motion_for
 
-AT_REFERENCE: Final = "Friction as at its reference temperature."
-COLD_OR_WARM: Final = "Friction as cold or as warm, whichever takes more."
+AT_REFERENCE: Final = "Friction at its reference temperature."
+COLD_OR_WARM: Final = "Friction of the cold or the warm robot, whichever needs more torque."
 AXES: Final = "xyz"
 VIEWS: Final = ((0, 1), (0, 2), (1, 2))
 DRAWN_POINTS: Final = 1000
 
 
 def motion_blocks(cell: LoadedCell, path: Path, model: Path | None) -> Iterator[AnyBlock]:
-    """Yield what a motion file does, and its plots.
+    """Yield the description of a motion file, and its plots.
 
     Args:
-        cell: The cell that it is for.
+        cell: The cell that will execute the motion.
         path: The file.
-        model: A model; the torque that it expects is drawn, as `record` compares it with the
-            limits (`limit_torque`).
+        model: A model whose expected torque is drawn; `record` compares the same torque with the
+            limits
+            (`limit_torque`).
 
     Raises:
-        ConfigError, LimitError: The file is none, or is of another robot, or the motion breaks a
-            limit; or the model is of another robot.
+        ConfigError, LimitError: The file is invalid or of another robot, or the motion exceeds a
+            limit;
+            or the model is of another robot.
     """
     motion = read_motion_for(path, cell)
     samples = motion.plan(cell.robot, cell.config.cycle_time_s)
@@ -66,15 +68,15 @@ def limits_plot(
     torque_nm: FloatArray | None = None,
     caption: str = "",
 ) -> Plot:
-    """Return positions, speeds, accelerations and torques in percent of their limits.
+    """Return a plot of positions, speeds, accelerations and torques in percent of their limits.
 
-    For positions ±100 % are the two ends of the range.
+    For positions, ±100 % are the two ends of the range.
 
     Args:
-        samples: The motion as planned, a periodic one with one period.
-        robot: The limits.
-        torque_nm: Shape (samples, joints). The torque that a model expects [N m or N].
-        caption: How warm the model's friction was taken to be.
+        samples: The planned motion; of a periodic motion one period.
+        robot: Robot with the limits.
+        torque_nm: Shape (samples, joints). Torque that a model expects [N m or N].
+        caption: Temperature that was assumed for the model's friction.
     """
     limits = [joint.limits for joint in robot.joints]
     low, high = (
@@ -95,7 +97,7 @@ def limits_plot(
         reference = "range" if name == "position" else "limit"
         panels.append(
             Panel(
-                title=f"{name}: {peak:.0f} % of the {reference} at most",
+                title=f"{name}: at most {peak:.0f} % of the {reference}",
                 x=Axis("time", "s"),
                 y=Axis(name, f"% of {reference}", least=least, most=most),
                 lines=tuple(
@@ -110,11 +112,11 @@ def limits_plot(
 
 
 def tool_plot(samples: MotionSamples, robot: RobotDescription, workspace: Workspace) -> Plot:
-    """Return the path of the tool along each axis of the base, and the boxes of the workspace.
+    """Return a plot of the tool's path in the base frame, with the workspace's boxes and walls.
 
     Args:
-        samples: The motion as planned.
-        robot: Its kinematics.
+        samples: The planned motion.
+        robot: Robot with its kinematics.
         workspace: The cell's walls and boxes.
     """
     step = _step(samples)
@@ -151,7 +153,7 @@ def _view(
 
 
 def _boxes(workspace: Workspace, i: int, j: int) -> Iterator[Line]:
-    """Yield the boxes as they are seen: red to keep out of, grey to stay in."""
+    """Yield the outlines of the boxes: red for keep-out boxes, grey for stay-in boxes."""
     for box in workspace.boxes:
         (left, right), (low, high) = ((box.min_m[i], box.max_m[i]), (box.min_m[j], box.max_m[j]))
         stroke: Colour = "red" if box.keep == "out" else "soft"
@@ -161,7 +163,7 @@ def _boxes(workspace: Workspace, i: int, j: int) -> Iterator[Line]:
 
 
 def _walls(workspace: Workspace, i: int, j: int, ends: list[tuple[float, float]]) -> Iterator[Line]:
-    """Yield walls and floors that stand across the view, as long as the path."""
+    """Yield walls and floors that are perpendicular to the view, as long as the path."""
     for count, wall in enumerate(workspace.planes, start=1):
         for axis, (x_ends, y_ends) in ((i, (None, ends[1])), (j, (ends[0], None))):
             if abs(wall.normal[axis]) > 1.0 - 1e-6:
@@ -177,5 +179,5 @@ def _walls(workspace: Workspace, i: int, j: int, ends: list[tuple[float, float]]
 
 
 def _step(samples: MotionSamples) -> int:
-    """Return the distance of the rows that are drawn."""
+    """Return the distance between drawn rows."""
     return max(1, -(-len(samples.position) // DRAWN_POINTS))

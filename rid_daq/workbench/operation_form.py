@@ -1,4 +1,4 @@
-"""`FormField`: a field of an operation's request as a page asks for it."""
+"""`FormField`: form field for a field of an operation's request."""
 
 from __future__ import annotations
 
@@ -29,17 +29,19 @@ class FormField:
     """A field of a form.
 
     Attributes:
-        path: Where its value goes in the request, parts separated by dots.
-        label, hint: What it is called, with its unit; its description.
-        kind: What one value is.
-        many: How it holds several values: "" for one, "list" for one a line, "numbers" for a fixed
-            number of them in one line, "pairs" for NAME=VALUE, one a line.
-        default: What holds if nothing is given, as text.
-        is_required: True if it must be given.
-        choices: What a choice may be.
-        offers: What is offered while somebody types: "files", "runs" or nothing.
-        parts: Name and kind of what one value consists of, written in one line; none for a plain
-            value.
+        path: Place of its value in the request, parts separated by dots.
+        label, hint: Name with unit; description.
+        kind: Type of one value.
+        many: Form of several values: "" for one value, "list" for one per line, "numbers" for a
+            fixed
+            number of them in one line, "pairs" for NAME=VALUE, one per line.
+        default: Value if nothing is given, as text.
+        is_required: True if a value must be given.
+        choices: Allowed values of a choice.
+        offers: Suggestions while the user types: "files", "runs" or nothing.
+        parts: Name and kind of each part of a value that has several parts, written in one line;
+            empty
+            for a plain value.
     """
 
     path: str
@@ -55,7 +57,7 @@ class FormField:
 
     @classmethod
     def of(cls, shown: ShownField) -> FormField:
-        """Return the form's field of a request's field."""
+        """Return the form field for a request's field."""
         option, default = shown.option, shown.info.default
         many, element = _many(shown)
         choices = choices_of(element)
@@ -81,7 +83,7 @@ class FormField:
 
 
 def form_sections(operation: Operation) -> dict[str, tuple[FormField, ...]]:
-    """Return the fields that a client gives, by their sections; files come last."""
+    """Return the fields that a client can set, by section; files come last."""
     found: dict[str, list[FormField]] = {}
     for shown in shown_fields(operation.request):
         if shown.path[0] not in operation.owned:
@@ -91,7 +93,7 @@ def form_sections(operation: Operation) -> dict[str, tuple[FormField, ...]]:
 
 
 def _many(shown: ShownField) -> tuple[Literal["", "list", "numbers", "pairs"], typing.Any]:
-    """Return how a field holds several values, and the type of one of them."""
+    """Return the form of several values in a field, and the type of one value."""
     origin, arguments = typing.get_origin(shown.type), typing.get_args(shown.type)
     if origin is dict:
         return "pairs", plain_type(arguments[1])

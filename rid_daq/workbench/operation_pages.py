@@ -1,4 +1,4 @@
-"""The pages of all operations of the service, each with a form made from its request."""
+"""Pages of all operations of the service, each with a form generated from its request."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ async def operations_page(visit: Visitor) -> HTMLResponse:
 async def operation_page(visit: Visitor, kind: str) -> HTMLResponse:
     """Show the form of an operation."""
     if kind not in OF_KINDS:
-        raise HTTPException(HTTPStatus.NOT_FOUND, f"no operation is called {kind}")
+        raise HTTPException(HTTPStatus.NOT_FOUND, f"there is no operation {kind}")
     shown = operation(OF_KINDS[kind])
     files = await cell_files(visit)
     lists = (files.motions, files.models, files.loops, files.feedforwards, files.payloads)

@@ -1,4 +1,4 @@
-"""`PAGES`: the routers of all pages, the one for unknown addresses last."""
+"""`PAGES`: routers of all pages; the router for unknown addresses comes last."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from fastapi import APIRouter
 from rid_daq.workbench import (
     block_routes,
     cell_page,
-    door_pages,
     job_pages,
+    login_pages,
     operation_pages,
     runs_pages,
     settings_page,
@@ -18,7 +18,7 @@ from rid_daq.workbench import (
 )
 
 PAGES: Final[tuple[APIRouter, ...]] = (
-    door_pages.router,
+    login_pages.router,
     static_files.router,
     block_routes.router,
     cell_page.router,
@@ -26,5 +26,5 @@ PAGES: Final[tuple[APIRouter, ...]] = (
     operation_pages.router,
     runs_pages.router,
     settings_page.router,
-    door_pages.unknown,
+    login_pages.unknown,
 )

@@ -1,4 +1,4 @@
-"""`interrupted_sessions`: payload sessions that can be gone on with."""
+"""`interrupted_sessions`: payload sessions that can be resumed."""
 
 from __future__ import annotations
 
@@ -20,13 +20,12 @@ KIND: Final = "payload session"
 
 @dataclass(frozen=True)
 class InterruptedSession:
-    """A payload session that has not come to its end.
+    """A payload session that has not been completed.
 
     Attributes:
-        run, label, created_utc: Its id, what people call it, and when it began.
-        state, done: The state that it is in, and the steps that count already.
-        choices: What it was begun with, as a request has it; the model as seen from the service's
-            folder.
+        run, label, created_utc: Its id, its label, and its start time.
+        state, done: Its present state, and its completed steps.
+        choices: Options of its request; the path of the model is relative to the service's folder.
     """
 
     run: str
@@ -38,11 +37,11 @@ class InterruptedSession:
 
 
 def interrupted_sessions(runs: Path, cell: str, folder: Path) -> tuple[InterruptedSession, ...]:
-    """Return the sessions of a cell that have not come to their end, the newest first.
+    """Return the incomplete sessions of a cell, the newest first.
 
     Args:
-        runs: The folder of the run folders.
-        cell: The cell's name.
+        runs: Folder of the run folders.
+        cell: Name of the cell.
         folder: The service's folder.
     """
     found = []
@@ -53,10 +52,10 @@ def interrupted_sessions(runs: Path, cell: str, folder: Path) -> tuple[Interrupt
             state = SessionFile.read(run)
             now = PayloadSessionRequest(cell=state.cell, runs=runs, resume=run.run_id)
             choices = now.with_original_options(state.request).choices
-        except RidDaqError:  # it cannot be gone on with; the page of runs shows what is wrong
+        except RidDaqError:  # it cannot be resumed; the page of runs shows the reason
             continue
         if state.cell == cell:
-            choices["model"] = _seen_from(folder.resolve(), choices["model"])
+            choices["model"] = _relative_path(folder.resolve(), choices["model"])
             found.append(
                 InterruptedSession(
                     run=run.run_id,
@@ -70,8 +69,8 @@ def interrupted_sessions(runs: Path, cell: str, folder: Path) -> tuple[Interrupt
     return tuple(sorted(found, key=lambda each: each.run, reverse=True))
 
 
-def _seen_from(folder: Path, file: JsonValue) -> JsonValue:
-    """Return a file's path as requests name it; as it is where it lies elsewhere, or is none."""
+def _relative_path(folder: Path, file: JsonValue) -> JsonValue:
+    """Return a file's path relative to the folder; unchanged if it is outside, or not a path."""
     if not isinstance(file, str) or not Path(file).is_relative_to(folder):
         return file
     return str(Path(file).relative_to(folder))

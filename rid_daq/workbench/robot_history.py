@@ -1,4 +1,4 @@
-"""`history_of`: what was identified of one robot, run by run, from the results in the runs."""
+"""`history_of`: estimates of one robot, run by run, from the results in the run folders."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError, RecordingError
 from config.formats.json_file import parse_json
 from rid_daq.blocks.block import AnyBlock, Cells, Interval, Verdict, table
-from rid_daq.blocks.formats import moment
+from rid_daq.blocks.formats import format_utc
 from rid_daq.blocks.plot import Axis, Line, Panel, Plot
 from rid_daq.service.api.runs import RESULT
 
@@ -24,10 +24,10 @@ DAY_S: Final = 86400.0
 
 @dataclass(frozen=True)
 class HistoryEntry:
-    """An estimate of one run.
+    """Estimate of one run.
 
     Attributes:
-        run_id, label, created_utc: Of which run.
+        run_id, label, created_utc: The run.
         value, std: The estimate and its standard deviation.
     """
 
@@ -39,7 +39,7 @@ class HistoryEntry:
 
     @property
     def interval(self) -> Interval | float:
-        """The estimate with its 95 % interval, where that is known."""
+        """The estimate with its 95 % interval if its standard deviation is known."""
         return Interval(value=self.value, reach=2.0 * self.std) if self.std else self.value
 
 
@@ -48,8 +48,8 @@ class QuantityHistory:
     """One quantity of a robot over its runs, oldest first.
 
     Attributes:
-        title, unit: What it is.
-        entries: At least one.
+        title, unit: Name and unit of the quantity.
+        entries: At least one entry.
     """
 
     title: str
@@ -57,20 +57,20 @@ class QuantityHistory:
     entries: Sequence[HistoryEntry]
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield how it has changed, its plot and its table."""
+        """Yield a summary of the change, the plot and the table."""
         yield Verdict(passed=None, text=self.sentence)
         yield self.plot
         yield table(
             self.entries,
             Cells("run", lambda each: each.run_id, is_run=True),
             Cells("label", lambda each: each.label),
-            Cells("when", lambda each: moment(each.created_utc)),
+            Cells("when", lambda each: format_utc(each.created_utc)),
             Cells("estimate ± 2σ", lambda each: each.interval, self.unit),
         )
 
     @property
     def plot(self) -> Plot:
-        """The estimates with their intervals over time."""
+        """Plot of the estimates with their intervals over time."""
         begun = [datetime.fromisoformat(each.created_utc) for each in self.entries]
         line = Line(
             "estimate ± 2σ",
@@ -90,28 +90,28 @@ class QuantityHistory:
 
     @property
     def sentence(self) -> str:
-        """Whether the newest estimate differs from the first by more than both intervals allow."""
+        """Sentence with the change from the first to the newest estimate and its significance."""
         first, last = self.entries[0], self.entries[-1]
         if len(self.entries) == 1:
-            return "One run only: nothing to compare it with yet."
+            return "Only one run: there is no other run to compare with."
         change = last.value - first.value
         both = float(np.hypot(first.std, last.std))
         words = f"{change:+.3g} {self.unit} from the first run to the newest"
         if both == 0.0:
-            return f"{words}; their uncertainty is not known."
+            return f"{words}; the uncertainty is unknown."
         sigmas = abs(change) / both
-        verdict = "more than noise explains" if sigmas > 3.0 else "noise explains it"
+        verdict = "more than noise explains" if sigmas > 3.0 else "noise explains the change"
         return f"{words}: {sigmas:.1f} standard deviations, {verdict}."
 
 
 def history_of(runs: Path, robot: str) -> tuple[QuantityHistory, ...]:
-    """Return the history of every quantity that results tell of a robot.
+    """Return the history of every quantity in the results of a robot.
 
-    Runs whose result cannot be read are left out: their own page tells why.
+    Runs with an unreadable result are left out; their own page shows the reason.
 
     Args:
-        runs: The folder of the run folders.
-        robot: The robot's name.
+        runs: Folder of the run folders.
+        robot: Name of the robot.
     """
     found: dict[tuple[str, str], list[HistoryEntry]] = {}
     for folder, manifest in list_runs(runs):
@@ -119,7 +119,12 @@ def history_of(runs: Path, robot: str) -> tuple[QuantityHistory, ...]:
             continue
         try:
             quantities = tuple(_quantities(_result(folder)))
-        except (AttributeError, KeyError, TypeError, ValueError):  # no result of ours
+        except (
+            AttributeError,
+            KeyError,
+            TypeError,
+            ValueError,
+        ):  # the file is not a result of rid-daq
             continue
         for title, unit, value, std in quantities:
             entry = HistoryEntry(manifest.run_id, manifest.label, manifest.created_utc, value, std)
@@ -138,7 +143,7 @@ def _result(folder: RunFolder) -> dict[str, Any]:
 
 
 def _quantities(result: dict[str, Any]) -> Iterator[tuple[str, str, float, float]]:
-    """Yield title, unit, value and standard deviation of what a result estimates."""
+    """Yield title, unit, value and standard deviation of each quantity in a result."""
     for section, prefix in (("estimate", ""), ("payload", "payload ")):
         for each in (result.get(section) or {}).get("parameters", ()):
             if each.get("value") is not None:

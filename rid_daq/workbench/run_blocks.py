@@ -1,4 +1,4 @@
-"""`run_blocks`: what pages show of a run; `warm_up_plot`: friction while motors warm up."""
+"""`run_blocks`: blocks of a run on pages; `warm_up_plot`: friction during a warm-up."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ def run_blocks(folder: RunFolder, names: Sequence[str] = ()) -> Iterator[AnyBloc
 
     Args:
         folder: The run.
-        names: Of the sections; the verdict is called `verdict`. All if empty.
+        names: Names of the sections, `verdict` for the verdict (default: all).
 
     Raises:
-        RidDaqError: One of its files cannot be read.
+        RidDaqError: A file of the run cannot be read.
     """
     if folder.file(RESULT).exists():
         result = read_result(folder)
@@ -45,7 +45,7 @@ def run_blocks(folder: RunFolder, names: Sequence[str] = ()) -> Iterator[AnyBloc
 
 
 def _warm_up(folder: RunFolder) -> Iterator[AnyBlock]:
-    """Yield the warm-up of a payload session that had one and noted its limit."""
+    """Yield the plot of a payload session's warm-up, if it had one and stored its limit."""
     state = SessionFile.read(folder)
     fact = state.facts.get("warm_up")
     run = state.done.get(WARM_UP)
@@ -59,13 +59,14 @@ def _warm_up(folder: RunFolder) -> Iterator[AnyBlock]:
 def warm_up_plot(
     joint_names: Sequence[str], power_w: Sequence[Sequence[float]], settled_percent: float
 ) -> Plot:
-    """Return the plot of each joint's friction power, and of its change in a period.
+    """Return the plot of each joint's friction power, and of its change per period.
 
     Args:
         joint_names: Base to flange.
-        power_w: Mean mechanical power of each joint, one row a whole period [W], as `period_powers`
+        power_w: Mean mechanical power of each joint, one row per whole period [W], as
+            `period_powers`
             returns it.
-        settled_percent: The change of a period that counts as warm [%].
+        settled_percent: Limit of the change per period of a warm joint [%].
     """
     power = np.asarray(power_w, dtype=np.float64).reshape(-1, len(joint_names))
     ends = range(FEWEST_PERIODS, len(power) + 1)
@@ -77,14 +78,14 @@ def warm_up_plot(
         name="warm_up",
         panels=(
             Panel(
-                title="friction of each period",
+                title="friction power in each period",
                 x=Axis("period", "1"),
                 y=Axis("friction", "W"),
                 lines=_lines(joint_names, periods, power),
                 height_px=260,
             ),
             Panel(
-                title=f"change of a period, settled at {settled_percent:g} %",
+                title=f"change per period, settled at {settled_percent:g} %",
                 x=Axis("period", "1"),
                 y=Axis("change", "%", least=None if widest is None else -widest, most=widest),
                 lines=_lines(joint_names, periods[FEWEST_PERIODS - 1 :], change),

@@ -1,4 +1,4 @@
-"""The pages of runs: all of them, and each by itself."""
+"""Pages of runs: the list, the history, and one page per run."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ router = APIRouter(prefix="/cells/{cell}/runs", route_class=PageRoute, include_i
 
 @router.get("")
 async def runs_page(visit: Visitor) -> HTMLResponse:
-    """Show the runs: to look for, to compare."""
+    """Show the list of runs, with search and comparison."""
     return visit.page("runs.html")
 
 
@@ -27,7 +27,7 @@ async def runs_page(visit: Visitor) -> HTMLResponse:
 async def history_page(
     visit: Visitor, quantity: Annotated[str, Query(max_length=200)] = ""
 ) -> HTMLResponse:
-    """Show how what was identified of the cell's robot has changed from run to run."""
+    """Show the estimates of the cell's robot, run by run."""
     robot = visit.cell.loaded.robot.name
     histories = await run_in_threadpool(history_of, visit.service.runs, robot)
     names = [each.title for each in histories]
@@ -43,7 +43,7 @@ async def run_page(visit: Visitor, run: str) -> HTMLResponse:
 
 
 def _files_of(service: CellService, run: str) -> tuple[Manifest, dict[str, int], bool]:
-    """Return a run's manifest, the sizes of its files, and whether it has a report."""
+    """Return a run's manifest, the sizes of its files, and True if it has a report."""
     folder = run_folder(service, run)
     manifest = folder.manifest()
     extra = [name for name in (REPORT, RESULT) if folder.file(name).exists()]

@@ -1,4 +1,4 @@
-"""The page of settings: files of the cell, who may come in, who did what."""
+"""Page of settings: files of the cell, access, and the log of user actions."""
 
 from __future__ import annotations
 

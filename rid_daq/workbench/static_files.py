@@ -1,8 +1,8 @@
-"""The pages' own scripts, styles and pictures: public, and cached by their contents.
+"""Scripts, styles and images of the pages: public, and cached by their content.
 
-Pages name them under `/static/VERSION/`, which browsers keep for a year: other contents have
-another version. `/static/NAME` is never cached; a module there exports what its versioned one
-exports, so that a page has each module once.
+Pages refer to `/static/VERSION/NAME`, which browsers cache for a year: a change of any file changes
+the version. `/static/NAME` is never cached. A module at that address re-exports its versioned
+module, so that a page loads each module once.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ CACHED: Final = MappingProxyType({"cache-control": "public, max-age=31536000, im
 _KINDS: Final = MappingProxyType(
     {".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
 )
-_NO_MODULES: Final = ("stop.js", "door.js", "beat.js")
+_NO_MODULES: Final = ("stop.js", "login.js", "beat.js")
 
 
 @functools.cache
 def static_files() -> Mapping[str, bytes]:
-    """Return the files by name; those of other packages that pages need are among them."""
+    """Return the files by name, including files of other packages that pages need."""
     own = files("rid_daq.workbench").joinpath("static").iterdir()
     shared = (
         files("rid_daq.live").joinpath("stop.js"),
@@ -47,7 +47,7 @@ def static_files() -> Mapping[str, bytes]:
 
 @functools.cache
 def static_version() -> str:
-    """Return what changes with the contents of any file, and with the plot library's version."""
+    """Return a version that changes with the content of any file and with the plot library."""
     digest = hashlib.sha256(version("bokeh").encode())
     for name, content in sorted(static_files().items()):
         digest.update(name.encode() + hashlib.sha256(content).digest())
@@ -55,20 +55,20 @@ def static_version() -> str:
 
 
 def static_address(name: str) -> str:
-    """Return where a page finds a file.
+    """Return the address of a file for pages.
 
     Raises:
-        UnknownError: There is none of this name.
+        UnknownError: There is no file with this name.
     """
     _content(name)
     return f"/static/{static_version()}/{name}"
 
 
 def require_current(version: str, name: str) -> None:
-    """Raise an error if a page asks for the file of another version of the program.
+    """Raise an error if a page requests the file of another version of the program.
 
     Raises:
-        UnknownError: It does.
+        UnknownError: The version is another one.
     """
     if version != static_version():
         raise UnknownError(f"{name} has changed: reload the page", code="RID-PAGE-OUTDATED")
@@ -76,7 +76,7 @@ def require_current(version: str, name: str) -> None:
 
 @router.get("/static/{version}/{name}")
 async def versioned_file(request: Request, version: str, name: str) -> Response:
-    """Return a file that browsers keep."""
+    """Return a file that browsers cache."""
     require_current(version, name)
     _content(name)
     return _compressed(name).answer(request, _media_type(name), CACHED)
@@ -84,7 +84,7 @@ async def versioned_file(request: Request, version: str, name: str) -> Response:
 
 @router.get("/static/{name}")
 async def static_file(name: str) -> Response:
-    """Return a file that browsers do not keep; a module passes on its versioned one."""
+    """Return a file that browsers do not cache; a module re-exports its versioned module."""
     content = _content(name)
     if name.endswith(".js") and name not in _NO_MODULES:
         content = f'export * from "{static_address(name)}";\n'.encode()

@@ -1,4 +1,4 @@
-"""`Visit`: somebody's look at a page of a cell; it renders the page in the shell of all pages."""
+"""`Visit`: request of a known client for a page of a cell; it renders the page in its frame."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from starlette.responses import Response
 
 from config.errors import RidDaqError
 from rid_daq.service.api.context import OfCell, Service, Who
-from rid_daq.service.doorkeeper import Doorkeeper
+from rid_daq.service.authenticator import Authenticator
 from rid_daq.service.logs import LOG
 from rid_daq.service.records import Identity
-from rid_daq.service.refusals import NotKnownError, status_of
+from rid_daq.service.refusals import NotKnownError, http_status
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
 from rid_daq.session.versions import program_version
@@ -37,7 +37,7 @@ _TEMPLATES: Final = jinja2.Environment(
 
 
 def _utc(text: str) -> str:
-    """Return a moment of a manifest as people read it, to the second."""
+    """Return a time of a manifest in readable form, to the second."""
     return f"{text[:10]} {text[11:19]} UTC" if "T" in text else text
 
 
@@ -47,11 +47,11 @@ _TEMPLATES.globals["static"] = static_address
 
 @dataclass(frozen=True)
 class Visit:
-    """Somebody who is known looks at a page of a cell.
+    """Request of a known client for a page of a cell.
 
     Attributes:
-        request: What the browser asked for.
-        who: Who looks.
+        request: Request of the browser.
+        who: Identity of the client.
     """
 
     request: Request
@@ -62,12 +62,14 @@ class Visit:
     def page(
         self, template: str, /, status: HTTPStatus = HTTPStatus.OK, **context: Any
     ) -> HTMLResponse:
-        """Return a page: a template that extends `base.html`; for routes that are `async`.
+        """Return a page from a template that extends `base.html`; for routes that are `async`.
 
         Args:
-            template: Its name in the folder `templates`.
-            status: The answer's status.
-            **context: What it shows beside what the shell does (`cell`, `status`, `who`, `menu`).
+            template: Name of the template in the folder `templates`.
+            status: Status of the answer.
+            **context: Values for the template, in addition to those of the frame (`cell`, `status`,
+                `who`,
+                `menu`).
         """
         cell = self.cell
         base = f"/cells/{cell.name}"
@@ -86,7 +88,7 @@ class Visit:
 
 
 def bare_page(template: str, /, status: HTTPStatus = HTTPStatus.OK, **context: Any) -> HTMLResponse:
-    """Return a page without a cell: for unknown devices and addresses; its STOP stops all cells."""
+    """Return a page without a cell, for unknown devices and addresses; its STOP stops all cells."""
     text = _TEMPLATES.get_template(template).render(version=program_version(), **context)
     return HTMLResponse(text, status)
 
@@ -101,49 +103,49 @@ async def _visit(request: Request, service: Service, who: Who, cell: OfCell) -> 
 
 
 Visitor = Annotated[Visit, Depends(_visit)]
-"""The parameter of a page's route: whose address has `{cell}` in it."""
+"""Parameter of a page's route whose address contains `{cell}`."""
 
 
 _INTERNAL: Final = "Internal error; please report it with the service's log."
 
 
-def _mistakes(error: RequestValidationError) -> str:
-    """Return what is wrong in a page's address."""
+def _address_errors(error: RequestValidationError) -> str:
+    """Return the errors in a page's address."""
     return "; ".join(f"{each['loc'][-1]}: {each['msg']}" for each in error.errors())
 
 
-def door_page(key: str = "") -> HTMLResponse:
-    """Return the page that fetches the page of its own address with this browser's session secret.
+def login_page(key: str = "") -> HTMLResponse:
+    """Return a page that loads the page of its own address with this browser's session secret.
 
-    Without TLS a browser cannot prove who it is when it goes to an address (see `Doorkeeper`).
+    Without TLS a browser cannot identify itself when it opens an address (see `Authenticator`).
 
     Args:
-        key: The session secret of a browser that has just been let in.
+        key: Session secret of a browser that has just logged in.
     """
-    return bare_page("door.html", key=key)
+    return bare_page("login.html", key=key)
 
 
 class PageRoute(APIRoute):
-    """A route of a page: an unknown device comes to the pairing, and every error is a page too."""
+    """Route of a page: unknown devices are redirected to the pairing page; errors are pages too."""
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
-        """Return what answers a request."""
+        """Return the function that answers a request."""
         handler = super().get_route_handler()
 
         async def answer(request: Request) -> Response:
-            door: Doorkeeper = request.app.state.doorkeeper
+            authenticator: Authenticator = request.app.state.authenticator
             try:
-                return _renewed(await handler(request), request, door)
+                return _with_renewed_cookie(await handler(request), request, authenticator)
             except NotKnownError:
-                if not door.secure and "authorization" not in request.headers:
-                    return door_page()
+                if not authenticator.secure and "authorization" not in request.headers:
+                    return login_page()
                 return RedirectResponse("/pair", HTTPStatus.SEE_OTHER)
             except RidDaqError as error:
-                return problem_page(status_of(error), str(error))
+                return problem_page(http_status(error), str(error))
             except HTTPException as error:
                 return problem_page(HTTPStatus(error.status_code), str(error.detail))
             except RequestValidationError as error:
-                return problem_page(HTTPStatus.UNPROCESSABLE_ENTITY, _mistakes(error))
+                return problem_page(HTTPStatus.UNPROCESSABLE_ENTITY, _address_errors(error))
             except Exception:
                 LOG.exception("internal error on the page %s", request.url.path)
                 return problem_page(HTTPStatus.INTERNAL_SERVER_ERROR, _INTERNAL)
@@ -151,9 +153,11 @@ class PageRoute(APIRoute):
         return answer
 
 
-def _renewed(answer: Response, request: Request, door: Doorkeeper) -> Response:
-    """Return an answer that keeps the device let in."""
-    cookie = door.renewed_cookie(request.headers)
+def _with_renewed_cookie(
+    answer: Response, request: Request, authenticator: Authenticator
+) -> Response:
+    """Return the answer with a cookie that extends the access of a paired device."""
+    cookie = authenticator.renewed_cookie(request.headers)
     if cookie is not None and "set-cookie" not in answer.headers:
         answer.headers["set-cookie"] = cookie
     return answer

@@ -1,5 +1,5 @@
-"""The worker: the process of one job of the service; what a command does, told as events.
+"""Worker: the process that executes one job of a service and writes its events.
 
-It begins when the service says so, answers nobody but the service, and ends its job where the
-service is gone. Begin with `worker.py`.
+It starts its job when the service sends it, takes orders from the service only, and ends its job if
+the service is gone. Begin with `worker.py`.
 """

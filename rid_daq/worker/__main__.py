@@ -1,4 +1,4 @@
-"""`python -m rid_daq.worker`: one job of the service, told on standard input."""
+"""`python -m rid_daq.worker`: executes one job of the service, read from standard input."""
 
 import sys
 

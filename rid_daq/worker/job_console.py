@@ -1,4 +1,4 @@
-"""`JobConsole`: a console whose words go into the job's events, and whose questions to a client."""
+"""`JobConsole`: console of a job; it writes messages as events and asks the client questions."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 PROGRESS_S: Final = 0.5
-"""The least time between two events of one progress [s]."""
+"""Minimum time between two progress events of one step [s]."""
 
 
 class EventFile:
-    """The events of a job, one line each, at the end of a file.
+    """Event file of a job, one JSON document per line; new events are appended.
 
     Args:
-        path: The file, open as long as the `with` lasts.
+        path: Path of the file, which is open inside the `with` block.
     """
 
     def __init__(self, path: Path) -> None:
@@ -63,7 +63,7 @@ class EventFile:
         self._file.close()
 
     def write(self, event: AnyEvent) -> None:
-        """Write an event, from any thread; whoever reads the file sees it at once."""
+        """Write an event; any thread may call this, and readers see the event at once."""
         with self._writing:
             self._file.write(event.model_dump_json() + "\n")
             self._file.flush()
@@ -71,11 +71,11 @@ class EventFile:
 
 @dataclass(frozen=True, kw_only=True)
 class JobConsole(Console):
-    """Says what a command says, as events.
+    """Console that writes a command's messages as events.
 
     Attributes:
-        events: Where they go.
-        orders: Where answers and held keys come from.
+        events: Event file of the job.
+        orders: Source of answers and held keys.
     """
 
     events: EventFile
@@ -83,27 +83,27 @@ class JobConsole(Console):
 
     @property
     def is_terminal(self) -> bool:
-        """Nobody sees this as it is written."""
+        """False: this console is not a terminal."""
         return False
 
     @property
     def service(self) -> ServiceBeat | None:
-        """The one that has started this worker."""
+        """Heartbeat of the service that has started this worker."""
         return self.orders.service
 
     def say(self, text: str = "") -> None:
-        """Tell a sentence."""
+        """Write a message."""
         self.events.write(Said(at_s=time.time(), text=make_printable(text)))
 
     def verdict(self, passed: bool | None, text: str) -> None:
-        """Tell the sentence that matters."""
+        """Write a verdict."""
         self.events.write(Judged(at_s=time.time(), passed=passed, text=make_printable(text)))
 
     def result(
         self, document: Mapping[str, object] | BaseModel, blocks: Iterable[AnyBlock]
     ) -> None:
-        """Tell the result of an operation."""
-        told: dict[str, object] = json.loads(self.as_text(document))
+        """Write the result of an operation."""
+        content: dict[str, object] = json.loads(self.as_text(document))
         shown = [
             _printable(
                 each.as_texts().model_dump() if isinstance(each, Table) else each.model_dump()
@@ -111,11 +111,11 @@ class JobConsole(Console):
             for each in blocks
             if not isinstance(each, Plot)
         ]
-        result = {"at_s": time.time(), "document": told, "blocks": shown}
+        result = {"at_s": time.time(), "document": content, "blocks": shown}
         self.events.write(Resulted.model_validate(result))
 
     def announce_motion(self, run: str, title: str, rows: int, rows_per_period: int | None) -> None:
-        """Tell that a motion begins."""
+        """Write that a motion begins."""
         self.events.write(
             MotionBegun(
                 at_s=time.time(),
@@ -127,27 +127,27 @@ class JobConsole(Console):
         )
 
     def announce_state(self, session: str, state: SessionState, text: str) -> None:
-        """Tell that a payload session enters a state."""
+        """Write that a payload session enters a state."""
         entered = StateEntered(at_s=time.time(), session=session, state=state, text=text)
         self.events.write(entered)
 
     def announce_warm_up(
         self, joints: Sequence[str], power_w: Sequence[Sequence[float]], settled_percent: float
     ) -> None:
-        """Tell of more periods of a warm-up."""
-        told = tuple(tuple(map(float, period)) for period in power_w)
+        """Write the values of more periods of a warm-up."""
+        power = tuple(tuple(map(float, period)) for period in power_w)
         self.events.write(
             WarmedUp(
                 at_s=time.time(),
                 joints=tuple(joints),
-                power_w=told,
+                power_w=power,
                 settled_percent=settled_percent,
             )
         )
 
     @property
     def can_ask(self) -> bool:
-        """Somebody may be at the page; who is not is waited for."""
+        """True: a job waits until a person answers on the page."""
         return True
 
     def ask(
@@ -156,7 +156,7 @@ class JobConsole(Console):
         understood: Callable[[str], T],
         choices: Sequence[tuple[str, str]] = (),
     ) -> T:
-        """Ask the client until an answer is understood; as `Console.ask`."""
+        """Ask the client until the answer is valid; as `Console.ask`."""
         text = question
         shown = tuple(Choice(label=label, text=text) for label, text in choices)
         while True:
@@ -171,10 +171,10 @@ class JobConsole(Console):
         return self._answer("yes_no", question).strip().lower() in ("y", "yes")
 
     def require_keys(self, *, simulated: bool) -> None:
-        """Accept: a page's button is a key, and answers challenges."""
+        """Accept: a button of the page serves as the key, and the page answers challenges."""
 
     def keys(self, tapped: Callable[[str], None]) -> AbstractContextManager[KeySource]:
-        """Return what says which key the client holds, for as long as its `with` lasts."""
+        """Return the source of the client's held key, for use in a `with` statement."""
         return self._held_keys(tapped)
 
     @contextmanager
@@ -184,7 +184,7 @@ class JobConsole(Console):
         def ask() -> None:
             self.events.write(Asked(at_s=time.time(), question=number, form="hold", text=""))
 
-        with self.orders.keys_to(tapped, self._refuse_key, ask):
+        with self.orders.receive_keys(tapped, self._refuse_key, ask):
             yield self.orders
         self.events.write(Answered(at_s=time.time(), question=number))
 
@@ -201,17 +201,19 @@ class JobConsole(Console):
         answer = self.orders.wait_for_answer(number)
         self.events.write(Answered(at_s=time.time(), question=number))
         if answer is None:
-            raise PreflightError("nobody answered: nothing more is moved", code="RID-ANSWER-NOBODY")
+            raise PreflightError(
+                "no one answered the question: nothing more is moved", code="RID-ANSWER-NOBODY"
+            )
         return answer
 
     @contextmanager
     def progress(self, title: str, total: float | None, unit: str) -> Iterator[Progress]:
-        """Tell how far a long step is, twice a second at most."""
-        yield _Told(self.events, title, total, unit)
+        """Write the progress of a long step, at most twice a second."""
+        yield _ProgressReporter(self.events, title, total, unit)
 
 
 def _printable(value: Any) -> Any:
-    """Return a value with the control characters of its texts made visible."""
+    """Return a value whose texts show their control characters."""
     if isinstance(value, str):
         return make_printable(value)
     if isinstance(value, dict):
@@ -219,7 +221,7 @@ def _printable(value: Any) -> Any:
     return [_printable(each) for each in value] if isinstance(value, (list, tuple)) else value
 
 
-class _Told:
+class _ProgressReporter:
     def __init__(self, events: EventFile, title: str, total: float | None, unit: str) -> None:
         self._events = events
         self._title, self._total, self._unit = title, total, unit

@@ -1,8 +1,8 @@
-"""`Orders`: what the service tells a worker, one line of JSON each on standard input.
+"""`Orders`: orders of the service to a worker, one line of JSON each on standard input.
 
-Keys are judged here by this process's own reading of the clock (`HeldKey`): an order that waited in
-the service, in the pipe or in a suspended process does not count. When the input ends the service
-is gone: the job is told to end as by SIGTERM, and a motion stops.
+This process decides if a held key counts, by its own clock (`HeldKey`). An order that waited in the
+service, in the pipe or in a suspended process does not count. If standard input ends, the service
+is gone: the job ends as by SIGTERM, and a motion stops.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from config.errors import PreflightError
 from config.process.safety_clock import safety_now_s
 
 SAYING_S: Final = 0.5
-"""Least time between two explanations of keys that do not count [s]."""
+"""Minimum time between two explanations why a key does not count [s]."""
 
-_AGAIN: Final = "let go and press again"
+_AGAIN: Final = "release the key and press it again"
 _REFUSALS: Final = {
-    KeyVerdict.UNRELEASED: f"the key was held before it could count: {_AGAIN}",
-    KeyVerdict.ELSEWHERE: "another page or program holds a key: it must let go first",
-    KeyVerdict.TAP_LOST: "a choice came too late and was not taken: choose again, then press",
+    KeyVerdict.UNRELEASED: f"the key was held too early: {_AGAIN}",
+    KeyVerdict.ELSEWHERE: "another page or program holds a key: it must release it first",
+    KeyVerdict.TAP_LOST: "a choice arrived too late and was ignored: choose again, then press",
 }
 _CODES: Final = {
     StopCode.SERVICE_LOST: "RID-SERVICE-LOST",
@@ -43,16 +43,18 @@ _CODES: Final = {
 }
 
 Refused = Callable[[str, float | None], None]
-"""Told why a key does not count, and the link's round trip if it is the reason [s]."""
+"""Function that is called with the reason why a key does not count, and the round-trip time if that
+is the reason [s].
+"""
 
 
 class Orders:
-    """Reads orders in a thread of its own.
+    """Reads orders in a separate thread.
 
     Args:
-        source: Where they come from; its first line has been taken.
-        now_s: The clock by which the service issues challenges [s].
-        service: Signs of life of the service.
+        source: Source of the orders, after its first line.
+        now_s: The clock with which the service issues challenges [s].
+        service: Heartbeat of the service.
     """
 
     def __init__(
@@ -70,14 +72,14 @@ class Orders:
         self._ended = False
         self._judging = threading.Lock()
         self._key = HeldKey()
-        self._said = False  # why the present press does not count
+        self._said = False  # True once the reason for this press was reported
         self._next_s = 0.0
         self._tapped: Callable[[str], None] = lambda _key: None
         self._refused: Refused = lambda _text, _round_trip_s: None
         self._asks: Callable[[], None] = lambda: None
 
     def start(self) -> None:
-        """Begin to read."""
+        """Start the reading thread."""
         threading.Thread(target=self._read, name="orders", daemon=True).start()
 
     def next_question(self) -> int:
@@ -86,18 +88,17 @@ class Orders:
         return self._questions
 
     def wait_for_answer(self, number: int) -> str | None:
-        """Return the answer to a question; None where none can come any more.
+        """Return the answer to a question; None if no answer can arrive any more.
 
         Raises:
-            PreflightError: The service hangs, or the lease of the motion has ended: an answer comes
-                too late.
+            PreflightError: The service does not respond, or the lease of the motion has ended.
         """
         with self._changed:
             while True:
                 self._require_service()
                 if number in self._answers or self._ended:
                     return self._answers.get(number)
-                self._changed.wait(0.2)  # so that signals are looked at
+                self._changed.wait(0.2)  # wakes up regularly, so that signals are processed
 
     def _require_service(self) -> None:
         reason = None if self.service is None else self.service.reason(self._now_s())
@@ -105,28 +106,29 @@ class Orders:
             raise PreflightError(f"{reason.text}; nothing more is moved", code=_CODES[reason.code])
 
     def begin(self) -> None:
-        """Ask for keys, and let them count."""
+        """Ask for keys, and count them from now on."""
         with self._judging:
             self._key.set_accepting(True)
         self._asks()
 
     def look(self) -> KeyPress | None:
-        """Return which key is held now, None if there is none."""
+        """Return the key that is held now, None if no key is held."""
         with self._judging:
             now_s = self._now_s()
             self._end_gap(now_s)
             return self._key.held(now_s)
 
     @contextlib.contextmanager
-    def keys_to(
+    def receive_keys(
         self, tapped: Callable[[str], None], refused: Refused, asks: Callable[[], None]
     ) -> Iterator[None]:
-        """Take keys for as long as the `with` lasts; they count from `begin` on.
+        """Process keys inside the `with` block; they count after `begin`.
 
         Args:
-            tapped: Told of every key that is tapped.
-            refused: Told once a press why it does not count, or no longer.
-            asks: Asks for keys, once they count.
+            tapped: Function that is called for every tapped key.
+            refused: Function that is called once per press with the reason if the press does not
+                count.
+            asks: Function that asks for keys, called when keys count.
         """
         self._tapped, self._refused, self._asks = tapped, refused, asks
         try:
@@ -138,7 +140,7 @@ class Orders:
             self._asks = lambda: None
 
     def take(self, order: dict[str, object]) -> None:
-        """Take one order: an answer, or a message about a key."""
+        """Process one order: an answer, or a message about a key."""
         match order:
             case {"answer": int(question)}:
                 with self._changed:
@@ -149,7 +151,7 @@ class Orders:
                     self._tapped(message.key)
 
     def _judge(self, message: KeyMessage) -> bool:
-        """Return whether a message about a key counts; say once a press if it does not."""
+        """Return True if a key message counts; report the reason once per press if it does not."""
         with self._judging:
             now_s = self._now_s()
             self._end_gap(now_s)
@@ -166,24 +168,27 @@ class Orders:
         age_s = self._key.end_expired_press(now_s)
         if age_s is not None:
             self._say(
-                f"link too slow: {1e3 * age_s:.0f} ms without a fresh sign of the held key"
-                f" (one each {1e3 * DEAD_MAN_S:.0f} ms is needed): {_AGAIN}",
+                f"link too slow: no fresh message from the held key for {1e3 * age_s:.0f} ms (one"
+                f" is needed every {1e3 * DEAD_MAN_S:.0f} ms): {_AGAIN}",
                 age_s,
             )
 
     def _say_late(self, round_trip_s: float | None) -> None:
         if round_trip_s is None:
-            why = "it answers no challenge that the service sent by this connection for this job"
+            why = (
+                "the message answers no challenge that the service sent on this connection for"
+                " this job"
+            )
         else:
             limit_ms = 1e3 * CHALLENGE_LIMIT_S
             why = (
-                f"link too slow: {1e3 * round_trip_s:.0f} ms there and back, {limit_ms:.0f} ms at"
-                " most"
+                f"link too slow: round-trip time {1e3 * round_trip_s:.0f} ms, at most"
+                f" {limit_ms:.0f} ms is allowed"
             )
         self._say(f"{why}: the key does not count; {_AGAIN}", round_trip_s)
 
     def _say(self, text: str, round_trip_s: float | None) -> None:
-        """Say once a press, and at most once in `SAYING_S`, why a key does not count."""
+        """Report once per press, and at most once per `SAYING_S`, why a key does not count."""
         now_s = self._now_s()
         if not self._said and now_s >= self._next_s:
             self._said, self._next_s = True, now_s + SAYING_S

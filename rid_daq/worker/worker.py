@@ -1,4 +1,4 @@
-"""The life of a worker: ready, told one job, does it, and says how it ended."""
+"""Life of a worker: it waits for a job, executes it, and writes how the job ended."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from rid_daq.app import Ending, end_by_signals, ending_of
 from rid_daq.operations.catalogue import operation
 from rid_daq.operations.perform import perform
 from rid_daq.service.job_kinds import JobKind
-from rid_daq.service.request_check import request_of, require_ending
+from rid_daq.service.request_check import parse_request, require_ending
 from rid_daq.terminal.console import make_printable
 from rid_daq.terminal.job_events import Ended
 from rid_daq.worker.job_console import EventFile, JobConsole
@@ -57,15 +57,17 @@ class WorkOrder(BaseModel):
 
 
 def main() -> int:
-    """Wait for the job on standard input, do it, and return its exit code.
+    """Wait for the job on standard input, execute it, and return its exit code.
 
-    The argument is the descriptor of the service's signs of life (`ServiceBeat`). A signal that
-    comes before the job can say how it ended is held back until then.
+    The argument is the file descriptor of the service's heartbeat (`ServiceBeat`). A signal is
+    deferred until the job can write how it ended.
     """
     service = ServiceBeat.inherited(int(sys.argv[1]))
     os.set_inheritable(service.descriptor, False)
     with contextlib.ExitStack() as deferral:
-        mask = signal.pthread_sigmask(signal.SIG_BLOCK, TERMINATION)  # none between the next two
+        mask = signal.pthread_sigmask(
+            signal.SIG_BLOCK, TERMINATION
+        )  # no signal may arrive between the next two calls
         deferral.callback(signal.pthread_sigmask, signal.SIG_SETMASK, mask)
         end_by_signals()
         deferral.enter_context(signals_deferred())
@@ -74,11 +76,11 @@ def main() -> int:
         if not line:
             return 0
         order = WorkOrder.model_validate_json(line)
-        return work(order, sys.stdin, service, let_signals_in=deferral.close)
+        return work(order, sys.stdin, service, allow_signals=deferral.close)
 
 
-def _let_in() -> None:
-    """Do nothing: signals come in already."""
+def _do_nothing() -> None:
+    """Default of `allow_signals`, if no signals are deferred."""
 
 
 def work(
@@ -86,15 +88,15 @@ def work(
     source: IO[str],
     service: ServiceBeat | None = None,
     *,
-    let_signals_in: Callable[[], None] = _let_in,
+    allow_signals: Callable[[], None] = _do_nothing,
 ) -> int:
-    """Do a job; its end is the last of its events.
+    """Execute a job; its last event says how it ended.
 
     Args:
         order: The job.
-        source: Where further orders come from.
-        service: Signs of life of the service.
-        let_signals_in: Called once a signal may end the job.
+        source: Source of further orders.
+        service: Heartbeat of the service.
+        allow_signals: Function that is called once a signal may end the job.
     """
     os.chdir(order.folder)
     approve_files(order.approved)
@@ -104,9 +106,9 @@ def work(
         console = JobConsole(events=events, orders=orders)
 
         def job() -> None:
-            operation = order.kind.operation  # an import that a signal ends is a mistake
-            let_signals_in()
-            request = request_of(
+            operation = order.kind.operation  # signals must not interrupt this import
+            allow_signals()
+            request = parse_request(
                 order.kind,
                 order.request,
                 cell=order.cell,
@@ -121,7 +123,7 @@ def work(
         try:
             ending = ending_of(job)
         except BaseException as error:
-            ending = Ending(1, "Mistake", f"of the program: {type(error).__name__}: {error}")
+            ending = Ending(1, "Mistake", f"internal error: {type(error).__name__}: {error}")
             events.write(_ended(ending))
             raise
         events.write(_ended(ending))
@@ -139,6 +141,6 @@ def _ended(ending: Ending) -> Ended:
 
 
 def _warm_up() -> None:
-    """Import what most jobs need, so that a job begins at once."""
+    """Import the modules that most jobs need, so that a job starts at once."""
     for name in ("record", "identify", "check"):
         operation(name).load()

@@ -15,7 +15,7 @@ from rid_daq.preflight.bus_check import NOT_TESTED, CheckLine
 from rid_daq.preflight.check_words import show_devices
 from rid_daq.preflight.last_pose import PoseRule
 from rid_daq.preflight.preflight import lines_before_bus, preflight
-from rid_daq.session.cells import mountable_cell
+from rid_daq.session.cells import hold_reachable_cell
 from rid_daq.session.drive_writes import new_write_log
 from rid_daq.terminal.clearance import ask_clearance
 
@@ -61,7 +61,7 @@ def check_cell(request: CheckRequest, context: Context) -> CheckedCell:
         cleared = ask_clearance(name, cleared, context, POWER)
     before = lines_before_bus(loaded, request.runs)
     show_devices(context, before)
-    with mountable_cell(loaded, any_eds=True) as (reachable, simulated):
+    with hold_reachable_cell(loaded, any_eds=True) as (reachable, simulated):
         # drives that this process simulates end with it: there is nothing to undo
         write_log = new_write_log(request.runs) if simulated is None else None
         rule = PoseRule.ACCEPTED if request.accept_pose else PoseRule.COMPARED

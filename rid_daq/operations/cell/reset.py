@@ -108,10 +108,13 @@ def run(request: ResetRequest, _context: Context) -> ResetResult:
     """Reset the faults."""
     from config.load import load_cell
     from drivers.cell import open_cell
-    from rid_daq.session.cells import mountable_cell
+    from rid_daq.session.cells import hold_reachable_cell
 
     loaded = load_cell(request.cell)
-    with mountable_cell(loaded) as (reachable, _), open_cell(reachable, loaded.robot) as opened:
+    with (
+        hold_reachable_cell(loaded) as (reachable, _),
+        open_cell(reachable, loaded.robot) as opened,
+    ):
         drives = opened.axes.service.reset_faults()
     return ResetResult(request, loaded.config.name, tuple(drives))
 

@@ -19,7 +19,7 @@ from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from rid_daq.session.running_sessions import RunningSession
-    from rid_daq.session.stopping import Stopped
+    from rid_daq.session.stopping import SessionStop
 
 MOST_LISTED: Final = 9
 _NAME: Final = re.compile(r"^name:[ \t]*[\"']?([\w.-]+)", re.MULTILINE)
@@ -58,7 +58,7 @@ class StopOutcome:
     """
 
     cell: str | None
-    results: Sequence[tuple[RunningSession, Stopped]]
+    results: Sequence[tuple[RunningSession, SessionStop]]
     running: Sequence[RunningSession]
 
     @property

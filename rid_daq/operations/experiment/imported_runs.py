@@ -24,7 +24,7 @@ from rid_daq.report.sections.verdict import VerdictSection
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.origins import write_map_origin
 from rid_daq.runs.run_data import IMPORT, MAP, ROBOT, SOURCES, RunData, result_of
-from rid_daq.session.session import as_label, unfinished
+from rid_daq.session.session import as_label, mark_unfinished
 from rid_daq.session.versions import software_versions
 
 
@@ -106,7 +106,7 @@ def _write_run(
     reference: str,
 ) -> ImportedRun:
     """Write the source files (of a bag its table), the map, the recording, and the report."""
-    with unfinished(folder):
+    with mark_unfinished(folder):
         names = SOURCES[: len(files)]
         for name, file in zip(names, files, strict=True):
             folder.write(name, read_file(file, LARGEST_FILE_BYTES))

@@ -37,7 +37,7 @@ from rid_daq.requests.cell_options import Simulation
 from rid_daq.requests.option import DEFAULT_RUNS
 from rid_daq.runs.origins import write_cell_origin
 from rid_daq.runs.run_data import MOTION, ROBOT, SESSION, RunData, require_own
-from rid_daq.session.session import unfinished
+from rid_daq.session.session import mark_unfinished
 from rid_daq.session.versions import software_versions
 from rid_daq.terminal.context import Context
 from rid_daq.terminal.job_events import SessionState
@@ -93,7 +93,7 @@ def run_payload_session(
     context.say(motion.describe())
     if moves:
         with (
-            unfinished(file.folder),
+            mark_unfinished(file.folder),
             open_session(
                 loaded,
                 request.runs,

@@ -16,7 +16,7 @@ from acquisition.session.repair import Repair, examine_journal, repair_journal
 from config.errors import ConfigError, LockedError, RecordingError, RidDaqError
 from config.formats.bounded_file import read_file
 from rid_daq.runs.run_data import READ
-from rid_daq.session.session import as_label, unfinished
+from rid_daq.session.session import as_label, mark_unfinished
 from rid_daq.session.versions import software_versions
 
 LARGEST_FILE_BYTES = 1_000_000_000
@@ -136,7 +136,7 @@ def recover_run(source: Path, root: Path) -> Recovery:
         kind=manifest.kind if manifest is not None else "record",
         software=manifest.software if manifest is not None else software_versions(),
     )
-    with unfinished(folder):
+    with mark_unfinished(folder):
         known_files = () if manifest is None else manifest.files
         gone = [n for n in known_files if n.endswith(_JOURNAL) and n not in readable]
         rows_gone = sum(_expected_rows(manifest, name) or 0 for name in gone)

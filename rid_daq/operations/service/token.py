@@ -78,9 +78,9 @@ class TokenResult:
 def run(request: TokenRequest, _context: Context) -> TokenResult:
     """Request a token from the service, or confirm the code of a device."""
     from rid_daq.service.client import ServiceClient
-    from rid_daq.service.sockets import socket_of
+    from rid_daq.service.sockets import socket_path_of
 
-    socket = socket_of(request.folder)
+    socket = socket_path_of(request.folder)
     if not socket.is_socket():
         raise ConfigError(
             f"{request.folder.resolve()}: you run no service in this folder; give its --folder,"

@@ -20,7 +20,7 @@ from identification.design.task import excitation_problem
 from rid_daq.operations.start.urdf_starter import slower_robot, starting_files
 from rid_daq.preflight.last_pose import PoseRule
 from rid_daq.preflight.preflight import lines_before_bus, preflight
-from rid_daq.session.cells import mountable_cell
+from rid_daq.session.cells import hold_reachable_cell
 from rid_daq.terminal.exit_codes import exit_code_of_stop
 
 PERIOD_S: Final = 5.0
@@ -93,7 +93,7 @@ def _check_and_move(loaded: LoadedCell, folder: Path) -> RecordOutcome:
     found = refine_start(problem, 0, cell.cycle_time_s, iterations=ITERATIONS, periods=1)
     motion = found.motion.model_copy(update={"transient_periods": 0})
     samples = motion.plan(robot, cell.cycle_time_s)
-    with mountable_cell(loaded) as (reachable, _):
+    with hold_reachable_cell(loaded) as (reachable, _):
         lines, failure = preflight(
             loaded,
             reachable,

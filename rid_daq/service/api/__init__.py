@@ -1,5 +1,5 @@
-"""The API of the service, version 1: REST, one WebSocket. Rules are in the rooms below.
+"""Version 1 of the service's API: REST and one WebSocket; the rules are in the packages below.
 
-Begin with `app.py`. A route does nothing but turn a request into a call, and what comes back into
-a record. What it promises is frozen in `docs/reference/openapi.json`.
+Begin with `app.py`. A route only turns a request into a function call and the result into a record.
+`docs/reference/openapi.json` freezes the API.
 """

@@ -1,4 +1,4 @@
-"""Routes of cells: how they are, and who has them."""
+"""Routes of cells: their status and their leases."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LeaseKey = Annotated[
 
 
 class LeaseWanted(Record):
-    """A lease that is asked for; `confirmed` is the cell's name, to take it over from somebody."""
+    """Request for a lease; `confirmed` is the cell's name if it is taken over from a client."""
 
     note: ShortText = ""
     seconds: float = 15.0
@@ -36,20 +36,20 @@ class LeaseWanted(Record):
 
 
 class LeaseRenewed(Record):
-    """How long a lease holds on [s]."""
+    """New duration of a lease [s]."""
 
     seconds: float = 15.0
 
 
 @router.get("")
 async def list_cells(service: Service, who: Who) -> list[CellStatus]:
-    """Return every cell as it is now."""
+    """Return the present status of every cell."""
     return [service.status(cell) for cell in service.cells.values()]
 
 
 @router.get("/{cell}")
 async def get_cell(cell: OfCell, service: Service) -> CellStatus:
-    """Return a cell as it is now."""
+    """Return the present status of a cell."""
     return service.status(cell)
 
 
@@ -63,26 +63,26 @@ async def get_preflight(cell: OfCell, service: Service) -> Preflight | None:
 def list_files_of_cell(cell: OfCell, service: Service) -> FilesOfCell:
     """Return the motions, models, loops, feedforwards and payloads that requests may name.
 
-    What names another robot than the cell's is left out, whatever it is called.
+    Files that contain the name of another robot are left out.
     """
     return folder_files(service, cell.loaded.robot.name)
 
 
 @router.get("/{cell}/lease")
 async def get_lease(cell: OfCell, service: Service) -> Lease | None:
-    """Return who has the cell."""
-    return service.leases.of(cell.name)
+    """Return the lease of the cell."""
+    return service.leases.lease_of(cell.name)
 
 
 @router.post("/{cell}/lease", status_code=HTTPStatus.CREATED)
 async def take_lease(
     cell: OfCell, service: Service, who: Operator, wanted: Annotated[LeaseWanted, Body()]
 ) -> HeldLease:
-    """Take the cell, or take it over: a person's confirmation is the cell's name."""
-    before = service.leases.of(cell.name)
+    """Take the cell, or take it over; a person confirms by typing the cell's name."""
+    before = service.leases.lease_of(cell.name)
     lease = service.leases.take(cell.name, who, wanted.note, wanted.seconds, wanted.confirmed)
     try:
-        await service.database.saved()
+        await service.database.wait_until_saved()
     except StoreBusyError:
         service.leases.give_back(cell.name, lease.key)
         raise
@@ -99,7 +99,7 @@ async def renew_lease(
     renewed: Annotated[LeaseRenewed, Body()],
     key: LeaseKey = None,
 ) -> Lease:
-    """Let the lease hold on: the heartbeat of its holder."""
+    """Renew the lease: the heartbeat of its holder."""
     return service.leases.renew(cell.name, key or "", renewed.seconds)
 
 

@@ -1,7 +1,7 @@
-"""`Challenges`: random values that one viewer must answer with while it holds a key.
+"""`Challenges`: random values that a client must return while a person holds a key.
 
-An answer proves that the key was held after the challenge was issued, however long the answer was
-on its way.
+An answer proves that the key was held after the challenge was issued, even if the answer is
+delayed.
 """
 
 from __future__ import annotations
@@ -15,32 +15,34 @@ from acquisition.hold_to_run.held_key import KeyMessage
 from config.process.safety_clock import safety_now_s
 
 SHORTEST_S: Final = 0.02
-"""Least time between two challenges [s]: TCP sends a lost packet again as soon as three later ones
-have arrived, so answers that follow quickly make a loss short."""
+"""Minimum time between two challenges [s]. TCP repeats a lost packet as soon as three later packets
+have arrived, so quick answers shorten a gap.
+"""
 
 LONGEST_S: Final = 0.1
-"""Most time between two challenges [s]."""
+"""Maximum time between two challenges [s]."""
 
 IDLE_S: Final = 0.05
-"""Time between two challenges while nobody answers [s]."""
+"""Time between two challenges while the client sends no answers [s]."""
 
 QUICK_S: Final = 0.06
-"""Round trip below which a link is not filled by challenges in the shortest time [s]."""
+"""Round-trip time below which challenges at the minimum time do not fill the link [s]."""
 
 OF_ROUND_TRIP: Final = 0.75
-"""Time between two challenges on other links, as a share of the latest round trip."""
+"""Time between two challenges on slower links, as a fraction of the latest round-trip time."""
 
 REMEMBERED: Final = 512
-"""Challenges that are kept: of the last 10 s, so that a late answer's round trip is known."""
+"""Number of stored challenges: those of the last 10 s, to know the round-trip time of late answers.
+"""
 
 _connections = itertools.count(1)
 
 
 class Challenges:
-    """The challenges of one connection.
+    """Challenges of one connection.
 
     Args:
-        now_s: The clock that they are timed by [s].
+        now_s: The clock that measures the challenges [s].
     """
 
     def __init__(self, now_s: Callable[[], float] = safety_now_s) -> None:
@@ -51,7 +53,7 @@ class Challenges:
         self._answered_s = 0.0
 
     def issue(self, job: str) -> dict[str, object]:
-        """Return the message with a new challenge for whoever holds a key of a job."""
+        """Return the message with a new challenge for the holder of a job's key."""
         value = secrets.token_urlsafe(12)
         self._issued[job, value] = self._now_s()
         while len(self._issued) > REMEMBERED:
@@ -67,15 +69,15 @@ class Challenges:
             return SHORTEST_S
         return min(OF_ROUND_TRIP * self._round_trip_s, LONGEST_S)
 
-    def message(self, job: str, lease: str, told: dict[str, object]) -> KeyMessage | None:
-        """Return what a viewer says about a key, with the age of the challenge that it answers.
+    def parse_key_message(self, job: str, lease: str, told: dict[str, object]) -> KeyMessage | None:
+        """Return a client's message about a key, with the age of the challenge that it answers.
 
         Args:
-            job, lease: The ids of its job and of its lease.
-            told: Its message: `held` or `tapped`, `sequence`, `challenge`.
+            job, lease: Ids of the job and of the lease.
+            told: The client's message: `held` or `tapped`, `sequence`, `challenge`.
 
         Returns:
-            None if it is no message about a key.
+            None if it is not a message about a key.
         """
         challenge = told.get("challenge")
         answered = (job, challenge) if isinstance(challenge, str) else ("", "")

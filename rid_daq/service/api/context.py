@@ -1,4 +1,4 @@
-"""What routes are given: the service, who asks, and the cell or job of the address."""
+"""Arguments of the routes: the service, the caller, and the cell or job of the URL."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Annotated
 from fastapi import Depends
 from starlette.requests import HTTPConnection
 
-from rid_daq.service.doorkeeper import Doorkeeper
+from rid_daq.service.authenticator import Authenticator
 from rid_daq.service.records import Identity, Job, Role
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService, require_role
 
 
 def is_local(connection: HTTPConnection) -> bool:
-    """Return whether a request came by the socket that only this user can open."""
+    """Return True if a request arrived through the socket that only this user can open."""
     return bool(connection.scope.get("state", {}).get("local"))
 
 
@@ -25,29 +25,31 @@ async def _service(connection: HTTPConnection) -> CellService:
     return service
 
 
-async def _doorkeeper(connection: HTTPConnection) -> Doorkeeper:
-    doorkeeper: Doorkeeper = connection.app.state.doorkeeper
-    return doorkeeper
+async def _authenticator(connection: HTTPConnection) -> Authenticator:
+    authenticator: Authenticator = connection.app.state.authenticator
+    return authenticator
 
 
 Service = Annotated[CellService, Depends(_service)]
-Door = Annotated[Doorkeeper, Depends(_doorkeeper)]
+Auth = Annotated[Authenticator, Depends(_authenticator)]
 
 
-def credentials(connection: HTTPConnection, door: Doorkeeper) -> Mapping[str, str]:
-    """Return the headers that say who asks.
+def credentials(connection: HTTPConnection, authenticator: Authenticator) -> Mapping[str, str]:
+    """Return the headers that identify the sender.
 
-    A browser gives no header to a link that it opens: a ticket in its address stands for one.
+    A browser sends no such header when it opens a link. A ticket in the URL replaces it.
     """
     ticket = connection.query_params.get("ticket")
     if ticket is None or connection.scope.get("method") != "GET":
         return connection.headers
-    secret = door.tickets.take(ticket, connection.scope["path"])
+    secret = authenticator.tickets.redeem(ticket, connection.scope["path"])
     return connection.headers if secret is None else {"authorization": f"Bearer {secret}"}
 
 
-async def _who(connection: HTTPConnection, door: Door) -> Identity:
-    return door.identity(credentials(connection, door), local=is_local(connection))
+async def _who(connection: HTTPConnection, authenticator: Auth) -> Identity:
+    return authenticator.require_identity(
+        credentials(connection, authenticator), local=is_local(connection)
+    )
 
 
 Who = Annotated[Identity, Depends(_who)]
@@ -72,7 +74,7 @@ async def _cell(cell: str, service: Service, who: Who) -> ServedCell:
 
 
 async def _job(job: str, service: Service, who: Who) -> Job:
-    kept = service.jobs.kept(job)
+    kept = service.jobs.in_memory(job)
     return await asyncio.to_thread(service.job, job) if kept is None else kept
 
 

@@ -1,4 +1,4 @@
-"""Routes of jobs: begun, looked at, answered, cancelled."""
+"""Routes of jobs: start, list, answer, cancel."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pydantic import Field
 
 from rid_daq.service.api.cells import LeaseKey
 from rid_daq.service.api.context import OfCell, OfJob, Operator, Service, Who
-from rid_daq.service.api.told_events import told_events
+from rid_daq.service.api.event_cache import event_cache
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import Job, JobState, OnLostClient, Record, ShortText
 from rid_daq.service.request_check import request_schemas
@@ -21,20 +21,21 @@ router = APIRouter(prefix="/api/v1", tags=["jobs"])
 
 
 class JobWanted(Record):
-    """A job that is asked for; a motion needs the cell's lease, and each time a clear cell."""
+    """Request for a job; a motion needs the cell's lease and, each time, a clear cell."""
 
     kind: JobKind
     request: dict[str, object] = Field(
-        default_factory=dict, description="As the schema of the kind has it: `/api/v1/requests`."
+        default_factory=dict,
+        description="Request in the form of the kind's schema: `/api/v1/requests`.",
     )
     cleared: bool = Field(
-        default=False, description="Nobody is in the cell, and the emergency stop is at hand."
+        default=False, description="No one is in the cell, and the emergency stop is within reach."
     )
     on_lost_client: OnLostClient = "stop"
 
 
 class Answer(Record):
-    """The answer to a question of a job."""
+    """Answer to the question of a job."""
 
     question: int
     text: ShortText
@@ -48,7 +49,7 @@ async def begin_job(
     wanted: Annotated[JobWanted, Body()],
     key: LeaseKey = None,
 ) -> Job:
-    """Journal a job and begin it; one that only computes may wait for its turn."""
+    """Save a job and start it; a job that only computes may have to wait for its turn."""
     return await service.begin(
         cell,
         wanted.kind,
@@ -82,11 +83,13 @@ async def get_job(job: OfJob) -> Job:
 def get_events(
     job: OfJob,
     service: Service,
-    after: Annotated[int, Query(ge=0, description="How many are known already.")] = 0,
+    after: Annotated[
+        int, Query(ge=0, description="Number of events that the client already has.")
+    ] = 0,
 ) -> Response:
-    """Return what a job has said."""
-    told = told_events(service.workshop.events(job.id)).after(after)
-    return Response(told, media_type="application/json")
+    """Return the events of a job."""
+    events = event_cache(service.job_runner.events(job.id)).after(after)
+    return Response(events, media_type="application/json")
 
 
 @router.post("/jobs/{job}/answer", status_code=HTTPStatus.ACCEPTED)
@@ -97,7 +100,7 @@ async def answer(
     given: Annotated[Answer, Body()],
     key: LeaseKey = None,
 ) -> Job:
-    """Answer what a job asks."""
+    """Send an answer to the question of a job."""
     service.answer(job, given.question, given.text, who, key)
     return job
 
@@ -106,7 +109,7 @@ async def answer(
 async def cancel(job: OfJob, service: Service, who: Operator) -> Job:
     """End a job; a motion is stopped."""
     service.cancel(job, who)
-    return service.jobs.kept(job.id) or job
+    return service.jobs.in_memory(job.id) or job
 
 
 @router.get("/requests")

@@ -1,4 +1,4 @@
-"""`JsonBody`: every JSON body is read strictly once, before any route sees it."""
+"""`JsonBody`: reads every JSON body strictly, before a route receives it."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ FILES: str = "/api/v1/files/"
 
 
 class JsonBody:
-    """An application that is sent no body which JSON's readers disagree about.
+    """Application that refuses bodies which JSON parsers interpret differently.
 
-    Half characters, NaN and infinity, keys that stand twice and deep nesting are refused with 400.
-    Files are read as files, and STOP reads no body.
+    Lone surrogates, NaN and infinity, duplicate keys and deep nesting are refused with status 400.
+    Uploaded files and STOP requests are not checked.
 
     Args:
-        app: What answers.
+        app: The application behind the check.
     """
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request, or let the application do so."""
-        if scope["type"] != "http" or scope["method"] in SAFE_METHODS or _reads_itself(scope):
+        """Refuse a request, or pass it to the application."""
+        if scope["type"] != "http" or scope["method"] in SAFE_METHODS or _skips_json_check(scope):
             await self._app(scope, receive, send)
             return
         content = bytearray()
@@ -37,26 +37,26 @@ class JsonBody:
         while last.get("more_body"):
             last = await receive()
             if last["type"] != "http.request":
-                return  # the client has gone
+                return  # the client has closed the connection
             content += last.get("body", b"")
         try:
             if content:
                 parse_json(bytes(content))
         except ConfigError as error:
-            told = {"error": "ConfigError", "message": str(error), "code": "RID-REQUEST-JSON"}
-            await JSONResponse(told, HTTPStatus.BAD_REQUEST)(scope, receive, send)
+            document = {"error": "ConfigError", "message": str(error), "code": "RID-REQUEST-JSON"}
+            await JSONResponse(document, HTTPStatus.BAD_REQUEST)(scope, receive, send)
             return
         body = [Message]
 
-        async def again() -> Message:
+        async def replay() -> Message:
             if not body:
                 return await receive()
             body.clear()
             return {"type": "http.request", "body": bytes(content), "more_body": False}
 
-        await self._app(scope, again, send)
+        await self._app(scope, replay, send)
 
 
-def _reads_itself(scope: Scope) -> bool:
+def _skips_json_check(scope: Scope) -> bool:
     path: str = scope["path"]
     return path.startswith(FILES) or path.endswith("/stop")

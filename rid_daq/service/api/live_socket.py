@@ -1,4 +1,4 @@
-"""The WebSocket: what changes, what jobs say, the newest samples; held keys come back by it."""
+"""WebSocket of a viewer: it sends changes, events and samples, and receives held keys."""
 
 from __future__ import annotations
 
@@ -16,31 +16,31 @@ from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from config.errors import LockedError, RidDaqError
 from rid_daq.service.api.challenges import Challenges
 from rid_daq.service.api.context import is_local
-from rid_daq.service.doorkeeper import Doorkeeper
+from rid_daq.service.authenticator import Authenticator
 from rid_daq.service.logs import LOG
 from rid_daq.service.records import Identity, Role
 from rid_daq.service.refusals import UnknownError
 from rid_daq.service.service import CellService
-from rid_daq.service.stop.stop_line import BEAT, BEAT_S, answer_to_stop
+from rid_daq.service.stop.stop_socket import BEAT, BEAT_S, answer_to_stop
 from rid_daq.web.request_secrets import SOCKET_PROTOCOL
 
 router = APIRouter()
 
 SAMPLES_S: Final = 0.05
-"""The least time between two messages to a viewer [s]: twenty a second at most."""
+"""Minimum time between two messages to a viewer [s]: at most twenty per second."""
 
 KNOWN_S: Final = 1.0
-"""How often a viewer's token is looked at again [s]."""
+"""Period of the check of a viewer's token [s]."""
 
 MOST_MESSAGES: Final = 200
 MESSAGES_PER_S: Final = 60
-"""Messages of one viewer: a burst after a stalled link, and afterwards so many a second."""
+"""Limits of a viewer's messages: a burst after a stalled link, and a rate [1/s]."""
 
 MOST_MISTAKES: Final = 10
 _KEYS: Final = ("stop", "job", "held", "tapped")
 
 IDLE_S: Final = 0.1
-"""How often a connection looks whether a job wants a key to be held [s]."""
+"""Period of the check if a job requires a held key [s]."""
 
 MOST_VIEWERS: Final = 64
 TOO_MANY: Final = 1013
@@ -49,40 +49,40 @@ TOO_SLOW: Final = 1013
 
 
 @router.websocket("/api/v1/ws")
-async def look_on(socket: WebSocket) -> None:
-    """Send a viewer what happens until it leaves.
+async def stream_to_viewer(socket: WebSocket) -> None:
+    """Send a viewer all changes and events until it disconnects.
 
-    Messages to it have a `type`: `cell`, `job`, `event`, `samples`, `beat`, `stopped`; and
-    `challenge` while a job wants a key to be held. An operator holds a key by answering each
-    challenge with `{"job": ID, "lease": KEY, "held": "+", "sequence": 12, "challenge": VALUE}`;
-    `"held": ""` says that it was released, `tapped` that a key was tapped. It may also send
+    Messages to the viewer have a `type`: `cell`, `job`, `event`, `samples`, `beat`, `stopped`, and
+    `challenge` while a job requires a held key. An operator holds a key by answering each challenge
+    with `{"job": ID, "lease": KEY, "held": "+", "sequence": 12, "challenge": VALUE}`. `"held": ""`
+    means that the key was released, `tapped` that a key was tapped. The viewer may also send
     `{"stop": CELL, "number": N}`.
     """
     service: CellService = socket.app.state.service
-    door: Doorkeeper = socket.app.state.doorkeeper
-    known = partial(door.look, socket.headers, local=is_local(socket))
+    authenticator: Authenticator = socket.app.state.authenticator
+    known = partial(authenticator.find_identity, socket.headers, local=is_local(socket))
     who = known()
     if who is None:
         await socket.close(NO_TOKEN, HTTPStatus.UNAUTHORIZED.phrase)
         return
     if service.feed.viewers >= MOST_VIEWERS:
-        await socket.close(TOO_MANY, "too many look on")
+        await socket.close(TOO_MANY, "too many viewers")
         return
     offered = socket.scope.get("subprotocols", ())
     await socket.accept(SOCKET_PROTOCOL if SOCKET_PROTOCOL in offered else None)
     sender = _Sender(socket)
     challenges = Challenges()
     beside = [
-        asyncio.create_task(_send(sender, service)),
-        asyncio.create_task(_watch(socket, known)),
-        asyncio.create_task(_beat(sender)),
+        asyncio.create_task(_send_feed(sender, service)),
+        asyncio.create_task(_close_when_revoked(socket, known)),
+        asyncio.create_task(_send_beats(sender)),
     ]
     if who.role.includes(Role.OPERATOR):
-        beside.append(asyncio.create_task(_challenge(sender, service, challenges)))
+        beside.append(asyncio.create_task(_send_challenges(sender, service, challenges)))
     try:
         await _receive(sender, service, challenges, known)
     except (WebSocketDisconnect, RuntimeError, OSError):
-        LOG.debug("a viewer has left")
+        LOG.debug("a viewer has disconnected")
     finally:
         for task in beside:
             task.cancel()
@@ -93,7 +93,7 @@ async def look_on(socket: WebSocket) -> None:
 
 
 class _Sender:
-    """Sends to one viewer, and knows when it did so last."""
+    """Sends messages to one viewer, and stores the time of the last message."""
 
     def __init__(self, socket: WebSocket) -> None:
         self.socket = socket
@@ -104,15 +104,15 @@ class _Sender:
         await self.socket.send_text(text)
 
 
-async def _beat(sender: _Sender) -> None:
-    """Show a viewer that its connection is alive while nothing else is sent."""
+async def _send_beats(sender: _Sender) -> None:
+    """Send a heartbeat to a viewer while no other message is sent."""
     while True:
         await asyncio.sleep(BEAT_S)
         if time.monotonic() - sender.last_s >= BEAT_S:
             await sender.send(BEAT.decode())
 
 
-async def _send(sender: _Sender, service: CellService) -> None:
+async def _send_feed(sender: _Sender, service: CellService) -> None:
     statuses = (service.status(cell) for cell in service.cells.values())
     first = [
         json.dumps({"type": "cell", "cell": status.model_dump(mode="json")}).encode()
@@ -124,17 +124,17 @@ async def _send(sender: _Sender, service: CellService) -> None:
     await sender.socket.close(TOO_SLOW, "too slow: events would be lost")
 
 
-async def _watch(socket: WebSocket, known: Callable[[], Identity | None]) -> None:
-    """End the socket of a viewer whose token is revoked."""
+async def _close_when_revoked(socket: WebSocket, known: Callable[[], Identity | None]) -> None:
+    """Close the socket of a viewer whose token is revoked."""
     while known() is not None:
         await asyncio.sleep(KNOWN_S)
     await socket.close(NO_TOKEN, HTTPStatus.UNAUTHORIZED.phrase)
 
 
-async def _challenge(sender: _Sender, service: CellService, challenges: Challenges) -> None:
-    """Send challenges for as long as a job wants a key to be held."""
+async def _send_challenges(sender: _Sender, service: CellService, challenges: Challenges) -> None:
+    """Send challenges while a job requires a held key."""
     while True:
-        jobs = service.wanting_keys()
+        jobs = service.jobs_wanting_keys()
         for job in jobs:
             await sender.send(json.dumps(challenges.issue(job)))
         await asyncio.sleep(challenges.pause_s if jobs else IDLE_S)
@@ -148,16 +148,16 @@ async def _receive(
 ) -> None:
     socket, budget = sender.socket, _Budget()
     while True:
-        told = _message(await socket.receive_text())
-        if not budget.has_room(is_message=told is not None):
-            await socket.close(NO_TOKEN, "too many messages, or none that is known here")
+        told = _parse_message(await socket.receive_text())
+        if not budget.has_messages_left(is_message=told is not None):
+            await socket.close(NO_TOKEN, "too many messages, or too many unknown ones")
             return
         if told is None:
             continue
         who = known()
         if isinstance(told.get("stop"), str):
-            name = "somebody with an old token" if who is None else who.name
-            answer = answer_to_stop(socket.app.state.stop_desk, name, told)
+            name = "a user with a revoked token" if who is None else who.name
+            answer = answer_to_stop(socket.app.state.stop_handler, name, told)
             await sender.send(json.dumps(answer))
             continue
         if who is None:
@@ -165,11 +165,11 @@ async def _receive(
             return
         if who.role.includes(Role.OPERATOR):
             with contextlib.suppress(RidDaqError):
-                _hold(service, challenges, told)
+                _forward_key(service, challenges, told)
 
 
-def _message(text: str) -> dict[str, object] | None:
-    """Return a message of a viewer, None if it is none."""
+def _parse_message(text: str) -> dict[str, object] | None:
+    """Return a viewer's message, None if it has no known key."""
     try:
         told = json.loads(text)
     except (ValueError, RecursionError):
@@ -179,14 +179,14 @@ def _message(text: str) -> dict[str, object] | None:
 
 
 class _Budget:
-    """Messages that a viewer may still send; every second brings new ones."""
+    """Number of messages that a viewer may still send; it increases every second."""
 
     def __init__(self) -> None:
         self._messages, self._mistakes = float(MOST_MESSAGES), MOST_MISTAKES
         self._at_s = time.monotonic()
 
-    def has_room(self, *, is_message: bool) -> bool:
-        """Count a message, and return whether it is allowed."""
+    def has_messages_left(self, *, is_message: bool) -> bool:
+        """Count a message, and return True if it is allowed."""
         now_s = time.monotonic()
         come = MESSAGES_PER_S * (now_s - self._at_s)
         self._messages, self._at_s = min(MOST_MESSAGES, self._messages + come) - 1.0, now_s
@@ -194,20 +194,22 @@ class _Budget:
         return self._messages >= 0.0 and self._mistakes >= 0
 
 
-def _hold(service: CellService, challenges: Challenges, told: dict[str, object]) -> None:
-    """Pass on what the owner of the cell says about a key.
+def _forward_key(service: CellService, challenges: Challenges, told: dict[str, object]) -> None:
+    """Forward a key message from the holder of the cell.
 
     Raises:
-        LockedError: Somebody else has it.
+        LockedError: Another client holds the cell.
         UnknownError: There is no such job.
     """
-    job = service.jobs.kept(str(told.get("job")))
+    job = service.jobs.in_memory(str(told.get("job")))
     if job is None:
-        raise UnknownError("no such job is under way", code="RID-JOB-UNKNOWN")
+        raise UnknownError("this job is not running", code="RID-JOB-UNKNOWN")
     key = told.get("lease")
     if not isinstance(key, str):
-        raise LockedError("show the lease", code="RID-LEASE-NONE")
+        raise LockedError(
+            "the message has no lease key: take the cell's lease first", code="RID-LEASE-NONE"
+        )
     lease = service.leases.require(job.cell, key)
-    message = challenges.message(job.id, lease.id, told)
+    message = challenges.parse_key_message(job.id, lease.id, told)
     if message is not None:
-        service.pass_on_key(job.id, message)
+        service.forward_key(job.id, message)

@@ -1,4 +1,4 @@
-"""Routes of who may come in: tokens, pairing, and the log of who did what."""
+"""Routes of access: tokens, pairing, and the log of user actions."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated
 from fastapi import APIRouter, Body, Query, Request, Response
 from pydantic import Field
 
-from rid_daq.service.api.context import Administrator, Door, Service, Who
+from rid_daq.service.api.context import Administrator, Auth, Service, Who
 from rid_daq.service.pairing import WaitingDevice
 from rid_daq.service.records import AuditEntry, Identity, Record, Role, ShortText, Token
 from rid_daq.service.refusals import NotKnownError, StoreBusyError, UnknownError
@@ -17,7 +17,7 @@ router = APIRouter(prefix="/api/v1", tags=["people"])
 
 
 class TokenWanted(Record):
-    """A token that is to be made, for a program or a person."""
+    """Request for a new token of a program or a person."""
 
     name: ShortText
     role: Role = Role.OPERATOR
@@ -25,45 +25,47 @@ class TokenWanted(Record):
 
 
 class NewToken(Token):
-    """A token with its secret, which is shown this once."""
+    """Token with its secret, which is shown only in this answer."""
 
     secret: str
 
 
 class TicketWanted(Record):
-    """The path that a browser is to open or save, as its address has it."""
+    """Path that a browser will open or save, as in its URL."""
 
     path: str = Field(max_length=2000)
 
 
 class NewTicket(Record):
-    """A ticket."""
+    """Ticket for one download."""
 
     ticket: str
 
 
 class PairingBegun(Record):
-    """What a new device shows, and the secret that it asks again with."""
+    """Code that a new device shows, and the secret with which it polls for its token."""
 
     code: str
     secret: str
 
 
 class PairingAsked(Record):
-    """The secret of a device that waits."""
+    """Secret of a waiting device."""
 
     secret: ShortText
 
 
 class PairingState(Record):
-    """Whether a device has been let in; with TLS its cookie is set then."""
+    """Confirmation of a device; with TLS, the answer that confirms it also sets its cookie."""
 
     confirmed: bool
-    key: str = Field(default="", description="Without TLS: the session secret, a bearer token.")
+    key: str = Field(
+        default="", description="Without TLS: the session secret, to be sent as a bearer token."
+    )
 
 
 class PairingConfirmed(Record):
-    """The code that a device shows, typed by a person; the device's name and role."""
+    """Code on a device, typed by a person, with the device's name and role."""
 
     code: str = Field(max_length=20)
     name: ShortText
@@ -72,7 +74,7 @@ class PairingConfirmed(Record):
 
 @router.get("/whoami")
 async def who_am_i(who: Who) -> Identity:
-    """Return who asks."""
+    """Return the identity of the caller."""
     return who
 
 
@@ -86,10 +88,10 @@ async def list_tokens(who: Administrator, service: Service) -> list[Token]:
 async def make_token(
     who: Administrator, service: Service, wanted: Annotated[TokenWanted, Body()]
 ) -> NewToken:
-    """Make a token; its secret is shown this once."""
+    """Create a token; its secret is shown only in this answer."""
     token, secret = service.tokens.add(wanted.name, wanted.role, person=wanted.person)
     try:
-        await service.database.saved()
+        await service.database.wait_until_saved()
     except StoreBusyError:
         service.tokens.revoke(token.id)
         raise
@@ -99,62 +101,66 @@ async def make_token(
 
 @router.delete("/tokens/{token}", status_code=HTTPStatus.NO_CONTENT)
 async def revoke_token(token: str, who: Administrator, service: Service) -> None:
-    """Let somebody in no more, and end the leases that they have taken."""
+    """Revoke a token, and end the leases that were taken with it."""
     if not service.tokens.revoke(token):
         raise UnknownError(f"no token {token!r}", code="RID-TOKEN-UNKNOWN")
     service.audit.note(who.name, "revoked a token", details=token)
-    for cell in service.leases.end_of(token):
+    for cell in service.leases.end_leases_of_token(token):
         service.audit.note(who.name, "ended the lease", cell, "its token was revoked")
-    await service.database.saved()
+    await service.database.wait_until_saved()
 
 
 @router.post("/tickets", status_code=HTTPStatus.CREATED)
 async def make_ticket(
-    who: Who, request: Request, door: Door, wanted: Annotated[TicketWanted, Body()]
+    who: Who, request: Request, authenticator: Auth, wanted: Annotated[TicketWanted, Body()]
 ) -> NewTicket:
-    """Make a ticket: `?ticket=` lets one GET of this path through, within 30 s."""
-    secret = door.secret_of(request.headers)
+    """Create a ticket: `?ticket=` authorises one GET request of this path within 30 s."""
+    secret = authenticator.secret_of(request.headers)
     if secret is None:
-        raise NotKnownError("show a token: a ticket stands for one", code="RID-TICKET-NO-TOKEN")
-    return NewTicket(ticket=door.tickets.issue(secret, wanted.path))
+        raise NotKnownError(
+            "a ticket replaces a token: send a token with this request", code="RID-TICKET-NO-TOKEN"
+        )
+    return NewTicket(ticket=authenticator.tickets.issue(secret, wanted.path))
 
 
 @router.post("/pairing", status_code=HTTPStatus.CREATED)
-async def begin_pairing(request: Request, door: Door) -> PairingBegun:
-    """Begin to pair this device: it shows the code, a person at the cell types it."""
-    code, secret = door.pairing.begin("" if request.client is None else request.client.host)
+async def begin_pairing(request: Request, authenticator: Auth) -> PairingBegun:
+    """Start pairing this device: it shows the code, and a person at the cell types it."""
+    code, secret = authenticator.pairing.begin(
+        "" if request.client is None else request.client.host
+    )
     return PairingBegun(code=code, secret=secret)
 
 
 @router.post("/pairing/state")
 async def pairing_state(
-    asked: Annotated[PairingAsked, Body()], door: Door, response: Response
+    asked: Annotated[PairingAsked, Body()], authenticator: Auth, response: Response
 ) -> PairingState:
-    """Return whether this device has been let in, and let it in then."""
-    secret = door.pairing.collect(asked.secret)
+    """Return whether this device is confirmed, and give it its token then."""
+    secret = authenticator.pairing.collect(asked.secret)
     if secret is None:
         return PairingState(confirmed=False)
-    if not door.secure:
+    if not authenticator.secure:
         return PairingState(confirmed=True, key=secret)
-    response.headers["set-cookie"] = door.cookie(secret)
+    response.headers["set-cookie"] = authenticator.cookie(secret)
     return PairingState(confirmed=True)
 
 
 @router.get("/pairing")
-async def list_waiting(who: Administrator, door: Door) -> list[WaitingDevice]:
-    """Return the devices that wait to be let in, without their codes."""
-    return list(door.pairing.waiting())
+async def list_waiting(who: Administrator, authenticator: Auth) -> list[WaitingDevice]:
+    """Return the waiting devices, without their codes."""
+    return list(authenticator.pairing.waiting())
 
 
 @router.post("/pairing/confirm", status_code=HTTPStatus.CREATED)
 async def confirm_pairing(
     who: Administrator,
-    door: Door,
+    authenticator: Auth,
     service: Service,
     confirmed: Annotated[PairingConfirmed, Body()],
 ) -> Token:
-    """Let in the device that shows a code."""
-    token = door.pairing.confirm(confirmed.code, confirmed.name, confirmed.role, who.token)
+    """Grant access to the device that shows a code."""
+    token = authenticator.pairing.confirm(confirmed.code, confirmed.name, confirmed.role, who.token)
     service.audit.note(who.name, "paired a device", details=f"{token.name}, {token.role.value}")
     return token
 
@@ -163,5 +169,5 @@ async def confirm_pairing(
 def list_audit(
     who: Administrator, service: Service, limit: Annotated[int, Query(ge=1, le=5000)] = 200
 ) -> list[AuditEntry]:
-    """Return who did what, newest first."""
+    """Return the user actions, newest first."""
     return list(service.audit.newest(limit))

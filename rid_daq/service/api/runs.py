@@ -32,18 +32,20 @@ REPORT_HEADERS: Final = {
     " base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
     "cross-origin-opener-policy": "unsafe-none",
 }
-"""A report runs its own scripts, and may have come with a run from elsewhere: as a page of nobody,
-without our cookies, that can reach nothing. Browsers refuse a sandbox with an opener policy."""
+"""A report contains scripts and may come from elsewhere. Browsers therefore run it in a sandbox:
+without an origin, without our cookies and without network access. They refuse a sandbox together
+with an opener policy.
+"""
 MOST_FILE_BYTES = 16 << 20
 AXIS_TEST_SUFFIX: Final = ".axes.json"
-"""Names under which axis tests lay in folders once."""
+"""Ending of the axis-test files of earlier versions."""
 
 _SAVED = KINDS | {".urdf", ".sdf", ".c", ".py", ".csv", ".parquet", ".mat", ".mf4"}
 _SAVED |= {".src", ".mod", ".ls", ".script", ".txt", ".pdf", ".html"}
 
 
 class RunEntry(Record):
-    """A run: what its manifest says, the kind of its motion, and whether it can be read."""
+    """Summary of a run: its manifest, the kind of its motion, and the problem if it is damaged."""
 
     id: str
     label: str
@@ -58,7 +60,7 @@ class RunEntry(Record):
 
 
 class FolderFile(Record):
-    """A file in the service's folder that requests may name."""
+    """File in the service's folder that requests may name."""
 
     path: str
     size_bytes: int
@@ -74,7 +76,7 @@ def list_all_runs(
     kind: str | None = None,
     limit: Annotated[int, Query(ge=1, le=1000)] = 200,
 ) -> list[RunEntry]:
-    """Return the newest runs first; `search` is looked for in ids, labels and robots."""
+    """Return the newest runs first; `search` is searched for in ids, labels and robots."""
     found = [_entry(folder, manifest) for folder, manifest in list_runs(service.runs)]
     found += [
         RunEntry(
@@ -107,13 +109,13 @@ def get_run(run: str, service: Service, who: Who) -> RunEntry:
 
 @router.get("/runs/{run}/manifest")
 def get_manifest(run: str, service: Service, who: Who) -> dict[str, object]:
-    """Return all that a run says of itself."""
+    """Return the manifest of a run."""
     return run_folder(service, run).manifest().model_dump(mode="json")
 
 
 @router.get("/runs/{run}/report", response_class=FileResponse)
 def get_report(run: str, service: Service, who: Who) -> Response:
-    """Return a run's report, a page that stands alone."""
+    """Return a run's report, a self-contained page."""
     report = _file(run_folder(service, run), REPORT, "text/html; charset=utf-8")
     report.headers.update(REPORT_HEADERS)
     return report
@@ -127,7 +129,7 @@ def get_result(run: str, service: Service, who: Who) -> Response:
 
 @router.get("/runs/{run}/files/{name}", response_class=FileResponse)
 def get_run_file(run: str, name: str, service: Service, who: Who) -> Response:
-    """Return one of a run's files, to be saved."""
+    """Return a file of a run as a download."""
     folder = run_folder(service, run)
     if name not in folder.manifest().files and name not in (REPORT, RESULT):
         raise UnknownError(f"run {folder.run_id} has no file {name!r}", code="RID-RUN-FILE")
@@ -139,7 +141,7 @@ def list_files(service: Service, who: Who) -> list[FolderFile]:
     """Return the motions, models and other files that requests may name, newest first."""
     found = []
     for path in visible_files(service.folder):
-        with contextlib.suppress(OSError):  # it has just gone
+        with contextlib.suppress(OSError):  # the file has just been removed
             status = path.stat()
             inside = str(path.relative_to(service.folder))
             found.append(
@@ -150,7 +152,7 @@ def list_files(service: Service, who: Who) -> list[FolderFile]:
 
 @router.get("/files/{path:path}", response_class=FileResponse)
 def get_file(path: str, service: Service, who: Who) -> Response:
-    """Return a file of the service's folder, to be saved: also what jobs have exported."""
+    """Return a file of the service's folder as a download, including exported files."""
     found = _named(service, path, _SAVED)
     if not found.is_file():
         raise UnknownError(f"no file {path!r}", code="RID-FILE-UNKNOWN")
@@ -159,20 +161,21 @@ def get_file(path: str, service: Service, who: Who) -> Response:
 
 @router.put("/files/{path:path}", status_code=HTTPStatus.CREATED)
 async def put_file(path: str, request: Request, service: Service, who: Operator) -> FolderFile:
-    """Put a motion, a model or another file of YAML or JSON into the folder; none is replaced."""
+    """Upload a motion, a model or another YAML or JSON file; existing files are not replaced."""
     found = _named(service, path)
     if found.is_relative_to(service.runs.resolve()) or found.name == MANIFEST:
         raise ConfigError(
-            f"{path}: runs are made by recording; put files beside them", code="RID-OUTPUT-RUN"
+            f"{path}: only recordings write into the runs folder: choose a path outside it",
+            code="RID-OUTPUT-RUN",
         )
     if found.name.endswith(AXIS_TEST_SUFFIX):
         raise ConfigError(
-            f"{path}: an axis test is signed by the job that made it: run `axes`; a file counts for"
-            " nothing, choose another name",
+            f"{path}: files with this ending are reserved for axis tests: run `axes` for an axis"
+            " test, or choose another name",
             code="RID-FILE-AXIS-TEST",
         )
     content = bytearray()
-    with service.putting.taken(found, path):
+    with service.uploads.reserve(found, path):
         async for part in request.stream():
             content += part
             if len(content) > MOST_FILE_BYTES:
@@ -180,7 +183,7 @@ async def put_file(path: str, request: Request, service: Service, who: Operator)
                     f"{path}: is larger than {MOST_FILE_BYTES >> 20} MiB", code="RID-FILE-SIZE"
                 )
         await asyncio.to_thread(refuse_bad_file, found, bytes(content), service.folder)
-        with system_errors(ConfigError, f"{path}: cannot be put there", code="RID-FILE-WRITE"):
+        with system_errors(ConfigError, f"{path}: cannot be saved", code="RID-FILE-WRITE"):
             found.parent.mkdir(parents=True, exist_ok=True)
         await asyncio.to_thread(write_new, found, bytes(content))
     service.audit.note(who.name, "put a file", details=path)
@@ -193,7 +196,7 @@ def run_folder(service: CellService, run: str) -> RunFolder:
     """Return the folder of a run of the service, by id, label or `latest`.
 
     Raises:
-        UnknownError: There is none.
+        UnknownError: There is no such run.
     """
     try:
         return find_run_below(service.runs, run)
@@ -219,10 +222,10 @@ def _entry(folder: RunFolder, manifest: Manifest) -> RunEntry:
 def _file(folder: RunFolder, name: str, kind: str, *, saved: bool = False) -> Response:
     try:
         path = folder.file(name)
-    except RecordingError as error:  # a link stands in its way
+    except RecordingError as error:  # the path contains a symbolic link
         raise UnknownError(str(error), code="RID-RUN-LINK") from None
     if not path.is_file():
-        raise UnknownError(f"run {folder.run_id} has no {name} yet", code="RID-RUN-FILE")
+        raise UnknownError(f"run {folder.run_id} has no {name}", code="RID-RUN-FILE")
     return FileResponse(path, media_type=kind, filename=name if saved else None)
 
 
@@ -230,8 +233,7 @@ def _named(service: CellService, path: str, kinds: frozenset[str] = KINDS) -> Pa
     found = require_inside(path, service.folder)
     if found.suffix not in kinds:
         raise ConfigError(
-            f"{path}: give a file of the service's folder whose name ends in one of"
-            f" {', '.join(sorted(kinds))}",
+            f"{path}: the name of the file must end in one of {', '.join(sorted(kinds))}",
             code="RID-FILE-ENDING",
         )
     return found

@@ -1,1 +1,1 @@
-"""The process in front of the service: it accepts connections, answers STOP, hands on the rest."""
+"""Front process of the service: it accepts connections, answers STOP, and forwards the rest."""

@@ -1,4 +1,7 @@
-"""The process in front of the service: `python -m rid_daq.service.front DOCUMENT`, by it alone."""
+"""Front process of the service: `python -m rid_daq.service.front DOCUMENT`.
+
+Only the service starts it. It accepts all connections and answers STOP even if the service hangs.
+"""
 
 from __future__ import annotations
 
@@ -14,79 +17,79 @@ from pathlib import Path
 from typing import Any, Final
 
 from config.process.own_process import keep_from_collections
-from rid_daq.service.front.front_desk import FrontDesk
-from rid_daq.service.front.hand_over import HandOver
-from rid_daq.service.front.wire import Wire
-from rid_daq.service.stop.stop_entrance import StopEntrance
+from rid_daq.service.front.connection_handover import ConnectionHandover
+from rid_daq.service.front.front_stop_handler import FrontStopHandler
+from rid_daq.service.front.message_channel import MessageChannel
+from rid_daq.service.stop.stop_endpoint import StopEndpoint
 from rid_daq.web.access import Access
 from rid_daq.web.connection import Connection
-from rid_daq.web.door import Door, Limits
+from rid_daq.web.connection_groups import ConnectionGroups, Limits
 
 LIMITS: Final = Limits(waiting=1024, answering=512, body_bytes=1 << 40, answer_s=30.0)
-"""What is handed on, the service bounds; here STOP's lines and heads that are not whole are."""
+"""Limits of STOP connections and of incomplete requests; the service limits all other requests."""
 
 NICENESS: Final = -10
 _ACCEPTED_AT_ONCE: Final = 8
 _BACKLOG: Final = 1024
 
 
-async def serve(told: Mapping[str, Any]) -> None:
-    """Serve until the service has closed its end of the wire."""
+async def serve(start: Mapping[str, Any]) -> None:
+    """Serve until the service has closed its end of the message channel."""
     loop, over = asyncio.get_running_loop(), asyncio.Event()
-    wire = Wire(socket.socket(fileno=told["wire"]))
+    channel = MessageChannel(socket.socket(fileno=start["channel"]))
 
-    def tell(target: str, who: str) -> None:
-        wire.send({"stop": target, "who": who})
+    def report_stop(target: str, who: str) -> None:
+        channel.send({"stop": target, "who": who})
 
-    desk = FrontDesk(told["cells"], tell)
-    certificate = told["certificate"]
+    handler = FrontStopHandler(start["cells"], report_stop)
+    certificate = start["certificate"]
     access = Access(
-        told["address"], told["port"], "", None if certificate is None else Path(certificate)
+        start["address"], start["port"], "", None if certificate is None else Path(certificate)
     )
-    entrance, tls = StopEntrance(desk, access), access.tls()
-    doors, servers = [], []
-    for descriptor in told["listeners"]:
+    endpoint, tls = StopEndpoint(handler, access), access.tls()
+    listener_groups, servers = [], []
+    for descriptor in start["listeners"]:
         listener = socket.socket(fileno=descriptor)
         listener.setblocking(False)
         local = listener.family == socket.AF_UNIX
-        door = Door(
+        groups = ConnectionGroups(
             LIMITS,
-            lambda connection: HandOver(connection, wire),
+            lambda connection: ConnectionHandover(connection, channel),
             None if local else tls,
             local=local,
-            reception=entrance,
+            head_handler=endpoint,
         )
-        doors.append(door)
+        listener_groups.append(groups)
 
-        def accept(door: Door = door) -> Connection:
-            return Connection(door)
+        def accept(groups: ConnectionGroups = groups) -> Connection:
+            return Connection(groups)
 
         servers.append(await loop.create_server(accept, sock=listener, backlog=_ACCEPTED_AT_ONCE))
         listener.listen(_BACKLOG)
 
-    def received(document: Mapping[str, Any], _data: bytes, _descriptor: int | None) -> None:
+    def process_message(document: Mapping[str, Any], _data: bytes, _descriptor: int | None) -> None:
         if "issued" in document:
-            desk.note_issued(document["issued"])
+            handler.note_issued(document["issued"])
         if "jobs" in document:
-            desk.note_jobs(document["jobs"])
+            handler.note_jobs(document["jobs"])
 
-    wire.begin(received, over.set)
+    channel.begin(process_message, over.set)
     await over.wait()
     for server in servers:
         server.close()
-    for door in doors:
-        door.dismiss_waiting()
-        door.shut_down()
+    for groups in listener_groups:
+        groups.abort_incomplete()
+        groups.shut_down()
     await asyncio.sleep(0)
-    for door in doors:
-        door.abort()
+    for groups in listener_groups:
+        groups.abort()
 
 
 def main() -> None:
-    """Serve; whoever ends the service ends this process by it."""
+    """Run the front process. It ignores termination signals and ends together with the service."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
-    with contextlib.suppress(OSError):  # only with the right to
+    with contextlib.suppress(OSError):  # raising the priority needs a privilege
         os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
     keep_from_collections()
     asyncio.run(serve(json.loads(sys.argv[1])))

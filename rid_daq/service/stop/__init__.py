@@ -1,1 +1,1 @@
-"""STOP's own path through the service: admission, the HTTP requests, the WebSocket."""
+"""STOP requests: identification of the sender, HTTP endpoints, and a WebSocket for STOP alone."""

@@ -1,4 +1,7 @@
-"""`StopAsked`, `Desk`: what STOP answers, and who answers it; light, for STOP's own process."""
+"""`StopAsked`, `StopHandler`: answer to a STOP request, and interface of its handler.
+
+The front process imports this module, so it imports little.
+"""
 
 from __future__ import annotations
 
@@ -9,45 +12,53 @@ from typing import Final, Protocol
 from rid_daq.service.refusals import NotKnownError
 
 ALL: Final = "*"
-"""The name that stands for every cell of the service."""
+"""Name that means every cell of the service."""
 
 
 @dataclass(frozen=True)
 class StopAsked:
-    """Whether something was told to stop; and what to do where nothing was."""
+    """Answer to a STOP request.
+
+    Attributes:
+        told: True if a stop request was sent to at least one job.
+        sentence: Result for the user, with the next step.
+    """
 
     told: bool
     sentence: str
 
     def document(self) -> dict[str, object]:
-        """Return it as JSON has it."""
+        """Return the answer as a JSON document."""
         return {"told": self.told, "sentence": self.sentence}
 
 
-def unknown_stopper() -> NotKnownError:
-    """Return the error for who may not stop: on another computer, without a token."""
+def unknown_sender_error() -> NotKnownError:
+    """Return the error for a sender that must not stop: on another computer, without a token."""
     return NotKnownError(
-        "show a token to stop from another computer; or press the stop there",
+        "stopping from another computer needs a token: send one, or press the stop at this"
+        " computer",
         code="RID-STOP-UNKNOWN",
     )
 
 
-class Desk(Protocol):
-    """Takes requests to stop."""
+class StopHandler(Protocol):
+    """Executes STOP requests."""
 
-    def admit(self, headers: Mapping[str, str], *, local: bool, address: str) -> str:
-        """Return who asks.
+    def identify_sender(self, headers: Mapping[str, str], *, local: bool, address: str) -> str:
+        """Return the sender of a request.
 
         Raises:
-            NotKnownError: They ask from another computer and show no secret that was ever issued.
+            NotKnownError: The sender is on another computer, and the request contains no secret
+                that was
+                ever issued.
         """
         ...
 
     def stop(self, target: str, who: str) -> StopAsked:
-        """Stop a cell, or all of them (`ALL`).
+        """Stop a cell, or all cells (`ALL`).
 
         Raises:
-            UnknownError: There is no such cell.
+            UnknownError: The service has no such cell.
         """
         ...
 
@@ -55,12 +66,14 @@ class Desk(Protocol):
 def stop_each(
     cells: Iterable[str], stop: Callable[[str], bool], wrong: Callable[[str], None]
 ) -> StopAsked:
-    """Stop cells; what goes wrong with one keeps no other from its stop.
+    """Stop cells. An error of one cell does not prevent the stop of the others.
 
     Args:
-        cells: Their names.
-        stop: Stops one; returns whether something was told to stop.
-        wrong: Told of a cell whose stop went wrong, while the exception is handled.
+        cells: Names of the cells.
+        stop: Function that stops one cell; it returns True if a job received the stop.
+        wrong: Function that is called with the name of a cell whose stop failed, inside the
+            exception
+            handler.
     """
     told, failed = False, []
     for name in cells:
@@ -70,9 +83,9 @@ def stop_each(
             wrong(name)
             failed.append(name)
     if failed:
-        sentence = f"Cell {', '.join(failed)} could not be told to stop: use the emergency stop."
+        sentence = f"Cell {', '.join(failed)} could not be stopped: use the emergency stop."
     elif told:
-        sentence = "Stop asked for: watch that the axes come to rest."
+        sentence = "Stop requested: check that the axes come to rest."
     else:
-        sentence = "Nothing moves here by this service."
+        sentence = "This service moves nothing now."
     return StopAsked(told, sentence)

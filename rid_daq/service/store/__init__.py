@@ -1,4 +1,5 @@
-"""What the service keeps over a restart: one SQLite file, one class a table. Nothing else does SQL.
+"""State of the service that survives a restart: one SQLite file, one class per table.
 
-Every write is on the disk before it is answered (WAL, synchronous FULL). Begin with `database.py`.
+Only this package contains SQL. A write is on the disk before the service answers (WAL, synchronous
+FULL). Begin with `database.py`.
 """

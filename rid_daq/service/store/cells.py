@@ -1,4 +1,4 @@
-"""`CellStore`: what is known of cells over a restart: the newest preflight, and an open fault."""
+"""`CellStore`: newest preflight and open fault of each cell, kept over a restart."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from rid_daq.service.store.database import Database
 
 
 class CellStore:
-    """The table of cells, and all of it in memory.
+    """Table of cells, with a copy in memory.
 
     Args:
-        database: The service's file.
+        database: The service's database.
     """
 
     def __init__(self, database: Database) -> None:
@@ -26,12 +26,12 @@ class CellStore:
                 self._preflights[cell] = (found, str(files_hash))
 
     def add(self, cell: str) -> None:
-        """Begin to know a cell."""
+        """Add a cell unless the table contains it."""
         self._faults.setdefault(cell, "")
         self._database.write("INSERT OR IGNORE INTO cells VALUES (?, NULL, NULL, '')", cell)
 
     def note_preflight(self, cell: str, preflight: Preflight, files_hash: str) -> None:
-        """Keep a preflight, and of which files it was."""
+        """Save a preflight with the hash of the cell's files."""
         self._preflights[cell] = (preflight, files_hash)
         self._database.write(
             "UPDATE cells SET preflight = ?, files_hash = ? WHERE cell = ?",
@@ -41,14 +41,14 @@ class CellStore:
         )
 
     def preflight(self, cell: str) -> tuple[Preflight, str] | None:
-        """Return the newest preflight and of which files it was, None if there is none."""
+        """Return the newest preflight and the hash of the checked files, None without one."""
         return self._preflights.get(cell)
 
     def note_fault(self, cell: str, fault: str) -> None:
-        """Keep why a cell must be reset by a person; empty if it has been."""
+        """Save the fault that a person must reset; an empty text deletes it."""
         self._faults[cell] = fault
         self._database.write("UPDATE cells SET fault = ? WHERE cell = ?", fault, cell)
 
     def fault(self, cell: str) -> str:
-        """Return why a cell must be reset, empty if it need not."""
+        """Return the fault that a person must reset, empty without a fault."""
         return self._faults.get(cell, "")

@@ -1,4 +1,4 @@
-"""`Database`: the service's SQLite file; one thread writes it, so that no request waits for it."""
+"""`Database`: SQLite file of the service, written by a thread: no request waits for the disk."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from rid_daq.service.refusals import StoreBusyError
 
 VERSION: Final = 2
 PATIENCE_S: Final = 3.0
-"""How long an answer waits for what must be on the disk before it [s]."""
+"""Time that an answer waits until its data are on the disk [s]."""
 
 BUSY: Final = "RID-STORE-BUSY"
 LOCK_S: Final = 1.0
@@ -50,18 +50,18 @@ CREATE TABLE lease_ends (cell TEXT PRIMARY KEY, lease TEXT, ends_s REAL, boot TE
 """
 
 _MISTAKES = (sqlite3.IntegrityError, sqlite3.ProgrammingError, sqlite3.DataError)
-"""Errors of one statement: trying it again is of no use."""
+"""Errors of a single statement; repeating the statement cannot succeed."""
 
 
 class Database:
-    """Writes in order, by a thread of its own; reads by short connections.
+    """Writes statements in their order in a separate thread; reads with short connections.
 
-    A write that fails, because the disk is full or another program holds the file, is tried again
-    until it succeeds. The stores therefore answer from memory, and the file follows.
+    A write that fails because the disk is full or another program locks the file is repeated until
+    it succeeds. The stores therefore answer from memory, and the file follows.
 
     Args:
-        path: The file.
-        connection: The writing thread's connection.
+        path: Path of the file.
+        connection: Connection of the writing thread.
     """
 
     def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
@@ -76,22 +76,26 @@ class Database:
         self._close_by_s: float | None = None
 
     def write(self, sql: str, *values: object) -> None:
-        """Queue a statement; it is written after the statements before it."""
+        """Queue a statement; it is executed after the statements before it."""
         with self._changed:
             self._queue.append((sql, values))
             self._queued += 1
             if self._thread is None:
-                self._thread = threading.Thread(target=self._work, name="rid database", daemon=True)
+                self._thread = threading.Thread(
+                    target=self._write_queued, name="rid database", daemon=True
+                )
                 self._thread.start()
             self._changed.notify_all()
 
     def note(self, sql: str, *values: object) -> None:
-        """Queue a statement that may be lost if the file cannot be written for very long."""
+        """Queue a statement that may be lost if the file cannot be written for a long time."""
         if len(self._queue) < MOST_NOTES:
             self.write(sql, *values)
 
     def read(self, sql: str, *values: object) -> list[tuple[Any, ...]]:
-        """Return rows, with what was queued before if it can be written soon; not in the loop.
+        """Return rows; statements that were queued before are included if they can be written soon.
+
+        This function blocks: do not call it in the event loop.
 
         Raises:
             StoreBusyError: The file cannot be read.
@@ -102,21 +106,22 @@ class Database:
                 return reader.execute(sql, values).fetchall()
         except sqlite3.Error as error:
             raise StoreBusyError(
-                f"the service's file {self._path.name} cannot be read: {error}; try again later",
+                f"the service's database {self._path.name} cannot be read: {error}; try again"
+                " later",
                 code=BUSY,
             ) from None
 
     def flush(self, patience_s: float) -> bool:
-        """Wait until all that is queued now is written; return whether it is."""
+        """Wait until all statements that are queued now are written; return True if they are."""
         with self._changed:
             wanted = self._queued
             return self._changed.wait_for(lambda: self._written >= wanted, patience_s)
 
-    async def saved(self, patience_s: float = PATIENCE_S) -> None:
-        """Wait, without holding the loop, until all that is queued now is on the disk.
+    async def wait_until_saved(self, patience_s: float = PATIENCE_S) -> None:
+        """Wait, without blocking the event loop, until all statements queued now are on the disk.
 
         Raises:
-            StoreBusyError: It is not, within the patience.
+            StoreBusyError: They are not on the disk within `patience_s`.
         """
         with self._changed:
             if self._written >= self._queued:
@@ -128,14 +133,14 @@ class Database:
             await asyncio.wait_for(done, patience_s)
         except TimeoutError:
             raise StoreBusyError(
-                f"the service's file {self._path.name} was not written within {patience_s:g} s"
-                f" ({self._trouble or 'the disk is slow'}): free the disk, or end the program that"
-                " holds the file; then try again",
+                f"the service's database {self._path.name} was not written within {patience_s:g}"
+                f" s ({self._trouble or 'the disk is slow'}): free disk space, or end the program"
+                " that locks the file; then try again",
                 code=BUSY,
             ) from None
 
     def close(self) -> None:
-        """Write what is queued, within some seconds, and close the file."""
+        """Write the queued statements within some seconds, and close the file."""
         with self._changed:
             self._close_by_s = time.monotonic() + LAST_WORDS_S
             self._changed.notify_all()
@@ -143,22 +148,22 @@ class Database:
         if thread is not None:
             thread.join(LAST_WORDS_S + 2 * LOCK_S)
         if self._queue:
-            LOG.error("%d notes could not be written: %s", len(self._queue), self._trouble)
+            LOG.error("%d entries could not be written: %s", len(self._queue), self._trouble)
         if thread is None or not thread.is_alive():
             self._connection.close()
 
-    def _work(self) -> None:
+    def _write_queued(self) -> None:
         at_once = MOST_AT_ONCE
-        while batch := self._next(at_once):
+        while batch := self._next_batch(at_once):
             try:
                 self._commit(batch)
             except _MISTAKES as error:
                 if len(batch) > 1:
-                    at_once = 1  # to find out which one it is
+                    at_once = 1  # to find the invalid statement
                     continue
-                LOG.error("not written: %s: %s", batch[0][0], error)
+                LOG.error("statement not written: %s: %s", batch[0][0], error)
             except sqlite3.Error as error:
-                self._say(str(error))
+                self._report_trouble(str(error))
                 with self._changed:
                     if self._close_by_s is not None and time.monotonic() > self._close_by_s:
                         return
@@ -166,11 +171,11 @@ class Database:
                 continue
             else:
                 at_once = MOST_AT_ONCE
-                self._say("")
-            self._count(len(batch))
+                self._report_trouble("")
+            self._count_written(len(batch))
 
-    def _next(self, at_once: int) -> Sequence[tuple[str, tuple[object, ...]]]:
-        """Return what is written next; nothing if the thread is to end."""
+    def _next_batch(self, at_once: int) -> Sequence[tuple[str, tuple[object, ...]]]:
+        """Return the next statements to write; an empty list if the thread must end."""
         with self._changed:
             self._changed.wait_for(lambda: self._queue or self._close_by_s is not None, IDLE_S)
             if not self._queue:
@@ -188,7 +193,7 @@ class Database:
                 self._connection.execute("ROLLBACK")
             raise
 
-    def _count(self, written: int) -> None:
+    def _count_written(self, written: int) -> None:
         with self._changed:
             for _ in range(written):
                 self._queue.popleft()
@@ -197,27 +202,31 @@ class Database:
             self._waiting = [each for each in self._waiting if each[0] > self._written]
             self._changed.notify_all()
         for _, loop, done in ready:
-            with contextlib.suppress(RuntimeError):  # its loop has ended
-                loop.call_soon_threadsafe(_settle, done)
+            with contextlib.suppress(RuntimeError):  # the waiting event loop has ended
+                loop.call_soon_threadsafe(_resolve, done)
 
-    def _say(self, trouble: str) -> None:
+    def _report_trouble(self, trouble: str) -> None:
         if trouble and not self._trouble:
-            LOG.error("the service's file cannot be written; it is tried again: %s", trouble)
+            LOG.error(
+                "the service's database cannot be written; the write is repeated: %s", trouble
+            )
         elif self._trouble and not trouble:
-            LOG.info("the service's file is written again")
+            LOG.info("the service's database can be written again")
         self._trouble = trouble
 
 
-def _settle(done: asyncio.Future[None]) -> None:
+def _resolve(done: asyncio.Future[None]) -> None:
     if not done.done():
         done.set_result(None)
 
 
 def open_database(path: Path) -> Database:
-    """Open the service's file, which only its owner may read; it is made if there is none.
+    """Open the database of a service; create it if it is missing.
+
+    Only the owner of the file can read it.
 
     Raises:
-        RecordingError: It cannot be opened, is damaged, or has another format.
+        RecordingError: The file cannot be opened, is damaged, or has another format.
     """
     try:
         flags = os.O_CREAT | os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW
@@ -232,13 +241,15 @@ def open_database(path: Path) -> Database:
             connection.executescript(f"BEGIN;{_SCHEMA}PRAGMA user_version = {VERSION};COMMIT;")
         elif version != VERSION:
             raise RecordingError(
-                f"{path}: was written by another version of rid-daq (format {version}, this one"
-                f" knows {VERSION}): use that one, or move the file away to begin anew",
+                f"{path}: was written by another version of rid-daq (format {version}, this"
+                f" version supports {VERSION}): use that version, or move the file away to start"
+                " with an empty database",
                 code=OTHER_FORMAT,
             )
     except (OSError, sqlite3.Error) as error:
         raise RecordingError(
-            f"{path}: cannot be opened as the service's file: {error}. Move it away to begin anew",
+            f"{path}: cannot be opened as the service's database: {error}. Move it away to start"
+            " with an empty database",
             code="RID-STATE-DAMAGED",
         ) from None
     return Database(path, connection)

@@ -1,4 +1,4 @@
-"""`JobStore`: every job that was ever accepted, and what became of it."""
+"""`JobStore`: table of all jobs that were ever accepted, with their outcome."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from rid_daq.service.records import Job, JobState
 from rid_daq.service.store.database import Database
 
 MOST_KEPT: Final = 1000
-"""Jobs of this start that are kept in memory after their end."""
+"""Number of ended jobs of this start that are kept in memory."""
 
 
 class JobStore:
-    """The table of jobs; those that are not over, and the newest of this start, are in memory.
+    """Table of jobs. Unfinished jobs, and the newest jobs of this start, are kept in memory too.
 
     Args:
-        database: The service's file.
+        database: The service's database.
     """
 
     def __init__(self, database: Database) -> None:
@@ -33,8 +33,8 @@ class JobStore:
         self._counts = Counter({JobState(state): int(count) for state, count in counts})
 
     def add(self, job: Job) -> None:
-        """Journal a new job; it is on the disk after `saved`."""
-        self._keep(job)
+        """Add a new job; it is on the disk after `wait_until_saved`."""
+        self._remember(job)
         self._database.write(
             "INSERT INTO jobs VALUES (?, ?, ?, ?, ?)",
             job.id,
@@ -45,10 +45,10 @@ class JobStore:
         )
 
     def change(self, job: Job, **fields: Any) -> Job:
-        """Write new fields of a job, and return it with them."""
+        """Set fields of a job, save it, and return the changed job."""
         changed = job.model_copy(update=fields)
         if job.id in self._kept:
-            self._keep(changed)
+            self._remember(changed)
         self._database.write(
             "UPDATE jobs SET state = ?, job = ? WHERE id = ?",
             changed.state.value,
@@ -57,20 +57,23 @@ class JobStore:
         )
         return changed
 
-    async def saved(self) -> None:
-        """Wait until all that was journalled is on the disk.
+    async def wait_until_saved(self) -> None:
+        """Wait until all changes so far are on the disk.
 
         Raises:
-            StoreBusyError: It is not, within some seconds.
+            StoreBusyError: They are not on the disk within some seconds.
         """
-        await self._database.saved()
+        await self._database.wait_until_saved()
 
-    def kept(self, job_id: str) -> Job | None:
-        """Return a job that is in memory: every one that is not over is."""
+    def in_memory(self, job_id: str) -> Job | None:
+        """Return a job that is in memory, None for any other; every unfinished job is in memory."""
         return self._kept.get(job_id)
 
     def get(self, job_id: str) -> Job | None:
-        """Return a job, None if there is none of that id; in a thread if it is an old one."""
+        """Return a job, None if no job has this id.
+
+        Call it in a thread: old jobs are read from the disk.
+        """
         kept = self._kept.get(job_id)
         if kept is not None:
             return kept
@@ -80,8 +83,8 @@ class JobStore:
     def newest(
         self, cell: str | None = None, state: JobState | None = None, limit: int = 100
     ) -> Sequence[Job]:
-        """Read the newest jobs first, of one cell and in one state if told; in a thread."""
-        kept = dict(self._kept)  # newer than the file
+        """Return the newest jobs first, of a cell and in a state if given; call it in a thread."""
+        kept = dict(self._kept)  # the copies in memory are newer than the file
         rows = self._database.read(
             "SELECT job FROM jobs WHERE (?1 IS NULL OR cell = ?1) AND (?2 IS NULL OR state = ?2)"
             " ORDER BY created_s DESC LIMIT ?3",
@@ -96,14 +99,14 @@ class JobStore:
         return sorted(wanted, key=lambda job: job.created_s, reverse=True)[:limit]
 
     def unfinished(self) -> Sequence[Job]:
-        """Return the jobs that are not over, oldest first."""
+        """Return the unfinished jobs, oldest first."""
         return [job for job in self._kept.values() if not job.state.is_over]
 
     def counts(self) -> dict[str, int]:
-        """Return how many jobs are in which state."""
+        """Return the number of jobs by state."""
         return {state.value: count for state, count in self._counts.items()}
 
-    def _keep(self, job: Job) -> None:
+    def _remember(self, job: Job) -> None:
         before = self._kept.get(job.id)
         if before is not None:
             self._counts[before.state] -= 1

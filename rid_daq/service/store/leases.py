@@ -1,4 +1,4 @@
-"""`LeaseStore`: who may move which cell; one lease a cell."""
+"""`LeaseStore`: table of leases, one lease per cell."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from dataclasses import dataclass
 
 from rid_daq.service.records import Lease
 from rid_daq.service.store.database import Database
-from rid_daq.service.store.tokens import hashed
+from rid_daq.service.store.tokens import hash_secret
 
 
 @dataclass(frozen=True)
 class KeptLease:
-    """A lease as the service keeps it.
+    """Lease as the service stores it.
 
     Attributes:
-        lease: As everybody may see it; its `until_s` is for people and decides nothing.
+        lease: Public part of the lease; its `until_s` is for display only.
         key_hash: Hash of its key.
         ends_s: Its end on the safety clock [s].
-        boot: The start of the computer that `ends_s` belongs to.
+        boot: Id of the computer's start to which `ends_s` belongs.
     """
 
     lease: Lease
@@ -28,15 +28,15 @@ class KeptLease:
     boot: str
 
     def has_key(self, key: str) -> bool:
-        """Return whether this is the key of the lease."""
-        return hmac.compare_digest(self.key_hash, hashed(key))
+        """Return True if this is the key of the lease."""
+        return hmac.compare_digest(self.key_hash, hash_secret(key))
 
 
 class LeaseStore:
-    """The table of leases, and all of it in memory.
+    """Table of leases, with a copy in memory.
 
     Args:
-        database: The service's file.
+        database: The service's database.
     """
 
     def __init__(self, database: Database) -> None:
@@ -52,7 +52,7 @@ class LeaseStore:
         self._tokens = {str(cell): (str(lease), str(token)) for cell, lease, token in rows}
 
     def put(self, kept: KeptLease) -> None:
-        """Keep the lease of a cell, in place of the one before."""
+        """Save the lease of a cell; it replaces the previous lease."""
         lease = kept.lease
         self._leases[lease.cell] = kept
         self._database.write(
@@ -70,7 +70,7 @@ class LeaseStore:
         )
 
     def renew(self, kept: KeptLease) -> None:
-        """Keep the new end of a lease."""
+        """Save the new end of a lease."""
         lease = kept.lease
         self._leases[lease.cell] = kept
         self._database.note(
@@ -84,23 +84,23 @@ class LeaseStore:
         )
 
     def note_token(self, lease: Lease, token: str) -> None:
-        """Keep which token a lease was taken with."""
+        """Save the token with which a lease was taken."""
         self._tokens[lease.cell] = (lease.id, token)
         self._database.write(
             "INSERT OR REPLACE INTO lease_tokens VALUES (?, ?, ?)", lease.cell, lease.id, token
         )
 
     def of_token(self, token: str) -> Sequence[Lease]:
-        """Return the leases that were taken with a token, also those that have run out."""
+        """Return the leases that were taken with a token, including expired ones."""
         of_token = {cell: lease for cell, (lease, each) in self._tokens.items() if each == token}
         leases = (kept.lease for kept in self._leases.values())
         return [lease for lease in leases if of_token.get(lease.cell) == lease.id]
 
     def get(self, cell: str) -> KeptLease | None:
-        """Return the lease of a cell as it was kept, also one that has run out."""
+        """Return the stored lease of a cell, even if it has expired."""
         return self._leases.get(cell)
 
     def remove(self, cell: str) -> None:
-        """Forget the lease of a cell."""
+        """Delete the lease of a cell."""
         self._leases.pop(cell, None)
         self._database.write("DELETE FROM leases WHERE cell = ?", cell)

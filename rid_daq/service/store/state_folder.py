@@ -1,4 +1,4 @@
-"""`open_state_folder`: the folder that a service believes, refused if others could have made it."""
+"""`open_state_folder`: opens the folder with the service's state if only its user can change it."""
 
 from __future__ import annotations
 
@@ -17,17 +17,18 @@ NOT_PRIVATE: Final = "RID-STATE-NOT-PRIVATE"
 
 
 def open_state_folder(folder: Path) -> Path:
-    """Return the state folder of a service, made if there is none.
+    """Return the state folder of a service; create it if it is missing.
 
-    Whoever can write there is administrator: so it and what lies in it must be this user's alone,
-    and nobody else may be able to put another one in its place.
+    A user who can write into this folder has administrator rights in the service. The folder and
+    its content must therefore be private to this user, and no other user may be able to replace it.
 
     Args:
         folder: The service's folder.
 
     Raises:
-        RecordingError: Another user made it, or can change it (`RID-STATE-NOT-PRIVATE`); or it
-            cannot be made.
+        RecordingError: Another user owns the folder or can change it (`RID-STATE-NOT-PRIVATE`); or
+            it
+            cannot be created.
     """
     state = folder / STATE_FOLDER
     with system_errors(RecordingError, f"{state}: cannot be used", code="RID-FILE-ACCESS"):
@@ -45,6 +46,6 @@ def open_state_folder(folder: Path) -> Path:
 def _refuse(path: Path, problem: str) -> None:
     if problem:
         raise RecordingError(
-            f"{path}: {problem}. Whoever writes there decides who is let in to the service",
+            f"{path}: {problem}. Any user who can write there controls the access to the service",
             code=NOT_PRIVATE,
         )

@@ -1,4 +1,4 @@
-"""`TokenStore`: who is let in; only the hash of what they show is kept."""
+"""`TokenStore`: table of access tokens; it contains only the hashes of their secrets."""
 
 from __future__ import annotations
 
@@ -12,25 +12,27 @@ from rid_daq.service.records import Role, Token, TokenEnd
 from rid_daq.service.store.database import Database
 
 MOST_ISSUED: Final = 100_000
-"""Secrets whose hash is kept for ever, so that they may stop; the oldest is forgotten."""
+"""Number of hashes that are kept, so that the senders of old secrets may still stop; the oldest is
+deleted.
+"""
 
 UNUSED_S: Final = 30 * 86400.0
-"""How long a device that is not used stays let in [s]."""
+"""Time without use after which the token of a paired device expires [s]."""
 
 
-def hashed(secret: str) -> str:
-    """Return the SHA-256 of a secret; enough for what is 256 random bits."""
+def hash_secret(secret: str) -> str:
+    """Return the SHA-256 of a secret; no salt is needed, because a secret has 256 random bits."""
     return hashlib.sha256(secret.encode("utf-8", "surrogatepass")).hexdigest()
 
 
 class TokenStore:
-    """The table of tokens, and all of it in memory.
+    """Table of tokens, with a copy in memory.
 
     Args:
-        database: The service's file.
+        database: The service's database.
 
     Attributes:
-        issued_to: Told the hash of every new secret.
+        issued_to: Function that is called with the hash of every new secret.
     """
 
     def __init__(self, database: Database) -> None:
@@ -42,13 +44,13 @@ class TokenStore:
         }
         issued = database.read("SELECT hash FROM issued ORDER BY number DESC LIMIT ?", MOST_ISSUED)
         self._issued = dict.fromkeys(str(key) for (key,) in reversed(issued))
-        for key in self._tokens:  # those of before the table
+        for key in self._tokens:  # tokens that are older than the table of issued secrets
             self._note_issued(key)
 
     def add(
         self, name: str, role: Role, *, person: bool, ends: TokenEnd = TokenEnd.NEVER
     ) -> tuple[Token, str]:
-        """Make a token; its secret is returned here and nowhere else."""
+        """Create a token; return it with its secret, which is stored nowhere."""
         secret = secrets.token_urlsafe(32)
         token = Token(
             id=secrets.token_hex(8),
@@ -58,45 +60,48 @@ class TokenStore:
             created_s=time.time(),
             ends=ends,
         )
-        self._tokens[hashed(secret)] = token
+        self._tokens[hash_secret(secret)] = token
         self._database.write(
-            "INSERT INTO tokens VALUES (?, ?, ?)", token.id, hashed(secret), token.model_dump_json()
+            "INSERT INTO tokens VALUES (?, ?, ?)",
+            token.id,
+            hash_secret(secret),
+            token.model_dump_json(),
         )
         self.note_issued(secret)
         return token, secret
 
     def note_issued(self, secret: str) -> None:
-        """Keep for ever that a secret was given to somebody: whoever shows it may stop."""
-        self._note_issued(hashed(secret))
+        """Save the hash of a secret for ever: its sender may always stop motions."""
+        self._note_issued(hash_secret(secret))
 
     def issued(self) -> Sequence[str]:
         """Return the hashes of all secrets that were ever issued."""
         return list(self._issued)
 
-    def of_hash(self, key: str) -> Token | None:
-        """Return the token whose secret has a hash, None if it was revoked."""
+    def token_of_hash(self, key: str) -> Token | None:
+        """Return the token whose secret has this hash, None if it was revoked."""
         return self._tokens.get(key)
 
     def was_issued(self, secret: str) -> bool:
-        """Return whether a secret was ever given to somebody, also one that was revoked."""
-        return hashed(secret) in self._issued
+        """Return True if a secret was ever issued, even if its token was revoked."""
+        return hash_secret(secret) in self._issued
 
-    def known(self, secret: str) -> Token | None:
-        """Return the token of a secret, None if it is nobody's or was not used for too long."""
-        token = self._tokens.get(hashed(secret))
+    def find_token(self, secret: str) -> Token | None:
+        """Return the token of a secret, None if it is unknown, or expired for lack of use."""
+        token = self._tokens.get(hash_secret(secret))
         if token is None or token.ends is not TokenEnd.UNUSED:
             return token
         used_s = token.created_s if token.used_s is None else token.used_s
         return token if time.time() - used_s < UNUSED_S else None
 
     def end_sessions(self) -> None:
-        """Revoke the tokens of former runs of the service that end with it."""
+        """Revoke the tokens of earlier runs of the service that were limited to such a run."""
         for token in self.all():
             if token.ends is TokenEnd.SERVICE:
                 self.revoke(token.id)
 
     def note_use(self, token: Token) -> None:
-        """Keep that a token was used now."""
+        """Save the present time as the last use of a token."""
         used = token.model_copy(update={"used_s": time.time()})
         key = next((key for key, each in self._tokens.items() if each.id == token.id), None)
         if key is not None:
@@ -110,7 +115,7 @@ class TokenStore:
         return sorted(self._tokens.values(), key=lambda each: each.created_s)
 
     def revoke(self, token_id: str) -> bool:
-        """Forget a token; return whether there was one."""
+        """Delete a token; return True if it existed."""
         key = next((key for key, each in self._tokens.items() if each.id == token_id), None)
         if key is None:
             return False

@@ -1,4 +1,4 @@
-// The screen stays on while we have the cell and it moves: a device that sleeps is out of reach.
+// Keeps the screen on while this page holds the cell and the cell moves: a sleeping device cannot renew the lease.
 import { lease, now, on } from "./service.js";
 
 let lock = null;
@@ -16,7 +16,7 @@ async function keep() {
       lock = null;
     }
   } catch {
-    // a device that saves its battery refuses: the words beside the lease say what that means
+    // a device in battery-saving mode refuses; the text next to the lease explains the consequence
   }
   asking = false;
 }

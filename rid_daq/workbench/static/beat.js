@@ -1,5 +1,5 @@
-// A worker that keeps the beat of the lease: browsers slow the timers of a page in the background
-// down to one a minute, those of its workers they do not.
+// Web worker with the timer of the lease renewal. Browsers slow the timers of a background page down
+// to one call per minute, but not those of its workers.
 const BEAT_MS = 4000;
 
 setInterval(() => postMessage("beat"), BEAT_MS);

@@ -1,4 +1,4 @@
-// Blocks of a result as elements: of a job that has ended, and of what the service shows of a run.
+// Converts blocks of a result to HTML elements.
 import { element, table } from "./dom.js";
 
 const MARKS = { true: ["good", "✓ "], false: ["bad", "✗ "], null: ["", ""] };
@@ -9,8 +9,8 @@ export function verdictOf({ passed, text }) {
   return element("p", { class: `verdict ${kind}` }, mark + text);
 }
 
-// Return the blocks' elements; `figure` makes the place of a plot, which is left out without it. A table of
-// more than `mostRows` is folded, unless it has a red row.
+// Return the elements of blocks. `figure` creates the container of a plot; without it, plots are left out.
+// A table with more than `mostRows` rows is collapsed, unless it has a red row.
 export function blockParts(blocks, figure = null, mostRows = 15) {
   let title = "table";
   return blocks.flatMap((block) => {

@@ -9,7 +9,7 @@ import { ask, on, preflightAge, reach } from "./service.js";
 const panel = new JobPanel(find("job"), { next, ended });
 let status = null;
 
-const LAST_POSE = "pose since the last run"; // the line of rid_daq/preflight/last_pose.py
+const LAST_POSE = "pose since the last run"; // as in rid_daq/preflight/last_pose.py
 
 const actions = {
   check: () => panel.begin("check"),
@@ -26,10 +26,10 @@ function next(job, document) {
   const again = (text, action) => element("button", { type: "button", class: "main", onclick: action }, text);
   const moved = document?.lines?.some((line) => line.what === LAST_POSE && line.verdict === "red");
   if (job.kind === "check" && moved)
-    return [again("Check again", actions.check), again("The positions are right: accept them", actions.accept)];
+    return [again("Check again", actions.check), again("The positions are correct: accept them", actions.accept)];
   if (job.kind === "check" && !document?.passed) return [again("Check again", actions.check)];
   if (job.kind === "reset" && job.state === "done") return [again("Check", actions.check)];
-  if (job.state !== "done" && status?.fault) return [again("Reset, once its cause is found", actions.reset)];
+  if (job.state !== "done" && status?.fault) return [again("Reset after the cause was found", actions.reset)];
   if (job.state !== "done" && job.kind !== "check") return [again("Check", actions.check)];
   return [];
 }
@@ -42,7 +42,7 @@ function ended(job) {
 async function refresh() {
   loadRuns();
   const lines = await loadPreflight(find("preflight"), find("preflight-words"));
-  const moves = ["moving", "stopping"].includes(status?.state); // a check is over before the cell's state says so
+  const moves = ["moving", "stopping"].includes(status?.state); // a check ends before the cell's state changes
   if (lines && !moves) showTemperatures(find("joints"), lines);
 }
 
@@ -50,7 +50,7 @@ async function loadRuns() {
   try {
     const runs = await ask("GET", "/runs?limit=5");
     find("last-runs").replaceChildren(
-      runs.length ? runTable(runs) : element("p", { class: "soft" }, "None yet."),
+      runs.length ? runTable(runs) : element("p", { class: "soft" }, "No runs yet."),
     );
   } catch (error) {
     find("last-runs").replaceChildren(element("p", { class: "problem" }, error.message));
@@ -63,14 +63,14 @@ function showState() {
   const age = preflightAge();
   const job = status.job;
   let text, kind = "";
-  if (!reach.values && !reach.requests) [text, kind] = ["Not known: the service does not answer.", "bad"];
+  if (!reach.values && !reach.requests) [text, kind] = ["Unknown: the service does not answer.", "bad"];
   else if (status.state === "fault") [text, kind] = [`Fault: ${status.fault} Find its cause, then reset.`, "bad"];
   else if (status.state === "moving") text = `The robot moves: ${job.kind}, by ${job.owner}.`;
   else if (status.state === "stopping") text = "The robot is being stopped.";
-  else if (status.state === "checking") text = `Nothing moves: ${job.kind} is under way.`;
+  else if (status.state === "checking") text = `Nothing moves: ${job.kind} is running.`;
   else if (status.state === "ready") {
     const left = Math.max(0, status.preflight_limit_s - (age ?? 0));
-    text = `Ready to move. Checked ${duration(age ?? 0)} ago; good for another ${duration(left)}.`;
+    text = `Ready to move. Preflight ${duration(age ?? 0)} ago, valid for another ${duration(left)}.`;
     kind = "good";
   } else text = `Not ready to move: ${status.not_ready_because}`;
   if (words.textContent !== text) words.textContent = text;
@@ -83,7 +83,7 @@ on("cell", (now) => {
   status = now;
   showState();
 });
-// ---- live values: those of a motion are old once none has come for a while
+// ---- live values; they count as old if no new ones arrive for OLD_MS
 const OLD_MS = 1500;
 let picture = null;
 let pictureAt = 0;

@@ -20,18 +20,18 @@ const value = (id, words) => {
 };
 
 const model = () => {
-  const asks = { model: value("model", "A model: identify the robot first. It") };
+  const asks = { model: value("model", "A model (identify the robot first)") };
   const temperature = find("temperature").value.trim();
   return temperature ? { ...asks, temperature } : asks;
 };
 
 const byModel = () => ({
   ...model(),
-  loop: value("loop", "A file of velocity loops: measure them in step 1. It"),
+  loop: value("loop", "A file of velocity loops (measure them in step 1)"),
 });
 
 // ---- 1: loops
-press("measure", panel, "loop", () => panel.begin("loop", { run: value("loop-run", "A run of a multisine") }));
+press("measure", panel, "loop", () => panel.begin("loop", { run: value("loop-run", "A run of a multisine motion") }));
 
 // ---- 2: timing, feedforward
 press("retime", panel, "retime", () => panel.begin("retime", {
@@ -47,7 +47,7 @@ press("make", panel, "compensate", () => {
 
 const motionOf = () => value("motion", "A motion");
 press("drive", panel, "record", () => {
-  const feedforward = value("feedforward", "A feedforward: make it first. It");
+  const feedforward = value("feedforward", "A feedforward (create it first)");
   return panel.begin("record", { motion: motionOf(), feedforward, label: "compensated" }, { moves: true });
 });
 press("drive-plain", panel, "record", () => panel.begin("record", { motion: motionOf(), label: "plain" }, { moves: true }));
@@ -55,7 +55,7 @@ press("drive-plain", panel, "record", () => panel.begin("record", { motion: moti
 // ---- 3: paths
 press("compare", panel, "tracking", () => {
   const [before, after] = [value("before", "The run before"), value("after", "The run after")];
-  if (before === after) throw new Error("Before and after are the same run: choose another one.");
+  if (before === after) throw new Error("The runs before and after are the same: choose another run.");
   return panel.begin("tracking", { run: [after], against: [before] });
 });
 
@@ -81,7 +81,7 @@ async function ended(job, document) {
     offer(find("feedforward"), document.feedforward);
   }
   if (job.kind === "refine" && document) {
-    const words = document.finished ? "Refined enough: what is left is noise, or does not repeat." : "Next: record with the new file, then refine again.";
+    const words = document.finished ? "The refinement is complete: the remaining error is noise, or does not repeat." : "Next: record with the new file, then refine again.";
     panel.after.append(element("p", {}, words));
   }
   if (job.kind === "tracking" && document) await showRun(find("path-result"), job.request.run[0], "tracking");

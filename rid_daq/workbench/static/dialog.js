@@ -1,11 +1,11 @@
-// Dialogs that leave STOP within reach: all else behind them is inert, the stop button is not.
+// Dialogs. Everything behind a dialog is inert, except the stop button.
 import { element, find } from "./dom.js";
 import { now, page } from "./service.js";
 
 const behind = find("behind");
 let open = null;
 
-// Show a dialog; resolves with what `read` returns once its form is sent, with null where it is left.
+// Show a dialog. Resolves with the result of `read` when its form is submitted, with null if it is cancelled.
 export function dialog(title, content, actionText, { danger = false, read = () => true } = {}) {
   open?.(null);
   const before = document.activeElement;
@@ -41,26 +41,26 @@ export function dialog(title, content, actionText, { danger = false, read = () =
   });
 }
 
-// Ask, before each motion, whether the cell is clear; resolves with what is to happen where this page
-// goes out of reach ("stop" or "finish"), or null. What moves only while it is held stops: no choice.
+// Ask before each motion if the cell is clear. Resolves with the action if the connection to this page is
+// lost ("stop" or "finish"), or null. A motion with a held key always stops then, so there is no choice.
 export function confirmClear(what, { held = false } = {}) {
   const words = page.simulated
-    ? "This cell is simulated: nothing real moves. On a real cell you would now look:"
-    : "The robot moves. Look now:";
+    ? "This cell is simulated: no real robot moves. On a real cell you would now check:"
+    : "The robot will move. Check now:";
   const list = element(
     "ul",
     { class: "clear" },
-    element("li", {}, "Nobody is in the cell, and nothing stands in the robot's way."),
-    element("li", {}, "The emergency stop is at hand."),
+    element("li", {}, "No one is in the cell, and nothing is in the robot's way."),
+    element("li", {}, "The emergency stop is within reach."),
   );
   const name = now.status?.robot ?? page.cell;
   const lost = element(
     "select",
     { id: "on-lost" },
     element("option", { value: "stop" }, "stop the motion"),
-    element("option", { value: "finish" }, "let it go on to its end"),
+    element("option", { value: "finish" }, "continue it to its end"),
   );
-  const label = element("label", { for: "on-lost" }, "If this page goes out of reach:");
+  const label = element("label", { for: "on-lost" }, "If the connection to this page is lost:");
   const content = [element("p", {}, words), list, ...(held ? [] : [label, lost])];
-  return dialog(`Is the cell clear? ${what}`, content, `${name} is clear: begin`, { danger: true, read: () => lost.value });
+  return dialog(`Is the cell clear? ${what}`, content, `${name} is clear: start`, { danger: true, read: () => lost.value });
 }

@@ -1,4 +1,4 @@
-// Makes and finds elements; text is always text, never markup.
+// Creates and finds elements; texts are never interpreted as markup.
 
 export const find = (id) => document.getElementById(id);
 
@@ -33,18 +33,18 @@ export function table(columns, rows, red = null, caption = null) {
   );
 }
 
-// How long something takes or has taken, in words.
+// Return a duration as text.
 export function duration(seconds) {
   if (seconds < 90) return `${Math.max(0, Math.round(seconds))} s`;
   if (seconds < 5400) return `${Math.round(seconds / 60)} min`;
   return `${(seconds / 3600).toFixed(1)} h`;
 }
 
-// A time in this device's zone, which it names.
+// Return a time in this device's time zone, with the zone's name.
 export const moment = (seconds) => new Date(1000 * seconds).toLocaleString(undefined, { timeZoneName: "short" });
 
-// The number that a person wrote: a decimal point or comma. NaN if it is anything else, also where a
-// comma may separate thousands: "1,234".
+// Parse a number with a decimal point or comma. NaN for any other text, and if a comma may separate
+// thousands: "1,234".
 export function parseNumber(text) {
   const words = text.trim();
   if (!/^[-+]?(\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?$/i.test(words)) return NaN;

@@ -1,4 +1,4 @@
-// Experiment: choose or design a motion, see it, rehearse and record it.
+// Page Experiment: choose or design a motion, show it, rehearse and record it.
 import { find } from "./dom.js";
 import { newest } from "./requests.js";
 import { CELL, on, page } from "./service.js";
@@ -7,7 +7,7 @@ import { WorkPanel, blocksUrl, link, nameOf, numberOf, offer, press, showBlocks,
 const motion = find("motion");
 const kind = find("kind");
 
-// What a run of a kind of motion is for, where it is not for a model.
+// Next page after a run, by the kind of its motion (default: Identify).
 const NEXT = {
   multisine: ["compensation", "Measure the velocity loops"],
   constant_velocity: ["friction", "Measure the friction"],
@@ -31,7 +31,7 @@ const panel = new WorkPanel(find("job"), {
   },
 });
 
-// ---- the motion and its picture
+// ---- the motion and its plots
 const replacing = newest();
 
 async function showMotion() {

@@ -1,4 +1,4 @@
-// Friction alone: from the runs that were made to measure it to models, joint by joint.
+// Page Friction: identify friction alone, joint by joint, from runs that were made for it.
 import { element, find } from "./dom.js";
 import { on } from "./service.js";
 import { WorkPanel, completeRuns, press, runWords, showRun, wanted } from "./work.js";
@@ -26,7 +26,7 @@ async function showRuns() {
 
 press("measure", panel, "friction", () => {
   const run = chosenRuns();
-  if (!run.length) throw new Error("A run is missing: choose one at constant speed, or there and back.");
+  if (!run.length) throw new Error("A run is missing: choose a constant-speed run, or a forward and reversed run.");
   const model = find("model").value;
   return panel.begin("friction", model ? { run, model } : { run });
 });

@@ -1,17 +1,17 @@
-// The key that this page holds: each challenge of the service is answered at once while it is held, so
-// that the service knows how old an answer may be. After a gap the press is over: only another counts.
+// Key that this page holds. While it is held, the page answers each challenge of the service at once, so that
+// the service knows the age of an answer. After a gap the press no longer counts; a new press is needed.
 const LIMIT_MS = 300; // CHALLENGE_LIMIT_S of acquisition/hold_to_run/held_key.py
 const WATCH_MS = 50;
 
 export class HeldKey {
-  // `send(message)` sends it with the lease and returns whether it could; `tell(job, text)` says
+  // `send(message)` sends it with the lease and returns true if this is possible; `tell(job, text)` shows
   // why a key does not count.
   constructor(send, tell) {
     this.send = send;
     this.tell = tell;
     this.sequence = 0;
-    this.newest = new Map(); // job: the newest challenge and when it came
-    this.press = null; // { job, key, counts, from }: `counts` until there was a gap
+    this.newest = new Map(); // by job: the newest challenge and its arrival time
+    this.press = null; // { job, key, counts, from }: `counts` is true until there was a gap
     this.timer = null;
   }
 
@@ -19,7 +19,7 @@ export class HeldKey {
     this.letGo();
     this.press = { job, key, counts: true, from: performance.now() };
     this.timer = setInterval(() => this.watch(), WATCH_MS);
-    const released = this.say(job, { held: "" }); // a press begins with a release that is seen
+    const released = this.say(job, { held: "" }); // a press begins with a release message
     if (!released) this.end("the service does not answer");
     else if (this.age(job) < LIMIT_MS) this.answer();
   }
@@ -35,12 +35,12 @@ export class HeldKey {
   }
 
   challenge({ job, value }) {
-    this.watch(); // it may come after a gap
+    this.watch(); // the challenge may arrive after a gap
     this.newest.set(job, { value, at: performance.now() });
     if (this.press?.job === job) this.answer();
   }
 
-  // The connection has ended: what it had sent counts for nothing on the next one.
+  // The connection has ended: its challenges are not valid on the next one.
   cut() {
     this.newest.clear();
     this.end("the connection has ended");
@@ -54,13 +54,13 @@ export class HeldKey {
   watch() {
     if (!this.press) return;
     const silent = Math.min(this.age(this.press.job), performance.now() - this.press.from);
-    if (silent >= LIMIT_MS) this.end(`link too slow: nothing heard for ${Math.round(silent)} ms`);
+    if (silent >= LIMIT_MS) this.end(`link too slow: no message for ${Math.round(silent)} ms`);
   }
 
   end(why) {
     if (!this.press?.counts) return;
     this.press.counts = false;
-    this.tell(this.press.job, `${why}: the key does not count; let go and press again`);
+    this.tell(this.press.job, `${why}: the key does not count; release it and press it again`);
   }
 
   answer() {

@@ -1,4 +1,4 @@
-// The history of a robot: one quantity; another one is another page.
+// Page with the history of one quantity of a robot.
 import { find } from "./dom.js";
 import { CELL, go } from "./service.js";
 import { blocksUrl, showBlocks } from "./work.js";

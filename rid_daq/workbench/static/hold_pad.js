@@ -1,4 +1,4 @@
-// Hold-to-run buttons: a key is sent while one is pressed, and "let go" at once when it is not.
+// Hold-to-run buttons: while one is pressed, its key is sent; a release is sent at once.
 import { element } from "./dom.js";
 import { hold, letGo, on, tap } from "./service.js";
 
@@ -9,7 +9,7 @@ on("key", (job, text) => {
   if (shown?.job === job) shown.problem.textContent = text;
 });
 
-// Return { pad, leave } for a job that wants a key to be held.
+// Return { pad, leave } for a job that requires a held key.
 export function holdPad(job, joints) {
   const abort = new AbortController();
   const { signal } = abort;
@@ -25,7 +25,7 @@ export function holdPad(job, joints) {
     for (const each of buttons) each.classList.remove("held");
   };
 
-  // `key()` is the key that the button holds now.
+  // `key()` returns the present key of the button.
   function holder(text, key, label = null) {
     const button = element("button", { type: "button", class: "hold", "aria-label": label }, text);
     const press = () => {
@@ -57,7 +57,7 @@ export function holdPad(job, joints) {
   const free = job.kind === "jog" && !job.request.home;
   const rows = [];
   if (free) {
-    let chosen = 1; // said with each press, so that no choice can come too late
+    let chosen = 1; // sent with each press, so that a choice cannot arrive too late
     const choices = joints.slice(0, 9).map((joint, i) => {
       const choice = element("button", { type: "button", class: "joint", "aria-pressed": String(i === 0) }, joint);
       choice.addEventListener("click", () => {
@@ -69,16 +69,16 @@ export function holdPad(job, joints) {
       return choice;
     });
     rows.push(element("div", { class: "joints", role: "group", "aria-label": "joint" }, ...choices));
-    const hints = { "-": "hold to move back", "+": "hold to move forth" };
+    const hints = { "-": "hold to move in negative direction", "+": "hold to move in positive direction" };
     rows.push(element("div", { class: "holds" }, ...JOG_KEYS.map(([text, key]) => holder(text, () => chosen + key, hints[key]))));
     if (document.querySelector("[data-home=yes]"))
-      rows.push(element("div", { class: "holds" }, holder("Hold: to the home pose", () => "h")));
+      rows.push(element("div", { class: "holds" }, holder("Hold to move to the home pose", () => "h")));
   } else {
     rows.push(element("div", { class: "holds" }, holder("Hold to move", () => " ")));
   }
   const end = element("button", { type: "button", onclick: () => tap(job.id, "q") }, "Finish");
   rows.push(element("div", { class: "actions" }, end));
-  rows.unshift(element("p", { class: "question" }, "Hold the button: the robot moves. Let go: it stops."));
+  rows.unshift(element("p", { class: "question" }, "The robot moves while you hold the button, and stops when you release it."));
   rows.push(problem);
 
   const leave = () => {

@@ -1,4 +1,4 @@
-// Identify: Data, Model, Check, Solve, Result.
+// Page Identify: Data, Model, Check, Solve, Result.
 import { element, find } from "./dom.js";
 import { newest } from "./requests.js";
 import { CELL, mayMove, on } from "./service.js";
@@ -6,7 +6,7 @@ import { WorkPanel, completeRuns, fileLink, findings, look, nameOf, numberOf, op
 
 const solve = find("solve");
 let runs = [];
-let checked = null; // what the check found of the runs that are chosen now; null while it is not known
+let checked = null; // findings about the chosen runs; null until they are known
 let solvedWith = null;
 let model = null;
 let solving = false;
@@ -14,7 +14,7 @@ let solving = false;
 const panel = new WorkPanel(find("job"), { begun, ended });
 
 // ---- stages
-const WORDS = { done: "complete", bad: "look here", now: "under way", wait: "not yet" };
+const WORDS = { done: "complete", bad: "problem", now: "running", wait: "not yet" };
 function stage(name, state) {
   const line = document.querySelector(`[data-stage="${name}"]`);
   line.dataset.state = state;
@@ -28,7 +28,7 @@ const terms = () => [...document.querySelectorAll("#terms input:checked")].map((
 function modelProblem() {
   if (friction() === "terms" && !terms().length) return "Choose at least one friction term.";
   if (friction() === "terms" && terms().includes("asymmetric") && (terms().includes("coulomb") || terms().includes("offset")))
-    return "asymmetric stands for coulomb and offset: choose it or them.";
+    return "asymmetric replaces coulomb and offset: choose either asymmetric, or the other two.";
   try {
     numberOf("band", { least: 0.01 });
   } catch (error) {
@@ -70,23 +70,23 @@ function show() {
   find("check-findings").replaceChildren(...(dataGood ? findings(checked.model) : []));
   find("check-words").textContent = dataGood ? "Data and model together:" : names.length ? "The data are not complete yet." : "Choose runs first.";
   let why = "";
-  if (!mayMove) why = "This device may only look on. An administrator gives it the role operator.";
+  if (!mayMove) why = "This device has read-only access. An administrator can give it the role operator.";
   else if (!names.length) why = "Data are missing: choose a run.";
   else if (checked === null) why = "The data are being checked.";
   else if (!dataGood) why = "The data are not complete: see Data.";
   else if (problem) why = "The model is not complete: see Model.";
-  else if (!checkGood) why = "The check found what is wrong: see Check.";
-  else if (solving) why = "Under way.";
+  else if (!checkGood) why = "The check has found a problem: see Check.";
+  else if (solving) why = "Running.";
   solve.disabled = why !== "";
   find("solve-why").textContent = why;
 }
 
 function modelWords() {
   const many = checked === null ? "" : `${checked.parameters} base parameters. `;
-  if (friction() === "data") return `${many}The friction terms of each joint are chosen by the data.`;
+  if (friction() === "data") return `${many}The data select the friction terms of each joint.`;
   if (friction() === "terms") return `${many}Friction of every joint: ${terms().join(", ").replaceAll("_", " ")}.`;
   const each = checked === null ? "" : `: ${Object.entries(checked.friction).map(([joint, own]) => `${joint} ${own.join(", ") || "none"}`).join("; ")}`;
-  return `${many}Friction as the robot file has it${each}.`;
+  return `${many}Friction terms of the robot file${each}.`;
 }
 
 const replacing = newest();
@@ -132,7 +132,7 @@ press("solve", panel, "identify", async () => {
   show();
 });
 
-// ---- what jobs begin and end with
+// ---- start and end of jobs
 function begun(job) {
   if (job.kind !== "identify" || job.ended_s) return;
   solving = true;
@@ -173,7 +173,7 @@ async function showResult(run) {
 }
 
 press("validate", panel, "validate", async () => {
-  if (!find("other").value) throw new Error("There is no other run: record one that the model was not identified from.");
+  if (!find("other").value) throw new Error("There is no other run: record a run for the validation.");
   await panel.begin("validate", { model: model.path, run: find("other").value });
 });
 

@@ -1,4 +1,4 @@
-// A job as it goes: progress, sentences, tables, questions, verdict, what next.
+// Panel of a job: progress, messages, tables, questions, verdict, next steps.
 import { blockParts, verdictOf } from "./blocks.js";
 import { confirmClear } from "./dialog.js";
 import { duration, element } from "./dom.js";
@@ -9,11 +9,11 @@ const ENDS = {
   done: ["good", "Done"], failed: ["bad", "Failed"], stopped: ["bad", "Stopped"],
   interrupted: ["bad", "Interrupted"],
 };
-const BEGIN_MS = 30000; // a job is answered once it is journalled and its worker runs
-const URGENT = { urgent: true }; // a job's questions do not wait behind lists and figures
+const BEGIN_MS = 30000; // the service answers once the job is saved and its worker runs
+const URGENT = { urgent: true }; // questions of a job do not wait for lists and figures
 const over = (job) => job.state in ENDS;
 
-// The name of a kind of job as its command has it: "payload_export" is "Payload export".
+// Return the title of a kind of job: "Payload export" for "payload_export".
 const kindWords = (kind) => kind.charAt(0).toUpperCase() + kind.slice(1).replaceAll("_", " ");
 
 // new JobPanel(section, { next: (job, document) => [element, ...] })
@@ -32,8 +32,8 @@ export class JobPanel {
     this.recall();
   }
 
-  // Begin a job and show it; a motion asks first whether the cell is clear. Resolves with the job or
-  // null where somebody has thought better of it; a refusal is shown here.
+  // Start a job and show it; before a motion, ask if the cell is clear. Resolves with the job, or with
+  // null if the user cancels; a refusal is shown here.
   async begin(kind, request = {}, { moves = false } = {}) {
     const lost = moves ? await confirmClear(kindWords(kind), { held: kind === "jog" }) : "stop";
     if (lost === null) return null;
@@ -58,7 +58,7 @@ export class JobPanel {
     this.section.scrollIntoView({ block: "nearest" });
   }
 
-  // A job that was begun here, and whose end this page has not shown: the page was loaded again.
+  // After a reload: show the job that was started here, if its end has not been shown.
   async recall() {
     const id = sessionStorage.getItem(this.key);
     if (!id) return;
@@ -70,7 +70,7 @@ export class JobPanel {
     }
   }
 
-  // The job that has the cell is shown where this panel shows none that runs.
+  // Show the running job of the cell if this panel shows no running job.
   adopt(status) {
     if (status.job && status.job.id !== this.job?.id && (!this.job || over(this.job))) this.show(status.job);
   }
@@ -83,12 +83,12 @@ export class JobPanel {
     this.waiting = null;
     this.question = null;
     this.document = null;
-    this.progress = element("progress", { max: "1", "aria-label": "how far" });
+    this.progress = element("progress", { max: "1", "aria-label": "progress" });
     this.count = element("p", { class: "count number" });
     this.verdict = element("div", { class: "verdicts", role: "status" });
     this.questions = element("div", { class: "questions" });
     this.after = element("div", { class: "next actions" });
-    this.said = element("div", { class: "said", role: "log", tabindex: "0", "aria-label": "what the job says" });
+    this.said = element("div", { class: "said", role: "log", tabindex: "0", "aria-label": "messages of the job" });
     const end = element("button", { type: "button", onclick: () => this.cancel() }, "End this job");
     this.cancelling = end;
     const head = element("div", { class: "job-head" }, element("h2", {}, kindWords(job.kind)), end);
@@ -104,7 +104,7 @@ export class JobPanel {
     try {
       this.change(await ask("GET", `/jobs/${this.job.id}`, undefined, undefined, undefined, URGENT));
     } catch {
-      return; // out of reach again: the page says so
+      return; // no connection: the page shows this
     }
     await this.follow();
   }
@@ -122,12 +122,12 @@ export class JobPanel {
     this.job = job;
     this.cancelling.hidden = over(job);
     this.way.hidden = over(job);
-    if (job.state === "accepted") this.count.textContent = "Waits until another job has ended.";
+    if (job.state === "accepted") this.count.textContent = "Waiting for the end of another job.";
     if (!ended) return;
     this.endedJob = job.id;
     const { verdict } = this;
     await this.follow();
-    if (this.verdict !== verdict) return; // another job is shown meanwhile
+    if (this.verdict !== verdict) return; // another job is shown by now
     this.drop();
     sessionStorage.removeItem(this.key);
     const [kind, word] = ENDS[job.state];
@@ -142,11 +142,11 @@ export class JobPanel {
     this.ended(job, this.document);
   }
 
-  // Get what the job has said since the last time, and miss nothing: one request is under way, and one
-  // waits, for all who have asked meanwhile.
+  // Get the new events of the job. At most one request is running and one is waiting, which serves all
+  // calls in the meantime, so that no event is missed.
   follow() {
     const { job: { id }, said } = this;
-    const left = () => this.job?.id !== id || this.said !== said; // another job is shown, or this one anew
+    const left = () => this.job?.id !== id || this.said !== said; // another job is shown, or this one again
     this.waiting ??= this.asking.then(async () => {
       if (left()) return;
       [this.asking, this.waiting] = [this.waiting, null];
@@ -156,7 +156,7 @@ export class JobPanel {
         this.known += events.length;
         for (const event of events) this.take(event);
       } catch {
-        // out of reach: `refresh` comes once the service is back
+        // no connection: `refresh` is called once the service answers again
       }
     });
     return this.waiting;
@@ -242,7 +242,7 @@ export class JobPanel {
       parts = [large.length ? element("div", { class: "answers" }, ...large) : null, form].filter(Boolean);
     }
     const text = event.text ? element("p", { class: "question" }, event.text) : null;
-    const mine = lease.key ? null : element("p", { class: "problem" }, "Who has the cell answers.");
+    const mine = lease.key ? null : element("p", { class: "problem" }, "Only the holder of the cell can answer: take the cell first.");
     this.questions.replaceChildren(...[text, mine, ...parts, problem].filter(Boolean));
     this.questions.scrollIntoView({ block: "nearest" });
   }

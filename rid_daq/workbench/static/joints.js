@@ -1,4 +1,4 @@
-// Joints against their limits, from the newest picture of a motion.
+// Shows joint values relative to their limits, from the newest picture of a motion.
 
 const DEGREES = 180 / Math.PI;
 const OLD_S = 0.5;
@@ -25,12 +25,12 @@ function say(words, sentence, problem) {
   words.classList.toggle("problem", problem);
 }
 
-// How warm the drives were when they were checked, until a motion tells it anew.
+// Show the drive temperatures of the preflight until a motion delivers new ones.
 export function showTemperatures(section, lines) {
   for (const line of lines.filter((each) => each.what.includes("temperature"))) {
     const card = section.querySelector(`[data-joint="${CSS.escape(line.where.split(",")[0])}"]`);
     const place = card?.querySelector('[data-show="temperature"]');
-    if (place && Number.isFinite(Number(line.found))) place.textContent = `${Number(line.found).toFixed(0)} °C, when checked`;
+    if (place && Number.isFinite(Number(line.found))) place.textContent = `${Number(line.found).toFixed(0)} °C at the preflight`;
   }
 }
 

@@ -1,4 +1,4 @@
-// The form of an operation: what it holds becomes a request; the service checks it.
+// Form of an operation: its content becomes a request, which the service checks.
 import { element, find, parseNumber } from "./dom.js";
 import { WorkPanel, completeRuns, ofRun, press, runWords, showBlocks, wanted } from "./work.js";
 
@@ -9,7 +9,7 @@ function show() {
   const kind = form.dataset.kind;
   const moves = "moves" in form.dataset;
   const figures = element("div", {});
-  const keep = ({ kind }) => kind === "plot"; // the panel shows the rest
+  const keep = ({ kind }) => kind === "plot"; // the panel shows all other blocks
   const panel = new WorkPanel(find("job"), { ended: (job) => job.run && showBlocks(figures, ofRun(job.run), { keep }) });
   find("job").after(figures);
   for (const input of form.elements) {
@@ -20,7 +20,7 @@ function show() {
   press("begin", panel, kind, () => panel.begin(kind, request(), { moves }));
 }
 
-// What was given; a field that was left as it is stays with the service's default.
+// Return the request from the changed fields; the service sets the defaults of all others.
 function request() {
   const asks = {};
   for (const input of form.elements) {
@@ -34,7 +34,7 @@ function request() {
   return asks;
 }
 
-// Return null for a field that was left as it is.
+// Return the value of a field, null if it is unchanged.
 function valueOf(input) {
   const { kind, many, parts = "" } = input.dataset;
   if (kind === "flag") return input.checked === input.defaultChecked ? null : input.checked;
@@ -47,7 +47,7 @@ function valueOf(input) {
   return one(text);
 }
 
-// A value of several parts, in one line: "m 2.805 0.005".
+// Parse a value with several parts in one line: "m 2.805 0.005".
 function whole(line, parts, name) {
   const names = parts.trim().split(" ").map((each) => each.split(":"));
   const words = line.split(/\s+/);

@@ -1,4 +1,4 @@
-// The page of a new device: shows a code and asks until somebody has confirmed it.
+// Page of a new device: shows a code and polls until an administrator has confirmed it.
 const POLL_MS = 1000;
 const HEADERS = { "x-rid-daq": "page", "content-type": "application/json" };
 const [code, words, again] = ["code", "words", "again"].map((id) => document.getElementById(id));
@@ -16,7 +16,7 @@ async function begin() {
   try {
     const begun = await post("/api/v1/pairing", {});
     code.textContent = `${begun.code.slice(0, 3)} ${begun.code.slice(3)}`;
-    words.textContent = "Waiting until somebody types it there. The code is good for 5 minutes.";
+    words.textContent = "Waiting until an administrator types the code. It is valid for 5 minutes.";
     setTimeout(look, POLL_MS, begun.secret);
   } catch (error) {
     giveUp(error);

@@ -1,16 +1,16 @@
-// Payload: the guided session, its warm-up, its result, load data for the controller.
+// Page Payload: the guided session, its warm-up, its result, load data for the controller.
 import { blockParts } from "./blocks.js";
 import { element, find } from "./dom.js";
 import { WorkPanel, blocksUrl, figureIn, numberOf, offer, press, showRun, wanted, fileLink, link } from "./work.js";
 
-const WORDS = { done: "done", now: "now", bad: "look here", wait: "not yet" };
+const WORDS = { done: "done", now: "now", bad: "problem", wait: "not yet" };
 const DRAWN_MS = 3000;
 let session = null;
 const STAGES = [...document.querySelectorAll("[data-stage]")];
 
 const panel = new WorkPanel(find("job"), { heard, begun, ended });
 
-// ---- stages: each shows one state of the session, or two
+// ---- stages: each shows one or two states of the session
 
 function show(stage, word) {
   stage.dataset.state = word;
@@ -28,7 +28,7 @@ function begun(job) {
   find("warm-up").hidden = true;
 }
 
-// ---- what the session says on its way
+// ---- events of the session
 let drawnAt = -Infinity;
 let later = null;
 
@@ -68,7 +68,7 @@ async function ended(job, document) {
 }
 
 // ---- the session
-let resumed = null; // the session that is gone on with: its run, what it was begun with, and that as the form has it
+let resumed = null; // the resumed session: its run, its choices, and the request that the form showed for them
 
 function request() {
   const mass = find("mass").value.trim();
@@ -99,7 +99,7 @@ press("begin", panel, "payload_session", () => {
 });
 press("check", panel, "check", () => panel.begin("check"));
 
-// Show what an interrupted session was begun with where it can be changed; it goes on from there.
+// Show the choices of an interrupted session in the form, so that they can be changed before it is resumed.
 function goOn({ run, label, state, choices: told }) {
   const choices = JSON.parse(told);
   const { known, limits } = choices;
@@ -116,20 +116,20 @@ function goOn({ run, label, state, choices: told }) {
     if (choices[id] && find(id)) offer(find(id), choices[id]);
     else if (find(id)) find(id).value = "";
   }
-  for (const id of ["motion", "periods"]) find(id).disabled = true; // they stand in its folder
+  for (const id of ["motion", "periods"]) find(id).disabled = true; // fixed: they are stored in its run folder
   resumed = { run, choices };
   resumed.shown = request();
   const more = known.filter((each) => each !== mass).map((each) => `${each.name} is known: ${each.value} ± ${each.sigma}.`);
   if (choices.until_mass_kg !== null) more.push(`A run ends once 2σ of the mass is ${choices.until_mass_kg} kg.`);
-  find("going-on").textContent = [`Session ${label} goes on with what stands here; it was begun with that. Change what is wrong.`, ...more].join(" ");
+  find("going-on").textContent = [`Session ${label} will be resumed with these values, with which it was started. Correct them if necessary.`, ...more].join(" ");
   for (const id of ["going-on", "anew"]) find(id).hidden = false;
-  find("begin").textContent = `Go on with ${label}`;
+  find("begin").textContent = `Resume ${label}`;
   find("lengths").open = true;
   reach(state, "bad");
   find("prepare").scrollIntoView({ block: "start" });
 }
 
-// What is another now than the session was begun with, be it the usual.
+// Return the values that differ from those at the start of the session, even if they equal the default.
 function saidAnew() {
   const changed = Object.entries(request()).filter(([name, value]) => JSON.stringify(value) !== JSON.stringify(resumed.shown[name]));
   return { ...Object.fromEntries(changed), resume: resumed.run };
@@ -156,13 +156,13 @@ async function showResult(run) {
 function papers(run) {
   const report = `/api/v1/runs/${encodeURIComponent(run)}/report`;
   const by = element("input", { id: "by", type: "text", autocomplete: "off", maxlength: "80" });
-  const make = element("button", { id: "certify", type: "button", "data-needs": "role", disabled: true }, "Make the certificate");
+  const make = element("button", { id: "certify", type: "button", "data-needs": "role", disabled: true }, "Create the certificate");
   make.addEventListener("click", () => {
     const asks = { session: run, output: `certificate-${run}.html`, overwrite: true };
     panel.begin("payload_certificate", by.value.trim() ? { ...asks, by: by.value.trim() } : asks);
   });
   return element("div", { class: "tools" },
-    element("label", { for: "by" }, "Who answers for the certificate", by), make,
+    element("label", { for: "by" }, "Person responsible for the certificate", by), make,
     element("div", { id: "certificate", class: "actions", role: "status" }),
     link(report, "Report", { target: "_blank" }));
 }
@@ -179,14 +179,14 @@ press("export", panel, "payload_export", async () => {
 
 function showLoadData(document) {
   find("load-data").replaceChildren(
-    element("p", {}, `For robot ${document.robot}. Enter it, then compare what the controller holds below.`),
+    element("p", {}, `For robot ${document.robot}. Enter these data in the controller, then compare the controller's data below.`),
     element("pre", { tabindex: "0", "aria-label": "load data" }, document.text),
     element("div", { class: "actions" }, fileLink(document.file, `Save ${document.file}`)));
 }
 
 press("read-back", panel, "payload_read_back", async () => {
   const text = find("typed").value;
-  if (!text.trim()) throw new Error("Type or paste what the controller holds.");
+  if (!text.trim()) throw new Error("Type or paste the controller's load data.");
   await panel.begin("payload_read_back", { payload: session.payload, form: find("make").value, text });
 });
 

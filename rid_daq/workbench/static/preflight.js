@@ -1,10 +1,10 @@
-// The newest preflight: in a sentence, and by device.
+// The newest preflight: a summary, and its lines by device.
 import { blockParts } from "./blocks.js";
 import { duration } from "./dom.js";
 import { request } from "./requests.js";
 import { CELL, ask } from "./service.js";
 
-// Show the preflight; resolves with its lines, where there is one.
+// Show the preflight; resolves with its lines if there is one.
 export async function loadPreflight(section, words) {
   let found, blocks;
   try {
@@ -16,12 +16,12 @@ export async function loadPreflight(section, words) {
   }
   section.replaceChildren(...blockParts(blocks, null, 1));
   if (found === null) {
-    words.textContent = "This cell was not checked yet. Next: Check.";
+    words.textContent = "This cell has had no preflight yet. Next: Check.";
     return;
   }
   const age = found.age_s === null ? "before the service was started" : `${duration(found.age_s)} ago`;
   const red = found.lines.filter((line) => line.verdict === "red");
-  const voided = found.void_because ? ` It does not count: ${found.void_because}` : "";
+  const voided = found.void_because ? ` It is void: ${found.void_because}` : "";
   words.textContent = `${found.passed ? "Green" : "Red"}: ${found.lines.length} lines, ${red.length} red, ${age}.${voided} ${found.problem ?? ""}`;
   words.className = `verdict ${found.passed && !found.void_because ? "good" : "bad"}`;
   return found.lines;

@@ -1,8 +1,8 @@
-// Requests to the service: bounded in time and number, so that they never keep STOP waiting.
+// Requests to the service, limited in time and number, so that they never delay STOP.
 
 const AT_ONCE = 3; // of the six connections of a browser; STOP and the heartbeat need the others
 
-// A request that was refused or not answered; `message` is a sentence for people.
+// A request that was refused or not answered; `message` is a sentence for the user.
 export class Refusal extends Error {
   constructor(kind, message, status) {
     super(message);
@@ -11,7 +11,7 @@ export class Refusal extends Error {
   }
 }
 
-// True if a request was given up because a newer one replaces it: there is nothing to show.
+// True if a request was cancelled because a newer one replaces it: there is nothing to show.
 export const isReplaced = (error) => error.kind === "Replaced";
 
 let underWay = 0;
@@ -56,13 +56,13 @@ function refusalOf(answer, text) {
     const told = JSON.parse(text);
     if (told.message) return new Refusal(told.error, told.message, answer.status);
   } catch {
-    // an answer of the server itself, without words
+    // an answer of the web server without a message
   }
-  if (answer.status === 401) return new Refusal("NotKnownError", "This device is not let in any more.", 401);
-  return new Refusal("Refused", `The service refuses this (${answer.status}).`, answer.status);
+  if (answer.status === 401) return new Refusal("NotKnownError", "This device no longer has access.", 401);
+  return new Refusal("Refused", `The service refused the request (status ${answer.status}).`, answer.status);
 }
 
-// Return a function that gives a signal for each request of a series, and ends the one before.
+// Return a function that returns a signal for each request of a series, and cancels the previous request.
 export function newest() {
   let ending = null;
   return () => {

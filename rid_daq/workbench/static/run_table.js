@@ -1,4 +1,4 @@
-// Runs as a table; with `pick`, each may be ticked.
+// Table of runs; with `pick`, each row has a checkbox.
 import { element, moment, table } from "./dom.js";
 import { page } from "./service.js";
 

@@ -1,4 +1,4 @@
-// The page of runs: looks for, filters, compares two.
+// Page Runs: search, filter, compare two runs.
 import { element, find } from "./dom.js";
 import { JobPanel } from "./job_panel.js";
 import { runTable } from "./run_table.js";
@@ -23,7 +23,7 @@ async function load() {
     for (const run of runs) addKind(run.kind);
     picked = [];
     showPicked();
-    const none = element("p", { class: "soft" }, "No run is like this.");
+    const none = element("p", { class: "soft" }, "No run matches this filter.");
     find("runs").replaceChildren(runs.length ? runTable(runs, pick) : none, ...runs.filter((run) => run.problem).map(damaged), ...runs.filter((run) => run.status === "unfinished").map(recover));
   } catch (error) {
     if (isReplaced(error)) return;
@@ -40,7 +40,7 @@ function addKind(name) {
 const damaged = (run) =>
   element("div", {}, element("p", { class: "verdict bad" }, run.problem), recover(run));
 
-// What the program could not close is written anew, as far as its checksums vouch for it.
+// Recover a run that was not closed: the parts with valid checksums are written again.
 function recover(run) {
   const go = () => panel.begin("recover", { what: run.id });
   const label = `Recover ${run.label || run.id}`;
@@ -56,7 +56,7 @@ function pick(event) {
 function showPicked() {
   find("compare").disabled = picked.length !== 2 || !mayMove;
   find("compare").classList.toggle("main", picked.length === 2);
-  find("picked").textContent = picked.length === 2 ? `${picked[0]} with ${picked[1]}` : "Pick two runs that were identified.";
+  find("picked").textContent = picked.length === 2 ? `${picked[0]} with ${picked[1]}` : "Pick two identified runs.";
 }
 
 const later = () => {

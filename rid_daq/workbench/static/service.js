@@ -1,4 +1,4 @@
-// The service as pages use it: requests, one WebSocket, the lease of this page's cell.
+// Access to the service from a page: requests, one WebSocket, the lease of this page's cell.
 import { HeldKey } from "./held_key.js";
 import { Refusal, request } from "./requests.js";
 import { lockForThisTab, unlock } from "./tab_lock.js";
@@ -17,20 +17,20 @@ const LEASE_S = 15;
 const PATIENCE_MS = 10000;
 const RENEW_MS = 2000;
 const AGAIN_MS = 500;
-// Both channels have a heartbeat; silence is told within 2 s.
+// Both channels have a heartbeat; a lost connection is shown within 2 s.
 const WATCH_MS = 100;
-const STOOD_MS = 400; // between two looks
-const STALE_MS = 1850; // without a word on a channel
-const PROBE_MS = 700; // from one probe of the requests to the next
+const STOOD_MS = 400; // a longer time between two checks means that this page was suspended
+const STALE_MS = 1850; // time without a message on a channel
+const PROBE_MS = 700; // time between two probe requests
 const PROBE_PATIENCE_MS = 2000;
 const MOST_PROBES = 2;
-const FIRST_MS = 4000; // for the first word of the WebSocket, while the page loads
-const FRESH_MS = 1000; // a service that was heard so lately is not asked before a page is left
+const FIRST_MS = 4000; // time for the first message of the WebSocket, while the page loads
+const FRESH_MS = 1000; // before leaving a page, the service is not probed if it has answered within this time
 const KEY = `rid-daq lease ${page.cell}`;
 export const CELL = `/cells/${encodeURIComponent(page.cell)}`;
 
-// Ask the API: ask("POST", "/cells/ir361/lease", {note}); the cell's lease is shown where we have it.
-// A GET waits while others are under way; what changes something does not. `signal` ends it.
+// Send a request to the API: ask("POST", "/cells/ir361/lease", {note}), with the lease key if we hold the cell.
+// A GET waits while others are running; other methods do not wait. `signal` cancels the request.
 export function ask(method, path, body = undefined, patienceMs = PATIENCE_MS, key = lease.key, more = {}) {
   const headers = { "x-rid-daq": "page", "content-type": "application/json" };
   if (key) headers["x-rid-daq-lease"] = key;
@@ -39,8 +39,8 @@ export function ask(method, path, body = undefined, patienceMs = PATIENCE_MS, ke
 }
 
 // Listeners: "cell" (status), "job" (job), "event" (job id, event), "samples" (picture, job id),
-// "key" (job id and text: why a held key does not count), "reach" ({ values, requests }: whether each
-// channel is alive), "again" (after a gap: ask for what may have been missed).
+// "key" (job id and text: why a held key does not count), "reach" ({ values, requests }: true if the
+// channel works), "again" (after a gap: request everything that may have been missed).
 const listeners = new Map();
 
 export function on(type, listener) {
@@ -52,11 +52,11 @@ function tell(type, ...values) {
   for (const listener of listeners.get(type) ?? []) listener(...values);
 }
 
-// The newest status of the cell, null until it is known; ageFrom is when its age was true.
+// The newest status of the cell, null until it is known; its preflight age was valid at ageFrom.
 export const now = { status: null, ageFrom: 0 };
 let statusFrom = 0;
 
-// Take the status that was true at `from`, unless a newer one is known: links deliver late.
+// Store the status that was valid at `from`, unless a newer one is known: messages may arrive late.
 function setStatus(status, from = performance.now()) {
   if (from < statusFrom) return;
   statusFrom = from;
@@ -66,7 +66,7 @@ function setStatus(status, from = performance.now()) {
   const another = holder(status) !== holder(now.status);
   now.status = fresh ? status : { ...status, preflight_age_s: status.not_ready_because ? null : age };
   if (fresh) now.ageFrom = performance.now();
-  if (lease.key && another) lease.renew(); // tells whether it is still ours
+  if (lease.key && another) lease.renew(); // shows if the lease is still ours
   tell("cell", now.status);
   if (!fresh) look();
 }
@@ -76,8 +76,8 @@ export function preflightAge() {
   return age === null ? null : age + (performance.now() - now.ageFrom) / 1000;
 }
 
-// ---- reach: the WebSocket beats twice a second; requests are probed. A channel that was silent for
-// too long is dead until it is heard again. A page in the background is judged once it is seen again.
+// ---- connection: the WebSocket has a heartbeat; requests are probed. A channel without messages for
+// STALE_MS counts as lost until a message arrives. A background page is checked when it is visible again.
 let socket = null;
 let openedAt = 0;
 let valuesAt = 0;
@@ -91,7 +91,7 @@ function judge() {
   const at = performance.now();
   const stood = at - judgedAt;
   judgedAt = at;
-  // this page itself stood (it drew a figure, or was in the background): what came is yet to be read
+  // this page was suspended (it drew a figure, or was in the background): received messages are still unread
   if (stood > STOOD_MS) [valuesAt, answeredAt, openedAt] = [valuesAt + stood, answeredAt + stood, openedAt + stood];
   if (document.visibilityState === "hidden") return;
   const found = { values: at - valuesAt < STALE_MS, requests: at - answeredAt < STALE_MS };
@@ -102,7 +102,7 @@ function judge() {
   if (again) tell("again");
 }
 
-// The cell as it is now: also the heartbeat of requests.
+// Get the present status of the cell; this is also the probe of requests.
 async function look() {
   const from = performance.now();
   probedAt = from;
@@ -145,7 +145,7 @@ function connect(first = false) {
   mine.addEventListener("close", () => socket === mine && reconnect());
 }
 
-// A WebSocket that hangs does not close by itself: another one takes its place.
+// A hanging WebSocket does not close by itself: replace it.
 function reconnect() {
   const old = socket;
   keys.cut();
@@ -154,7 +154,7 @@ function reconnect() {
   setTimeout(connect, AGAIN_MS, false);
 }
 
-// True if the service answers now; it is not asked if both channels work and it was heard just now.
+// True if the service answers now; it is not probed if both channels have worked just now.
 async function answers() {
   const at = performance.now();
   if (reach.values && reach.requests && at - Math.max(valuesAt, answeredAt) < FRESH_MS) return true;
@@ -162,7 +162,7 @@ async function answers() {
   return answeredAt >= at;
 }
 
-// Go to another page of ours. A page that cannot be reached would be the browser's own, without STOP.
+// Open another page of the service if it answers: an error page of the browser would have no STOP.
 export async function go(address) {
   if (await answers()) location.assign(address);
   else tell("stay");
@@ -193,19 +193,19 @@ export function begin() {
   });
 }
 
-// STOP goes by this WebSocket too.
+// STOP is sent on this WebSocket too.
 document.addEventListener("stop-asked", ({ detail }) => {
   if (socket?.readyState === WebSocket.OPEN) socket.send(detail);
 });
 
-// ---- the lease: its key stays in this tab, and is renewed as long as one of our pages is open, in
-// the background too (beat.js); not by a device that sleeps, nor by a copy of the tab
+// ---- the lease: its key is stored in this tab. It is renewed while one of our pages is open, even in the
+// background (beat.js), but not by a sleeping device, nor by a copy of the tab
 export const lease = {
   key: null,
   lost: false,
   known: false,
 
-  // The page before in this tab may have had the lease.
+  // Use the lease of the previous page in this tab, if it had one.
   async recall() {
     const key = sessionStorage.getItem(KEY);
     if (key !== null && (await lockForThisTab(`${KEY} ${key}`))) this.key = key;
@@ -240,7 +240,7 @@ export const lease = {
     }
   },
 
-  // Somebody else has the cell now, or the lease has run out.
+  // Another client has taken the cell, or the lease has expired.
   drop() {
     this.forget();
     this.lost = true;

@@ -1,10 +1,10 @@
-// The page of settings, for administrators: devices, tokens, the log of who did what.
+// Page Settings for administrators: devices, tokens, the log of user actions.
 import { dialog } from "./dialog.js";
 import { element, find, moment, table } from "./dom.js";
 import { ask } from "./service.js";
 
 const code = find("pairing-code");
-const ENDS = { never: "when revoked", unused: "30 days after its last use", service: "with this run of the service" };
+const ENDS = { never: "when revoked", unused: "30 days after its last use", service: "when the service ends" };
 
 find("pairing").addEventListener("submit", async (event) => {
   event.preventDefault();
@@ -17,7 +17,7 @@ find("pairing").addEventListener("submit", async (event) => {
   try {
     const token = await ask("POST", "/pairing/confirm", confirmed);
     words.className = "verdict good";
-    words.textContent = `${token.name} is let in as ${token.role}.`;
+    words.textContent = `${token.name} has access as ${token.role}.`;
     event.target.reset();
     await Promise.all([showTokens(), showAudit()]);
   } catch (error) {
@@ -38,11 +38,11 @@ async function showTokens() {
     ENDS[token.ends],
     revoke(token),
   ]);
-  find("tokens").replaceChildren(table(["name", "role", "who", "made", "last used", "ends", "revoke"], rows, null, "tokens"));
+  find("tokens").replaceChildren(table(["name", "role", "type", "created", "last used", "expires", "revoke"], rows, null, "tokens"));
 }
 
 async function revokeToken(token) {
-  const text = `${token.name} comes in no more, from now on.`;
+  const text = `${token.name} will have no access from now on.`;
   if (!(await dialog(`Revoke ${token.name}?`, [element("p", {}, text)], "Revoke", { danger: true }))) return;
   try {
     await ask("DELETE", `/tokens/${encodeURIComponent(token.id)}`);
@@ -59,7 +59,7 @@ find("token").addEventListener("submit", async (event) => {
     const wanted = { name: find("token-name").value.trim(), role: find("token-role").value };
     const made = await ask("POST", "/tokens", wanted);
     place.replaceChildren(
-      element("p", {}, `The token of ${made.name}. Copy it now, it is shown this once; in RID_DAQ_TOKEN the command finds it.`),
+      element("p", {}, `Token of ${made.name}. Copy it now: it is shown only once. The command reads it from RID_DAQ_TOKEN.`),
       element("p", { class: "secret" }, made.secret),
     );
     event.target.reset();

@@ -1,4 +1,4 @@
-// What every page has: state, lease, reach, STOP; and `data-needs` on whatever needs more than a look.
+// Frame of every page: state, lease, connection, STOP; and elements with `data-needs`.
 import "./awake.js";
 import { dialog } from "./dialog.js";
 import { element, find } from "./dom.js";
@@ -9,19 +9,20 @@ const banner = find("reach");
 let stays = false;
 let problem = "";
 const LOST = {
-  stop: "If this page is closed, or its device sleeps or goes out of reach, the motion is stopped.",
-  finish: "If this page is closed, or its device sleeps or goes out of reach, the motion goes on to its end.",
+  stop: "If this page is closed, its device sleeps, or the connection is lost, the motion is stopped.",
+  finish: "If this page is closed, its device sleeps, or the connection is lost, the motion continues to its end.",
 };
 
-// ---- what needs something: data-needs="lease" (the cell is ours and no job has it) or "ready" (the
-// same, and it may move), or "held" (the same, and it may move while a key is held), or "role" (we may do more than look). Elements with data-why="lease" or "ready" say what is missing.
+// ---- requirements of elements: data-needs="lease" (we hold the cell and no job uses it), "ready" (in addition,
+// the cell may move), "held" (in addition, it may move while a key is held), or "role" (more than read-only
+// access). Elements with data-why="lease" or "ready" show what is missing.
 export function missing(need) {
   const status = now.status;
   if (!status) return "The service does not answer yet.";
-  if (!mayMove) return "This device may only look on. An administrator gives it the role operator.";
+  if (!mayMove) return "This device has read-only access. An administrator can give it the role operator.";
   if (need === "role") return "";
-  if (!lease.key) return status.lease ? `${status.lease.owner} has the cell.` : "Take the cell first.";
-  if (status.job) return `${status.job.kind} is under way: wait for its end, or stop it.`;
+  if (!lease.key) return status.lease ? `${status.lease.owner} holds the cell.` : "Take the cell first.";
+  if (status.job) return `${status.job.kind} is running: wait for its end, or stop it.`;
   if (need === "ready" && status.not_ready_because) return `Not ready: ${status.not_ready_because}`;
   if (need === "held" && status.not_held_because) return `Not ready: ${status.not_held_because}`;
   return "";
@@ -33,24 +34,24 @@ function showNeeds() {
   }
   for (const part of document.querySelectorAll("[data-why]")) {
     const why = missing(part.dataset.why);
-    if (part.textContent !== why) part.textContent = why; // a change here brings us here again
+    if (part.textContent !== why) part.textContent = why; // without this check, the change would call this function again
   }
 }
 
 function showCell(status) {
   const state = find("state");
   const known = reach.values || reach.requests;
-  const shown = known ? status.state : "not known";
+  const shown = known ? status.state : "unknown";
   if (state.textContent !== shown || state.dataset.state !== status.state) {
     state.dataset.state = known ? status.state : "unknown";
     state.textContent = shown;
   }
   const mine = lease.key !== null;
   const owner = status.lease;
-  let text = "Nobody has this cell.";
+  let text = "No one holds this cell.";
   const another = owner?.owner === page.who ? "Another page of this device" : owner?.owner;
-  if (owner) text = `${mine ? "You have" : `${another} has`} this cell${owner.note ? ` (${owner.note})` : ""}.`;
-  if (!mine && lease.lost) text = `You do not have this cell any more. ${text}`;
+  if (owner) text = `${mine ? "You hold" : `${another} holds`} this cell${owner.note ? ` (${owner.note})` : ""}.`;
+  if (!mine && lease.lost) text = `You no longer hold this cell. ${text}`;
   if (mine && status.job && status.state === "moving") text += ` ${LOST[status.job.on_lost_client]}`;
   words.textContent = problem || (lease.known ? text : "…");
   words.classList.toggle("problem", problem !== "");
@@ -76,22 +77,22 @@ const field = (label, id, attributes = {}) => {
 };
 
 take.addEventListener("click", async () => {
-  const [label, input] = field("What for? Others see it.", "note", { maxlength: "80" });
+  const [label, input] = field("Purpose (others can read it)", "note", { maxlength: "80" });
   const read = () => ({ note: input.value.trim() });
   const wanted = await dialog(`Take cell ${page.cell}`, [label, input], "Take the cell", { read });
   if (wanted) await attempt(() => lease.take(wanted.note));
 });
 
 over.addEventListener("click", async () => {
-  const owner = now.status?.lease?.owner ?? "somebody";
-  const moving = now.status?.job ? element("p", { class: "problem" }, `${now.status.job.kind} is under way.`) : null;
+  const owner = now.status?.lease?.owner ?? "another client";
+  const moving = now.status?.job ? element("p", { class: "problem" }, `${now.status.job.kind} is running.`) : null;
   const [label, input] = field(`To take it over, type the cell's name: ${page.cell}`, "name", { autocapitalize: "off" });
-  const [noteLabel, note] = field("What for? Others see it.", "note", { maxlength: "80" });
+  const [noteLabel, note] = field("Purpose (others can read it)", "note", { maxlength: "80" });
   const read = () => {
     if (input.value.trim() !== page.cell) throw new Error(`Type ${page.cell}.`);
     return { note: note.value.trim() };
   };
-  const text = element("p", {}, `${owner} has the cell. Talk to them first: they cannot move it afterwards.`);
+  const text = element("p", {}, `${owner} holds the cell. Talk to ${owner} first: after this, ${owner} cannot move the cell.`);
   const content = [text, moving, label, input, noteLabel, note].filter(Boolean);
   const wanted = await dialog(`Take cell ${page.cell} over`, content, "Take over", { danger: true, read });
   if (wanted) await attempt(() => lease.take(wanted.note, page.cell));
@@ -106,7 +107,7 @@ find("cell-choice")?.addEventListener("change", (event) => {
 
 document.querySelector("nav [aria-current]")?.scrollIntoView({ block: "nearest", inline: "center" });
 
-// A link of ours is followed once the service answers: else this page, with its STOP, stays.
+// Follow a link to our own pages only if the service answers; otherwise this page with its STOP remains.
 document.addEventListener("click", (event) => {
   const link = event.target.closest?.("a[href]");
   if (!link || event.defaultPrevented || event.button !== 0 || event.ctrlKey || event.metaKey || event.shiftKey || event.altKey) return;
@@ -120,10 +121,10 @@ function showReach() {
   const { values, requests } = reach;
   if (values && requests) stays = false;
   let text = "";
-  if (!values && !requests) text = "The service does not answer: use the emergency stop. What this page shows is old. It tries again.";
-  else if (!values) text = "NOT LIVE: no values arrive from the service; what this page shows may be old. It tries again.";
+  if (!values && !requests) text = "The service does not answer: use the emergency stop. The values on this page are old. The page tries again.";
+  else if (!values) text = "NOT LIVE: no values arrive from the service, so the values on this page may be old. The page tries again.";
   else if (!requests) text = "The service does not answer requests: buttons and links do not work now. Values still arrive. This page tries again.";
-  if (stays) text += " It stays open: the next page would not load.";
+  if (stays) text += " This page stays open, because the next page would not load.";
   banner.hidden = text === "";
   banner.textContent = text;
   document.body.classList.toggle("unreached", !values && !requests);
@@ -138,5 +139,5 @@ on("stay", () => {
 });
 
 new MutationObserver(showNeeds).observe(find("main"), { childList: true, subtree: true });
-// only once the page's own module is there: a button that can be pressed does something
+// only after the page's own module has loaded, so that every enabled button works
 document.addEventListener("DOMContentLoaded", begin);

@@ -1,10 +1,10 @@
-// A tab that is duplicated gets a copy of what the other one has stored: a lock tells them apart.
+// A duplicated tab receives a copy of the session storage; a lock distinguishes the two tabs.
 
-const PATIENCE_MS = 1000; // a page that follows another in the same tab gets the lock once that has gone
+const PATIENCE_MS = 1000; // the next page in the same tab gets the lock once the previous page has closed
 
 let release = null;
 
-// Resolves with true once this tab has the lock of a name, with false if another tab has it.
+// Resolves with true once this tab has the lock with this name, with false if another tab has it.
 export function lockForThisTab(name) {
   unlock();
   const ending = new AbortController();

@@ -1,4 +1,4 @@
-// What the pages of the work share: a panel with a running estimate, blocks, findings, choices.
+// Shared parts of the work pages: a panel with intermediate results, blocks, findings, choices.
 import { blockParts } from "./blocks.js";
 import { element, find, parseNumber } from "./dom.js";
 import { showFigure } from "./figure.js";
@@ -8,8 +8,8 @@ import { ask } from "./service.js";
 
 export const wanted = new URLSearchParams(location.search);
 
-// A panel that also keeps the newest line of how a step goes, such as the running estimate, and
-// tells `heard` of every event.
+// A panel that also shows the newest intermediate result, such as the present estimate, and calls `heard`
+// for every event.
 export class WorkPanel extends JobPanel {
   constructor(section, { heard = () => {}, begun = () => {}, ...options } = {}) {
     super(section, options);
@@ -39,14 +39,14 @@ export class WorkPanel extends JobPanel {
   }
 }
 
-// Ask a page's own address, which is no part of the API.
+// Send a request to an address of the pages, which is not part of the API.
 export const look = (path, { signal = null, patienceMs = 30000 } = {}) => request(path, {}, { patienceMs, signal });
 
-// The address of blocks that the service shows, each value under its name.
+// Return the address of blocks, with `values` as its query.
 export const blocksUrl = (path, values = []) => `/blocks${path}?${new URLSearchParams(values)}`;
 export const ofRun = (run, ...sections) => blocksUrl(`/runs/${encodeURIComponent(run)}`, sections.map((name) => ["section", name]));
 
-// The plot library is large: it is loaded with the first figure, so that buttons work before it.
+// The plot library is large. It is loaded with the first figure, so that buttons work earlier.
 let library = null;
 function plots() {
   library ??= new Promise((resolve, reject) => {
@@ -62,7 +62,7 @@ function plots() {
   return library;
 }
 
-// Resolves once a place is on the screen, or nearly.
+// Resolves once an element is visible, or nearly.
 function seen(place, signal) {
   return new Promise((resolve) => {
     const watch = new IntersectionObserver((found) => {
@@ -78,17 +78,17 @@ function seen(place, signal) {
   });
 }
 
-const FIGURE_MS = 120000; // a figure of a long run by a slow link
+const FIGURE_MS = 120000; // for a figure of a long run on a slow link
 
-// End the loading of a figure.
+// Cancel the loading of a figure.
 export function endFigure(place) {
   place.loading?.abort();
   place.loading = null;
   delete place.dataset.again;
 }
 
-// Show a figure once its place is seen; the one that is there stays until the new one is drawn. Another
-// address ends what is loading; the same one is drawn once more when it is there.
+// Show a figure once its element is visible; the previous figure remains until the new one is drawn. A new
+// address cancels the present loading; the same address is drawn again after it.
 export async function figureIn(place, url) {
   if (place.loading && place.dataset.url === url) {
     place.dataset.again = "yes";
@@ -143,7 +143,7 @@ export async function figureIn(place, url) {
   });
 }
 
-// Show the blocks of an address; plots are fetched as they are seen. Resolves with the blocks.
+// Show the blocks of an address; plots are loaded when they become visible. Resolves with the blocks.
 export async function showBlocks(place, url, { keep = () => true, signal = null } = {}) {
   const blocks = (await look(url, { signal, patienceMs: FIGURE_MS })).filter(keep);
   const figure = ({ name, number }) => {
@@ -159,7 +159,7 @@ export async function showBlocks(place, url, { keep = () => true, signal = null 
   return blocks;
 }
 
-// Show sections of a run's result, or what hinders it; resolves with the blocks, null without them.
+// Show sections of a run's result, or the error; resolves with the blocks, or null after an error.
 export async function showRun(place, run, ...sections) {
   try {
     const blocks = await showBlocks(place, ofRun(run, ...sections));
@@ -173,7 +173,7 @@ export async function showRun(place, run, ...sections) {
 
 // ---- words
 export function findings(list) {
-  const words = { true: ["good", "Good: "], false: ["bad", "Wrong: "], null: ["", ""] };
+  const words = { true: ["good", "Good: "], false: ["bad", "Problem: "], null: ["", ""] };
   return list.map(({ passed, text }) => {
     const [kind, word] = words[passed];
     return element("li", { class: kind }, element("b", {}, word), text);
@@ -188,7 +188,7 @@ export function options(select, list, chosen = null) {
   if ([...select.options].some((option) => option.value === before)) select.value = before;
 }
 
-// Add a file that a job has written, and choose it.
+// Add a file that a job has written to a selection, and select it.
 export function offer(select, path, words = path, kind = "") {
   const there = [...select.options].find((option) => option.value === path);
   if (!there) select.prepend(element("option", { value: path, "data-kind": kind }, words));
@@ -203,24 +203,24 @@ export async function completeRuns() {
   return runs.filter((run) => run.kind !== "payload session" && (run.status === "complete" || run.status === "recovered"));
 }
 
-// The number in a field; throws a sentence where there is none.
+// Return the number in a field; throw an error with a message if it is invalid.
 export function numberOf(id, { least = -Infinity, whole = false } = {}) {
   const input = find(id);
   const value = parseNumber(input.value);
   const label = input.labels[0].firstChild.textContent.trim();
   if (Number.isNaN(value) || value < least || (whole && !Number.isInteger(value)))
-    throw new Error(`${label}: ${input.value.trim() ? `"${input.value.trim()}" is none; ` : ""}give a ${whole ? "whole " : ""}number${least > -Infinity ? ` of at least ${least}` : ""}, such as 9.6.`);
+    throw new Error(`${label}: ${input.value.trim() ? `"${input.value.trim()}" is not valid; ` : ""}give a ${whole ? "whole " : ""}number${least > -Infinity ? ` of at least ${least}` : ""}, such as 9.6.`);
   return value;
 }
 
-// The name of a file to write, from a field.
+// Return the name of an output file from a field.
 export function nameOf(id, ending) {
   const name = find(id).value.trim();
   if (!/^[A-Za-z0-9][\w.-]{0,80}$/.test(name)) throw new Error("Name of the file: use letters, digits, - and _.");
   return name.endsWith(ending) ? name : name + ending;
 }
 
-// Do what a button asks for; a mistake in a field is shown in the panel.
+// Run the action of a button; show an error in the panel.
 export function press(id, panel, kind, action) {
   find(id).addEventListener("click", async () => {
     try {

@@ -161,7 +161,7 @@ def test_runs_that_are_no_folder_are_refused_before_the_cell_is_started(
     desk: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     started: list[object] = []
-    monkeypatch.setattr("rid_daq.recording.run_session.mountable_cell", started.append)
+    monkeypatch.setattr("rid_daq.recording.run_session.hold_reachable_cell", started.append)
     assert run(["record", "ir361", "good.yaml", "--runs", "good.yaml"]) == 7
     assert started == []
 

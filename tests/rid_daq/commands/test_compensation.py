@@ -29,7 +29,7 @@ from identification.estimation.file import read_estimate
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
-from rid_daq.session.cells import mountable_cell
+from rid_daq.session.cells import hold_reachable_cell
 from tests.builders.motion_texts import CIRCLE, MULTISINE, PICK
 from tests.builders.point_client import sending
 from tests.builders.screens import noted, require_fitting, said_by
@@ -308,7 +308,7 @@ class TestStream:
             raise ValueError("the planner lost its way")
 
         folder = RunFolder.create(workshop / "runs", "iterator", software={})
-        with mountable_cell(cell) as (reachable, _):
+        with hold_reachable_cell(cell) as (reachable, _):
             outcome = stream_points(
                 reachable, forward, points(),
                 lambda source: record_motion(reachable, cell.robot, source, folder),

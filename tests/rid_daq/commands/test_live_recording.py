@@ -157,7 +157,7 @@ def test_record_tells_the_pages_address_and_closes_it_in_the_end(
     [
         (["--live", "--listen", "0.0.0.0:8642"], "needs --token FILE and --certificate FILE"),
         (["--listen", "127.0.0.1:1"], "without --live"),
-        (["--live", "--listen", "nowhere"], "give a literal address and a port"),
+        (["--live", "--listen", "nowhere"], "give an IP address and a port"),
     ],
 )
 def test_a_page_that_must_not_be_is_refused_before_anything_starts(

@@ -47,7 +47,7 @@ def test_a_recording_is_the_same_at_any_pace(
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--pace", "1", "--realtime"], "are two ways to keep time: give one"),
+        (["--pace", "1", "--realtime"], "exclude each other: give one option only"),
         (["--pace", "1000"], "at most 100"),
     ],
 )

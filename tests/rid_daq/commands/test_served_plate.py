@@ -13,7 +13,7 @@ from mock_hw.cell import SimulatedCell
 from mock_hw.host.runtime_directory import plate_path, registers_path, runtime_directory
 from mock_hw.simulation import CellSimulation
 from rid_daq.preflight.monitor_check import monitor_lines
-from rid_daq.session.cells import mountable_cell
+from rid_daq.session.cells import hold_reachable_cell
 
 pytestmark = pytest.mark.slow
 
@@ -40,7 +40,7 @@ def test_the_plate_of_a_served_cell_is_found(
                 amplifier_profile=loaded.amplifier_profile,
             )
         ) as simulated,
-        mountable_cell(loaded) as (cell, _),
+        hold_reachable_cell(loaded) as (cell, _),
     ):
         assert cell.plate is not None
         assert cell.plate.amplifier.address == simulated.address
@@ -75,7 +75,7 @@ def test_the_serial_line_of_a_served_cells_drives_is_found(
                 directory=runtime_directory(),
             )
         ),
-        mountable_cell(loaded) as (cell, _),
+        hold_reachable_cell(loaded) as (cell, _),
     ):
         assert cell.monitor is not None
         assert isinstance(cell.monitor.link, ModbusRtu)

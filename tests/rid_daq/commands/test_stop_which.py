@@ -17,10 +17,10 @@ import contextlib, signal, sys
 from pathlib import Path
 from config.process.file_locks import held_file
 from rid_daq.app import _end_once
-from rid_daq.session.running_sessions import signed
+from rid_daq.session.running_sessions import registered_session
 signal.signal(signal.SIGTERM, _end_once)
 path = Path(sys.argv[1])
-with held_file(path), signed(path, path.stem.removeprefix("rid-daq-")):
+with held_file(path), registered_session(path, path.stem.removeprefix("rid-daq-")):
     print("held", flush=True)
     signal.pause()
 """

@@ -132,7 +132,7 @@ def test_torque_limits_are_held_without_it_and_how_warm_is_told(
     assert run([*multisine, "--model", str(file), "-o", str(folder / "sines.yaml")]) == 0
     assert told in " ".join(capsys.readouterr().out.split())
     drawn = " ".join(map(repr, motion_blocks(cell, path, file)))
-    assert {"followed": "cold or as warm", "measured": "reference temperature"}[model] in drawn
+    assert {"followed": "cold or the warm", "measured": "reference temperature"}[model] in drawn
 
 
 def test_a_motion_that_takes_too_much_of_a_cold_joint_is_refused(

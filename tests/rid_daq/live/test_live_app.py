@@ -130,7 +130,7 @@ def test_a_wrong_token_is_refused_even_beside_the_right_session(page: Page) -> N
 
 
 def test_events_come_as_they_were_shown(page: Page) -> None:
-    page.feed.show(b'{"row":1}')
+    page.feed.publish_picture(b'{"row":1}')
     page.feed.end()
     told = page.ask("/events", headers=BEARER)
     assert told.headers["Content-Type"].startswith("text/event-stream")

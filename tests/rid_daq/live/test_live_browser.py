@@ -28,7 +28,7 @@ def test_the_page_shows_the_joints_and_its_button_stops_the_motion(browser: Brow
         expect(page.locator("#title")).to_contain_text("A <b>motion</b>")
         assert TOKEN not in page.url
         page.locator("#stop").click()
-        expect(page.locator("#banner")).to_contain_text(re.compile("Asked to stop"))
+        expect(page.locator("#banner")).to_contain_text(re.compile("Stop requested"))
         assert live.control.program.stop_code == StopCode.STOP_BUTTON
         live.control.task.report_stop(StopReason(StopCode.STOP_BUTTON, "stopped by the page"))
         expect(page.locator("#banner")).to_contain_text("Stopped by the page")

@@ -168,7 +168,7 @@ def test_the_address_of_the_terminal_opens_the_page(served: Served) -> None:
 def test_without_the_token_nothing_is_shown(served: Served, path: str) -> None:
     status, _, body = served.get(path)
     assert status == 403
-    assert b"whole address" in body
+    assert b"complete address" in body
 
 
 def test_unknown_paths_are_not_found(served: Served) -> None:

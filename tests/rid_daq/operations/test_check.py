@@ -54,7 +54,7 @@ def looked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, looks: list[bool]) -
 
         monkeypatch.setattr(checked_cell, "load_cell", lambda _: loaded)
         monkeypatch.setattr(checked_cell, "preflight", preflight)
-        monkeypatch.setattr(checked_cell, "mountable_cell", mounted)
+        monkeypatch.setattr(checked_cell, "hold_reachable_cell", mounted)
         monkeypatch.setattr(Console, "can_ask", property(lambda _: bool(typed)))
         monkeypatch.setattr(Console, "ask", lambda *_: typed)
         monkeypatch.setattr(Console, "confirm", lambda *_: True)

@@ -22,7 +22,7 @@ from rid_daq.recording import run_session
 from rid_daq.recording.run_session import RunRequest, open_session
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import send
-from rid_daq.service.request_check import check_request, request_of
+from rid_daq.service.request_check import check_request, parse_request
 from rid_daq.terminal.console import Console
 from tests.builders.known_model import known
 from tests.builders.point_streams import loops_of
@@ -109,7 +109,7 @@ def cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Cell:
         module = importlib.import_module(operation(name).module)
         monkeypatch.setattr(module, "load_cell", lambda _: real)
     monkeypatch.setattr(run_session, "require_axis_test", tested)
-    monkeypatch.setattr(run_session, "mountable_cell", opened)
+    monkeypatch.setattr(run_session, "hold_reachable_cell", opened)
     return found
 
 
@@ -200,7 +200,7 @@ def test_the_process_that_drives_takes_no_field_of_the_services_from_a_client(
     kind = JobKind("axes") if name == "tester" else JobKind("record")
     told = {name: value} if kind == JobKind("axes") else {"motion": "motion.yaml", name: value}
     with raises_code(ConfigError, "RID-REQUEST-INVALID", kind.value, name):
-        request_of(kind, told, cell="ir361", runs=str(tmp_path), cleared=False)
+        parse_request(kind, told, cell="ir361", runs=str(tmp_path), cleared=False)
 
 
 @pytest.mark.parametrize("cleared", [False, True])
@@ -213,7 +213,7 @@ def test_whether_a_cell_is_clear_comes_from_the_service(
         "record": {"motion": "motion.yaml"},
         "stream": {"model": "model.json", "loop": "loops.json"},
     }.get(name, {})
-    request = request_of(kind, dict(needed), cell="ir361", runs=str(tmp_path), cleared=cleared)
+    request = parse_request(kind, dict(needed), cell="ir361", runs=str(tmp_path), cleared=cleared)
     assert request.model_dump()["cleared"] is cleared
 
 
@@ -239,7 +239,7 @@ def test_a_motion_watches_the_service_that_has_ordered_it(
         watched.append(context.service)
         raise OpenedError
 
-    monkeypatch.setattr(run_session, "mountable_cell", lambda *_: nullcontext((config, None)))
+    monkeypatch.setattr(run_session, "hold_reachable_cell", lambda *_: nullcontext((config, None)))
     monkeypatch.setattr(run_session, "record_motion", record)
     monkeypatch.setattr(Person, "service", beat)
     asked = RunRequest("a run", "A run.", None, drive=lambda record: record(cast(Any, None)))

@@ -84,7 +84,7 @@ class Person(Console):
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with a cell of its own, a motion, its feedforward, a model and velocity loops."""
-    monkeypatch.setattr(run_session, "mountable_cell", reached)
+    monkeypatch.setattr(run_session, "hold_reachable_cell", reached)
     monkeypatch.setattr(run_session.RunSession, "record", driven)
     bundled = load_cell("ir361")
     for name, content in bundled.files.items():

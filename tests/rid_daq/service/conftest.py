@@ -22,10 +22,10 @@ from identification.design.two_harmonic import TwoHarmonicOptions, design_two_ha
 from rid_daq.service.client import ServiceClient
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import Job, JobState
-from rid_daq.service.running_job import WarmWorker, WorkerProcess
+from rid_daq.service.running_job import ReadyWorker, WorkerProcess
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
-from rid_daq.service.sockets import socket_of
+from rid_daq.service.sockets import socket_path_of
 
 PATIENCE_S = 180.0
 
@@ -96,15 +96,15 @@ def worker(monkeypatch: pytest.MonkeyPatch) -> Worker:
     """The next worker, which is there once somebody asks for it a second time."""
     worker = Worker()
 
-    async def take(_warm: WarmWorker) -> Any:
+    async def take(_warm: ReadyWorker) -> Any:
         await asyncio.sleep(0)
         return as_worker(worker)
 
-    async def prepare(_warm: WarmWorker) -> None:
+    async def prepare(_warm: ReadyWorker) -> None:
         pass
 
-    monkeypatch.setattr(WarmWorker, "take", take)
-    monkeypatch.setattr(WarmWorker, "prepare", prepare)
+    monkeypatch.setattr(ReadyWorker, "acquire", take)
+    monkeypatch.setattr(ReadyWorker, "prepare", prepare)
     return worker
 
 
@@ -123,7 +123,7 @@ class ServedProcess:
 
     @property
     def client(self) -> ServiceClient:
-        return ServiceClient.at(str(socket_of(self.folder)))
+        return ServiceClient.at(str(socket_path_of(self.folder)))
 
     def end(self, number: signal.Signals = signal.SIGTERM) -> int:
         self.process.send_signal(number)

@@ -20,13 +20,13 @@ from rid_daq.service.api.admission import (
     Rate,
 )
 from rid_daq.service.api.app import make_api
-from rid_daq.service.doorkeeper import Doorkeeper
+from rid_daq.service.authenticator import Authenticator
 from rid_daq.service.hosting import LIMITS
 from rid_daq.service.records import Role
 from rid_daq.service.service import CellService
-from rid_daq.service.stop.stop_entrance import StopEntrance
+from rid_daq.service.stop.stop_endpoint import StopEndpoint
 from rid_daq.web.access import Access
-from rid_daq.web.reception import Admitted, OpenConnection, Peer, Reply
+from rid_daq.web.head_handler import Admitted, OpenConnection, Peer, Reply
 from rid_daq.web.request_head import RequestHead
 from tests.rid_daq.service.test_stop_path import Place, place, run
 
@@ -41,9 +41,9 @@ class Asked:
 
     def __init__(self, service: CellService) -> None:
         access = Access("127.0.0.1", 8642, "")
-        door = Doorkeeper(service.tokens, 8642, secure=False)
+        door = Authenticator(service.tokens, 8642, secure=False)
         app = make_api(service, door)
-        stop = StopEntrance(app.state.stop_desk, access)
+        stop = StopEndpoint(app.state.stop_handler, access)
         self.admission = Admission(stop, door, access)
         self.secrets = {role: service.tokens.add(role.value, role, person=True)[1] for role in Role}
 

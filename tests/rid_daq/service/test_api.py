@@ -12,8 +12,8 @@ import pytest
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
 from rid_daq.service.api.app import make_api
+from rid_daq.service.authenticator import Authenticator
 from rid_daq.service.client import ServiceClient
-from rid_daq.service.doorkeeper import Doorkeeper
 from rid_daq.service.records import Preflight, Role
 from rid_daq.service.service import CellService
 
@@ -23,7 +23,7 @@ class Api:
 
     def __init__(self, service: CellService) -> None:
         self.service = service
-        self.door = Doorkeeper(service.tokens, 0, secure=False)
+        self.door = Authenticator(service.tokens, 0, secure=False)
         self.app = make_api(service, self.door)
         self.secrets = {
             role: service.tokens.add(role.value, role, person=role is not Role.VIEWER)[1]
@@ -104,7 +104,7 @@ def test_a_viewer_takes_no_cell_and_begins_nothing(api: Api) -> None:
     assert api.ask(Role.VIEWER, "POST", "/api/v1/cells/ir361/lease", {}).status_code == 403
     answer = api.ask(Role.VIEWER, "POST", "/api/v1/cells/ir361/jobs", RECORD)
     assert answer.status_code == 403
-    assert answer.json()["message"] == "viewer is viewer: this needs operator"
+    assert answer.json()["code"] == "RID-ACCESS-ROLE"
 
 
 def test_a_simulated_cell_says_so(api: Api) -> None:
@@ -112,7 +112,7 @@ def test_a_simulated_cell_says_so(api: Api) -> None:
     assert told["simulated"] is True
     assert told["pace"] == 20.0
     assert told["state"] == "closed"
-    assert told["not_ready_because"] == "it was not checked yet: check it."
+    assert told["not_ready_because"] == "it has had no preflight yet: run the preflight."
 
 
 def test_a_job_on_the_cell_needs_its_lease(api: Api) -> None:
@@ -152,7 +152,10 @@ def test_a_fault_must_be_reset_by_a_person(api: Api) -> None:
     api.service.readiness.note_reset(cell)
     told = api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361").json()
     assert told["state"] == "closed", "motion needs the whole preflight again"
-    assert told["not_ready_because"] == "a fault has stopped a motion since: check it again."
+    assert (
+        told["not_ready_because"]
+        == "a fault has stopped a motion after the preflight: repeat the preflight."
+    )
     found = api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361/preflight").json()
     assert found["void_because"] == told["not_ready_because"]
     api.make_ready()
@@ -173,7 +176,7 @@ def test_a_red_preflight_is_not_ready(api: Api) -> None:
     api.service.readiness.note_check(cell, document)
     told = api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361").json()
     assert told["state"] == "closed"
-    assert "red" in told["not_ready_because"]
+    assert "preflight has failed" in told["not_ready_because"]
     lines = api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361/preflight").json()
     assert Preflight.model_validate(lines).lines == ({"what": "heartbeat"},)
 
@@ -183,7 +186,7 @@ def test_a_stop_needs_no_lease_and_no_role(api: Api) -> None:
     assert answer.status_code == 202
     assert answer.json() == {
         "told": False,
-        "sentence": "Nothing moves here by this service.",
+        "sentence": "This service moves nothing now.",
     }
 
 
@@ -262,9 +265,9 @@ def test_devices_that_another_program_serves_keep_their_own_time(
     service: CellService, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cell = service.cell("ir361")
-    assert cell.pace_here() == 20.0
+    assert cell.own_pace() == 20.0
     monkeypatch.setattr("rid_daq.service.served_cell.is_served", lambda _cell: True)
-    assert cell.pace_here() is None
+    assert cell.own_pace() is None
 
 
 def test_what_people_do_is_kept(api: Api) -> None:

@@ -14,7 +14,7 @@ import pytest
 from config.formats.approved_files import approve_files
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import Identity, Role
-from rid_daq.service.request_check import hashes_of_named
+from rid_daq.service.request_check import hash_named_files
 from rid_daq.service.running_job import RunningJob
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
@@ -37,7 +37,7 @@ def test_the_files_that_a_request_names_are_hashed_and_their_tables(tmp_path: Pa
     (tmp_path / "motions" / "rows.csv").write_bytes(b"time_s,axis1\n")
     (tmp_path / "f.json").write_bytes(b"{}")
     request = {"motion": "motions/m.yaml", "feedforward": "f.json", "label": "no file", "n": 3}
-    assert hashes_of_named(request, tmp_path) == {
+    assert hash_named_files(request, tmp_path) == {
         str(tmp_path / "motions" / "m.yaml"): sha256(motion),
         str(tmp_path / "motions" / "rows.csv"): sha256(b"time_s,axis1\n"),
         str(tmp_path / "f.json"): sha256(b"{}"),
@@ -59,7 +59,7 @@ def test_a_motion_is_ordered_with_the_hashes_of_its_files_and_of_the_cells(
     tmp_path: Path, worker: Worker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     orders: list[dict[str, Any]] = []
-    monkeypatch.setattr(RunningJob, "order", lambda _job, **order: orders.append(order))
+    monkeypatch.setattr(RunningJob, "send_order", lambda _job, **order: orders.append(order))
     cell_file = cell_folder(tmp_path)
     served = ServedCell(str(cell_file), 20.0)
     service = CellService(tmp_path, [served])

@@ -42,8 +42,8 @@ def jog(service: CellService, lease: HeldLease, who: Identity = ANNA) -> None:
 def running(service: CellService, lease: HeldLease) -> RunningJob:
     """Begin a motion of which the worker is this process."""
     wanted = job(JobKind("record")).model_copy(update={"lease": lease.id, "on_lost_client": "stop"})
-    asyncio.run(service.workshop.begin(wanted, service.cell("ir361"), cleared=False))
-    (begun,) = service.workshop
+    asyncio.run(service.job_runner.begin(wanted, service.cell("ir361"), cleared=False))
+    (begun,) = service.job_runner
     return begun
 
 
@@ -51,11 +51,11 @@ def test_a_motion_begins_where_nothing_keeps_it(
     service: CellService, worker: Worker, lease: HeldLease
 ) -> None:
     jog(service, lease)
-    assert service.workshop.is_busy("ir361")
+    assert service.job_runner.is_busy("ir361")
 
 
 def test_a_service_that_is_ending_begins_nothing(service: CellService, lease: HeldLease) -> None:
-    service.workshop.closing = True
+    service.job_runner.closing = True
     with raises_code(LockedError, "RID-SERVICE-ENDING"):
         jog(service, lease)
 
@@ -87,7 +87,7 @@ def test_a_real_cell_must_be_said_to_be_clear_each_time(
     loaded = service.cell("ir361").loaded
     real = replace(loaded, config=loaded.config.model_copy(update={"simulated": False}))
     monkeypatch.setattr(ServedCell, "loaded", real)
-    monkeypatch.setattr(ServedCell, "look_again", lambda _: real)
+    monkeypatch.setattr(ServedCell, "reload_if_changed", lambda _: real)
     with raises_code(PreflightError, "RID-ANSWER-NO"):
         jog(service, lease)
 
@@ -99,7 +99,7 @@ def test_a_file_that_was_changed_a_moment_ago_is_seen(tmp_path: Path) -> None:
     file.write_text(file.read_text().replace("robot: ir361", "robot: robot.yaml"))
     service = CellService(tmp_path, [ServedCell(str(file), 20.0)])
     cell = service.cell("ir361")
-    checked = {"passed": True, "lines": [], "files_hash": cell.look_again().files_hash}
+    checked = {"passed": True, "lines": [], "files_hash": cell.reload_if_changed().files_hash}
     service.readiness.note_check(cell, checked)
     lease = service.leases.take("ir361", ANNA, "", 600.0)
     file.write_text(file.read_text() + "# changed\n")
@@ -133,7 +133,7 @@ def test_a_motion_whose_lease_was_given_back_is_stopped(
     begun = running(service, lease)
     control = ControlBlock.create()
     service.leases.give_back("ir361", lease.key)
-    asyncio.run(service.workshop.look())
+    asyncio.run(service.job_runner.poll())
     assert control.program.stop_code == StopCode.CLIENT_LOST
     assert begun.stopping == "anna is out of reach"
     control.program.declare_task_gone()
@@ -142,10 +142,10 @@ def test_a_motion_whose_lease_was_given_back_is_stopped(
 def test_a_service_that_ends_stops_its_motions(
     service: CellService, worker: Worker, lease: HeldLease, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("rid_daq.service.workshop.END_PATIENCE_S", 0.0)
+    monkeypatch.setattr("rid_daq.service.job_runner.END_PATIENCE_S", 0.0)
     running(service, lease)
     control = ControlBlock.create()
-    asyncio.run(service.workshop.close())
+    asyncio.run(service.job_runner.close())
     assert control.program.stop_code == StopCode.INTERRUPTED
     control.program.declare_task_gone()
 

@@ -18,8 +18,8 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
 from config.errors import ConfigError
 from rid_daq.service.api.app import make_api
+from rid_daq.service.authenticator import Authenticator
 from rid_daq.service.client import ServiceClient
-from rid_daq.service.doorkeeper import Doorkeeper
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import Role
 from rid_daq.service.request_check import check_request, request_schemas
@@ -35,7 +35,7 @@ class Asker:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.service = CellService(folder, [ServedCell("ir361", 20.0)])
-        self.app = make_api(self.service, Doorkeeper(self.service.tokens, 0, secure=False))
+        self.app = make_api(self.service, Authenticator(self.service.tokens, 0, secure=False))
         _, self.secret = self.service.tokens.add("anna", Role.ADMINISTRATOR, person=True)
 
     def ask(self, method: str, path: str, content: bytes | None = None) -> httpx.Response:
@@ -170,7 +170,7 @@ def test_a_bad_file_is_not_put(asker: Asker) -> None:
 @pytest.mark.promise("exclusive-put")
 def test_a_name_is_taken_from_the_first_byte_on(asker: Asker) -> None:
     target = asker.folder / "mine.yaml"
-    with asker.service.putting.taken(target, "mine.yaml"):
+    with asker.service.uploads.reserve(target, "mine.yaml"):
         answer = asker.ask("PUT", "/api/v1/files/mine.yaml", b"kind: fourier\n")
         assert answer.json()["code"] == "RID-FILE-EXISTS"
         assert asker.ask("GET", "/api/v1/files").json() == []

@@ -64,19 +64,19 @@ def test_a_fault_that_stops_the_axis_test_is_one_of_its_cell(
 
 
 async def begun_and_died(service: CellService, kind: JobKind, worker: Worker, moved: bool) -> None:
-    begun = await service.workshop.begin(job(kind), service.cell("ir361"), cleared=False)
+    begun = await service.job_runner.begin(job(kind), service.cell("ir361"), cleared=False)
     if moved:
-        with EventFile(service.workshop.events(begun.id)) as events:
+        with EventFile(service.job_runner.events(begun.id)) as events:
             events.write(MOTION)
     worker.returncode = -9
-    await service.workshop.look()
+    await service.job_runner.poll()
 
 
 def test_a_worker_that_dies_in_a_motion_is_a_fault(ready: CellService, worker: Worker) -> None:
     asyncio.run(begun_and_died(ready, JobKind("record"), worker, moved=True))
     status = ready.status(ready.cell("ir361"))
     assert status.state is CellState.FAULT
-    assert "its process died (exit code -9)" in status.fault
+    assert "the job's process died (exit code -9)" in status.fault
 
 
 @pytest.mark.parametrize(("kind", "moved"), [(JobKind("record"), False), (JobKind("check"), False)])
@@ -92,7 +92,7 @@ def test_a_motion_that_a_killed_service_left_without_a_last_word_is_a_fault(
 ) -> None:
     left = ready.jobs.change(job(JobKind("record")), state=JobState.RUNNING)
     ready.jobs.add(left)
-    with EventFile(ready.workshop.events(left.id)) as events:
+    with EventFile(ready.job_runner.events(left.id)) as events:
         events.write(MOTION)
     assert ready.database.flush(60.0)
     again = CellService(ready.folder, list(ready.cells.values()))

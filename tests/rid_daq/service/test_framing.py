@@ -11,7 +11,7 @@ import pytest
 from benchmarks.framing_streams import Streams
 from rid_daq.service.records import Role
 from rid_daq.service.service import CellService
-from rid_daq.web.door import Limits
+from rid_daq.web.connection_groups import Limits
 from tests.rid_daq.service.test_stop_path import Place, place, run
 
 STREAMS = 300
@@ -44,7 +44,7 @@ def test_whatever_comes_a_stop_is_answered_and_no_connection_stays(
             await asyncio.gather(*(send(made, each, in_parts=number % 2 == 0) for each in some))
             status, told = await made.ask(made.head())
             assert (status, told["told"]) == (202, False)
-        while any(door.connections for door in made.server._doors):
+        while any(groups.connections for groups in made.server._groups):
             await asyncio.sleep(0.01)
         await made.end()
 

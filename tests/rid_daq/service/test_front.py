@@ -66,7 +66,7 @@ def test_a_stop_reaches_the_motion_while_the_service_hangs(
         with running.client as client:
             until(lambda: client.job(job.id).state.is_over)
             over = client.job(job.id)
-        assert (over.state, over.reason) == (JobState.STOPPED, "stopped by somebody")
+        assert (over.state, over.reason) == (JobState.STOPPED, "stopped by a user")
 
 
 @pytest.mark.promise("stop-while-the-service-hangs")

@@ -12,7 +12,7 @@ import httpx
 import pytest
 from websockets.sync.client import connect
 
-from rid_daq.service.sockets import socket_of
+from rid_daq.service.sockets import socket_path_of
 from tests.rid_daq.service.conftest import serving
 from tests.rid_daq.service.moving import front_process, served_port, until
 
@@ -64,4 +64,4 @@ def test_it_ends_with_the_service(tmp_path: Path) -> None:
         until(lambda: not Path(f"/proc/{front}").exists())
         with pytest.raises(ConnectionRefusedError):
             socket.create_connection(("127.0.0.1", port), timeout=60.0)
-        assert not socket_of(tmp_path).exists()
+        assert not socket_path_of(tmp_path).exists()

@@ -16,10 +16,10 @@ from config.errors import PreflightError
 from config.process.safety_clock import safety_now_s
 from rid_daq.blocks.block import Verdict
 from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.job_runner import outcome_of_job
 from rid_daq.service.records import Identity, Job, JobState, OnLostClient, Role
-from rid_daq.service.running_job import EventTail, RunningJob, WarmWorker
+from rid_daq.service.running_job import EventTail, ReadyWorker, RunningJob
 from rid_daq.service.service import CellService
-from rid_daq.service.workshop import outcome_of_job
 from rid_daq.terminal.job_events import Ended, MotionBegun, Resulted
 from rid_daq.worker.job_console import EventFile
 from tests.builders.raised_codes import raises_code
@@ -31,12 +31,12 @@ ANNA = Identity(name="Anna", role=Role.OPERATOR, person=True, token="a")
 def begun(service: CellService, kind: JobKind, policy: OnLostClient, lease: str | None) -> Job:
     """Begin a job that was ordered with a lease."""
     wanted = job(kind).model_copy(update={"lease": lease, "on_lost_client": policy})
-    return asyncio.run(service.workshop.begin(wanted, service.cell("ir361"), cleared=False))
+    return asyncio.run(service.job_runner.begin(wanted, service.cell("ir361"), cleared=False))
 
 
 def lease_end_s(service: CellService) -> float:
-    (running,) = service.workshop
-    service.workshop.give_signs_of_life()
+    (running,) = service.job_runner
+    service.job_runner.send_heartbeats()
     end_s: float = running.beat._words.lease_end_s
     return end_s
 
@@ -51,7 +51,7 @@ def test_what_goes_on_without_its_client_has_no_end(
 ) -> None:
     begun(service, kind, policy, None)
     assert lease_end_s(service) == inf
-    (running,) = service.workshop
+    (running,) = service.job_runner
     assert running.beat.reason(safety_now_s()) is None
     silent = running.beat.reason(safety_now_s() + SERVICE_LIMIT_S + 1.0)
     assert silent is not None
@@ -68,7 +68,7 @@ def test_a_motion_holds_as_long_as_its_own_lease(service: CellService, worker: W
     assert lease_end_s(service) > first_s + 500.0
     service.leases.take("ir361", ANNA, "", 60.0, confirmed="ir361")
     assert lease_end_s(service) == -inf, "another lease has the cell"
-    (running,) = service.workshop
+    (running,) = service.job_runner
     lost = running.beat.reason(safety_now_s())
     assert lost is not None
     assert lost.code is StopCode.CLIENT_LOST
@@ -85,7 +85,7 @@ def test_nothing_moves_after_a_standstill_before_another_check(
     async def begin() -> None:
         await service.begin(cell, JobKind("jog"), {}, ANNA, lease=lease.key)
 
-    service._note_standstill()
+    service._void_preflights_after_pause()
     service.readiness.note_check(cell, passed)
     monkeypatch.setattr(
         "rid_daq.service.service.safety_now_s", lambda: safety_now_s() + SERVICE_LIMIT_S + 1.0
@@ -122,13 +122,13 @@ def test_a_process_that_died_otherwise_is_said_to_have_died(
         with EventFile(tmp_path / "events") as events:
             begins = MotionBegun(at_s=0.0, run="1", title="", rows=0, rows_per_period=None)
             events.write(begins)
-        running.look()
+        running.read_events()
     if stopped:
         running.stop("stopped by Anna", StopCode.STOP_BUTTON)
     worker.returncode = code
     state, reason = outcome_of_job(running, closing=False)
     assert state is JobState.INTERRUPTED
-    assert f"its process died (exit code {code})" in reason
+    assert f"the job's process died (exit code {code})" in reason
 
 
 def test_the_failed_verdict_of_a_result_is_the_reason_of_a_job(
@@ -143,7 +143,7 @@ def test_the_failed_verdict_of_a_result_is_the_reason_of_a_job(
     with EventFile(tmp_path / "events") as events:
         events.write(Resulted(at_s=0.0, document={"run": "r1"}, blocks=blocks))
         events.write(Ended(at_s=0.0, exit_code=1))
-    running.look()
+    running.read_events()
     worker.returncode = 1
     assert outcome_of_job(running, closing=False) == (JobState.FAILED, "axis2: late")
     assert running.document == {"run": "r1"}
@@ -162,7 +162,7 @@ def test_a_worker_that_is_told_to_end_while_it_imports_says_so(tmp_path: Path) -
     }
 
     async def ended() -> int | None:
-        worker = await WarmWorker(tmp_path / "log")._start()
+        worker = await ReadyWorker(tmp_path / "log")._start()
         worker.beat.write(safety_now_s(), inf)
         process = worker.process
         assert process.stdin is not None
@@ -174,7 +174,7 @@ def test_a_worker_that_is_told_to_end_while_it_imports_says_so(tmp_path: Path) -
 
     assert asyncio.run(ended()) == 128 + signal.SIGTERM
     assert (tmp_path / "log").read_bytes() == b""
-    *_, last = EventTail(tmp_path / "events").new()
+    *_, last = EventTail(tmp_path / "events").read_new()
     assert isinstance(last, Ended)
     assert last.error == "Terminated"
 

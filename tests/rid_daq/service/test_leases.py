@@ -34,7 +34,7 @@ def test_a_cell_has_one_owner_until_the_lease_runs_out(leases: Leases, clock: Cl
     with raises_code(LockedError, "RID-LEASE-OTHER", "10"):
         leases.take("ir361", BEN, "", 10.0)
     clock.now_s += 10.0
-    assert leases.of("ir361") is None
+    assert leases.lease_of("ir361") is None
     assert leases.take("ir361", BEN, "", 10.0).owner == "Ben"
 
 
@@ -43,7 +43,7 @@ def test_a_heartbeat_lets_it_hold_on(leases: Leases, clock: Clock) -> None:
     for _ in range(5):
         clock.now_s += 8.0
         leases.renew("ir361", lease.key, 10.0)
-    held = leases.of("ir361")
+    held = leases.lease_of("ir361")
     assert held is not None
     assert held.owner == "Anna"
 
@@ -60,7 +60,7 @@ def test_only_its_key_gives_it_back(leases: Leases) -> None:
     with raises_code(LockedError, "RID-LEASE-OTHER"):
         leases.give_back("ir361", "another")
     leases.give_back("ir361", lease.key)
-    assert leases.of("ir361") is None
+    assert leases.lease_of("ir361") is None
 
 
 def test_a_person_takes_over_by_the_cells_name(leases: Leases) -> None:
@@ -94,9 +94,9 @@ def test_a_jump_of_the_date_neither_extends_nor_ends_a_lease(
         monkeypatch.setattr("time.time", lambda date_s=date_s: date_s)
         assert leases.renew("ir361", lease.key, 10.0).owner == "Anna"
     clock.now_s += 9.9
-    assert leases.of("ir361") is not None
+    assert leases.lease_of("ir361") is not None
     clock.now_s += 0.2
-    assert leases.of("ir361") is None
+    assert leases.lease_of("ir361") is None
 
 
 @pytest.mark.promise("safety-clock")
@@ -112,7 +112,7 @@ def test_leases_are_timed_by_the_safety_clock(
     leases = Leases(LeaseStore(open_database(tmp_path / "service.db")))
     monkeypatch.setattr("time.clock_gettime", clock_gettime)
     leases.take("ir361", ANNA, "", 10.0)
-    assert leases.of("ir361") is None
+    assert leases.lease_of("ir361") is None
     assert set(asked) == {time.CLOCK_BOOTTIME}
 
 
@@ -123,7 +123,7 @@ def test_a_lease_of_another_start_of_the_computer_is_void(tmp_path: Path) -> Non
     lease = Leases(LeaseStore(first), clock, boot="a").take("ir361", ANNA, "", 60.0)
     first.close()
     again = Leases(LeaseStore(open_database(tmp_path / "service.db")), clock, boot="b")
-    assert again.of("ir361") is None
+    assert again.lease_of("ir361") is None
     with pytest.raises(LockedError) as refused:
         again.renew("ir361", lease.key, 60.0)
     assert refused.value.refusal == "RID-LEASE-NONE"
@@ -136,7 +136,7 @@ def test_a_lease_of_an_older_program_is_void(tmp_path: Path) -> None:
     database.write("DELETE FROM lease_ends")
     database.close()
     again = Leases(LeaseStore(open_database(tmp_path / "service.db")), Clock())
-    assert again.of(lease.cell) is None
+    assert again.lease_of(lease.cell) is None
 
 
 def test_a_renewed_lease_is_there_after_a_restart(tmp_path: Path) -> None:
@@ -163,9 +163,9 @@ def test_a_lease_is_there_after_a_restart(tmp_path: Path) -> None:
 def test_a_lease_ends_with_the_token_that_it_was_taken_with(leases: Leases) -> None:
     lease = leases.take("ir361", ANNA, "", 10.0)
     leases.renew("ir361", lease.key, 3600.0)
-    assert leases.end_of(BEN.token) == []
-    assert leases.end_of(ANNA.token) == ["ir361"]
-    assert leases.of("ir361") is None
+    assert leases.end_leases_of_token(BEN.token) == []
+    assert leases.end_leases_of_token(ANNA.token) == ["ir361"]
+    assert leases.lease_of("ir361") is None
     with raises_code(LockedError, "RID-LEASE-NONE"):
         leases.require("ir361", lease.key)
 
@@ -173,7 +173,7 @@ def test_a_lease_ends_with_the_token_that_it_was_taken_with(leases: Leases) -> N
 def test_a_lease_that_was_taken_over_does_not_end_with_the_token_before(leases: Leases) -> None:
     leases.take("ir361", ANNA, "", 10.0)
     leases.take("ir361", BEN, "", 10.0, confirmed="ir361")
-    assert leases.end_of(ANNA.token) == []
-    held = leases.of("ir361")
+    assert leases.end_leases_of_token(ANNA.token) == []
+    held = leases.lease_of("ir361")
     assert held is not None
     assert held.owner == "Ben"

@@ -16,7 +16,7 @@ from config.process.safety_clock import safety_now_s
 from rid_daq.service.api import live_socket
 from rid_daq.service.api.app import make_api
 from rid_daq.service.api.challenges import IDLE_S, Challenges
-from rid_daq.service.doorkeeper import Doorkeeper
+from rid_daq.service.authenticator import Authenticator
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import HeldLease, Identity, Job, JobState, Role, Token
 from rid_daq.service.service import CellService
@@ -79,7 +79,7 @@ def tablet(service: CellService) -> tuple[Token, str]:
 
 @pytest.fixture
 def app(service: CellService) -> FastAPI:
-    return make_api(service, Doorkeeper(service.tokens, 0, secure=False))
+    return make_api(service, Authenticator(service.tokens, 0, secure=False))
 
 
 class Keys:
@@ -89,8 +89,8 @@ class Keys:
         self.passed_on: list[KeyMessage] = []
         self._came = asyncio.Event()
         service.jobs.add(JOB)
-        monkeypatch.setattr(service, "wanting_keys", lambda: [JOB.id])
-        monkeypatch.setattr(service, "pass_on_key", self._take)
+        monkeypatch.setattr(service, "jobs_wanting_keys", lambda: [JOB.id])
+        monkeypatch.setattr(service, "forward_key", self._take)
 
     def _take(self, job: str, message: KeyMessage) -> None:
         assert job == JOB.id
@@ -222,7 +222,7 @@ def test_challenges_follow_one_another_as_quickly_as_the_link_allows() -> None:
         value = challenges.issue("1")["value"]
         clock.now_s += round_trip_s
         told = {"held": "+", "sequence": 1, "challenge": value}
-        assert challenges.message("1", "lease", told) is not None
+        assert challenges.parse_key_message("1", "lease", told) is not None
         assert challenges.pause_s == pytest.approx(pause_s)
     clock.now_s += 1.0
     assert challenges.pause_s == IDLE_S, "nobody answers"
@@ -237,9 +237,9 @@ def test_a_viewer_that_says_nothing_sees_no_more_once_its_token_is_revoked(
     token, secret = tablet
     monkeypatch.setattr(live_socket, "KNOWN_S", 0.0)
 
-    async def look_on() -> tuple[int, str]:
+    async def stream_to_viewer() -> tuple[int, str]:
         async with looking_on(app, secret) as viewer:
             service.tokens.revoke(token.id)
             return await viewer.ends()
 
-    assert asyncio.run(look_on()) == (1008, "Unauthorized")
+    assert asyncio.run(stream_to_viewer()) == (1008, "Unauthorized")

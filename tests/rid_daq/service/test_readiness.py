@@ -88,7 +88,7 @@ def test_only_axis_test_and_jog_begin_without_an_axis_test(
     readiness.note_check(cell, checked(cell, AXIS_TEST))
     held = kind in (JobKind("axes"), JobKind("jog"))
     assert (readiness.obstacle(cell, kind) == "") is held
-    assert "red" in readiness.obstacle(cell)
+    assert "preflight has failed" in readiness.obstacle(cell)
 
 
 @pytest.mark.parametrize("kind", [kind for kind in JobKind if kind.operation.moves])
@@ -106,13 +106,13 @@ def test_any_other_red_line_refuses_them_too(
     kind: JobKind, cell: ServedCell, readiness: Readiness, clock: Clock
 ) -> None:
     readiness.note_check(cell, checked(cell, AXIS_TEST, "heartbeat"))
-    assert "red" in readiness.obstacle(cell, kind)
+    assert "preflight has failed" in readiness.obstacle(cell, kind)
     readiness.note_check(cell, checked(cell, "heartbeat"))
-    assert "red" in readiness.obstacle(cell, kind)
+    assert "preflight has failed" in readiness.obstacle(cell, kind)
     readiness.note_check(cell, checked(cell, AXIS_TEST, problem="a drive is silent"))
-    assert "red" in readiness.obstacle(cell, kind)
+    assert "preflight has failed" in readiness.obstacle(cell, kind)
     readiness.note_check(cell, checked(cell, problem="a drive is silent"))
-    assert "red" in readiness.obstacle(cell, kind)
+    assert "preflight has failed" in readiness.obstacle(cell, kind)
     readiness.note_check(cell, checked(cell, AXIS_TEST))
     clock.now_s += PREFLIGHT_LIMIT_S + 1.0
     assert "min old" in readiness.obstacle(cell, kind)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from config.errors import ConfigError
 from rid_daq.service.job_kinds import JobKind
-from rid_daq.service.request_check import check_request, request_of, require_inside
+from rid_daq.service.request_check import check_request, parse_request, require_inside
 from tests.builders.raised_codes import raises_code
 
 JSON = st.recursive(
@@ -37,7 +37,7 @@ def test_what_the_schema_takes_is_a_request_of_the_command(
     kind: JobKind, told: dict[str, Any], tmp_path: Path
 ) -> None:
     check_request(kind, told, tmp_path)
-    request = request_of(kind, told, cell="ir361", runs=str(tmp_path), cleared=False)
+    request = parse_request(kind, told, cell="ir361", runs=str(tmp_path), cleared=False)
     assert type(request) is kind.operation.request
 
 
@@ -98,7 +98,7 @@ def test_what_a_command_refuses_as_implausible_a_service_refuses_too(
 def checked_and_read(kind: JobKind, told: dict[str, Any], folder: Path) -> object:
     """Return a request as the service checks it and the worker reads it."""
     check_request(kind, told, folder)
-    return request_of(kind, told, cell="ir361", runs=str(folder), cleared=False)
+    return parse_request(kind, told, cell="ir361", runs=str(folder), cleared=False)
 
 
 @pytest.mark.parametrize("name", ["mass_percent", "centre_mm", "residual_percent"])
@@ -114,7 +114,7 @@ def test_whatever_a_client_says_is_a_request_or_refused(told: dict[str, Any]) ->
         check_request(JobKind("record"), told, Path("/tmp"))
     except ConfigError:
         return
-    request_of(JobKind("record"), told, cell="ir361", runs="/tmp", cleared=False)
+    parse_request(JobKind("record"), told, cell="ir361", runs="/tmp", cleared=False)
 
 
 @pytest.mark.parametrize("path", ["../x.yaml", "/etc/passwd", "a/../../x", "a\0b", "\ud800/x"])

@@ -49,7 +49,7 @@ def test_a_robot_file_in_another_folder_is_looked_at_too(cell_file: Path) -> Non
     cell = ServedCell(str(cell_file), 1.0)
     before = cell.loaded.files_hash
     slower(cell_file)
-    assert cell.look_again().robot.joints[0].limits.velocity == 1.3
+    assert cell.reload_if_changed().robot.joints[0].limits.velocity == 1.3
     assert cell.loaded.files_hash != before
 
 
@@ -57,9 +57,9 @@ def test_copies_that_make_its_folder_a_runs_are_seen(cell_file: Path) -> None:
     cell = ServedCell(str(cell_file), 1.0)
     text = (cell_file.parent.parent / "robots" / "r.yaml").read_text()
     cell_file.with_name("manifest.json").write_text('{"run_id": "a", "files": {}}')
-    cell.look_again()
+    cell.reload_if_changed()
     cell_file.with_name("robot.yaml").write_text(text.replace("velocity: 2.6", "velocity: 1.3"))
-    assert cell.look_again().files_hash == load_cell(str(cell_file)).files_hash
+    assert cell.reload_if_changed().files_hash == load_cell(str(cell_file)).files_hash
     assert cell.loaded.robot.joints[0].limits.velocity == 1.3
 
 
@@ -68,10 +68,10 @@ def test_a_cell_is_right_again_once_the_file_that_it_names_is_there(cell_file: P
     robot = cell_file.parent.parent / "robots" / "r.yaml"
     moved = robot.rename(robot.with_name("renamed.yaml"))
     cell_file.write_text(cell_file.read_text().replace("r.yaml", "later.yaml"))
-    cell.look_again()
+    cell.reload_if_changed()
     assert "later.yaml: cannot read" in cell.problem
     moved.rename(robot.with_name("later.yaml"))
-    assert cell.look_again().paths[1].name == "later.yaml"
+    assert cell.reload_if_changed().paths[1].name == "later.yaml"
     assert cell.problem == ""
 
 
@@ -81,9 +81,9 @@ def test_a_check_does_not_count_for_files_that_changed_while_it_listened(
     cell = ServedCell(str(cell_file), 1.0)
     document = checked(cell_file)
     slower(cell_file)
-    cell.look_again()
+    cell.reload_if_changed()
     readiness.note_check(cell, document)
-    assert readiness.obstacle(cell).startswith("its files have changed since the preflight")
+    assert readiness.obstacle(cell).startswith("its files have changed after the preflight")
     readiness.note_check(cell, checked(cell_file))
     assert readiness.obstacle(cell) == ""
 
@@ -93,4 +93,4 @@ def test_a_check_that_does_not_say_what_it_has_read_counts_for_nothing(
 ) -> None:
     cell = ServedCell(str(cell_file), 1.0)
     readiness.note_check(cell, {**checked(cell_file), "files_hash": None})
-    assert readiness.obstacle(cell).startswith("its files have changed since the preflight")
+    assert readiness.obstacle(cell).startswith("its files have changed after the preflight")

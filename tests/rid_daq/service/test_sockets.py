@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from rid_daq.service.sockets import local_listener, local_sockets, socket_of
+from rid_daq.service.sockets import local_listener, local_sockets, socket_path_of
 
 
 @pytest.fixture(autouse=True)
@@ -33,14 +33,14 @@ def test_whoever_is_told_the_socket_gets_through_before_the_server_runs(tmp_path
 
 def test_only_this_user_can_open_it_and_it_is_gone_afterwards(tmp_path: Path) -> None:
     with local_listener(tmp_path) as (_, path):
-        assert path == socket_of(tmp_path)
+        assert path == socket_path_of(tmp_path)
         assert path.stat().st_mode & 0o077 == 0
         assert local_sockets() == [path]
     assert not path.exists()
 
 
 def test_the_socket_of_a_service_that_was_killed_is_replaced(tmp_path: Path) -> None:
-    path = socket_of(tmp_path)
+    path = socket_path_of(tmp_path)
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as killed:
         killed.bind(str(path))
     assert local_sockets() == []

@@ -22,17 +22,17 @@ from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock
 from rid_daq.service.api.admission import Admission
 from rid_daq.service.api.app import make_api
-from rid_daq.service.doorkeeper import Doorkeeper
+from rid_daq.service.authenticator import Authenticator
 from rid_daq.service.records import JobState, Role
 from rid_daq.service.refusals import StoreBusyError
 from rid_daq.service.service import CellService
-from rid_daq.service.stop.stop_entrance import StopEntrance
+from rid_daq.service.stop.stop_endpoint import StopEndpoint
 from rid_daq.service.store.state_folder import STATE_FOLDER
 from rid_daq.web.access import Access, is_loopback
 from rid_daq.web.asgi_server import AsgiServer
-from rid_daq.web.door import Limits
+from rid_daq.web.connection_groups import Limits
 from rid_daq.web.guard import Guard
-from rid_daq.web.reception import OpenConnection, Peer, Reply
+from rid_daq.web.head_handler import OpenConnection, Peer, Reply
 from rid_daq.web.request_head import RequestHead
 from tests.rid_daq.service.conftest import Worker, job
 
@@ -88,9 +88,9 @@ async def answer_on(line: ClientConnection) -> dict[str, Any]:
 async def place(service: CellService, limits: Limits = LONG) -> Place:
     listener = socket.create_server(("127.0.0.1", 0))
     access = Access("127.0.0.1", listener.getsockname()[1], "")
-    door = Doorkeeper(service.tokens, access.port, secure=False)
+    door = Authenticator(service.tokens, access.port, secure=False)
     app = make_api(service, door)
-    entrance = Admission(StopEntrance(app.state.stop_desk, access), door, access)
+    entrance = Admission(StopEndpoint(app.state.stop_handler, access), door, access)
     server = AsgiServer(Guard(app, access), None, limits, entrance)
     until = asyncio.Event()
     serving = asyncio.create_task(server.serve([listener], until))
@@ -100,7 +100,7 @@ async def place(service: CellService, limits: Limits = LONG) -> Place:
 @contextlib.asynccontextmanager
 async def moving(service: CellService) -> Any:
     """Have a motion of this process under way."""
-    await service.workshop.begin(job(), service.cell("ir361"), cleared=False)
+    await service.job_runner.begin(job(), service.cell("ir361"), cleared=False)
     control = ControlBlock.create()
     try:
         yield control
@@ -140,14 +140,14 @@ def test_no_job_moves_anything_before_it_is_on_the_disk(
             holder.execute("BEGIN EXCLUSIVE")
             wanted = job()
             with pytest.raises(StoreBusyError) as refused:
-                await service.workshop.begin(wanted, service.cell("ir361"), cleared=True)
+                await service.job_runner.begin(wanted, service.cell("ir361"), cleared=True)
             assert refused.value.refusal == "RID-STORE-BUSY"
-            assert not list(service.workshop), "no process has it"
+            assert not list(service.job_runner), "no process has it"
             kept = service.jobs.get(wanted.id)
             assert kept is not None
             assert kept.state is JobState.FAILED
         assert await asyncio.to_thread(service.database.flush, PATIENCE_S)
-        again = await service.workshop.begin(job(), service.cell("ir361"), cleared=False)
+        again = await service.job_runner.begin(job(), service.cell("ir361"), cleared=False)
         assert again.state is JobState.RUNNING, "another may begin"
 
     run(main())
@@ -194,11 +194,11 @@ def test_all_cells_are_stopped_at_once_and_an_unknown_one_is_said(
     run(main())
 
 
-def entrance_of(service: CellService) -> tuple[StopEntrance, Doorkeeper]:
+def entrance_of(service: CellService) -> tuple[StopEndpoint, Authenticator]:
     access = Access("0.0.0.0", 8642, "")
-    door = Doorkeeper(service.tokens, 8642, secure=False)
+    door = Authenticator(service.tokens, 8642, secure=False)
     app = make_api(service, door)
-    return StopEntrance(app.state.stop_desk, access), door
+    return StopEndpoint(app.state.stop_handler, access), door
 
 
 def asked(*more: str, path: str = STOP) -> RequestHead:
@@ -208,7 +208,7 @@ def asked(*more: str, path: str = STOP) -> RequestHead:
     return head
 
 
-def status_of(found: Reply | OpenConnection | None) -> int:
+def http_status(found: Reply | OpenConnection | None) -> int:
     assert isinstance(found, Reply)
     return int(found.status)
 
@@ -216,19 +216,19 @@ def status_of(found: Reply | OpenConnection | None) -> int:
 @pytest.mark.promise("stop-by-any-token-ever-issued")
 def test_from_another_computer_any_token_that_was_ever_issued_stops(service: CellService) -> None:
     entrance, _ = entrance_of(service)
-    assert status_of(entrance.receive(asked(), FAR)) == 401
-    assert status_of(entrance.receive(asked("Authorization: Bearer guessed"), FAR)) == 401
+    assert http_status(entrance.receive(asked(), FAR)) == 401
+    assert http_status(entrance.receive(asked("Authorization: Bearer guessed"), FAR)) == 401
     token, secret = service.tokens.add("tablet", Role.VIEWER, person=True)
     shown = f"Authorization: Bearer {secret}"
-    assert status_of(entrance.receive(asked(shown), FAR)) == 202
+    assert http_status(entrance.receive(asked(shown), FAR)) == 202
     service.tokens.revoke(token.id)
-    assert status_of(entrance.receive(asked(shown), FAR)) == 202
+    assert http_status(entrance.receive(asked(shown), FAR)) == 202
     assert service.database.flush(PATIENCE_S)
     again = CellService(service.folder, list(service.cells.values()))
     entrance, _ = entrance_of(again)
-    assert status_of(entrance.receive(asked(shown), FAR)) == 202, "also after a restart"
+    assert http_status(entrance.receive(asked(shown), FAR)) == 202, "also after a restart"
     cookie = f"Cookie: other=1; rid_daq_service_8642={secret}"
-    assert status_of(entrance.receive(asked(cookie), FAR)) == 202
+    assert http_status(entrance.receive(asked(cookie), FAR)) == 202
 
 
 @pytest.mark.parametrize(
@@ -243,10 +243,10 @@ def test_from_another_computer_any_token_that_was_ever_issued_stops(service: Cel
 def test_a_page_from_elsewhere_stops_nothing(service: CellService, line: str, status: int) -> None:
     entrance, _ = entrance_of(service)
     here = Peer(local=False, address="127.0.0.1")
-    assert status_of(entrance.receive(asked(line), here)) == status
+    assert http_status(entrance.receive(asked(line), here)) == status
     without = RequestHead("POST", STOP, (("host", "192.0.2.1:8642"),))
-    assert status_of(entrance.receive(without, here)) == 403
-    assert status_of(entrance.receive(asked(), here)) == 202
+    assert http_status(entrance.receive(without, here)) == 403
+    assert http_status(entrance.receive(asked(), here)) == 202
 
 
 @pytest.mark.parametrize(

@@ -23,13 +23,13 @@ def test_a_job_that_was_stopped_between_two_motions_is_told_in_the_next(
     service: CellService, worker: Worker
 ) -> None:
     async def stopped() -> None:
-        await service.workshop.begin(job(), service.cell("ir361"), cleared=False)
+        await service.job_runner.begin(job(), service.cell("ir361"), cleared=False)
         first = ControlBlock.create()
         assert service.stop("ir361", "anna")
         assert first.program.stop_code == StopCode.STOP_BUTTON
         first.program.declare_task_gone()
         second = ControlBlock.create()
-        await service.workshop.look()
+        await service.job_runner.poll()
         assert second.program.stop_code == StopCode.STOP_BUTTON
         second.program.declare_task_gone()
 
@@ -39,9 +39,9 @@ def test_a_job_that_was_stopped_between_two_motions_is_told_in_the_next(
 
 def test_a_motion_that_nobody_stopped_is_told_nothing(service: CellService, worker: Worker) -> None:
     async def looked_at() -> None:
-        await service.workshop.begin(job(), service.cell("ir361"), cleared=False)
+        await service.job_runner.begin(job(), service.cell("ir361"), cleared=False)
         motion = ControlBlock.create()
-        await service.workshop.look()
+        await service.job_runner.poll()
         assert not motion.program.stop_code
         motion.program.declare_task_gone()
 
@@ -64,24 +64,24 @@ def test_a_job_that_is_stopped_while_its_worker_is_on_its_way_does_not_begin(
 ) -> None:
     async def stopped() -> Job:
         begun = asyncio.create_task(
-            service.workshop.begin(job(), service.cell("ir361"), cleared=False)
+            service.job_runner.begin(job(), service.cell("ir361"), cleared=False)
         )
         await asyncio.sleep(0)
-        assert service.workshop.is_busy("ir361")
+        assert service.job_runner.is_busy("ir361")
         assert service.stop("ir361", "anna")
         return await begun
 
     over = asyncio.run(stopped())
-    assert (over.state, over.reason) == (JobState.STOPPED, "stopped by anna before it began")
-    assert list(service.workshop) == []
-    assert not service.workshop.is_busy("ir361")
+    assert (over.state, over.reason) == (JobState.STOPPED, "stopped by anna before it started")
+    assert list(service.job_runner) == []
+    assert not service.job_runner.is_busy("ir361")
     assert worker.returncode is not None
 
 
 def test_one_that_computes_is_cancelled_there_too(service: CellService, worker: Worker) -> None:
     async def cancelled() -> Job | None:
         begun = asyncio.create_task(
-            service.workshop.begin(job(JobKind("identify")), service.cell("ir361"), cleared=False)
+            service.job_runner.begin(job(JobKind("identify")), service.cell("ir361"), cleared=False)
         )
         await asyncio.sleep(0)
         service.cancel(job(JobKind("identify")), WHO)
@@ -89,5 +89,5 @@ def test_one_that_computes_is_cancelled_there_too(service: CellService, worker: 
 
     over = asyncio.run(cancelled())
     assert over is not None
-    assert (over.state, over.reason) == (JobState.STOPPED, "cancelled by anna before it began")
-    assert list(service.workshop) == []
+    assert (over.state, over.reason) == (JobState.STOPPED, "cancelled by anna before it started")
+    assert list(service.job_runner) == []

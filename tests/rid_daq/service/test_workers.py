@@ -139,7 +139,7 @@ def test_a_motion_stops_if_the_service_hangs(
             over = client.follow(job)
             assert over.job.state is JobState.STOPPED
             assert "no heartbeat" in over.job.reason
-            assert "stood still" in client.cell("ir361").not_ready_because
+            assert "was paused" in client.cell("ir361").not_ready_because
             with pytest.raises(PreflightError) as refused:
                 client.run("ir361", "record", {"motion": "motion.yaml"}, lease=key)
             assert refused.value.refusal == "RID-CELL-NOT-READY"
@@ -206,8 +206,8 @@ def test_two_services_do_not_share_a_folder_or_a_cell(
     shared: ServedProcess, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     for folder, said in [
-        (shared.folder, "another service works in this folder"),
-        (tmp_path_factory.mktemp("other"), "another service has it"),
+        (shared.folder, "another service uses this folder"),
+        (tmp_path_factory.mktemp("other"), "another service owns it"),
     ]:
         second = subprocess.run(
             [

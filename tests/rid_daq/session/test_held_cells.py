@@ -9,8 +9,8 @@ import pytest
 
 from config.errors import LockedError
 from config.load import LoadedCell, load_cell
-from rid_daq.session.cells import mountable_cell
-from rid_daq.session.ownership import owned
+from rid_daq.session.cells import hold_reachable_cell
+from rid_daq.session.ownership import own_cell
 from tests.builders.raised_codes import raises_code
 
 
@@ -25,9 +25,13 @@ def real(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> LoadedCell:
 
 
 def test_a_real_cell_is_held_alone_while_it_is_open(real: LoadedCell) -> None:
-    with mountable_cell(real), raises_code(LockedError, "RID-CELL-BUSY"), mountable_cell(real):
+    with (
+        hold_reachable_cell(real),
+        raises_code(LockedError, "RID-CELL-BUSY"),
+        hold_reachable_cell(real),
+    ):
         pass
-    with mountable_cell(real):
+    with hold_reachable_cell(real):
         pass
 
 
@@ -35,10 +39,10 @@ def test_a_cell_that_a_service_owns_is_not_opened_by_others(
     real: LoadedCell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("rid_daq.session.ownership.file_holder", lambda _: 1)
-    with raises_code(LockedError, "RID-CELL-BUSY", "process 1"), mountable_cell(real):
+    with raises_code(LockedError, "RID-CELL-BUSY", "process 1"), hold_reachable_cell(real):
         pass
 
 
 def test_a_cell_has_one_service(real: LoadedCell) -> None:
-    with owned(real.config), raises_code(LockedError, "RID-CELL-BUSY"), owned(real.config):
+    with own_cell(real.config), raises_code(LockedError, "RID-CELL-BUSY"), own_cell(real.config):
         pass

@@ -108,7 +108,7 @@ def test_no_lie_leads_to_a_stranger_or_keeps_a_session_from_being_stopped(
     left_alone = [entry for entry in told if not entry["stopped"]]
     assert {entry["process"] for entry in left_alone} <= {liar.pid for liar in liars}
     assert len(left_alone) == len(lies(innocent.pid)) - 1 - (ME != 0), "nobody can hold a link"
-    assert all("left alone; `ps -fp" in entry["text"] for entry in left_alone)
+    assert all("not stopped; `ps -fp" in entry["text"] for entry in left_alone)
     measured(f"{len(liars)} lies: 0 signals to {len(strangers)} strangers, the session stopped")
 
 
@@ -216,7 +216,7 @@ def test_a_session_whose_memory_makes_no_sense_is_ended_by_its_signal(
     assert run(["stop"]) == code
     assert session.wait(120.0) == 143
     said = capsys.readouterr().out
-    assert ("whether its axes rest was not seen" in said) == bool(code)
+    assert ("it was not observed if its axes are at rest" in said) == bool(code)
 
 
 def test_an_error_of_any_kind_is_that_sessions_alone(
@@ -298,7 +298,7 @@ theirs.touch()
     refused = people.start(PERSON.replace("with hold_cell(cell):", TELL), NEXT, "hold")
     said, _ = refused.communicate(timeout=120.0)
     assert f".{NEXT}.session: cannot be written: Operation not permitted." in said
-    assert "let its owner or root remove it" in said
+    assert "ask its owner or root to remove it" in said
     lock.chmod(0)
     refused = people.start(PERSON.replace("with hold_cell(cell):", TELL), NEXT, "hold")
     said, _ = refused.communicate(timeout=120.0)

@@ -12,7 +12,7 @@ from config.cell.cell import CellConfig
 from config.errors import LockedError, RecordingError
 from config.load import load_cell
 from config.process.file_locks import file_holder
-from rid_daq.session.session import as_label, hold_cell, unfinished
+from rid_daq.session.session import as_label, hold_cell, mark_unfinished
 from tests.builders.raised_codes import raises_code
 
 
@@ -85,7 +85,7 @@ def test_a_symbolic_link_is_not_followed(cell: CellConfig, tmp_path: Path) -> No
 
 def test_a_run_that_fails_says_why(tmp_path: Path) -> None:
     folder = RunFolder.create(tmp_path, "test")
-    with pytest.raises(RecordingError), unfinished(folder):
+    with pytest.raises(RecordingError), mark_unfinished(folder):
         raise RecordingError("the disk is full")
     manifest = folder.manifest()
     assert manifest.status == "stopped"

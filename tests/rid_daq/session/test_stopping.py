@@ -14,7 +14,7 @@ from acquisition.task.states import TaskState
 from config.errors import DeviceTimeoutError
 from rid_daq.session import stopping
 from rid_daq.session.running_sessions import RunningSession
-from rid_daq.session.stopping import Stopped, stop_sessions
+from rid_daq.session.stopping import SessionStop, stop_sessions
 
 COMMAND = StopReason(StopCode.STOP_COMMAND, "rid-daq stop")
 LIMIT = StopReason(StopCode.POSITION_LIMIT, "axis2 is beyond its limit")
@@ -56,10 +56,10 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def stopped(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Stopped]]:
+def stopped(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[SessionStop]]:
     """Return what stops such sessions and says what became of each."""
 
-    def stop(*sessions: Told) -> list[Stopped]:
+    def stop(*sessions: Told) -> list[SessionStop]:
         found = cast("Sequence[RunningSession]", sessions)
         return [result for _, result in stop_sessions(found)]
 
@@ -87,7 +87,7 @@ def moving(
 
 
 def test_a_motion_is_stopped_where_its_axes_were_seen_at_rest(
-    stopped: Callable[..., list[Stopped]],
+    stopped: Callable[..., list[SessionStop]],
 ) -> None:
     control = moving(reason=COMMAND, rest_s=0.25)
     (result,) = stopped(Told(control, lives=lambda: True))
@@ -99,52 +99,52 @@ def test_a_motion_is_stopped_where_its_axes_were_seen_at_rest(
 
 
 def test_a_motion_that_was_stopping_already_says_why(
-    stopped: Callable[..., list[Stopped]],
+    stopped: Callable[..., list[SessionStop]],
 ) -> None:
     (result,) = stopped(Told(moving(reason=LIMIT, rest_s=0.1), lives=lambda: True))
     assert result.seen
-    assert f"was stopping already ({LIMIT.text})" in result.sentence
+    assert f"earlier stop ({LIMIT.text})" in result.sentence
 
 
 def test_a_motion_that_does_not_answer_was_not_stopped(
-    stopped: Callable[..., list[Stopped]],
+    stopped: Callable[..., list[SessionStop]],
 ) -> None:
     (result,) = stopped(Told(moving(), lives=lambda: True))
-    assert result == Stopped(False, "did not answer within 0 s")
+    assert result == SessionStop(False, "did not answer within 0 s")
 
 
 def test_axes_whose_rest_nobody_saw_do_not_count_as_stopped(
-    stopped: Callable[..., list[Stopped]],
+    stopped: Callable[..., list[SessionStop]],
 ) -> None:
     ended = moving(reason=COMMAND, state=TaskState.FINISHED)
     (result,) = stopped(Told(ended))
-    assert result == Stopped(False, "stopped, but the axes were not seen to come to rest")
+    assert result == SessionStop(False, "stopped, but the axes were not seen to come to rest")
 
 
 def test_a_program_that_died_on_the_way_leaves_nobody_in_the_know(
-    stopped: Callable[..., list[Stopped]],
+    stopped: Callable[..., list[SessionStop]],
 ) -> None:
     (result,) = stopped(Told(moving(reason=COMMAND), lives=lambda: False))
-    assert result == Stopped(False, "did not come to its end: nobody knows what its axes do")
+    assert result == SessionStop(False, "did not end: the state of its axes is unknown")
 
 
 def test_a_motion_told_before_it_began_did_not_move(
-    stopped: Callable[..., list[Stopped]],
+    stopped: Callable[..., list[SessionStop]],
 ) -> None:
     ended = moving(reason=COMMAND, state=TaskState.FINISHED, cycles=0)
     assert stopped(Told(ended)) == [
-        Stopped(True, "stopped before the motion; the axes did not move")
+        SessionStop(True, "stopped before the motion; the axes did not move")
     ]
 
 
-def test_a_motion_that_ended_by_itself_is_over(stopped: Callable[..., list[Stopped]]) -> None:
+def test_a_motion_that_ended_by_itself_is_over(stopped: Callable[..., list[SessionStop]]) -> None:
     (result,) = stopped(Told(moving(state=TaskState.FINISHED)))
-    assert result == Stopped(True, "ended by itself meanwhile; the drives are off")
+    assert result == SessionStop(True, "ended by itself in the meantime; the drives are off")
 
 
 @pytest.mark.parametrize("reason", [None, COMMAND])
 def test_drives_that_were_not_seen_without_power_are_never_called_off(
-    stopped: Callable[..., list[Stopped]], reason: StopReason | None
+    stopped: Callable[..., list[SessionStop]], reason: StopReason | None
 ) -> None:
     ended = moving(reason=reason, state=TaskState.FINISHED, cycles=0, power_off=False)
     ended.task.add_note("the drives of axis3 did not confirm being disabled")
@@ -152,46 +152,48 @@ def test_drives_that_were_not_seen_without_power_are_never_called_off(
     error.add_note("while leaving the cell: axis3 is silent")
     ended.task.fail(error)
     (result,) = stopped(Told(ended))
-    assert result == Stopped(
+    assert result == SessionStop(
         False,
-        "ended without confirmation that power is off: make sure of it before entering the cell"
-        " (the drives could not be enabled in time; while leaving the cell: axis3 is silent; the"
-        " drives of axis3 did not confirm being disabled)",
+        "ended without confirmation that power is off: make sure that power is off before you enter"
+        " the cell (the drives could not be enabled in time; while leaving the cell: axis3 is"
+        " silent; the drives of axis3 did not confirm being disabled)",
     )
 
 
-def test_a_session_without_a_motion_is_ended(stopped: Callable[..., list[Stopped]]) -> None:
+def test_a_session_without_a_motion_is_ended(stopped: Callable[..., list[SessionStop]]) -> None:
     quiet = Told()
-    assert stopped(quiet) == [Stopped(True, "ended; no motion was under way")]
+    assert stopped(quiet) == [SessionStop(True, "ended; there was no motion")]
     assert quiet.terminated == 1
 
 
 def test_a_session_that_does_not_end_is_not_stopped(
-    stopped: Callable[..., list[Stopped]],
+    stopped: Callable[..., list[SessionStop]],
 ) -> None:
-    assert stopped(Told(lives=lambda: True)) == [Stopped(False, "did not end within 0 s")]
+    assert stopped(Told(lives=lambda: True)) == [SessionStop(False, "did not end within 0 s")]
 
 
 @pytest.mark.parametrize("broken", [PermissionError("no"), ValueError("no block")])
 def test_what_cannot_be_watched_is_told_to_end_and_never_called_stopped(
-    broken: Exception, stopped: Callable[..., list[Stopped]]
+    broken: Exception, stopped: Callable[..., list[SessionStop]]
 ) -> None:
     guarded = Told(broken=broken)
     (result,) = stopped(guarded)
     assert guarded.terminated == 1
-    assert result == Stopped(False, "told to end; whether its axes rest was not seen")
+    assert result == SessionStop(
+        False, "termination requested; it was not observed if its axes are at rest"
+    )
 
 
 def test_what_may_not_be_stopped_from_here_is_left_alone(
-    stopped: Callable[..., list[Stopped]],
+    stopped: Callable[..., list[SessionStop]],
 ) -> None:
     other = Told(refusal="belongs to another user")
-    assert stopped(other) == [Stopped(False, "belongs to another user")]
+    assert stopped(other) == [SessionStop(False, "belongs to another user")]
     assert other.terminated == 0
 
 
 def test_everyone_is_asked_before_anyone_is_waited_for_and_one_failure_stops_no_other(
-    stopped: Callable[..., list[Stopped]],
+    stopped: Callable[..., list[SessionStop]],
 ) -> None:
     second = moving(reason=COMMAND, rest_s=0.1)
     asked_by_then: list[int] = []

@@ -27,7 +27,7 @@ from websockets.asyncio.client import connect, unix_connect
 from websockets.exceptions import ConnectionClosedError, InvalidStatus
 
 from rid_daq.web.asgi_server import AsgiServer
-from rid_daq.web.door import Limits
+from rid_daq.web.connection_groups import Limits
 
 PATIENCE_S = 120.0
 SHORT = Limits(waiting=4, answering=4, streams=2, request_s=0.3, answer_s=0.3, stream_s=0.6)
@@ -76,7 +76,7 @@ async def echo(websocket: WebSocket) -> None:
 
 @dataclass
 class Place:
-    """A server that is running, and its two doors."""
+    """A server that is running, and its two listener_groups."""
 
     server: AsgiServer
     port: int
@@ -202,9 +202,9 @@ def test_who_does_not_take_an_answer_is_ended(tmp_path: Path) -> None:
         made = await place(tmp_path, SHORT)
         line = socket.create_connection(("127.0.0.1", made.port))
         line.sendall(GET.replace(b"/ ", b"/big ", 1))
-        while not any(door.answering for door in made.server._doors):
+        while not any(groups.answering for groups in made.server._groups):
             await asyncio.sleep(0)
-        while any(door.connections for door in made.server._doors):
+        while any(groups.connections for groups in made.server._groups):
             await asyncio.sleep(0.01)
         line.close()
         assert (await made.ask(GET))[0] == 200
@@ -239,7 +239,7 @@ def test_the_oldest_goes_for_a_new_one_at_its_own_door(tmp_path: Path) -> None:
             assert await rest(reader) == b"", "the oldest were ended"
         assert (await made.ask(GET))[0] == 200, "a new one is let in"
         beside[1].write(GET)
-        assert b" 200 " in await rest(beside[0]), "who waits at the other door is not pushed out"
+        assert b" 200 " in await rest(beside[0]), "who waits at the other groups is not pushed out"
         for _, writer in (beside, *crowd):
             writer.close()
         await made.end()
@@ -264,7 +264,7 @@ def test_streams_that_are_too_many_are_told_to_come_again(tmp_path: Path) -> Non
         assert (await made.ask(GET))[0] == 200
         async with unix_connect(str(made.path), uri="ws://x/ws") as here:
             await here.send("from here")
-            assert await here.recv() == "from here", "the other door has its own places"
+            assert await here.recv() == "from here", "the other groups has its own places"
         made.until.set()
         for reader, writer in viewers:
             assert b"data: last" in await rest(reader), "the last words come before the end"
@@ -374,7 +374,7 @@ def test_tls_is_bounded_from_the_first_byte_on(tmp_path: Path, certificate: Path
         async with connect(f"wss://127.0.0.1:{made.port}/ws", ssl=trust) as line:
             await line.send("by tls")
             assert await line.recv() == "by tls"
-        while any(door.connections for door in made.server._doors):
+        while any(groups.connections for groups in made.server._groups):
             await asyncio.sleep(0.01)
         await made.end()
 

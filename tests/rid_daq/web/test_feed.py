@@ -18,13 +18,13 @@ async def take(view: AsyncIterator[bytes], count: int) -> list[bytes]:
 def test_a_slow_viewer_misses_pictures_and_no_event() -> None:
     async def main() -> None:
         feed = Feed()
-        feed.show(b"before")
+        feed.publish_picture(b"before")
         fast, slow = feed.view(), feed.view()
         assert await take(fast, 1) == await take(slow, 1) == [b"before"]
         for number in range(100):
-            feed.show(b"picture %d" % number)
+            feed.publish_picture(b"picture %d" % number)
             if number % 10 == 0:
-                feed.tell(b"event %d" % number)
+                feed.publish_event(b"event %d" % number)
                 assert await take(fast, 2) == [b"event %d" % number, b"picture %d" % number]
             else:
                 assert await take(fast, 1) == [b"picture %d" % number]
@@ -41,10 +41,10 @@ def test_a_viewer_who_would_miss_an_event_is_ended_and_the_others_go_on() -> Non
     async def main() -> None:
         feed = Feed()
         hanging, going = feed.view(), feed.view()
-        feed.show(b"now")
+        feed.publish_picture(b"now")
         assert await take(hanging, 1) == await take(going, 1) == [b"now"]
         for number in range(MOST_EVENTS + 1):
-            feed.tell(b"%d" % number)
+            feed.publish_event(b"%d" % number)
             assert await take(going, 1) == [b"%d" % number]
         assert [each async for each in hanging] == []
         assert feed.viewers == 1
@@ -57,7 +57,7 @@ def test_a_viewer_who_would_miss_an_event_is_ended_and_the_others_go_on() -> Non
 def test_who_comes_after_the_end_sees_the_last_picture_and_the_end() -> None:
     async def main() -> None:
         feed = Feed()
-        feed.show(b"last")
+        feed.publish_picture(b"last")
         feed.end()
         assert [each async for each in feed.view()] == [b"last"]
 
@@ -68,14 +68,14 @@ def test_who_comes_after_the_end_sees_the_last_picture_and_the_end() -> None:
 def test_events_come_once_in_order_and_pictures_only_forward(steps: list[str]) -> None:
     async def main() -> None:
         feed = Feed()
-        feed.show(b"p 0")
+        feed.publish_picture(b"p 0")
         view = feed.view()
         seen, told, ready = await take(view, 1), 0, 0
         for number, step in enumerate(steps, 1):
             if step == "show":
-                feed.show(b"p %d" % number)
+                feed.publish_picture(b"p %d" % number)
             elif step == "tell":
-                feed.tell(b"e %d" % told)
+                feed.publish_event(b"e %d" % told)
                 told += 1
             elif any(each != "take" for each in steps[ready : number - 1]):
                 seen += await take(view, 1)
@@ -93,14 +93,14 @@ def test_events_come_once_in_order_and_pictures_only_forward(steps: list[str]) -
 def test_a_slow_viewer_gets_the_newest_picture_of_each_subject() -> None:
     async def main() -> None:
         feed = Feed()
-        feed.show(b"left 0", "left")
+        feed.publish_picture(b"left 0", "left")
         slow = feed.view(first=[b"hello"])
         assert await take(slow, 2) == [b"hello", b"left 0"]
         for number in range(1, 9):
-            feed.show(b"left %d" % number, "left")
-            feed.show(b"right %d" % number, "right")
+            feed.publish_picture(b"left %d" % number, "left")
+            feed.publish_picture(b"right %d" % number, "right")
         assert await take(slow, 2) == [b"left 8", b"right 8"]
-        feed.forget("left")
+        feed.forget_picture("left")
         assert await take(feed.view(), 1) == [b"right 8"]
 
     asyncio.run(main())
@@ -112,7 +112,7 @@ def test_a_feed_keeps_as_many_events_as_it_was_told() -> None:
         view = feed.view(first=[b"hello"])
         assert await take(view, 1) == [b"hello"]
         for number in range(4):
-            feed.tell(b"%d" % number)
+            feed.publish_event(b"%d" % number)
         assert [each async for each in view] == []
 
     asyncio.run(main())

@@ -19,7 +19,7 @@ from tests.rid_daq.workbench.stopped_motion import CELL, SOON_S, moving, press
 
 pytestmark = [pytest.mark.slow, pytest.mark.alone]
 
-NOTHING_MOVES = "Nothing moves here by this service."
+NOTHING_MOVES = "This service moves nothing now."
 SLOW_3G = {"latency": 400, "downloadThroughput": 50_000, "uploadThroughput": 50_000}
 TABS = ("Experiment", "Runs", "Identify", "Payload", "Settings", "Cell")
 HAS_STOP = """before => performance.timeOrigin > before
@@ -55,7 +55,7 @@ def test_an_alarm_ends_once_the_service_is_back(open_by_link: OpenByLink, link: 
     press(page)
     expect(words).to_contain_text("use the emergency stop", timeout=3000)
     expect(reach).to_contain_text("use the emergency stop")
-    expect(page.locator("#now")).to_contain_text("Not known")
+    expect(page.locator("#now")).to_contain_text("Unknown")
     link.mend()
     expect(words).to_have_text(NOTHING_MOVES, timeout=10_000)
     expect(reach).to_be_hidden(timeout=10_000)
@@ -153,7 +153,7 @@ def test_a_copy_of_a_tab_does_not_have_its_lease(
     with context.expect_page() as opened:
         first.evaluate("() => { window.open(location.href); }")  # it copies what the tab stores
     second = opened.value
-    expect(second.locator("#lease-words")).to_contain_text("Another page of this device has")
+    expect(second.locator("#lease-words")).to_contain_text("Another page of this device holds")
     expect(second.locator("#lease-back")).to_be_hidden()
     first.reload()
     expect(first.locator("#lease-back")).to_be_visible()

@@ -120,7 +120,7 @@ def test_runs_are_looked_for(open_page: OpenPage, served_pages: ServedProcess, a
     row = page.locator("#runs tr", has_text="complete")
     expect(row).not_to_have_count(0)
     page.locator("#search").fill("nothing is called so")
-    expect(page.locator("#runs")).to_have_text("No run is like this.")
+    expect(page.locator("#runs")).to_have_text("No run matches this filter.")
     page.locator("#search").fill(a_run)
     expect(page.locator("#runs tbody tr")).to_have_count(1)
     page.locator("#runs tbody a").first.click()
@@ -132,7 +132,9 @@ def test_a_page_that_is_not_there_says_so(
 ) -> None:
     page = open_page()
     page.goto(served_pages.url.split("/?")[0] + "/cells/nowhere")
-    expect(page.locator("main")).to_contain_text("no cell 'nowhere' here; there are ir361")
+    expect(page.locator("main")).to_contain_text(
+        "no cell 'nowhere' in this service; its cells are ir361"
+    )
     problems.clear()  # the browser's own word on a 404
 
 

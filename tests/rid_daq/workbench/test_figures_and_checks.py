@@ -81,7 +81,7 @@ def test_a_run_that_does_not_fit_is_told_with_its_reason(tmp_path: Path, cell: L
     file.write_text(file.read_text() + "# another hand\n")
     found = check_data(cell, [of_another, stopped, unfinished, changed]).data
     assert [each.passed for each in found] == [False] * 4
-    words = ("of robot kr15, the cell has ir361", "is stopped", "is unfinished", "robot.yaml")
+    words = ("of robot kr15, but the cell has ir361", "is stopped", "is unfinished", "robot.yaml")
     for each, word in zip(found, words, strict=True):
         assert word in each.text
 

@@ -79,7 +79,7 @@ def _asked(page: Page) -> dict[str, Any]:
 
     page.route(f"**/cells/{CELL}/jobs", keep)
     page.locator("#begin").click()
-    page.get_by_role("dialog").get_by_role("button", name="is clear: begin").click()
+    page.get_by_role("dialog").get_by_role("button", name="is clear: start").click()
     expect(page.locator("#job")).to_contain_text("kept by a test")
     (wanted,) = asked
     request: dict[str, Any] = wanted["request"]

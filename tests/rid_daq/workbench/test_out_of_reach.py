@@ -35,8 +35,8 @@ def begin(page: Page, served: ServedProcess, policy: str, pace: float) -> Job:
     """Begin a motion with a policy by the page's dialog; return it once the robot moves."""
     page.evaluate(BEGIN, pace)
     dialog = page.get_by_role("dialog")
-    dialog.get_by_label("If this page goes out of reach").select_option(policy)
-    dialog.get_by_role("button", name="is clear: begin").click()
+    dialog.get_by_label("If the connection to this page is lost").select_option(policy)
+    dialog.get_by_role("button", name="is clear: start").click()
     expect(page.locator("#state")).to_have_text("moving")
     with served.client as client:
         job = client.cell(CELL).job
@@ -59,7 +59,7 @@ def run_out(page: Page, served: ServedProcess) -> None:
     ("policy", "pace", "told", "end"),
     [
         ("stop", 1.0, "the motion is stopped.", "Record: stopped: "),
-        ("finish", 5.0, "the motion goes on to its end.", "Record: done"),
+        ("finish", 5.0, "the motion continues to its end.", "Record: done"),
     ],
 )
 def test_a_tablet_out_of_reach_ends_its_motion_as_it_was_told_and_shows_it_when_it_is_back(
@@ -98,7 +98,7 @@ def test_a_tablet_out_of_reach_ends_its_motion_as_it_was_told_and_shows_it_when_
     if policy == "stop":
         expect(page.locator("#job .verdict.end")).to_contain_text("is out of reach")
     words = page.locator("#lease-words")
-    expect(words).to_have_text("You do not have this cell any more. Nobody has this cell.")
+    expect(words).to_have_text("You no longer hold this cell. No one holds this cell.")
     expect(page.locator("#lease-take")).to_be_visible()
     problems.clear()  # the browser's own words on what it could not reach
 
@@ -124,7 +124,7 @@ def test_a_tab_that_is_frozen_ends_its_motion_as_it_was_told(
         assert client.cell(CELL).lease is None
     expect(page.locator("#job .verdict.end")).to_contain_text("is out of reach")
     words = page.locator("#lease-words")
-    expect(words).to_have_text("You do not have this cell any more. Nobody has this cell.")
+    expect(words).to_have_text("You no longer hold this cell. No one holds this cell.")
     problems.clear()  # the browser's own words on a lease that is gone
 
 

@@ -62,7 +62,7 @@ def asked_for(page: Page) -> dict[str, Any]:
 
     page.route(f"**/cells/{CELL}/jobs", keep)
     page.locator("#begin").click()
-    page.get_by_role("dialog").get_by_role("button", name="is clear: begin").click()
+    page.get_by_role("dialog").get_by_role("button", name="is clear: start").click()
     expect(page.locator("#job")).to_contain_text("kept by a test")
     (wanted,) = asked
     request: dict[str, Any] = wanted["request"]
@@ -79,7 +79,7 @@ def test_it_is_shown_what_a_session_was_begun_with_and_that_holds(
     for field, value in shown.items():
         expect(page.locator(f"#{field}")).to_have_value(value)
     expect(page.locator("#going-on")).to_contain_text("cz is known: 0.1 ± 0.01.")
-    expect(page.locator("#begin")).to_have_text("Go on with gripper")
+    expect(page.locator("#begin")).to_have_text("Resume gripper")
     assert asked_for(page) == {"resume": session}
     problems.clear()  # the browser's own words on the refusal
 
@@ -99,5 +99,5 @@ def test_what_is_changed_is_said_anew_be_it_the_usual(
     assert request == {"resume": session, **left}
     page.locator("#anew").click()
     expect(page.locator("#mass-limit")).to_have_value("5")
-    expect(page.locator("#begin")).to_have_text("Begin the session")
+    expect(page.locator("#begin")).to_have_text("Start the session")
     problems.clear()

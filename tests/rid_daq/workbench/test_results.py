@@ -137,7 +137,7 @@ def test_a_model_that_warms_up_is_told_how_warm_joints_are(
     page.locator("#make").click()
     expect(page.locator("#job .verdict.end")).to_have_text("Compensate: done")
     assert newest(served_pages).request["temperature"] == "warm"
-    page.get_by_text("First time the motion").click()
+    page.get_by_text("Optional: time the motion first").click()
     page.locator("#retime").click()
     expect(page.locator("#job .verdict.end")).to_have_text("Retime: done")
     assert newest(served_pages).request["temperature"] == "warm"
@@ -188,7 +188,9 @@ def test_loops_are_measured_and_a_path_is_compensated_compared_refined_and_strea
     expect(page.locator("#job .verdict.end")).to_have_text("Compensate: done")
     expect(page.locator("#feedforward")).to_have_value("feedforward.json")
     page.locator("#compare").click()  # of a run with itself
-    expect(page.locator("#job [role=alert]")).to_contain_text("Before and after are the same run")
+    expect(page.locator("#job [role=alert]")).to_contain_text(
+        "The runs before and after are the same"
+    )
 
     take_cell(page)
     buttons = ("#drive-plain", "#drive")
@@ -214,7 +216,7 @@ def test_loops_are_measured_and_a_path_is_compensated_compared_refined_and_strea
     give_back(page)
 
     page.locator("#motion").select_option("pick.yaml")
-    page.get_by_text("First time the motion").click()
+    page.get_by_text("Optional: time the motion first").click()
     page.locator("#retime").click()
     expect(page.locator("#job .verdict.end")).to_have_text("Retime: done")
     expect(page.locator("#job .said")).to_contain_text("% shorter")
@@ -229,7 +231,7 @@ def moved(page: Page, served: ServedProcess, button: str, end: str) -> str:
     """Press a button that moves the robot, wait for the job's end, and return its run."""
     before = newest(served).id
     page.locator(button).click()
-    page.get_by_role("dialog").get_by_role("button", name="is clear: begin").click()
+    page.get_by_role("dialog").get_by_role("button", name="is clear: start").click()
     until(lambda: newest(served).id != before)
     with served.client as client:
         run = client.follow(newest(served)).require_done().job.run

@@ -55,11 +55,11 @@ def test_a_newcomer_takes_the_cell_and_checks_it(open_page: OpenPage) -> None:
     expect(page.locator("[data-why]")).to_have_text("Take the cell first.")
     take_cell(page)
     checked(page)
-    expect(page.locator("#now")).to_contain_text("Ready to move. Checked")
+    expect(page.locator("#now")).to_contain_text("Ready to move. Preflight")
     expect(page.locator("#preflight-words")).to_contain_text("Green")
     expect(page.locator("#preflight table")).not_to_have_count(0)
     give_back(page)
-    expect(page.locator("#lease-words")).to_have_text("Nobody has this cell.")
+    expect(page.locator("#lease-words")).to_have_text("No one holds this cell.")
 
 
 def test_stop_ends_a_motion_also_while_a_dialog_is_open(
@@ -77,7 +77,7 @@ def test_stop_ends_a_motion_also_while_a_dialog_is_open(
     expect(page.get_by_role("dialog")).to_be_visible()
     expect(page.locator("#job .count")).to_contain_text("measuring")
     page.locator("#stop").click()  # nothing covers it, nor is it inert
-    expect(page.locator("#stop-words")).to_have_text(re.compile("Stop asked for"))
+    expect(page.locator("#stop-words")).to_have_text(re.compile("Stop requested"))
     expect(page.locator("#job .verdict.end")).to_contain_text("Record: stopped")
     page.get_by_role("dialog").get_by_role("button", name="Cancel").click()
     with served_pages.client as client:
@@ -100,7 +100,7 @@ def test_a_button_moves_a_joint_while_it_is_held(
     page.locator("#jog").click()
     page.get_by_role("dialog").get_by_role("button", name="is clear").click()
     expect(page.locator(".said")).to_contain_text("Ready: hold the key")
-    forth = page.get_by_role("button", name="hold to move forth")
+    forth = page.get_by_role("button", name="hold to move in positive direction")
     position = page.locator('[data-joint="axis1"] [data-show="position"]')
     expect(position).to_contain_text("°")
     at_rest = degrees(position.inner_text())
@@ -119,7 +119,7 @@ def test_a_button_moves_a_joint_while_it_is_held(
     expect(page.get_by_role("button", name="Finish")).to_be_visible()
     page.keyboard.press("Escape")
     page.keyboard.press("Escape")
-    expect(page.locator("#stop-words")).to_have_text(re.compile("Stop asked for"))
+    expect(page.locator("#stop-words")).to_have_text(re.compile("Stop requested"))
     expect(page.locator("#job .verdict.end")).to_contain_text("Jog: stopped")
     give_back(page)
 
@@ -152,7 +152,7 @@ def test_a_key_that_is_held_over_a_slow_link_moves_nothing_and_the_page_says_why
     expect(position).to_contain_text("°")
     at_rest = position.inner_text()
     link.make_late(1.0, 0.4, 0.45)
-    page.get_by_role("button", name="hold to move forth").hover()
+    page.get_by_role("button", name="hold to move in positive direction").hover()
     page.mouse.down()
     expect(said).to_contain_text(re.compile(r"link too slow: .*\d+ ms"))
     link.mend()
@@ -198,12 +198,12 @@ def test_a_second_browser_is_paired_and_takes_the_cell_over(
     first.get_by_role("link", name="Settings").click()
     first.locator("#pairing-name").fill("the tablet")
     first.locator("#pairing-code").fill(code.inner_text())
-    first.get_by_role("button", name="Let it in").click()
-    expect(first.locator("#pairing-words")).to_have_text("the tablet is let in as operator.")
+    first.get_by_role("button", name="Grant access").click()
+    expect(first.locator("#pairing-words")).to_have_text("the tablet has access as operator.")
     expect(second).to_have_url(re.compile(f"/cells/{CELL}$"))
 
     take_cell(first, "calibration")
-    expect(second.locator("#lease-words")).to_contain_text("has this cell (calibration).")
+    expect(second.locator("#lease-words")).to_contain_text("holds this cell (calibration).")
     expect(second.locator("#lease-take")).to_be_hidden()
     expect(second.locator("#check")).to_be_disabled()
     second.locator("#lease-over").click()
@@ -213,8 +213,8 @@ def test_a_second_browser_is_paired_and_takes_the_cell_over(
     second.locator("#name").fill(CELL)
     second.keyboard.press("Enter")
     expect(second.locator("#lease-back")).to_be_visible()
-    expect(first.locator("#lease-words")).to_contain_text("You do not have this cell any more.")
-    expect(first.locator("#lease-words")).to_contain_text("the tablet has this cell")
+    expect(first.locator("#lease-words")).to_contain_text("You no longer hold this cell.")
+    expect(first.locator("#lease-words")).to_contain_text("the tablet holds this cell")
     assert all("409 (Conflict)" in problem for problem in problems)  # the first one's renewal
     problems.clear()
     give_back(second)
@@ -229,9 +229,9 @@ def test_a_service_that_hangs_is_told_in_large_words_and_stop_is_answered(
     served_pages.process.send_signal(signal.SIGSTOP)
     try:
         page.locator("#stop").click()  # the process in front of the service answers it
-        expect(page.locator("#stop-words")).to_have_text("Nothing moves here by this service.")
+        expect(page.locator("#stop-words")).to_have_text("This service moves nothing now.")
         expect(page.locator("#reach")).to_contain_text("use the emergency stop")
-        expect(page.locator("#state")).to_have_text("not known")
+        expect(page.locator("#state")).to_have_text("unknown")
     finally:
         served_pages.process.send_signal(signal.SIGCONT)
     expect(page.locator("#reach")).to_be_hidden()
@@ -309,7 +309,7 @@ def test_a_strangers_page_in_the_same_browser_gets_nothing(
         )
     assert answered.value.status in (403, 415)
     assert audit(served_pages) == before
-    expect(page.locator("#lease-words")).to_have_text("Nobody has this cell.")
+    expect(page.locator("#lease-words")).to_have_text("No one holds this cell.")
     problems.clear()
 
 

@@ -88,7 +88,7 @@ def test_a_silent_channel_is_told_within_two_seconds_and_its_end_too(
     spend(page, 2.0, said if values else None)
     expect(reach).to_contain_text(words)
     expect(page.locator("#state")).to_have_text(
-        ("moving" if moving else "closed") if values or requests else "not known"
+        ("moving" if moving else "closed") if values or requests else "unknown"
     )
     if moving and not values:
         expect(live).to_contain_text("NOT LIVE")

@@ -18,8 +18,8 @@ from tests.rid_daq.workbench.stopped_motion import SOON_S, moving, press, words_
 
 pytestmark = [pytest.mark.slow, pytest.mark.alone]
 
-STOPPED = re.compile("Stop asked for")
-NOTHING_MOVES = "Nothing moves here by this service."
+STOPPED = re.compile("Stop requested")
+NOTHING_MOVES = "This service moves nothing now."
 
 
 @pytest.mark.promise("page-stop-any-channel")
@@ -122,8 +122,8 @@ def test_a_stop_without_an_answer_is_asked_for_until_it_is_acknowledged(
     with moving(served_pages, program_lease) as motion:
         link.stall("/api/")
         pressed_s = press(page)
-        assert words_of(page) == "Asking for the stop…"
-        expect(words).to_contain_text("use the emergency stop. Still trying", timeout=3000)
+        assert words_of(page) == "Sending the stop request…"
+        expect(words).to_contain_text("use the emergency stop. This page repeats", timeout=3000)
         assert time.monotonic() - pressed_s >= 1.9
         assert not motion.stopped.is_set()
         mended_s = time.monotonic()
@@ -196,7 +196,7 @@ def test_a_page_that_loads_with_a_session_secret_has_stop_meanwhile(
     seen = len(link.paths)
     link.stall_after(1, "^/cells/ir361/runs$")  # the first is without the secret
     page.get_by_role("link", name="Runs", exact=True).click()
-    expect(page.locator("#door-words")).to_have_text("Loading…")
+    expect(page.locator("#login-words")).to_have_text("Loading…")
     assert link.paths[seen:].count("/cells/ir361/runs") >= 1
     with moving(served_pages, program_lease) as motion:
         motion.require_stopped(press(page))

@@ -83,17 +83,17 @@ def test_a_red_preflight_says_what_to_do_by_device(administrator: Page) -> None:
     expect(page.locator("#job .verdict.end")).to_contain_text("Check: failed")
     expect(page.get_by_role("button", name="Check again")).to_be_visible()
     expect(page.locator("#preflight-words")).to_contain_text("Red: ")
-    expect(page.locator("#preflight-words")).to_contain_text("its preflight is red")
+    expect(page.locator("#preflight-words")).to_contain_text("its preflight has failed")
     preflight = page.locator("#preflight")
     expect(preflight.locator("table").first.locator("tr.red").first).to_be_visible()
     expect(preflight).to_contain_text("let the motor cool down")
     warm = page.locator('[data-joint="axis1"] [data-show="temperature"]')
-    expect(warm).to_have_text(re.compile(r"^\d\d °C, when checked$"))
+    expect(warm).to_have_text(re.compile(r"^\d\d °C at the preflight$"))
     expect(page.locator("#jog")).to_be_disabled()
-    expect(page.locator("[data-why=ready]")).to_contain_text("Not ready: its preflight is red")
+    expect(page.locator("[data-why=ready]")).to_contain_text("Not ready: its preflight has failed")
     page.locator("#lease-back").click()
     page.locator("#cell-choice").select_option(ARM)
-    expect(page.locator("#preflight-words")).to_contain_text("This cell was not checked yet.")
+    expect(page.locator("#preflight-words")).to_contain_text("This cell has had no preflight yet.")
 
 
 def test_a_device_that_may_only_look_sees_all_and_moves_nothing(
@@ -106,14 +106,14 @@ def test_a_device_that_may_only_look_sees_all_and_moves_nothing(
     administrator.locator("#pairing-name").fill("the wall")
     administrator.locator("#pairing-code").fill(page.locator("#code").inner_text())
     administrator.locator("#pairing-role").select_option("viewer")
-    administrator.get_by_role("button", name="Let it in").click()
+    administrator.get_by_role("button", name="Grant access").click()
 
-    expect(page.locator("#lease-words")).to_have_text("Nobody has this cell.")
+    expect(page.locator("#lease-words")).to_have_text("No one holds this cell.")
     (cookie,) = tablet.cookies()
     assert (cookie.get("secure"), cookie.get("httpOnly")) == (True, True)
     expect(page.locator("#lease-take")).to_be_hidden()
     expect(page.locator("#check")).to_be_disabled()
-    expect(page.locator("[data-why=ready]")).to_contain_text("may only look on")
+    expect(page.locator("[data-why=ready]")).to_contain_text("has read-only access")
     refused = page.evaluate(
         """async () => {
           const { ask } = await import("/static/service.js");
@@ -122,12 +122,12 @@ def test_a_device_that_may_only_look_sees_all_and_moves_nothing(
     )
     assert refused == "NotAllowedError"
     page.locator("#stop").click()
-    expect(page.locator("#stop-words")).to_contain_text("Nothing moves here by this service.")
+    expect(page.locator("#stop-words")).to_contain_text("This service moves nothing now.")
 
     take_cell(administrator, "seen by all")
-    expect(page.locator("#lease-words")).to_contain_text("has this cell (seen by all).")
+    expect(page.locator("#lease-words")).to_contain_text("holds this cell (seen by all).")
     administrator.locator("#lease-back").click()
     for name in ("Experiment", "Identify", "Payload", "Compensation"):
         page.get_by_role("link", name=name, exact=True).click()
         expect(page.get_by_role("heading", level=1)).to_have_text(name)
-        expect(page.get_by_text("may only look on").first).to_be_attached()
+        expect(page.get_by_text("has read-only access").first).to_be_attached()

@@ -59,9 +59,9 @@ def test_the_history_of_a_robot_holds_its_own_runs_alone(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ([(3.0, 0.1)], "One run only"),
-        ([(3.0, 0.1), (3.1, 0.1)], "0.7 standard deviations, noise explains it"),
-        ([(3.0, 0.0), (3.1, 0.0)], "their uncertainty is not known"),
+        ([(3.0, 0.1)], "Only one run"),
+        ([(3.0, 0.1), (3.1, 0.1)], "0.7 standard deviations, noise explains the change"),
+        ([(3.0, 0.0), (3.1, 0.0)], "the uncertainty is unknown"),
     ],
 )
 def test_a_drift_is_judged_by_its_uncertainty(values, words) -> None:

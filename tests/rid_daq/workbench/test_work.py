@@ -38,7 +38,7 @@ def go_to(page: Page, title: str) -> None:
 def begin_motion(page: Page, button: str) -> None:
     """Press what moves, and say that the cell is clear."""
     page.locator(button).click()
-    page.get_by_role("dialog").get_by_role("button", name="is clear: begin").click()
+    page.get_by_role("dialog").get_by_role("button", name="is clear: start").click()
 
 
 def pictured(page: Page, screenshots: Path, name: str) -> None:

@@ -21,7 +21,7 @@ from acquisition.task.service_beat import SERVICE_LIMIT_S, ServiceBeat
 from config.errors import ConfigError, PreflightError
 from rid_daq.blocks.block import Column, Heading, Interval, Next, Table, Text, Verdict
 from rid_daq.blocks.plot import Axis, Line, Panel, Plot
-from rid_daq.service.remote_jobs import _Shown
+from rid_daq.service.remote_jobs import _EventDisplay
 from rid_daq.service.running_job import EventTail
 from rid_daq.terminal.console import Console
 from rid_daq.terminal.job_events import Asked, KeyRefused, Progressed, Resulted
@@ -69,8 +69,8 @@ def test_events_shown_again_are_what_the_command_says(
     here = capsys.readouterr().out
     speak(console)
     assert capsys.readouterr().out == ""
-    shown = _Shown(Console())
-    for event in EventTail(events).new():
+    shown = _EventDisplay(Console())
+    for event in EventTail(events).read_new():
         shown(None, event)
     assert capsys.readouterr().out == here
 
@@ -96,8 +96,8 @@ def test_a_result_shown_again_is_what_the_command_says(
     Console(as_json).result({"passed": False}, blocks)
     here = capsys.readouterr().out
     console.result({"passed": False}, blocks)
-    shown = _Shown(Console(as_json))
-    (event,) = EventTail(events).new()
+    shown = _EventDisplay(Console(as_json))
+    (event,) = EventTail(events).read_new()
     shown(None, event)
     assert capsys.readouterr().out == here != ""
     assert b"\x1b" not in events.read_bytes()
@@ -108,8 +108,8 @@ def test_programs_get_the_document_of_the_command(
     console: JobConsole, events: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     speak(console)
-    shown = _Shown(Console(as_json=True))
-    for event in EventTail(events).new():
+    shown = _EventDisplay(Console(as_json=True))
+    for event in EventTail(events).read_new():
         shown(None, event)
     assert capsys.readouterr().out == '{\n  "passed": false,\n  "sigma": 0.25\n}\n'
 
@@ -119,17 +119,17 @@ def test_a_line_that_was_torn_by_a_kill_is_left_out(console: JobConsole, events:
     tail = EventTail(events)
     with events.open("ab") as file:
         file.write(b'{"kind": "said", "at_s": 1.0, "te')
-    assert [type(each) for each in tail.new()] == [Resulted]
+    assert [type(each) for each in tail.read_new()] == [Resulted]
     with events.open("ab") as file:
         file.write(b"\n")
-    assert list(tail.new()) == []
+    assert list(tail.read_new()) == []
 
 
 def test_progress_is_told_now_and_then_and_at_its_end(console: JobConsole, events: Path) -> None:
     with console.progress("recording", 100.0, "periods") as progress:
         for done in range(101):
             progress.update(float(done), "measuring")
-    told = [each for each in EventTail(events).new() if isinstance(each, Progressed)]
+    told = [each for each in EventTail(events).read_new() if isinstance(each, Progressed)]
     assert [told[0].done, told[-1].done] == [0.0, 100.0]
     assert len(told) < 50
 
@@ -140,7 +140,7 @@ def answers(orders: Orders, events: Path, *texts: str) -> None:
     def work() -> None:
         tail, left = EventTail(events), list(texts)
         while left:
-            for event in tail.new():
+            for event in tail.read_new():
                 if isinstance(event, Asked):
                     orders.take({"answer": event.question, "text": left.pop(0)})
             time.sleep(0.002)
@@ -158,7 +158,7 @@ def test_a_question_is_asked_until_its_answer_is_understood(
 
     answers(orders, events, "two", "2")
     assert console.ask("How many?", number) == 2
-    asked = [each.text for each in EventTail(events).new() if isinstance(each, Asked)]
+    asked = [each.text for each in EventTail(events).read_new() if isinstance(each, Asked)]
     assert asked == ["How many?", "give a number. How many?"]
 
 
@@ -167,7 +167,7 @@ def test_a_question_brings_the_answers_that_a_page_shows_as_buttons(
 ) -> None:
     answers(orders, events, "-")
     assert console.ask("Which way?", str, [("As was said", "+"), ("The other way", "-")]) == "-"
-    (asked,) = [each for each in EventTail(events).new() if isinstance(each, Asked)]
+    (asked,) = [each for each in EventTail(events).read_new() if isinstance(each, Asked)]
     assert [(each.label, each.text) for each in asked.choices] == [
         ("As was said", "+"),
         ("The other way", "-"),
@@ -210,11 +210,11 @@ def test_a_key_is_asked_for_once_the_robot_is_ready_and_none_counts_before(
     holder: Holder, console: JobConsole, events: Path
 ) -> None:
     with console.keys(lambda _key: None) as keys:
-        assert EventTail(events).new() == []
+        assert EventTail(events).read_new() == []
         holder.says(held="+")
         assert keys.look() is None
         keys.begin()
-        assert [event.kind for event in EventTail(events).new()] == ["asked"]
+        assert [event.kind for event in EventTail(events).read_new()] == ["asked"]
         holder.says(held="+")
         assert keys.look() is None, "it was held before"
         holder.says(held="")
@@ -267,7 +267,7 @@ def holder(orders: Orders, clock: Clock) -> Holder:
 
 
 def refusals(events: Path) -> list[KeyRefused]:
-    return [event for event in EventTail(events).new() if isinstance(event, KeyRefused)]
+    return [event for event in EventTail(events).read_new() if isinstance(event, KeyRefused)]
 
 
 def test_a_held_key_holds_for_the_dead_mans_time_and_no_longer(
@@ -365,7 +365,7 @@ def test_a_key_that_is_held_from_one_question_to_the_next_must_be_let_go(
 
 
 def test_no_key_is_held_by_a_command_far_away() -> None:
-    shown = _Shown(Console())
+    shown = _EventDisplay(Console())
     event = Asked(at_s=0.0, question=1, form="hold", text="")
     with raises_code(ConfigError, "RID-KEY-NEEDED"):
         shown(SimpleNamespace(id="1"), event)
@@ -382,5 +382,5 @@ def test_progress_goes_on_being_told_after_the_date_was_set_back(
         monkeypatch.setattr("time.time", lambda: 0.0)
         now.now_s += 1.0
         shown.update(2.0, "")
-    told = [event for event in EventTail(events).new() if isinstance(event, Progressed)]
+    told = [event for event in EventTail(events).read_new() if isinstance(event, Progressed)]
     assert [event.done for event in told] == [1.0, 2.0]

@@ -20,7 +20,7 @@ from config.load import load_cell
 from rid_daq.blocks.block import Verdict
 from rid_daq.operations.perform import perform
 from rid_daq.service.job_kinds import JobKind
-from rid_daq.service.request_check import check_request, request_of
+from rid_daq.service.request_check import check_request, parse_request
 from rid_daq.service.running_job import EventTail
 from rid_daq.terminal.job_events import AnyEvent, Resulted
 from rid_daq.worker.job_console import EventFile, JobConsole
@@ -33,11 +33,11 @@ ROWS = 50
 def done(kind: JobKind, told: dict[str, Any], folder: Path) -> list[AnyEvent]:
     """Do a job of a service's folder, and return what it says."""
     check_request(kind, told, folder)
-    request = request_of(kind, told, cell="ir361", runs=str(folder / "runs"), cleared=False)
+    request = parse_request(kind, told, cell="ir361", runs=str(folder / "runs"), cleared=False)
     path = folder / "events.jsonl"
     with EventFile(path) as file:
         perform(kind.operation, request, JobConsole(events=file, orders=Orders(io.StringIO())))
-    return list(EventTail(path).new())
+    return list(EventTail(path).read_new())
 
 
 def left_by_a_crash(folder: Path) -> RunFolder:

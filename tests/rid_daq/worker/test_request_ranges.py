@@ -15,7 +15,7 @@ from pydantic import BaseModel
 
 from config.errors import ConfigError, RidDaqError
 from rid_daq.service.job_kinds import JobKind
-from rid_daq.service.request_check import check_request, request_of, require_inside
+from rid_daq.service.request_check import check_request, parse_request, require_inside
 from tests.builders.raised_codes import raises_code
 
 pytestmark = pytest.mark.promise("ranges-everywhere")
@@ -149,7 +149,7 @@ def test_what_is_outside_is_refused_by_the_service_and_by_the_process_that_drive
         told = document_with(kind, place, value)
         for refuse in (
             lambda told=told: check_request(kind, told, tmp_path),
-            lambda told=told: request_of(
+            lambda told=told: parse_request(
                 kind, told, cell="ir361", runs=str(tmp_path / "runs"), cleared=False
             ),
         ):
@@ -249,7 +249,7 @@ def test_a_random_document_is_a_request_or_is_refused(kind: JobKind, tmp_path: P
         before = sorted(tmp_path.parent.iterdir())
         try:
             check_request(kind, told, tmp_path)
-            request = request_of(
+            request = parse_request(
                 kind, told, cell="ir361", runs=str(tmp_path / "runs"), cleared=False
             )
         except RidDaqError:
@@ -273,5 +273,5 @@ def test_an_implausible_size_is_refused_by_the_process_that_drives(
 ) -> None:
     told = document_with(kind, place, 1e9)
     with raises_code(ConfigError, "RID-OPTION-RANGE") as caught:
-        request_of(kind, told, cell="ir361", runs="runs", cleared=False)
+        parse_request(kind, told, cell="ir361", runs="runs", cleared=False)
     assert caught.value.refusal == "RID-OPTION-RANGE"

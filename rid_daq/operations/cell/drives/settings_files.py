@@ -22,8 +22,8 @@ from drivers.settings.write_log import WriteLog
 from rid_daq.operations.cell.drives.restored import RestoredDrives, RestoreRequest
 from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
-from rid_daq.session.cells import mountable_cell
-from rid_daq.session.drive_writes import held_before, new_write_log
+from rid_daq.session.cells import hold_reachable_cell
+from rid_daq.session.drive_writes import new_write_log, settings_before_writes
 
 STORE_TIMEOUT_S = 10.0
 
@@ -69,7 +69,7 @@ def roll_back(run: str, request: RestoreRequest) -> RestoredDrives:
             a drive does not store its settings.
         RidDaqError: Another session holds the cell, or a drive does not answer.
     """
-    return _restore_settings(held_before(request.runs, run), request)
+    return _restore_settings(settings_before_writes(request.runs, run), request)
 
 
 def _restore_settings(saved: Sequence[SavedDrive], request: RestoreRequest) -> RestoredDrives:
@@ -113,7 +113,7 @@ def _open_drive_service(
 ) -> Iterator[DriveService]:
     """Yield the drive service of a cell; the cell is locked until the `with` block ends."""
     with (
-        mountable_cell(loaded, any_eds=True) as (cell, _),
+        hold_reachable_cell(loaded, any_eds=True) as (cell, _),
         open_cell(cell, loaded.robot, write_log) as opened,
     ):
         opened.axes.service.claim_bus()

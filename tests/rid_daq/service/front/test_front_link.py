@@ -12,7 +12,7 @@ from typing import Any, cast
 import pytest
 
 from rid_daq.service.front.front_link import FrontLink
-from rid_daq.service.front.wire import Wire
+from rid_daq.service.front.message_channel import MessageChannel
 from rid_daq.service.service import CellService
 from rid_daq.web.access import Access
 from rid_daq.web.asgi_server import AsgiServer
@@ -24,12 +24,12 @@ def test_a_process_that_takes_over_hears_of_all_jobs_and_secrets(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """One that has died may have left a motion under way, which a stop must still reach."""
-    fronts: list[tuple[Wire, list[dict[str, Any]]]] = []
+    fronts: list[tuple[MessageChannel, list[dict[str, Any]]]] = []
 
     async def start(*_command: str, pass_fds: tuple[int, ...], **_: object) -> SimpleNamespace:
-        wire, told = Wire(socket.socket(fileno=os.dup(pass_fds[0]))), []
-        wire.begin(lambda document, *_: told.append(document), lambda: None)
-        fronts.append((wire, told))
+        channel, told = MessageChannel(socket.socket(fileno=os.dup(pass_fds[0]))), []
+        channel.begin(lambda document, *_: told.append(document), lambda: None)
+        fronts.append((channel, told))
         return SimpleNamespace(returncode=0, wait=lambda: asyncio.sleep(0.0))
 
     async def jobs_told(number: int) -> None:
@@ -38,14 +38,16 @@ def test_a_process_that_takes_over_hears_of_all_jobs_and_secrets(
 
     async def take_over() -> None:
         service = SimpleNamespace(
-            cells=["a"], tokens=SimpleNamespace(issued=lambda: SECRETS), workshop=SimpleNamespace()
+            cells=["a"],
+            tokens=SimpleNamespace(issued=lambda: SECRETS),
+            job_runner=SimpleNamespace(),
         )
         link = FrontLink(
             cast(CellService, service), cast(AsgiServer, None), Access("127.0.0.1", 1, ""), []
         )
         running = asyncio.get_running_loop().create_task(link.run())
         await jobs_told(0)
-        service.workshop.changed({"a": 4711})
+        service.job_runner.bus_owners_changed({"a": 4711})
         fronts[0][0].close()
         await jobs_told(1)
         running.cancel()

@@ -1,4 +1,4 @@
-"""Places and turns: nobody takes those of all."""
+"""Places and scheduler: nobody takes those of all."""
 
 from __future__ import annotations
 
@@ -8,59 +8,59 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rid_daq.web.room import Room
-from rid_daq.web.turns import NoTurnError, Turns
+from rid_daq.web.connection_pool import ConnectionPool
+from rid_daq.web.fair_scheduler import FairScheduler, QueueFullError
 
 
 def test_the_oldest_of_the_owner_with_the_most_goes() -> None:
-    room: Room[int] = Room(4)
-    assert [room.add(number, "crowd") for number in range(4)] == [None] * 4
-    assert room.add(10, "anna") == 0
-    assert room.add(11, "ben") == 1
-    assert sorted(room) == [2, 3, 10, 11]
-    assert room.add(4, "crowd") == 2, "its own oldest"
+    pool: ConnectionPool[int] = ConnectionPool(4)
+    assert [pool.add(number, "crowd") for number in range(4)] == [None] * 4
+    assert pool.add(10, "anna") == 0
+    assert pool.add(11, "ben") == 1
+    assert sorted(pool) == [2, 3, 10, 11]
+    assert pool.add(4, "crowd") == 2, "its own oldest"
 
 
 def test_an_owner_has_only_so_many() -> None:
-    room: Room[int] = Room(10, 2)
-    assert [room.add(number, "crowd") for number in range(3)] == [None, None, 0]
-    assert not room.has_place("crowd")
-    assert room.has_place("anna")
+    pool: ConnectionPool[int] = ConnectionPool(10, 2)
+    assert [pool.add(number, "crowd") for number in range(3)] == [None, None, 0]
+    assert not pool.has_place("crowd")
+    assert pool.has_place("anna")
 
 
 def test_who_would_have_the_most_takes_no_place_in_a_full_room() -> None:
-    room: Room[int] = Room(4)
+    pool: ConnectionPool[int] = ConnectionPool(4)
     for number, owner in enumerate(("a", "a", "a", "b")):
-        room.add(number, owner)
-    assert room.has_place("b")
-    assert not room.has_place("a")
+        pool.add(number, owner)
+    assert pool.has_place("b")
+    assert not pool.has_place("a")
 
 
 @given(st.lists(st.tuples(st.sampled_from("abc"), st.booleans()), max_size=60))
 def test_a_room_holds_its_bounds_whatever_comes(steps: list[tuple[str, bool]]) -> None:
-    room: Room[int] = Room(5, 3)
+    pool: ConnectionPool[int] = ConnectionPool(5, 3)
     inside: dict[int, str] = {}
     for number, (owner, leaves) in enumerate(steps):
         inside[number] = owner
-        gone = room.add(number, owner)
+        gone = pool.add(number, owner)
         if gone is not None:
             del inside[gone]
         if leaves:
             oldest = next(iter(inside))
-            assert room.remove(oldest)
+            assert pool.remove(oldest)
             del inside[oldest]
-        assert set(room) == set(inside)
-        assert len(room) <= 5
+        assert set(pool) == set(inside)
+        assert len(pool) <= 5
         assert max(map(list(inside.values()).count, "abc")) <= 3
 
 
 @pytest.mark.promise("fair-turns")
 def test_a_crowd_of_requests_of_one_leaves_turns_to_others() -> None:
     async def main() -> list[str]:
-        turns, order = Turns(at_once=3, of_one=2, waiting_of_one=10), []
+        scheduler, order = FairScheduler(at_once=3, of_one=2, waiting_of_one=10), []
 
         async def work(owner: str, until: asyncio.Event) -> None:
-            async with turns.of(owner):
+            async with scheduler.slot(owner):
                 order.append(owner)
                 await until.wait()
 
@@ -85,22 +85,22 @@ def test_a_crowd_of_requests_of_one_leaves_turns_to_others() -> None:
 
 def test_too_many_that_wait_are_refused_and_a_turn_ends_once() -> None:
     async def main() -> None:
-        turns = Turns(at_once=2, of_one=1, waiting_of_one=1)
-        first = await turns.take("a")
-        second = asyncio.create_task(turns.take("a"))
+        scheduler = FairScheduler(at_once=2, of_one=1, waiting_of_one=1)
+        first = await scheduler.acquire("a")
+        second = asyncio.create_task(scheduler.acquire("a"))
         await asyncio.sleep(0)
-        with pytest.raises(NoTurnError):
-            await turns.take("a")
-        first.give_back()
-        first.give_back()
-        (await second).give_back()
-        first, waiting = await turns.take("a"), asyncio.create_task(turns.take("a"))
+        with pytest.raises(QueueFullError):
+            await scheduler.acquire("a")
+        first.release()
+        first.release()
+        (await second).release()
+        first, waiting = await scheduler.acquire("a"), asyncio.create_task(scheduler.acquire("a"))
         await asyncio.sleep(0)
         waiting.cancel()
         await asyncio.gather(waiting, return_exceptions=True)
-        first.give_back()
-        (await turns.take("a")).give_back()
-        assert not turns._taken
-        assert not turns._waiting
+        first.release()
+        (await scheduler.acquire("a")).release()
+        assert not scheduler._taken
+        assert not scheduler._waiting
 
     asyncio.run(main())

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from config.errors import LockedError
-from rid_daq.service.doorkeeper import Doorkeeper
+from rid_daq.service.authenticator import Authenticator
 from rid_daq.service.pairing import (
     LASTS_S,
     MOST_OF_ADDRESS,
@@ -34,17 +34,17 @@ def tokens(tmp_path: Path) -> TokenStore:
 
 
 @pytest.fixture
-def door(tokens: TokenStore) -> Doorkeeper:
-    return Doorkeeper(tokens, 8642, secure=False)
+def door(tokens: TokenStore) -> Authenticator:
+    return Authenticator(tokens, 8642, secure=False)
 
 
-def test_a_token_lets_in_until_it_is_revoked(door: Doorkeeper, tokens: TokenStore) -> None:
+def test_a_token_lets_in_until_it_is_revoked(door: Authenticator, tokens: TokenStore) -> None:
     token, secret = tokens.add("line computer", Role.VIEWER, person=False)
     shown = {"authorization": f"Bearer {secret}"}
-    assert door.identity(shown, local=False).name == "line computer"
+    assert door.require_identity(shown, local=False).name == "line computer"
     tokens.revoke(token.id)
     with raises_code(NotKnownError, "RID-ACCESS-UNKNOWN"):
-        door.identity(shown, local=False)
+        door.require_identity(shown, local=False)
 
 
 def test_a_database_that_another_program_holds_keeps_nobody_out(tmp_path: Path) -> None:
@@ -54,8 +54,8 @@ def test_a_database_that_another_program_holds_keeps_nobody_out(tmp_path: Path) 
     assert database.flush(PATIENCE_S)
     with contextlib.closing(sqlite3.connect(tmp_path / "service.db")) as holder:
         holder.execute("BEGIN IMMEDIATE")
-        door = Doorkeeper(tokens, 8642, secure=False)
-        who = door.look({"authorization": f"Bearer {secret}"}, local=False)
+        door = Authenticator(tokens, 8642, secure=False)
+        who = door.find_identity({"authorization": f"Bearer {secret}"}, local=False)
         assert who is not None
         assert who.name == "tablet"
 
@@ -68,10 +68,10 @@ def test_the_secret_itself_is_not_kept(tmp_path: Path) -> None:
     assert secret.encode() not in kept
 
 
-def test_nobody_is_trusted_for_where_they_ask_from(door: Doorkeeper) -> None:
-    assert door.look({}, local=False) is None
-    assert door.look({"x-forwarded-for": "127.0.0.1"}, local=False) is None
-    local = door.identity({}, local=True)
+def test_nobody_is_trusted_for_where_they_ask_from(door: Authenticator) -> None:
+    assert door.find_identity({}, local=False) is None
+    assert door.find_identity({"x-forwarded-for": "127.0.0.1"}, local=False) is None
+    local = door.require_identity({}, local=True)
     assert (local.role, local.person) == (Role.ADMINISTRATOR, False)
 
 
@@ -79,20 +79,20 @@ def bearer(secret: str) -> dict[str, str]:
     return {"authorization": f"Bearer {secret}"}
 
 
-def test_the_address_from_the_terminal_lets_a_browser_in(door: Doorkeeper) -> None:
-    who = door.identity(bearer(door.log_in(door.link_secret)), local=False)
+def test_the_address_from_the_terminal_lets_a_browser_in(door: Authenticator) -> None:
+    who = door.require_identity(bearer(door.log_in(door.link_secret)), local=False)
     assert (who.role, who.person) == (Role.ADMINISTRATOR, True)
     with raises_code(NotAllowedError, "RID-ACCESS-UNKNOWN"):
         door.log_in("guessed")
 
 
-def test_browsers_let_in_by_the_address_are_told_apart(door: Doorkeeper) -> None:
+def test_browsers_let_in_by_the_address_are_told_apart(door: Authenticator) -> None:
     firefox = "Mozilla/5.0 (X11; Linux x86_64; rv:140.0) Gecko/20100101 Firefox/140.0"
     edge = "Mozilla/5.0 (Windows NT 10.0) AppleWebKit/537.36 Chrome/140.0 Safari/537.36 Edg/140.0"
     names = []
     for agent in (firefox, firefox, edge, "\x1b[31m", ""):
         secret = door.log_in(door.link_secret, agent)
-        names.append(door.identity(bearer(secret), local=False).name)
+        names.append(door.require_identity(bearer(secret), local=False).name)
     assert names == [
         "Firefox on Linux, number 1",
         "Firefox on Linux, number 2",
@@ -103,24 +103,24 @@ def test_browsers_let_in_by_the_address_are_told_apart(door: Doorkeeper) -> None
 
 
 @pytest.mark.promise("no-cookie-without-tls")
-def test_without_tls_no_cookie_is_given_or_taken(door: Doorkeeper) -> None:
+def test_without_tls_no_cookie_is_given_or_taken(door: Authenticator) -> None:
     secret = door.log_in(door.link_secret)
     for name in ("rid_daq_service_8642", "__Host-rid-daq-8642", "rid-daq session"):
-        assert door.look({"cookie": f"{name}={secret}"}, local=False) is None
+        assert door.find_identity({"cookie": f"{name}={secret}"}, local=False) is None
     with pytest.raises(RuntimeError):
         door.cookie(secret)
 
 
-def test_a_websocket_shows_its_session_as_a_protocol(door: Doorkeeper) -> None:
+def test_a_websocket_shows_its_session_as_a_protocol(door: Authenticator) -> None:
     secret = door.log_in(door.link_secret)
     shown = {"sec-websocket-protocol": f"rid-daq, rid-daq.{secret}"}
-    assert door.look(shown, local=False) is not None
-    assert door.look({"sec-websocket-protocol": "rid-daq"}, local=False) is None
+    assert door.find_identity(shown, local=False) is not None
+    assert door.find_identity({"sec-websocket-protocol": "rid-daq"}, local=False) is None
 
 
 @pytest.mark.promise("session-ends-with-the-service")
 def test_a_session_ends_with_the_run_of_the_service_and_may_still_stop(
-    door: Doorkeeper, tokens: TokenStore
+    door: Authenticator, tokens: TokenStore
 ) -> None:
     link = door.log_in(door.link_secret)
     code, waiting = door.pairing.begin("127.0.0.1")
@@ -128,27 +128,29 @@ def test_a_session_ends_with_the_run_of_the_service_and_may_still_stop(
     paired = door.pairing.collect(waiting)
     assert paired is not None
     _, program = tokens.add("CI", Role.OPERATOR, person=False)
-    after = Doorkeeper(tokens, 8642, secure=False)
+    after = Authenticator(tokens, 8642, secure=False)
     for secret in (link, paired):
-        assert after.look(bearer(secret), local=False) is None
-        assert after.was_let_in(bearer(secret))
-    assert after.look(bearer(program), local=False) is not None
+        assert after.find_identity(bearer(secret), local=False) is None
+        assert after.has_issued_secret(bearer(secret))
+    assert after.find_identity(bearer(program), local=False) is not None
 
 
 @pytest.mark.promise("cookie-of-this-host")
 def test_a_cookie_is_for_tls_and_this_host_alone(tokens: TokenStore) -> None:
-    door = Doorkeeper(tokens, 8642, secure=True)
+    door = Authenticator(tokens, 8642, secure=True)
     cookie = door.cookie(door.log_in(door.link_secret))
     assert cookie.startswith("__Host-rid-daq-8642=")
     assert "; Secure; HttpOnly; SameSite=Strict; Path=/" in cookie
     assert "Max-Age" not in cookie  # it goes with the browser
-    assert door.look({"cookie": f"a=b; {cookie.partition(';')[0]}"}, local=False) is not None
+    assert (
+        door.find_identity({"cookie": f"a=b; {cookie.partition(';')[0]}"}, local=False) is not None
+    )
 
 
 def test_a_paired_device_stays_known_over_a_restart_while_it_is_used(
     tokens: TokenStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    door = Doorkeeper(tokens, 8642, secure=True)
+    door = Authenticator(tokens, 8642, secure=True)
     code, waiting = door.pairing.begin("10.0.0.7")
     door.pairing.confirm(code, "tablet", Role.OPERATOR)
     secret = door.pairing.collect(waiting)
@@ -156,24 +158,24 @@ def test_a_paired_device_stays_known_over_a_restart_while_it_is_used(
     cookie = door.cookie(secret)
     assert f"Max-Age={UNUSED_S:.0f}" in cookie
     shown = {"cookie": cookie.partition(";")[0]}
-    after = Doorkeeper(tokens, 8642, secure=True)
-    assert after.look(shown, local=False) is not None
+    after = Authenticator(tokens, 8642, secure=True)
+    assert after.find_identity(shown, local=False) is not None
     assert after.renewed_cookie(shown) == cookie
     later_s = time.time() + UNUSED_S + 1.0
     monkeypatch.setattr(time, "time", lambda: later_s)
-    assert after.look(shown, local=False) is None
+    assert after.find_identity(shown, local=False) is None
     assert after.renewed_cookie(shown) is None
 
 
 @pytest.mark.promise("one-download-a-ticket")
-def test_a_ticket_is_good_once_for_one_path(door: Doorkeeper) -> None:
+def test_a_ticket_is_good_once_for_one_path(door: Authenticator) -> None:
     secret = door.log_in(door.link_secret)
     path = "/api/v1/runs/one/report"
     elsewhere, used = door.tickets.issue(secret, path), door.tickets.issue(secret, path)
-    assert door.tickets.take(elsewhere, "/api/v1/runs/other/report") is None
-    assert door.tickets.take(elsewhere, path) is None
-    assert door.tickets.take(used, path) == secret
-    assert door.tickets.take(used, path) is None
+    assert door.tickets.redeem(elsewhere, "/api/v1/runs/other/report") is None
+    assert door.tickets.redeem(elsewhere, path) is None
+    assert door.tickets.redeem(used, path) == secret
+    assert door.tickets.redeem(used, path) is None
 
 
 def test_a_device_is_let_in_by_the_code_that_it_shows(tokens: TokenStore) -> None:
@@ -185,7 +187,7 @@ def test_a_device_is_let_in_by_the_code_that_it_shows(tokens: TokenStore) -> Non
     pairing.confirm(code, "tablet at cell 4", Role.OPERATOR)
     got = pairing.collect(secret)
     assert got is not None
-    known = tokens.known(got)
+    known = tokens.find_token(got)
     assert known is not None
     assert (known.name, known.role, known.person) == ("tablet at cell 4", Role.OPERATOR, True)
     with pytest.raises(UnknownError) as refused:

@@ -1,4 +1,4 @@
-"""`Turns`: requests that are worked on at once, shared fairly between those who ask."""
+"""`FairScheduler`: limits the requests that are processed at once, fairly among their owners."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ OF_ONE: Final = 4
 WAITING_OF_ONE: Final = 24
 
 
-class NoTurnError(Exception):
+class QueueFullError(Exception):
     """Too many requests of one owner wait already."""
 
 
-class Turns:
-    """Gives out turns in rotation between owners; one event loop's.
+class FairScheduler:
+    """Grants slots to the waiting requests of all owners in rotation; for one event loop.
 
     Args:
-        at_once, of_one: Turns at the same time, of all and of one owner.
-        waiting_of_one: Requests of one owner that may wait.
+        at_once, of_one: Number of slots, of all owners and of one owner.
+        waiting_of_one: Number of requests of one owner that may wait.
     """
 
     def __init__(
@@ -34,44 +34,44 @@ class Turns:
         self._taken: Counter[str] = Counter()
         self._waiting: OrderedDict[str, deque[asyncio.Future[None]]] = OrderedDict()
 
-    async def take(self, key: str) -> Turn:
-        """Wait for a turn.
+    async def acquire(self, key: str) -> Slot:
+        """Wait for a slot.
 
         Raises:
-            NoTurnError: Too many of this owner wait already.
+            QueueFullError: Too many requests of this owner wait already.
         """
         if self._is_free(key) and key not in self._waiting:
             self._taken[key] += 1
-            return Turn(self, key)
+            return Slot(self, key)
         queue = self._waiting.setdefault(key, deque())
         if len(queue) >= self._waiting_of_one:
-            raise NoTurnError
+            raise QueueFullError
         ready: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         queue.append(ready)
         try:
             await ready
         except asyncio.CancelledError:
             if ready.done() and not ready.cancelled():
-                self.give_back(key)
+                self.release(key)
             else:
                 with contextlib.suppress(ValueError):
                     queue.remove(ready)
                 if not queue and self._waiting.get(key) is queue:
                     del self._waiting[key]
             raise
-        return Turn(self, key)
+        return Slot(self, key)
 
     @contextlib.asynccontextmanager
-    async def of(self, key: str) -> AsyncIterator[Turn]:
-        """Have a turn for as long as the `with` lasts, or until it is given back."""
-        turn = await self.take(key)
+    async def slot(self, key: str) -> AsyncIterator[Slot]:
+        """Hold a slot inside the `async with` block, or until it is released."""
+        slot = await self.acquire(key)
         try:
-            yield turn
+            yield slot
         finally:
-            turn.give_back()
+            slot.release()
 
-    def give_back(self, key: str) -> None:
-        """End a turn; the next owner in the rotation has it."""
+    def release(self, key: str) -> None:
+        """Release a slot; the next owner in the rotation receives it."""
         self._taken[key] -= 1
         if not self._taken[key]:
             del self._taken[key]
@@ -80,7 +80,7 @@ class Turns:
                 queue = self._waiting.pop(waiting)
                 ready = queue.popleft()
                 if queue:
-                    self._waiting[waiting] = queue  # at the end of the rotation
+                    self._waiting[waiting] = queue  # to the end of the rotation
                 if not ready.done():
                     self._taken[waiting] += 1
                     ready.set_result(None)
@@ -90,15 +90,15 @@ class Turns:
         return self._taken.total() < self._at_once and self._taken[key] < self._of_one
 
 
-class Turn:
-    """One request's turn."""
+class Slot:
+    """Slot of one request."""
 
-    def __init__(self, turns: Turns, key: str) -> None:
-        self._turns: Turns | None = turns
+    def __init__(self, scheduler: FairScheduler, key: str) -> None:
+        self._scheduler: FairScheduler | None = scheduler
         self._key = key
 
-    def give_back(self) -> None:
-        """End it, once."""
-        if self._turns is not None:
-            self._turns.give_back(self._key)
-            self._turns = None
+    def release(self) -> None:
+        """Release the slot; a second call does nothing."""
+        if self._scheduler is not None:
+            self._scheduler.release(self._key)
+            self._scheduler = None

@@ -1,4 +1,4 @@
-"""`StopLine`: the WebSocket that carries STOP alone, with a heartbeat."""
+"""`StopSocket`: WebSocket that carries STOP requests and a heartbeat, and nothing else."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from websockets.server import ServerProtocol
 from websockets.typing import Subprotocol
 
 from rid_daq.service.refusals import UnknownError
-from rid_daq.service.stop.stop_answer import Desk
+from rid_daq.service.stop.stop_answer import StopHandler
 from rid_daq.web.request_secrets import SOCKET_PROTOCOL
 
 BEAT_S: Final = 0.25
 BEAT: Final = b'{"type": "beat"}'
 MOST_BYTES: Final = 1024
 MOST_MESSAGES: Final = 100
-"""Messages a second, beyond which the line is closed."""
+"""Messages per second; beyond this limit the connection is closed."""
 
 POLICY: Final = 1008
 
 
-class StopLine(asyncio.Protocol):
-    """Speaks with one client: `{"stop": CELL or "*", "number": N}` is answered at once.
+class StopSocket(asyncio.Protocol):
+    """Server side of one WebSocket. `{"stop": CELL or "*", "number": N}` is answered at once.
 
     Args:
-        desk: Stops.
-        who: Who asks.
+        handler: Executes the stops.
+        who: Name of the sender.
     """
 
-    def __init__(self, desk: Desk, who: str) -> None:
-        self._desk = desk
+    def __init__(self, handler: StopHandler, who: str) -> None:
+        self._handler = handler
         self._who = who
-        self._speaker = ServerProtocol(max_size=MOST_BYTES, select_subprotocol=_protocol)
+        self._speaker = ServerProtocol(max_size=MOST_BYTES, select_subprotocol=_select_protocol)
         self._transport: asyncio.Transport | None = None
         self._beat: asyncio.TimerHandle | None = None
         self._refused = False
@@ -46,50 +46,52 @@ class StopLine(asyncio.Protocol):
         self._second, self._messages = 0, 0
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Begin; the client's request follows as data."""
+        """Keep the transport; the client's request follows as data."""
         self._transport = cast(asyncio.Transport, transport)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """End."""
+        """Stop the heartbeat."""
         if self._beat is not None:
             self._beat.cancel()
 
     def data_received(self, data: bytes) -> None:
-        """Answer what has come."""
+        """Process received bytes: the opening request and messages."""
         self._speaker.receive_data(data)
         for event in self._speaker.events_received():
             if isinstance(event, Request):
                 response = self._speaker.accept(event)
-                if self._speaker.eof_sent:  # what followed the request was no frame
+                if self._speaker.eof_sent:  # the bytes after the request are not a WebSocket frame
                     break
                 self._speaker.send_response(response)
             elif isinstance(event, Frame):
-                self._take(event)
+                self._process_frame(event)
         self._flush()
         if self._is_open and self._beat is None:
             self._send_beat()
 
     def eof_received(self) -> bool | None:
-        """Close as the protocol has it."""
+        """Close the connection as the WebSocket protocol requires."""
         self._speaker.receive_eof()
         self._flush()
         return None
 
     def shutdown(self) -> None:
-        """Tell the client that the service ends."""
+        """Send the client a close frame with code 1012: the service ends."""
         if self._is_open:
             self._speaker.send_close(1012)
             self._flush()
         self._close()
 
-    def _take(self, frame: Frame) -> None:
+    def _process_frame(self, frame: Frame) -> None:
         if frame.opcode not in (Opcode.TEXT, Opcode.BINARY, Opcode.CONT) or self._refused:
             return
         second = int(time.monotonic())
         self._messages = self._messages + 1 if second == self._second else 1
         self._second = second
         answer = self._answer(bytes(frame.data)) if frame.fin else None
-        if not self._is_open:  # the client closes: the stop counts all the same
+        if (
+            not self._is_open
+        ):  # the client has closed the connection; the stop was executed all the same
             return
         if answer is None or self._messages > MOST_MESSAGES:
             self._refused = True
@@ -98,7 +100,7 @@ class StopLine(asyncio.Protocol):
             self._speaker.send_text(json.dumps(answer).encode())
 
     def _answer(self, message: bytes) -> dict[str, object] | None:
-        return answer_to_stop(self._desk, self._who, read_stop(message))
+        return answer_to_stop(self._handler, self._who, read_stop(message))
 
     @property
     def _is_open(self) -> bool:
@@ -122,18 +124,18 @@ class StopLine(asyncio.Protocol):
             self._close()
 
     def _close(self) -> None:
-        """Close the transport once; a TLS transport cannot be used after a second time."""
+        """Close the transport once; closing a TLS transport twice raises an error."""
         if self._transport is not None and not self._closed:
             self._closed = True
             self._transport.close()
 
 
-def _protocol(_server: ServerProtocol, offered: Sequence[Subprotocol]) -> Subprotocol | None:
+def _select_protocol(_server: ServerProtocol, offered: Sequence[Subprotocol]) -> Subprotocol | None:
     return next((each for each in offered if each == SOCKET_PROTOCOL), None)
 
 
 def read_stop(message: bytes) -> dict[str, object] | None:
-    """Return a message that asks for a stop, None for every other."""
+    """Parse a message that requests a stop; return None for any other message."""
     try:
         found = json.loads(message)
     except (ValueError, RecursionError):
@@ -142,14 +144,17 @@ def read_stop(message: bytes) -> dict[str, object] | None:
 
 
 def answer_to_stop(
-    desk: Desk, who: str, asked: dict[str, object] | None
+    handler: StopHandler, who: str, asked: dict[str, object] | None
 ) -> dict[str, object] | None:
-    """Stop what a message of a WebSocket asks for, and return the answer; None if it asks nothing.
+    """Execute the stop that a WebSocket message requests and return the answer.
 
     Args:
-        desk: Stops.
-        who: Who asks.
+        handler: Executes the stop.
+        who: Name of the sender.
         asked: The message, `{"stop": CELL or "*", "number": N}`.
+
+    Returns:
+        None if the message requests no stop.
     """
     if asked is None:
         return None
@@ -159,6 +164,6 @@ def answer_to_stop(
         "number": number if isinstance(number, int | float | str) else None,
     }
     try:
-        return answer | desk.stop(str(asked["stop"]), who).document()
+        return answer | handler.stop(str(asked["stop"]), who).document()
     except UnknownError as error:
         return answer | {"told": False, "sentence": str(error)}

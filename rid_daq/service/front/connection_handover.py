@@ -1,4 +1,4 @@
-"""`HandOver`: gives a connection to the service once its request's head is whole."""
+"""`ConnectionHandover`: gives a connection to the service once its request's head is complete."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import contextlib
 import socket
 from typing import Final, cast
 
-from rid_daq.service.front.wire import Wire
+from rid_daq.service.front.message_channel import MessageChannel
 from rid_daq.web.connection import Connection
 
 _BUSY: Final = (
@@ -15,22 +15,22 @@ _BUSY: Final = (
     b"Connection: close\r\n\r\n"
 )
 _BUFFER_BYTES: Final = 32 << 10
-_FIRST_BYTES: Final = 32 << 10  # more than a head, less than a message of the wire holds
+_FIRST_BYTES: Final = 32 << 10  # more than a request head, less than the channel's message limit
 
 
-class HandOver(asyncio.Protocol):
-    """The speaker of a connection that is not STOP's.
+class ConnectionHandover(asyncio.Protocol):
+    """Protocol of a connection that carries no STOP.
 
-    Without TLS the service gets the socket itself. With TLS this process goes on to encrypt, and
-    the service gets one end of a pair whose other end is here.
+    Without TLS the service receives the socket itself. With TLS the front process continues to
+    encrypt, and the service receives one end of a socket pair.
 
     Args:
-        wire: To the service.
+        channel: Message channel to the service.
     """
 
-    def __init__(self, connection: Connection, wire: Wire) -> None:
+    def __init__(self, connection: Connection, channel: MessageChannel) -> None:
         self._connection = connection
-        self._wire = wire
+        self._channel = channel
         self._outer: asyncio.Transport | None = None
         self._inner: asyncio.Transport | None = None
         self._task: asyncio.Task[None] | None = None
@@ -38,36 +38,36 @@ class HandOver(asyncio.Protocol):
         self._lost = False
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Begin; what the client has sent follows as data."""
+        """Keep the transport; the bytes that the client has sent follow as data."""
         self._outer = cast(asyncio.Transport, transport)
 
     def data_received(self, data: bytes) -> None:
-        """Hand over with the first data, pass on all that follows."""
+        """Hand the connection over with the first data; forward all data after it."""
         assert self._outer is not None
         if self._inner is not None:
             self._inner.write(data)
             return
-        if self._task is not None:  # decrypted before reading was paused
+        if self._task is not None:  # data that was decrypted before reading was paused
             self._backlog += data
             return
         self._outer.pause_reading()
         if self._outer.get_extra_info("sslcontext") is None:
             line = self._outer.get_extra_info("socket")
-            if self._send(data, line.fileno()):
-                self._connection.abort()  # the service has the socket
+            if self._send_to_service(data, line.fileno()):
+                self._connection.abort()  # the service has its own copy of the socket
         else:
-            self._connection.request_is_whole()
-            self._task = asyncio.get_running_loop().create_task(self._relay(data))
+            self._connection.note_request_complete()
+            self._task = asyncio.get_running_loop().create_task(self._relay_tls(data))
 
-    async def _relay(self, data: bytes) -> None:
+    async def _relay_tls(self, data: bytes) -> None:
         ours, theirs = socket.socketpair()
         with theirs:
-            sent = self._send(data[:_FIRST_BYTES], theirs.fileno())
+            sent = self._send_to_service(data[:_FIRST_BYTES], theirs.fileno())
         if not sent:
             ours.close()
             return
         loop = asyncio.get_running_loop()
-        inner, _ = await loop.create_connection(lambda: _Inner(self), sock=ours)
+        inner, _ = await loop.create_connection(lambda: _ServiceSide(self), sock=ours)
         if self._lost:
             inner.abort()
             return
@@ -77,13 +77,13 @@ class HandOver(asyncio.Protocol):
         self._backlog.clear()
         assert self._outer is not None
         self._outer.set_write_buffer_limits(high=_BUFFER_BYTES)
-        with contextlib.suppress(RuntimeError):  # it was closed meanwhile
+        with contextlib.suppress(RuntimeError):  # the transport was closed in the meantime
             self._outer.resume_reading()
 
-    def _send(self, data: bytes, descriptor: int) -> bool:
+    def _send_to_service(self, data: bytes, descriptor: int) -> bool:
         peer = self._connection.peer
-        told: dict[str, object] = {"local": peer.local, "address": peer.address}
-        if self._wire.send(told, data, descriptor):
+        sender: dict[str, object] = {"local": peer.local, "address": peer.address}
+        if self._channel.send(sender, data, descriptor):
             return True
         assert self._outer is not None
         self._outer.write(_BUSY)
@@ -91,57 +91,57 @@ class HandOver(asyncio.Protocol):
         return False
 
     def eof_received(self) -> bool | None:
-        """Close: a connection carries one request."""
+        """Close the connection: it carries one request only."""
         return None
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """End the service's side too."""
+        """Close the service's side too."""
         self._lost = True
         if self._inner is not None:
             self._inner.close()
 
     def pause_writing(self) -> None:
-        """Take no more from the service until the client has taken what is here."""
+        """Stop reading from the service until the client has received the data so far."""
         if self._inner is not None:
             self._inner.pause_reading()
 
     def resume_writing(self) -> None:
-        """Go on."""
+        """Read from the service again."""
         if self._inner is not None:
             self._inner.resume_reading()
 
-    def answer(self, data: bytes) -> None:
-        """Pass on what the service has sent."""
+    def forward_answer(self, data: bytes) -> None:
+        """Send data of the service to the client."""
         if self._outer is not None:
             self._outer.write(data)
 
-    def answered(self) -> None:
-        """Close once the client has taken all; the service has no more to send."""
-        self._connection.answered()
+    def finish_answer(self) -> None:
+        """Close the connection once the client has received the service's whole answer."""
+        self._connection.note_answered()
         if self._outer is not None:
             self._outer.close()
 
-    def hold_client(self, held: bool) -> None:
-        """Read no more from the client until the service has taken what is here."""
+    def pause_client(self, held: bool) -> None:
+        """Stop (or resume) reading from the client while the service is behind."""
         if self._outer is not None:
             with contextlib.suppress(RuntimeError):
                 self._outer.pause_reading() if held else self._outer.resume_reading()
 
 
-class _Inner(asyncio.Protocol):
-    """The end of the pair that is here."""
+class _ServiceSide(asyncio.Protocol):
+    """Protocol of the front process's end of the socket pair."""
 
-    def __init__(self, outer: HandOver) -> None:
+    def __init__(self, outer: ConnectionHandover) -> None:
         self._outer = outer
 
     def data_received(self, data: bytes) -> None:
-        self._outer.answer(data)
+        self._outer.forward_answer(data)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        self._outer.answered()
+        self._outer.finish_answer()
 
     def pause_writing(self) -> None:
-        self._outer.hold_client(True)
+        self._outer.pause_client(True)
 
     def resume_writing(self) -> None:
-        self._outer.hold_client(False)
+        self._outer.pause_client(False)

@@ -1,4 +1,4 @@
-"""`Reception`: decides about a request by its head alone, before the application sees it."""
+"""`HeadHandler`: decides about a request from its head, before the application receives it."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from rid_daq.web.request_head import RequestHead
 
 @dataclass(frozen=True)
 class Peer:
-    """The client of a connection.
+    """Client of a connection.
 
     Attributes:
-        local: Whether it came by a Unix socket.
+        local: True if it connected through a Unix socket.
         address: Its IP address; empty for a Unix socket.
     """
 
@@ -27,11 +27,11 @@ class Peer:
 
 @dataclass(frozen=True)
 class Reply:
-    """An answer that is given at once.
+    """Answer that is sent at once.
 
     Attributes:
-        document: Its body, as JSON.
-        patient: Whether a long body is still read, and thrown away, so that the client sees the
+        document: Body of the answer, as JSON.
+        patient: True to read and discard a long request body, so that the client receives the
             answer.
     """
 
@@ -40,7 +40,7 @@ class Reply:
     patient: bool = False
 
     def bytes(self) -> bytes:
-        """Return all of the answer."""
+        """Return the complete answer."""
         body = json.dumps(self.document).encode()
         head = (
             f"HTTP/1.1 {self.status.value} {self.status.phrase}\r\n"
@@ -55,11 +55,11 @@ class Reply:
 
 @dataclass(frozen=True)
 class OpenConnection:
-    """A connection that stays, apart from the application's.
+    """Connection that stays open and is counted apart from those of the application.
 
     Attributes:
-        owner: Whose it is: everybody has a few.
-        speaker: Makes the protocol that speaks with the client, the head included.
+        owner: Owner of the connection; each owner has a limit.
+        speaker: Function that creates the protocol of the connection; it also receives the head.
     """
 
     owner: str
@@ -68,12 +68,12 @@ class OpenConnection:
 
 @dataclass(frozen=True)
 class Admitted:
-    """A request that the application may see.
+    """Request that the application may receive.
 
     Attributes:
-        owner: Whose it is.
-        body_bytes: How large its body may be.
-        body_s: How long the body may take from now on [s]; None for the usual time.
+        owner: Owner of the request.
+        body_bytes: Maximum size of its body.
+        body_s: Time for the body from now on [s]; None for the default limit.
     """
 
     owner: str
@@ -81,12 +81,12 @@ class Admitted:
     body_s: float | None = None
 
 
-class Reception(Protocol):
-    """What decides about requests by their heads."""
+class HeadHandler(Protocol):
+    """Interface of a class that decides about requests from their heads."""
 
     def receive(self, head: RequestHead, peer: Peer) -> Reply | OpenConnection | Admitted | None:
-        """Return the answer, the protocol that takes over, or that the application is asked.
+        """Return an answer, a protocol that takes over, or the admission to the application.
 
-        None passes the connection on to the door's speaker as it is.
+        None forwards the connection to its HTTP protocol without a change of its limits.
         """
         ...

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from rid_daq.service.api import jobs
-from rid_daq.service.api.told_events import ToldEvents, told_events
+from rid_daq.service.api.event_cache import EventCache, event_cache
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import Job, JobState, Role
 from rid_daq.service.service import CellService
@@ -46,7 +46,7 @@ def told(service: CellService, after: int) -> list[str]:
 def test_a_viewer_gets_what_it_does_not_know_and_the_rest_is_not_read_again(
     service: CellService, job: Job
 ) -> None:
-    events = service.workshop.events(job.id)
+    events = service.job_runner.events(job.id)
     assert told(service, 0) == []
     say(events, "one", "two")
     assert told(service, 0) == ["one", "two"]
@@ -64,18 +64,18 @@ def test_a_torn_line_has_no_number(tmp_path: Path) -> None:
     with events.open("ab") as file:
         file.write(b'{"kind": "said", "te\n')
     say(events, "two")
-    assert b'"two"' in ToldEvents(events).after(1)
-    assert ToldEvents(events).after(2) == b"[]"
+    assert b'"two"' in EventCache(events).after(1)
+    assert EventCache(events).after(2) == b"[]"
 
 
 def test_a_file_is_not_read_where_stop_and_leases_are_heard(
     service: CellService, job: Job, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def beside(events: Path) -> ToldEvents:
+    def beside(events: Path) -> EventCache:
         with pytest.raises(RuntimeError, match="no running event loop"):
             asyncio.get_running_loop()
-        return told_events(events)
+        return event_cache(events)
 
-    say(service.workshop.events(job.id), "one")
-    monkeypatch.setattr(jobs, "told_events", beside)
+    say(service.job_runner.events(job.id), "one")
+    monkeypatch.setattr(jobs, "event_cache", beside)
     assert told(service, 0) == ["one"]

@@ -1,4 +1,4 @@
-"""`FrontDesk`: who may stop, which process is stopped, and how."""
+"""`FrontStopHandler`: who may stop, which process is stopped, and how."""
 
 from __future__ import annotations
 
@@ -10,38 +10,38 @@ import sys
 import pytest
 
 from acquisition.task.control_block import ControlBlock
-from rid_daq.service.front.front_desk import FrontDesk, hash_of
+from rid_daq.service.front.front_stop_handler import FrontStopHandler, sha256_of_secret
 from rid_daq.service.refusals import NotKnownError, UnknownError
 from rid_daq.service.stop.stop_answer import stop_each
-from rid_daq.service.store.tokens import hashed
+from rid_daq.service.store.tokens import hash_secret
 
 
-def desk() -> tuple[FrontDesk, list[tuple[str, str]]]:
+def handler() -> tuple[FrontStopHandler, list[tuple[str, str]]]:
     told: list[tuple[str, str]] = []
-    return FrontDesk(["a", "b"], lambda target, who: told.append((target, who))), told
+    return FrontStopHandler(["a", "b"], lambda target, who: told.append((target, who))), told
 
 
 @pytest.mark.promise("stop-by-any-token-ever-issued")
 def test_the_front_knows_who_may_stop() -> None:
-    found, _ = desk()
-    assert hash_of("x\ud800") == hashed("x\ud800")
+    found, _ = handler()
+    assert sha256_of_secret("x\ud800") == hash_secret("x\ud800")
     shown = {"authorization": "Bearer secret"}
     with pytest.raises(NotKnownError):
-        found.admit(shown, local=False, address="192.0.2.7")
-    assert found.admit(shown, local=False, address="127.0.0.1") == ""
-    assert found.admit({}, local=True, address="") == ""
-    found.note_issued([hash_of("secret")])
-    key = hash_of("secret")
+        found.identify_sender(shown, local=False, address="192.0.2.7")
+    assert found.identify_sender(shown, local=False, address="127.0.0.1") == ""
+    assert found.identify_sender({}, local=True, address="") == ""
+    found.note_issued([hash_secret("secret")])
+    key = hash_secret("secret")
     for headers in (
         shown,
         {"cookie": "a=b; any-name=secret"},
         {"sec-websocket-protocol": "rid-daq, rid-daq.secret"},
     ):
-        assert found.admit(headers, local=False, address="192.0.2.7") == key
+        assert found.identify_sender(headers, local=False, address="192.0.2.7") == key
 
 
 def test_the_front_stops_what_it_was_told_of_and_tells_the_service() -> None:
-    found, told = desk()
+    found, told = handler()
     assert not found.stop("a", "").told
     found.note_jobs({"a": os.getpid()})
     control = ControlBlock.create()
@@ -57,7 +57,7 @@ def test_the_front_stops_what_it_was_told_of_and_tells_the_service() -> None:
 
 
 def test_a_worker_without_a_motion_is_ended_by_a_signal() -> None:
-    found, _ = desk()
+    found, _ = handler()
     with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as worker:
         found.note_jobs({"a": worker.pid})
         assert found.stop("a", "").told
@@ -75,7 +75,7 @@ def test_a_process_is_kept_by_its_descriptor_for_its_number_may_be_anothers(
         return by_number(pid)
 
     monkeypatch.setattr(os, "pidfd_open", open_it)
-    found, _ = desk()
+    found, _ = handler()
     found.note_jobs({"a": os.getpid()})
     found.note_jobs({"a": os.getpid(), "b": 0})
     assert opened == [os.getpid()]

@@ -1,5 +1,5 @@
-// Without TLS: prove to the service which browser asks, without cookies. The session secret stays in the
-// storage of this origin, which no other port can read; it ends with this run of the service.
+// Identifies this browser to a service without TLS, without cookies. The session secret is in the storage
+// of this origin, which no other port can read; it expires when the service ends.
 "use strict";
 (() => {
   const KEY = "rid-daq session";
@@ -8,7 +8,7 @@
   const secret = localStorage.getItem(KEY) ?? "none";
   const bearer = `Bearer ${secret}`;
 
-  // ---- every request of this page, its WebSocket, and what it opens or saves
+  // ---- add the secret to requests and WebSockets of this page, and a ticket to links that it opens or saves
   const plainFetch = window.fetch;
   window.fetch = (target, options = {}) => {
     if (new URL(target, location).origin !== location.origin) return plainFetch(target, options);
@@ -42,7 +42,7 @@
       address.searchParams.set("ticket", (await answer.json()).ticket);
       copy.href = address;
     } catch {
-      // the address itself answers why
+      // without a ticket, the address itself answers with the reason
     }
     copy.hidden = true;
     document.body.append(copy);
@@ -51,10 +51,10 @@
     copy.remove();
   }
 
-  // ---- the page of this address takes this one's place; until then this one has STOP
+  // ---- load the page of this address; it replaces this one, which shows STOP until then
   const PATIENCE_MS = 10000;
   const AGAIN_MS = 1000;
-  // the page is loaded once that one is: a child that is still being written keeps it waiting
+  // an open child document delays this page's load event until the new page is written
   const pending = document.createElement("iframe");
   pending.hidden = true;
   document.body.append(pending);
@@ -67,11 +67,11 @@
       text = await answer.text();
       if (new URL(answer.url).pathname !== location.pathname || given) history.replaceState(null, "", answer.url);
     } catch {
-      document.getElementById("door-words").textContent = "The service does not answer: use the emergency stop. Trying again…";
+      document.getElementById("login-words").textContent = "The service does not answer: use the emergency stop. This page tries again…";
       setTimeout(load, AGAIN_MS);
       return;
     }
-    document.open(); // forgets all listeners
+    document.open(); // removes all listeners
     document.addEventListener("click", showTicket);
     document.write(text);
     document.close();

@@ -1,4 +1,4 @@
-"""`Room`: connections of one kind, of which nobody can take the places of all."""
+"""`ConnectionPool`: connections in one state; no owner can occupy all places."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Generic, TypeVar
 Member = TypeVar("Member")
 
 
-class Room(Generic[Member]):
-    """Members by the key of their owner; the fullest owner makes room for others.
+class ConnectionPool(Generic[Member]):
+    """Members by the key of their owner; the owner with the most members gives up places first.
 
     Args:
-        most: Places in all.
-        most_of_one: Places of one owner.
+        most: Number of places.
+        most_of_one: Number of places of one owner.
     """
 
     def __init__(self, most: int, most_of_one: int | None = None) -> None:
@@ -33,7 +33,12 @@ class Room(Generic[Member]):
         return member in self._keys
 
     def add(self, member: Member, key: str) -> Member | None:
-        """Add a member; return who has to go for it: the oldest of the owner with the most."""
+        """Add a member.
+
+        Returns:
+            The member that loses its place: the oldest member of the owner with the most members.
+            None if there was a free place.
+        """
         self._keys[member] = key
         own = self._of.setdefault(key, OrderedDict())
         own[member] = None
@@ -44,14 +49,14 @@ class Room(Generic[Member]):
         return None
 
     def has_place(self, key: str) -> bool:
-        """Return whether an owner may have one more without having more than the others."""
+        """Return True if an owner may have one more member without having more than the others."""
         own = len(self._of.get(key, ()))
         if own >= self._most_of_one:
             return False
         return len(self._keys) < self._most or own + 1 < max(map(len, self._of.values()))
 
     def remove(self, member: Member) -> bool:
-        """Remove a member; return whether it was here."""
+        """Remove a member; return True if it was in the pool."""
         key = self._keys.pop(member, None)
         if key is None:
             return False

@@ -1,11 +1,11 @@
-"""`Wire`: order and bounds of the messages between the service and the process in front."""
+"""`MessageChannel`: order and limits of the messages between service and front process."""
 
 from __future__ import annotations
 
 import asyncio
 import socket
 
-from rid_daq.service.front.wire import Wire
+from rid_daq.service.front.message_channel import MessageChannel
 
 MANY = 20_000
 
@@ -17,7 +17,7 @@ def test_a_message_that_the_other_end_is_too_far_behind_for_is_refused_and_the_o
 
     async def send_and_read() -> int:
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        near, far = Wire(ours), Wire(theirs)
+        near, far = MessageChannel(ours), MessageChannel(theirs)
         near.begin(lambda *_: None, lambda: None)
         taken = sum(near.send({"number": number}) for number in range(MANY))
         far.begin(lambda document, *_: came.append(document["number"]), lambda: None)

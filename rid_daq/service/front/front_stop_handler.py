@@ -1,4 +1,4 @@
-"""`FrontDesk`: STOP as the process in front does it: by shared memory or a signal, at once."""
+"""`FrontStopHandler`: stops motions from the front process by shared memory or a signal."""
 
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ from collections.abc import Callable, Iterable, Mapping
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock
 from rid_daq.service.refusals import UnknownError
-from rid_daq.service.stop.stop_answer import ALL, StopAsked, stop_each, unknown_stopper
+from rid_daq.service.stop.stop_answer import ALL, StopAsked, stop_each, unknown_sender_error
 from rid_daq.web.access import is_loopback
-from rid_daq.web.request_secrets import secrets_of
+from rid_daq.web.request_secrets import all_secrets_of
 
 _LOG = logging.getLogger("rid_daq.service.front")
 
 
-class FrontDesk:
-    """Stops the processes that the service has named, also while the service hangs.
+class FrontStopHandler:
+    """Stops the worker processes that the service has reported, even if the service hangs.
 
     Args:
-        cells: The service's cells.
-        tell: Tells the service of a stop: the cell, or `ALL`, and who asked, as `admit` has it.
+        cells: Names of the service's cells.
+        tell: Function that reports a stop to the service: the cell or `ALL`, and the sender as
+            `identify_sender` returns it.
     """
 
     def __init__(self, cells: Iterable[str], tell: Callable[[str, str], None]) -> None:
@@ -34,49 +35,53 @@ class FrontDesk:
         self._jobs: dict[str, tuple[int, int | None]] = {}
 
     def note_issued(self, hashes: Iterable[str]) -> None:
-        """Keep hashes of secrets: whoever shows one of them may stop."""
+        """Store hashes of issued secrets; the sender of any of these secrets may stop."""
         self._issued.update(hashes)
 
     def note_jobs(self, jobs: Mapping[str, int]) -> None:
-        """Keep which process has which cell; 0 for one that is on its way."""
+        """Store the process id of the job on each cell's bus; 0 for a job that is being started."""
         before, self._jobs = self._jobs, {}
         for cell, pid in jobs.items():
             if before.get(cell, (0, None))[0] == pid and pid:
-                self._jobs[cell] = before.pop(cell)  # its number may be another's by now
+                self._jobs[cell] = before.pop(
+                    cell
+                )  # keeps the descriptor: the number may be reused
             else:
-                with contextlib.suppress(OSError):  # it has ended
+                with contextlib.suppress(OSError):  # the process has ended
                     self._jobs[cell] = pid, os.pidfd_open(pid) if pid else None
         for _, descriptor in before.values():
             if descriptor is not None:
                 os.close(descriptor)
 
-    def admit(self, headers: Mapping[str, str], *, local: bool, address: str) -> str:
-        """Return who asks: the hash of a secret that was issued, or nothing for this computer.
+    def identify_sender(self, headers: Mapping[str, str], *, local: bool, address: str) -> str:
+        """Return the hash of an issued secret in the request, or an empty text for this computer.
 
         Raises:
-            NotKnownError: They ask from another computer and show no secret that was ever issued.
+            NotKnownError: The sender is on another computer, and the request contains no secret
+                that was
+                ever issued.
         """
-        shown = (hash_of(secret) for secret in secrets_of(headers))
+        shown = (sha256_of_secret(secret) for secret in all_secrets_of(headers))
         known = next((each for each in shown if each in self._issued), None)
         if known is None and not (local or is_loopback(address)):
-            raise unknown_stopper()
+            raise unknown_sender_error()
         return known or ""
 
     def stop(self, target: str, who: str) -> StopAsked:
-        """Stop a cell, or all of them (`ALL`); then tell the service.
+        """Stop a cell, or all cells (`ALL`); then report the stop to the service.
 
         Raises:
-            UnknownError: There is no such cell.
+            UnknownError: The service has no such cell.
         """
         if target not in (ALL, *self._cells):
             raise UnknownError(
-                f"no cell {target!r} here; there are {', '.join(self._cells)}",
+                f"no cell {target!r} in this service; its cells are {', '.join(self._cells)}",
                 code="RID-CELL-UNKNOWN",
             )
         answer = stop_each(
             self._cells if target == ALL else [target],
             self._stop,
-            lambda cell: _LOG.exception("cell %s: its stop went wrong", cell),
+            lambda cell: _LOG.exception("cell %s: the stop failed", cell),
         )
         self._tell(target, who)
         return answer
@@ -90,30 +95,30 @@ class FrontDesk:
         return True
 
 
-def hash_of(secret: str) -> str:
-    """Return the hash by which a secret is known; the same as `store.tokens.hashed`."""
+def sha256_of_secret(secret: str) -> str:
+    """Return the SHA-256 of a secret, as `store.tokens.sha256_of_secret` does."""
     return hashlib.sha256(secret.encode("utf-8", "surrogatepass")).hexdigest()
 
 
 def stop_process(descriptor: int) -> None:
-    """Stop the motion of a worker by the word in shared memory, anything else by SIGTERM.
+    """Stop a worker: its motion through the control block, any other job by SIGTERM.
 
     Args:
-        descriptor: Of the process (`os.pidfd_open`): its number may be another's by now.
+        descriptor: Descriptor of the process (`os.pidfd_open`), because its number may be reused.
     """
     control = None
-    with contextlib.suppress(OSError):  # it has just ended
+    with contextlib.suppress(OSError):  # the process has just ended
         pid = _pid_of(descriptor)
         control = None if pid is None else ControlBlock.of_process(pid)
     if control is not None:
         control.program.request_stop(StopCode.STOP_BUTTON)
-    if control is None or control.task_gone:  # which may read that word no more
+    if control is None or control.task_gone:  # this task may no longer read the control block
         with contextlib.suppress(ProcessLookupError):
             signal.pidfd_send_signal(descriptor, signal.SIGTERM)
 
 
 def _pid_of(descriptor: int) -> int | None:
-    """Return the number of a process that lives, None if it has ended."""
+    """Return the process id of a living process, None if it has ended."""
     with open(f"/proc/self/fdinfo/{descriptor}", encoding="ascii") as file:
         number = int(file.read().partition("Pid:")[2].split()[0])
     return number if number > 0 else None

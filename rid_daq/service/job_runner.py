@@ -1,4 +1,4 @@
-"""`Workshop`: the jobs that run, each by its own worker, and those that wait."""
+"""`JobRunner`: running jobs, each in its own worker process, and the queue of waiting jobs."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from typing import Final
 from acquisition.supervision.stop_reason import StopCode
 from config.process.safety_clock import safety_now_s
 from rid_daq.service.leases import Leases
-from rid_daq.service.logs import LOG, Mishaps
+from rid_daq.service.logs import LOG, ErrorIsolator
 from rid_daq.service.readiness import Readiness
 from rid_daq.service.records import Job, JobState
 from rid_daq.service.refusals import StoreBusyError
-from rid_daq.service.running_job import EventTail, RunningJob, StartingJob, WarmWorker
+from rid_daq.service.running_job import EventTail, ReadyWorker, RunningJob, StartingJob
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.store.audit import AuditLog
 from rid_daq.service.store.jobs import JobStore
@@ -30,28 +30,30 @@ from rid_daq.web.feed import Feed
 
 LOOK_S: Final = 0.05
 _BY_TERM: Final = (-signal.SIGTERM, 128 + signal.SIGTERM)
-"""How a worker ends that is told to before it can say so; nothing has moved."""
+"""Exit codes of a worker that SIGTERM ends before it can report its end; nothing has moved."""
 
 END_PATIENCE_S: Final = 20.0
 NICENESS: Final = 10
 
 
-class Workshop:
-    """Starts workers, watches them, and writes what became of their jobs.
+class JobRunner:
+    """Starts workers, supervises them and saves the outcome of their jobs.
 
     Args:
-        folder, runs, state: Where relative paths begin, where runs lie, where events of jobs are
-            kept.
-        jobs: The journal of jobs.
-        audit: Who did what.
-        leases: Who has which cell.
-        readiness: Where checks and faults are kept.
-        feed: Tells everybody what happens.
+        folder, runs, state: Folder of relative paths, folder of the run folders, folder of the
+            jobs'
+            event files.
+        jobs: Database table of jobs.
+        audit: Log of user actions.
+        leases: Leases of the cells.
+        readiness: Results of preflights, and open faults.
+        feed: Sends events to all viewers.
 
     Attributes:
-        closing: Whether nothing more is begun.
-        changed: Told the process of every cell whose bus a job has open, 0 for one that is being
-            started.
+        closing: True if no more jobs are started.
+        bus_owners_changed: Called with the process id of each job that uses a cell's bus, by cell;
+            0
+            for a job that is being started.
     """
 
     closing = False
@@ -78,27 +80,27 @@ class Workshop:
         self._running: dict[str, RunningJob] = {}
         self._queue: deque[tuple[Job, ServedCell]] = deque()
         self._unsaved: set[str] = set()
-        self.changed: Callable[[dict[str, int]], None] = lambda _jobs: None
+        self.bus_owners_changed: Callable[[dict[str, int]], None] = lambda _jobs: None
         self._starting: dict[str, StartingJob] = {}
-        self._mishaps = Mishaps()
-        self._warm = WarmWorker(state / "workers.log")
-        self._interrupt_leftovers()
+        self._errors = ErrorIsolator()
+        self._ready_worker = ReadyWorker(state / "workers.log")
+        self._mark_interrupted_jobs()
 
     def __iter__(self) -> Iterator[RunningJob]:
         return iter(tuple(self._running.values()))
 
     def get(self, job_id: str) -> RunningJob | None:
-        """Return a job that runs, None where it does not."""
+        """Return a running job, None if no such job is running."""
         return self._running.get(job_id)
 
-    def of_cell(self, cell: str) -> RunningJob | None:
-        """Return the job that has a cell's bus open, None where none has."""
+    def job_on_bus(self, cell: str) -> RunningJob | None:
+        """Return the running job that uses a cell's bus, None if there is no such job."""
         of_cell = (each for each in self._running.values() if each.job.cell == cell)
         return next((each for each in of_cell if each.job.kind.operation.opens_cell), None)
 
     def is_busy(self, cell: str) -> bool:
-        """Whether a job has a cell's bus open, or is just being started."""
-        return self._starting_on(cell) is not None or self.of_cell(cell) is not None
+        """Return True if a job uses a cell's bus, or is being started on it."""
+        return self._job_starting_on(cell) is not None or self.job_on_bus(cell) is not None
 
     def events(self, job_id: str) -> Path:
         """Return the file of a job's events."""
@@ -112,99 +114,101 @@ class Workshop:
         cleared: bool,
         approved: Mapping[str, str] | None = None,
     ) -> Job:
-        """Journal a job and begin it; one that only computes may have to wait for its turn.
+        """Save a job and start it; a job that only computes may have to wait for its turn.
 
         Args:
             job: A new job.
-            cleared: Whether a person has just said that nobody is in the cell.
-            approved: The SHA-256 of the files that the job was accepted with, by their paths.
+            cleared: True if a person has just confirmed that the cell is clear.
+            approved: SHA-256 of the files with which the job was accepted, by their paths.
         """
         self._jobs.add(job)
         self._publish(job)
         if not job.kind.operation.opens_cell:
             self._queue.append((job, cell))
             self._unsaved.add(job.id)
-            await self._journal(job)
+            await self._wait_until_journaled(job)
             await self._begin_next()
-            return self._jobs.kept(job.id) or job
+            return self._jobs.in_memory(job.id) or job
         return await self._start(job, cell, cleared=cleared, approved=approved)
 
     def stop(self, cell: str, why: str) -> Job | None:
-        """Stop the job that has a cell's bus open, or is just being started; return it."""
-        begun = self.of_cell(cell) or self._starting_on(cell)
+        """Stop the job that uses a cell's bus or is being started on it; return the job."""
+        begun = self.job_on_bus(cell) or self._job_starting_on(cell)
         if begun is None:
             return None
         begun.stop(why, StopCode.STOP_BUTTON)
         return begun.job
 
     def cancel(self, job: Job, who: str) -> None:
-        """End a job: one that waits does not begin, one that runs is stopped."""
+        """End a job: a waiting job does not start, a running job is stopped."""
         waiting = next((each for each in self._queue if each[0].id == job.id), None)
         if waiting is not None:
             self._queue.remove(waiting)
-            self._change(job, JobState.STOPPED, f"cancelled by {who} before it began")
+            self._record_state(job, JobState.STOPPED, f"cancelled by {who} before it started")
         elif begun := self._running.get(job.id) or self._starting.get(job.id):
             begun.stop(f"cancelled by {who}", StopCode.STOP_BUTTON)
 
     async def prepare(self) -> None:
-        """Have a worker ready before there is a job."""
-        with self._mishaps.of("a worker that waits for its job"):
-            await self._warm.prepare()
+        """Start a spare worker that waits for the next job."""
+        with self._errors.isolate("spare worker"):
+            await self._ready_worker.prepare()
 
-    async def look(self) -> None:
-        """Pass on what jobs say, settle those that are over, begin what waits."""
+    async def poll(self) -> None:
+        """Publish new events of jobs, save the outcome of ended jobs, start waiting jobs."""
         for running in self:
-            with self._mishaps.of(f"job {running.job.id}", partial(_give_up, running)):
-                self._pass_on(running)
+            with self._errors.isolate(f"job {running.job.id}", partial(_stop_unwatched, running)):
+                self._publish_events(running)
                 self._watch_lease(running)
-                running.insist()
+                running.repeat_stop()
                 if running.is_over:
-                    self._pass_on(running)
-                    self._settle(running)
+                    self._publish_events(running)
+                    self._record_end(running)
         if not self.closing:
-            with self._mishaps.of("the next job that only computes"):
+            with self._errors.isolate("the next job that only computes"):
                 await self._begin_next()
             if not self._running:
                 await self.prepare()
 
-    def give_signs_of_life(self) -> None:
-        """Tell every worker that the service lives, and until when its motion's client does."""
+    def send_heartbeats(self) -> None:
+        """Send every worker the service's heartbeat and the end time of its motion's lease."""
         now_s = safety_now_s()
         for running in self:
             running.beat.write(now_s, self._lease_end_s(running.job))
 
     async def close(self) -> None:
-        """Stop what moves, end what computes, and mark all of it."""
+        """Stop all motions, end all computations, and save the outcome of every job."""
         self.closing = True
         for running in self:
             running.stop("the service ended", StopCode.INTERRUPTED)
         until_s = time.monotonic() + END_PATIENCE_S
         while self._running and time.monotonic() < until_s:
-            await self.look()
+            await self.poll()
             await asyncio.sleep(LOOK_S)
         for running in self:
             if not running.is_over:
                 running.process.kill()
             await running.process.wait()
-            with self._mishaps.of(f"job {running.job.id}"):
-                self._pass_on(running)
-                self._settle(running)
-        await self._warm.end()
+            with self._errors.isolate(f"job {running.job.id}"):
+                self._publish_events(running)
+                self._record_end(running)
+        await self._ready_worker.end()
         for job, _ in self._queue:
-            self._change(job, JobState.INTERRUPTED, "the service ended before it began")
+            self._record_state(
+                job, JobState.INTERRUPTED, "the service ended before the job started"
+            )
 
-    def _pass_on(self, running: RunningJob) -> None:
-        for event in running.look():
+    def _publish_events(self, running: RunningJob) -> None:
+        for event in running.read_events():
             if isinstance(event, MotionBegun):
                 running.job = self._jobs.change(running.job, run=event.run)
-            told = {"type": "event", "job": running.job.id, "event": event.model_dump()}
-            self._feed.tell(json.dumps(told).encode())
+            message = {"type": "event", "job": running.job.id, "event": event.model_dump()}
+            self._feed.publish_event(json.dumps(message).encode())
         if self._feed.viewers:
-            picture = running.samples()
+            picture = running.newest_picture()
             if picture is not None:
-                told = {"type": "samples", "cell": running.job.cell, "job": running.job.id}
-                shown = json.dumps({**told, "picture": picture})
-                self._feed.show(shown.encode(), running.job.cell)
+                head = {"type": "samples", "cell": running.job.cell, "job": running.job.id}
+                shown = json.dumps({**head, "picture": picture})
+                self._feed.publish_picture(shown.encode(), running.job.cell)
 
     def _watch_lease(self, running: RunningJob) -> None:
         job = running.job
@@ -213,13 +217,13 @@ class Workshop:
             self._audit.note(job.owner, "was out of reach", job.cell, f"job {job.id} stopped")
 
     def _lease_end_s(self, job: Job) -> float:
-        """Return when a job stops unless its client shows itself, on the safety clock [s]."""
+        """Return the time at which a job stops unless its lease is renewed [s, safety clock]."""
         if job.kind.operation.moves and job.on_lost_client == "stop":
             return self._leases.end_s(job.cell, job.lease)
         return inf
 
-    def _settle(self, running: RunningJob) -> None:
-        """Write what became of a job whose worker has ended."""
+    def _record_end(self, running: RunningJob) -> None:
+        """Save the outcome of a job whose worker has ended."""
         job, cell = running.job, running.cell
         document, ended = running.document, running.ended
         state, reason = outcome_of_job(running, self.closing)
@@ -240,34 +244,34 @@ class Workshop:
             self._readiness.note_end(cell, document)
             if ended is None and running.run is not None:
                 self._readiness.note_death(cell.name, reason)
-        self._report_changes(without=job.id)
-        del self._running[job.id]  # all of it is written: until then it is tried again
-        self._feed.forget(cell.name)
+        self._report_bus_owners(without=job.id)
+        del self._running[job.id]  # all is saved; after an error the next poll tries again
+        self._feed.forget_picture(cell.name)
         level = logging.INFO if state is JobState.DONE else logging.WARNING
         LOG.log(level, "job over: %s", reason or state.value, extra={"job": job})
         self._publish(job)
 
     async def _begin_next(self) -> None:
-        """Begin the next job that only computes, where none does."""
+        """Start the next job that only computes, unless one is running."""
         begun = (*self, *self._starting.values())
         first = next((each for each in self._queue if each[0].id not in self._unsaved), None)
         if first is not None and all(each.job.kind.operation.opens_cell for each in begun):
             self._queue.remove(first)
             await self._start(*first, cleared=False)
 
-    async def _journal(self, job: Job) -> None:
-        """Wait until a new job is on the disk; it fails if that takes too long."""
+    async def _wait_until_journaled(self, job: Job) -> None:
+        """Wait until a new job is on the disk; mark the job as failed if that takes too long."""
         try:
-            await self._jobs.saved()
+            await self._jobs.wait_until_saved()
         except StoreBusyError as error:
             self._queue = deque(each for each in self._queue if each[0].id != job.id)
-            self._change(job, JobState.FAILED, f"it was not begun: {error}")
+            self._record_state(job, JobState.FAILED, f"the job was not started: {error}")
             raise
         finally:
             self._unsaved.discard(job.id)
 
-    def _starting_on(self, cell: str) -> StartingJob | None:
-        """Return the job that will have a cell's bus open, None where none is being started."""
+    def _job_starting_on(self, cell: str) -> StartingJob | None:
+        """Return the job that is being started on a cell's bus, None if there is no such job."""
         of_cell = (each for each in self._starting.values() if each.job.cell == cell)
         return next((each for each in of_cell if each.job.kind.operation.opens_cell), None)
 
@@ -280,28 +284,30 @@ class Workshop:
         approved: Mapping[str, str] | None = None,
     ) -> Job:
         starting = self._starting[job.id] = StartingJob(job)
-        self._report_changes()
+        self._report_bus_owners()
         try:
             if job.kind.operation.opens_cell:
-                await self._journal(job)
-            worker = await self._warm.take()
+                await self._wait_until_journaled(job)
+            worker = await self._ready_worker.acquire()
         except OSError as error:
-            reason = f"its process cannot be started: {error.strerror}"
-            return self._change(job, JobState.FAILED, reason)
+            reason = f"the job's process cannot be started: {error.strerror}"
+            return self._record_state(job, JobState.FAILED, reason)
         finally:
             del self._starting[job.id]
-            self._report_changes()
+            self._report_bus_owners()
         process = worker.process
         if starting.stopping:
             process.kill()
             await process.wait()
-            return self._change(job, JobState.STOPPED, f"{starting.stopping} before it began")
+            return self._record_state(
+                job, JobState.STOPPED, f"{starting.stopping} before it started"
+            )
         job = self._jobs.change(job, state=JobState.RUNNING, began_s=time.time(), pid=process.pid)
         running = RunningJob(job, cell, worker, self.events(job.id))
         self._running[job.id] = running
-        self.give_signs_of_life()
-        self._report_changes()
-        running.order(
+        self.send_heartbeats()
+        self._report_bus_owners()
+        running.send_order(
             kind=job.kind.value,
             request=job.request,
             cell=cell.reference,
@@ -313,12 +319,12 @@ class Workshop:
             niceness=0 if job.kind.operation.opens_cell else NICENESS,
             approved=dict(approved or {}),
         )
-        LOG.info("job begun", extra={"job": job})
+        LOG.info("job started", extra={"job": job})
         self._publish(job)
         return job
 
-    def _report_changes(self, without: str = "") -> None:
-        """Say which process has which cell's bus open; 0 for one that is on its way."""
+    def _report_bus_owners(self, without: str = "") -> None:
+        """Report the process id of the job on each cell's bus; 0 for a job that is starting."""
         jobs = {
             each.job.cell: 0
             for each in self._starting.values()
@@ -329,51 +335,51 @@ class Workshop:
             for each in self
             if each.job.kind.operation.opens_cell and each.job.id != without
         }
-        self.changed(jobs)
+        self.bus_owners_changed(jobs)
 
-    def _interrupt_leftovers(self) -> None:
-        """Mark the jobs of a service that was killed; none of them runs again by itself."""
+    def _mark_interrupted_jobs(self) -> None:
+        """Mark the unfinished jobs of a killed service as interrupted; they are not repeated."""
         for job in self._jobs.unfinished():
             begun = job.state is JobState.RUNNING
             run = ended = None
-            for event in EventTail(self.events(job.id)).new():
+            for event in EventTail(self.events(job.id)).read_new():
                 if isinstance(event, MotionBegun):
                     run = event.run
                 if isinstance(event, Ended):
                     ended = event
-            reason = "the service was killed before it began"
+            reason = "the service was killed before the job started"
             if begun:
-                reason = "the service was killed; the drives have stopped by their own watch"
+                reason = "the service was killed; the drives have stopped by heartbeat timeout"
             if begun and ended is not None:
-                reason = "the service was killed; the job's own process has ended its motion"
+                reason = "the service was killed; the job's process has ended its motion"
             elif job.kind.operation.moves and run is not None:
                 self._readiness.note_death(job.cell, reason)
             job = job.model_copy(update={"run": run or job.run})
-            self._change(job, JobState.INTERRUPTED, reason)
+            self._record_state(job, JobState.INTERRUPTED, reason)
 
-    def _change(self, job: Job, state: JobState, reason: str) -> Job:
+    def _record_state(self, job: Job, state: JobState, reason: str) -> Job:
         job = self._jobs.change(job, state=state, ended_s=time.time(), reason=reason)
         self._publish(job)
         return job
 
     def _publish(self, job: Job) -> None:
-        told = {"type": "job", "job": job.model_dump(mode="json")}
-        self._feed.tell(json.dumps(told).encode())
+        message = {"type": "job", "job": job.model_dump(mode="json")}
+        self._feed.publish_event(json.dumps(message).encode())
 
 
-def _give_up(running: RunningJob) -> None:
-    """Stop a job that cannot be watched."""
+def _stop_unwatched(running: RunningJob) -> None:
+    """Stop a job that the service cannot supervise."""
     if not (running.stopping or running.is_over):
-        running.stop("the service could not watch it: see its log", StopCode.INTERRUPTED)
+        running.stop("could not be supervised: see the service's log", StopCode.INTERRUPTED)
 
 
 def outcome_of_job(running: RunningJob, closing: bool) -> tuple[JobState, str]:
-    """Return what became of a job whose process has ended, and why in a sentence."""
+    """Return the final state of a job whose process has ended, and the reason in a sentence."""
     ended, document, code = running.ended, running.document, running.process.returncode
     if ended is None and running.stopping and running.run is None and code in _BY_TERM:
         return JobState.INTERRUPTED if closing else JobState.STOPPED, running.stopping
     if ended is None:
-        died = f"its process died (exit code {code}); the drives stop by their own watch"
+        died = f"the job's process died (exit code {code}); the drives stop by heartbeat timeout"
         return JobState.INTERRUPTED, died
     if closing:
         return JobState.INTERRUPTED, running.stopping
@@ -384,5 +390,5 @@ def outcome_of_job(running: RunningJob, closing: bool) -> tuple[JobState, str]:
         return JobState.STOPPED, running.stopping
     if isinstance(stop, dict):
         return JobState.STOPPED, str(stop.get("text", ""))
-    told = ended.message if ended.error not in (None, "Failure") else None
-    return JobState.FAILED, told or running.last_bad or "see what it said"
+    message = ended.message if ended.error not in (None, "Failure") else None
+    return JobState.FAILED, message or running.last_bad or "see the messages of the job"

@@ -1,4 +1,4 @@
-"""`Wire`: messages between the service and the process in front of it, with sockets in them."""
+"""`MessageChannel`: messages, some with sockets, between the service and the front process."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ _BUFFER_BYTES: Final = 1 << 20
 _MOST_WAITING: Final = 512
 
 
-class Wire:
-    """One end of the wire; one event loop's.
+class MessageChannel:
+    """One end of the channel; it belongs to one event loop.
 
-    A message is a JSON document, bytes, and at most one descriptor. Messages keep their order.
+    A message is a JSON document, bytes, and at most one file descriptor. Messages keep their order.
 
     Args:
         line: A socket of type SOCK_SEQPACKET.
@@ -39,24 +39,24 @@ class Wire:
         received: Callable[[dict[str, object], bytes, int | None], None],
         over: Callable[[], None],
     ) -> None:
-        """Pass on what comes, and say when the other end is gone."""
+        """Call `received` for every message, and `over` when the other end has closed."""
         self._received, self._over = received, over
-        asyncio.get_running_loop().add_reader(self._line, self._read)
+        asyncio.get_running_loop().add_reader(self._line, self._read_message)
 
     def send(
         self, document: dict[str, object], data: bytes = b"", descriptor: int | None = None
     ) -> bool:
         """Send a message without waiting; return False if the other end is too far behind.
 
-        The descriptor stays the caller's.
+        The caller keeps its descriptor.
         """
-        told = json.dumps(document).encode()
-        message = len(told).to_bytes(4, "big") + told + data
+        head = json.dumps(document).encode()
+        message = len(head).to_bytes(4, "big") + head + data
         if len(self._waiting) >= _MOST_WAITING:
             return False
-        if self._waiting or not self._try(message, descriptor):
+        if self._waiting or not self._try_send(message, descriptor):
             self._waiting.append((message, None if descriptor is None else os.dup(descriptor)))
-            asyncio.get_running_loop().add_writer(self._line, self._write)
+            asyncio.get_running_loop().add_writer(self._line, self._write_queued)
         return True
 
     def close(self) -> None:
@@ -71,26 +71,26 @@ class Wire:
         self._waiting.clear()
         self._line.close()
 
-    def _try(self, message: bytes, descriptor: int | None) -> bool:
+    def _try_send(self, message: bytes, descriptor: int | None) -> bool:
         try:
             socket.send_fds(self._line, [message], [] if descriptor is None else [descriptor])
         except BlockingIOError:
             return False
-        except OSError:  # the other end is gone: `over` follows
+        except OSError:  # the other end has closed: `over` is called next
             return True
         return True
 
-    def _write(self) -> None:
+    def _write_queued(self) -> None:
         while self._waiting:
             message, descriptor = self._waiting[0]
-            if not self._try(message, descriptor):
+            if not self._try_send(message, descriptor):
                 return
             self._waiting.popleft()
             if descriptor is not None:
                 os.close(descriptor)
         asyncio.get_running_loop().remove_writer(self._line)
 
-    def _read(self) -> None:
+    def _read_message(self) -> None:
         assert self._received is not None
         try:
             message, descriptors, _, _ = socket.recv_fds(self._line, _MOST_BYTES, 1)

@@ -15,14 +15,14 @@ from acquisition.task.service_beat import ServiceBeat
 from config.load import load_cell
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import CellState, Job, JobState
-from rid_daq.service.running_job import RunningJob, WarmWorker, WorkerProcess
+from rid_daq.service.running_job import ReadyWorker, RunningJob, WorkerProcess
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
 from rid_daq.terminal.job_events import AnyEvent
 
 
 class Worker:
-    """The process of a job, as far as a workshop sees it."""
+    """The process of a job, as far as the job runner sees it."""
 
     pid = 1
     returncode: int | None = None
@@ -34,7 +34,7 @@ class Broken(RunningJob):
 
     told: tuple[StopCode, ...] = ()
 
-    def look(self) -> list[AnyEvent]:
+    def read_events(self) -> list[AnyEvent]:
         raise OSError(5, "Input/output error")
 
     def stop(self, why: str, code: StopCode) -> None:
@@ -54,11 +54,11 @@ def begun(service: CellService, kind: type[RunningJob], worker: Worker) -> Any:
         created_s=0.0,
     )
     service.jobs.add(job)
-    events = service.workshop.events(job.id)
+    events = service.job_runner.events(job.id)
     running = kind(
         job, service.cell("ir361"), WorkerProcess(cast("Any", worker), ServiceBeat.create()), events
     )
-    service.workshop._running[job.id] = running
+    service.job_runner._running[job.id] = running
     return running
 
 
@@ -66,10 +66,10 @@ def begun(service: CellService, kind: type[RunningJob], worker: Worker) -> Any:
 def no_workers(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let no worker be started: there are no more processes."""
 
-    async def start(_self: WarmWorker) -> None:
+    async def start(_self: ReadyWorker) -> None:
         raise BlockingIOError(11, "Resource temporarily unavailable")
 
-    monkeypatch.setattr(WarmWorker, "_start", start)
+    monkeypatch.setattr(ReadyWorker, "_start", start)
 
 
 @pytest.mark.parametrize("error", [RuntimeError("a mistake"), sqlite3.OperationalError("full")])
@@ -90,17 +90,17 @@ def test_a_service_goes_on_whatever_goes_wrong_with_a_cell(
         asyncio.run(service.run(until))
     said = [record.message for record in caplog.records]
     assert said == [
-        "a worker that waits for its job: something went wrong; the service goes on",
-        "cell ir361: something went wrong; the service goes on",
+        "spare worker: unexpected error; the service continues",
+        "cell ir361: unexpected error; the service continues",
     ]
 
 
 def test_a_job_that_cannot_be_watched_is_stopped_once(service: CellService) -> None:
     running = begun(service, Broken, Worker())
     for _ in range(3):
-        asyncio.run(service.workshop.look())
+        asyncio.run(service.job_runner.poll())
     assert running.told == (StopCode.INTERRUPTED,)
-    assert running.stopping == "the service could not watch it: see its log"
+    assert running.stopping == "could not be supervised: see the service's log"
 
 
 def test_the_end_of_a_job_is_written_once_the_disk_has_room(
@@ -115,12 +115,12 @@ def test_the_end_of_a_job_is_written_once_the_disk_has_room(
 
     with monkeypatch.context() as patched:
         patched.setattr(service.jobs, "change", full)
-        asyncio.run(service.workshop.look())
+        asyncio.run(service.job_runner.poll())
     assert service.job("1").state is JobState.RUNNING
-    assert service.workshop.is_busy("ir361")
-    asyncio.run(service.workshop.look())
+    assert service.job_runner.is_busy("ir361")
+    asyncio.run(service.job_runner.poll())
     assert service.job("1").state is JobState.INTERRUPTED
-    assert not service.workshop.is_busy("ir361")
+    assert not service.job_runner.is_busy("ir361")
 
 
 def test_a_cell_whose_folder_is_gone_is_not_ready(tmp_path: Path) -> None:
@@ -130,11 +130,13 @@ def test_a_cell_whose_folder_is_gone_is_not_ready(tmp_path: Path) -> None:
     cell = ServedCell(str(folder / "cell.yaml"), 1.0)
     service = CellService(tmp_path, [cell])
     folder.rename(tmp_path / "away")
-    cell.look_again()
+    cell.reload_if_changed()
     status = service.status(cell)
     assert status.state is CellState.CLOSED
-    assert "its files are wrong" in status.not_ready_because
+    assert "its files have errors" in status.not_ready_because
     assert "cell.yaml: cannot read" in status.not_ready_because
     (tmp_path / "away").rename(folder)
-    cell.look_again()
-    assert service.status(cell).not_ready_because == "it was not checked yet: check it."
+    cell.reload_if_changed()
+    assert (
+        service.status(cell).not_ready_because == "it has had no preflight yet: run the preflight."
+    )
