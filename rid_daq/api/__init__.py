@@ -28,6 +28,7 @@ if hidden := hidden_package():
     raise ImportError(hidden)
 
 from config.errors import RidDaqError
+from rid_daq.api.cell import Cell
 from rid_daq.api.compensation import Feedforward, compensate
 from rid_daq.api.estimation import identify, validate
 from rid_daq.api.model import Model, Parameter
@@ -42,6 +43,7 @@ API_VERSION = "1.0"
 
 __all__ = [
     "API_VERSION",
+    "Cell",
     "Feedforward",
     "Model",
     "Motion",

@@ -66,13 +66,26 @@ def _raise_job_failure(reason: str, ended: Any) -> None:
         RidDaqError: The error that ended the job.
         SystemExit: The exit code of the command, if it is not 0.
     """
+    raise_job_error(reason, ended)
+    if ended.exit_code:
+        raise SystemExit(ended.exit_code)
+
+
+def raise_job_error(reason: str, ended: Any) -> None:
+    """Raise the error that ended a job, if there is one.
+
+    Args:
+        reason: Why the job ended, for a job whose process died.
+        ended: Its last event; None if its process died.
+
+    Raises:
+        RidDaqError: The error.
+    """
     if ended is None:
         raise ServiceError(reason, code="RID-JOB-NOT-DONE")
     kind = getattr(errors, ended.error or "", None)
     if isinstance(kind, type) and issubclass(kind, RidDaqError):
         raise kind(ended.message, code=ended.code or "")
-    if ended.exit_code:
-        raise SystemExit(ended.exit_code)
 
 
 def _cell_name(asked: str | None, names: list[str]) -> str:

@@ -1,0 +1,175 @@
+"""`Cell`: a cell of a service: its state, its jobs, recordings made by it."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import uuid
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import MANIFEST
+from config.errors import ConfigError
+from rid_daq.api.console import ProgressCallback
+from rid_daq.api.motion import Motion
+from rid_daq.api.recording import Recording, TemporaryFolder
+from rid_daq.service.client import JobResult, LeasedCell, ServiceClient
+from rid_daq.service.records import CellStatus, Job
+from rid_daq.service.remote_jobs import raise_job_error
+from rid_daq.terminal.job_events import AnyEvent, Progressed
+
+
+@dataclass
+class Cell:
+    """A cell of a service (`rid-daq serve`), which is leased for as long as the `with` lasts.
+
+    >>> with Cell("ir361") as cell:
+    ...     cell.run("check")
+    ...     recording = cell.record(design("ir361"))
+
+    The service checks every motion, supervises it, and stops it if this program is gone. It is not
+    a safety function: the cell's own emergency stop must be within reach.
+
+    Attributes:
+        name: The cell's name in the service.
+        service: `local` for the only service of this user on this computer, the path of its socket,
+            or https://HOST:PORT.
+        token: What a service at an address wants to see; RID_DAQ_TOKEN of the environment if None.
+    """
+
+    name: str
+    service: str = "local"
+    token: str | None = field(default=None, repr=False)
+
+    def __enter__(self) -> Self:
+        with ExitStack() as stack:
+            self._client = stack.enter_context(ServiceClient.at(self.service, self.token))
+            self._leased: LeasedCell = stack.enter_context(
+                self._client.lease(self.name, note="rid_daq.api")
+            )
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._stack.__exit__(kind, error, trace)
+
+    @property
+    def status(self) -> CellStatus:
+        """The cell as it is now: state, fault, job, and why no motion may begin."""
+        return self._client.cell(self.name)
+
+    def stop(self) -> None:
+        """Stop what moves in the cell: a quick stop, then power off.
+
+        Raises:
+            ServiceError: The service does not answer for 10 s.
+        """
+        self._client.stop(self.name)
+
+    def run(
+        self,
+        kind: str,
+        request: Mapping[str, object] | None = None,
+        *,
+        cleared: bool = False,
+        progress: ProgressCallback | None = None,
+    ) -> dict[str, Any]:
+        """Have a job done and wait for its end; Ctrl-C stops what moves.
+
+        Args:
+            kind: The kind of job, such as check, record, identify or payload_session.
+            request: Its fields, as docs/reference/openapi.json has them.
+            cleared: True if nobody is in the cell and the emergency stop is within reach; a real
+                cell moves only then.
+            progress: Called with the step, the amount done and the total.
+
+        Returns:
+            The document of the result, as `--json` of the command; a failed verdict is in it.
+
+        Raises:
+            RidDaqError: As the command; or the service refused, or cannot be reached.
+        """
+        return self._done(kind, request, cleared, progress).document or {}
+
+    def record(
+        self,
+        motion: Motion,
+        *,
+        label: str = "",
+        cleared: bool = False,
+        options: Mapping[str, object] | None = None,
+        progress: ProgressCallback | None = None,
+    ) -> Recording:
+        """Run a motion on the cell and return its recording; Ctrl-C stops the robot.
+
+        The run stays in the service's folder.
+
+        Args:
+            motion: The motion.
+            label: Label of the run.
+            cleared: As for `run`.
+            options: Further fields of the request `record`.
+            progress: Called with the step, the amount done and the total.
+
+        Raises:
+            RidDaqError: As `run`; SafetyStop if the motion was stopped.
+        """
+        with tempfile.TemporaryDirectory(prefix="rid-daq-") as folder:
+            name = f"motion-{uuid.uuid4().hex[:12]}.yaml"
+            motion.save(Path(folder) / name)
+            self._client.put_file(Path(folder) / name, name)
+        asked = {**(options or {}), "motion": name, **({"label": label} if label else {})}
+        return self.recording(self._done("record", asked, cleared, progress).job.run or "")
+
+    def recording(self, run: str) -> Recording:
+        """Return the recording of a run of the service.
+
+        Args:
+            run: Its id or label, or `latest`.
+
+        Raises:
+            RidDaqError: There is no such run, or it has no recording.
+        """
+        manifest = self._client.ask("GET", f"/runs/{run}/manifest")
+        kept = TemporaryFolder()
+        place = kept.path / str(manifest["run_id"])
+        place.mkdir()
+        for name in manifest["files"]:
+            (place / name).write_bytes(self._client.get_run_file(run, name))
+        (place / MANIFEST).write_text(json.dumps(manifest), encoding="utf-8")
+        return Recording._of(RunFolder.open(place), kept)
+
+    def _done(
+        self,
+        kind: str,
+        request: Mapping[str, object] | None,
+        cleared: bool,
+        progress: ProgressCallback | None,
+    ) -> JobResult:
+        def watch(_job: Job, event: AnyEvent) -> None:
+            if progress is not None and isinstance(event, Progressed):
+                progress(f"{event.title}: {event.line}", event.done, event.total)
+
+        try:
+            leased = self._leased
+        except AttributeError:
+            raise ConfigError(
+                f"cell {self.name} is not leased: use it in a `with`", code="RID-API-ARGUMENT"
+            ) from None
+        try:
+            result = leased.run(kind, request, cleared=cleared, watch=watch)
+        except KeyboardInterrupt:
+            self.stop()
+            raise
+        raise_job_error(result.job.reason, result.ended)
+        return result
