@@ -39,7 +39,7 @@ def plot(result: Recording | Shown) -> Figure:
         result: What is drawn.
 
     Returns:
-        A figure, which a notebook shows and `savefig` writes.
+        A figure: a notebook shows it, and its `savefig` writes it.
 
     Raises:
         ConfigError: There is nothing to draw (RID-API-ARGUMENT).

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from typing import Any, Final
 
@@ -48,6 +49,15 @@ def plot_svg(plot: Plot, name: str) -> Markup:
         return Markup().join(as_svg(_grid(part, 1), f"{name}-{i}") for i, part in parts)
 
 
+class NotebookFigure(Figure):
+    """A figure that a notebook shows, whether or not pyplot was imported."""
+
+    def _repr_png_(self) -> bytes:
+        buffer = io.BytesIO()
+        self.savefig(buffer, format="png", dpi=PX_PER_INCH)
+        return buffer.getvalue()
+
+
 def matplotlib_figure(plot: Plot) -> Figure:
     """Return a declared plot as one matplotlib figure, with panels in a column or in a grid.
 
@@ -55,7 +65,7 @@ def matplotlib_figure(plot: Plot) -> Figure:
         plot: Declaration of the plot.
     """
     with mpl.rc_context({**STYLE, "figure.facecolor": "white"}):
-        return _grid(plot.panels, min(plot.columns, len(plot.panels)))
+        return _grid(plot.panels, min(plot.columns, len(plot.panels)), NotebookFigure)
 
 
 def _drawings(panels: Sequence[Panel]) -> list[list[Panel]]:
@@ -68,11 +78,11 @@ def _drawings(panels: Sequence[Panel]) -> list[list[Panel]]:
     return drawings
 
 
-def _grid(panels: Sequence[Panel], columns: int) -> Figure:
+def _grid(panels: Sequence[Panel], columns: int, kind: type[Figure] = Figure) -> Figure:
     rows = [panels[i : i + columns] for i in range(0, len(panels), columns)]
     heights = [max(map(_height_in, row)) for row in rows]
     size = (WIDTH_IN, MARGIN_IN * (len(rows) if columns > 1 else 1) + sum(heights))
-    figure = Figure(figsize=size, layout="constrained")
+    figure = kind(figsize=size, layout="constrained")
     axes = figure.subplots(len(rows), columns, height_ratios=heights, squeeze=False).ravel()
     for number, (each, drawing) in enumerate(zip(panels, axes, strict=False)):
         _draw(drawing, each, columns)

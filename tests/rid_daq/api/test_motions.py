@@ -90,4 +90,5 @@ def test_everything_is_drawn(
     figures = (plot(path), plot(model), plot(train), plot(validation))
     for number, figure in enumerate(figures):
         assert figure.axes
+        assert figure._repr_png_().startswith(b"\x89PNG")  # type: ignore[attr-defined]
         figure.savefig(tmp_path / f"{number}.png", dpi=30)
