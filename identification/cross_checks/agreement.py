@@ -137,7 +137,7 @@ def check_method(method: CrossMethod, estimate: Estimate, runs: tuple[TimeRun, .
         values, covariance = _FUNCTIONS[method](estimate, runs)
     except EstimationError as error:
         nothing = np.zeros(0)
-        return CrossCheck(method, nothing, nothing, nothing, "", str(error))
+        return CrossCheck(method, nothing, nothing, nothing, "", f"{error} [{error.refusal}]")
     sigma = np.sqrt(np.diagonal(covariance))
     combined = np.sqrt(sigma**2 + estimate.sigma**2)
     difference = (values - estimate.values) / np.maximum(combined, 1e-300)

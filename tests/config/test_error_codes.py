@@ -41,11 +41,26 @@ def _declaring_files() -> list[Path]:
     return sorted((ROOT / "config" / "bundled" / "error_codes").glob("*.toml"))
 
 
+def _codes_in_use() -> set[str]:
+    return {code for p in PACKAGES for _, module in modules(p) for code in codes_in(module)}
+
+
 def test_every_code_in_use_is_declared_and_every_declared_code_is_in_use() -> None:
-    used = {code for p in PACKAGES for _, module in modules(p) for code in codes_in(module)}
-    declared = {code.name for code in declared_codes()}
+    used, declared = _codes_in_use(), {code.name for code in declared_codes()}
     assert used - declared == set()
     assert declared - used == set()
+
+
+def test_every_code_in_use_is_named_in_a_test() -> None:
+    tests = (path.read_text("utf-8") for path in (ROOT / "tests").rglob("*.py"))
+    named = {found.group() for text in tests for found in CODE.finditer(text)}
+    assert _codes_in_use() - named == set()
+
+
+def test_every_code_in_use_has_its_entry_on_the_page() -> None:
+    page = (ROOT / "docs" / "reference" / "errors.md").read_text("utf-8")
+    entries = [line.removeprefix("### ") for line in page.splitlines() if line[:5] == "### R"]
+    assert sorted(entries) == sorted(_codes_in_use())
 
 
 def test_no_code_is_declared_twice() -> None:

@@ -211,9 +211,11 @@ def test_a_changed_digit_is_seen(form: LoadFormat) -> None:
 
 @pytest.mark.parametrize("form", LoadFormat)
 def test_another_text_is_no_load_data(form: LoadFormat) -> None:
-    for text in ("", "hello", "{}", "[1, 2, 3]", "<robot/>", "x" * 2_000_000):
-        with pytest.raises(ConfigError):
+    for text in ("", "hello", "{}", "[1, 2, 3]", "<robot/>"):
+        with raises_code(ConfigError, "RID-LOAD-DATA-FORMAT", form.value):
             read_load_data(text, form)
+    with raises_code(ConfigError, "RID-FILE-SIZE"):
+        read_load_data("x" * 2_000_000, form)
 
 
 @pytest.mark.fault(33)

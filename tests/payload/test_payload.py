@@ -162,6 +162,14 @@ def test_a_centre_and_an_inertia_about_it_can_be_known_too(
     assert np.max(np.abs(sigmas_off(found, lab.medium)[[0, 1, 2, 5, 6, 7, 8, 9]])) < 3.0
 
 
+def test_a_held_centre_that_no_payload_has_is_refused(
+    robot: RobotDescription, both: PeriodicRuns
+) -> None:
+    how = PayloadOptions("together", OPTIONS, known=(Known("cx", 5.0, 0.0),))
+    with raises_code(EstimationError, "RID-PAYLOAD-CONTRADICTION"):
+        identify_payload(robot, both, how)
+
+
 @pytest.mark.parametrize("mass_kg", [957.9, 4.8])
 def test_a_held_value_that_the_recordings_contradict_is_held_and_fails_the_verdict(
     robot: RobotDescription, both: PeriodicRuns, mass_kg: float

@@ -298,3 +298,14 @@ def test_a_disk_that_is_gone_is_a_typed_error(
     folder.path.joinpath("recording.mcap").touch()
     with raises_code(RecordingError, "RID-FILE-READ", "recording.mcap", "Input/output"):
         folder.finish(RunStatus.STOPPED)
+
+
+def test_a_folder_of_another_run_in_its_place_is_not_written_to(
+    root: Path, folder: RunFolder
+) -> None:
+    other = RunFolder.create(root, "second run")
+    folder.path.rename(root / "moved")
+    other.path.rename(folder.path)
+    with raises_code(RecordingError, "RID-RUN-REPLACED", folder.run_id, other.run_id):
+        folder.finish(RunStatus.COMPLETE)
+    assert RunFolder.open(root / "moved").manifest().status == RunStatus.UNFINISHED

@@ -203,3 +203,13 @@ def test_more_than_16_joints_are_refused_before_anything_is_made_of_them() -> No
     )
     with raises_code(ConfigError, "RID-URDF-LIMIT", "16"):
         robot_of_urdf(read_urdf(f'<robot name="r">{links}{joints}</robot>'.encode(), "r.urdf"))
+
+
+def test_joints_that_differ_after_32_characters_only_are_refused() -> None:
+    long = "a" * 32
+    first, second = (
+        ('name="j1" type', f'name="{long}1" type'),
+        ('name="j2" type', f'name="{long}2" type'),
+    )
+    with raises_code(ConfigError, "RID-URDF-NAME", f"{long}1", f"{long}2"):
+        made(first, second, (TRANSMISSION, ""))

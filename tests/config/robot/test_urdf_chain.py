@@ -65,6 +65,12 @@ def test_several_arms_are_named_the_longest_first() -> None:
     assert left != right
 
 
+def test_a_link_that_is_not_there_or_not_below_the_base_is_refused() -> None:
+    for base, tip in (("leg", None), ("a", "hand"), ("c", "b")):
+        with raises_code(ConfigError, "RID-URDF-LINK", f"'{tip or base}'"):
+            arm(*ARM, base=base, tip=tip)
+
+
 def test_a_floating_base_is_held_and_of_two_trees_the_longer_is_taken() -> None:
     assert names(arm("world>a:floating", *ARM)) == ["ab", "bc", "cd", "de"]
     assert names(arm("x>y", *ARM)) == ["ab", "bc", "cd", "de"]

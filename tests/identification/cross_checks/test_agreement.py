@@ -104,8 +104,7 @@ def test_what_cannot_be_checked_says_why(arm: KnownArm, measure: Measure) -> Non
     for other in (energies, kalman):
         assert other.agrees is None
         assert other.largest == 0.0
-        assert "not checked" in other.sentence
-        assert "efficiencies" in other.sentence
+        assert other.trouble.endswith("[RID-MODEL-LOAD-FRICTION]")
 
 
 @pytest.mark.parametrize("late_s", [0.006, -0.004])
@@ -121,7 +120,7 @@ def test_a_late_torque_raises_no_alarm(late_s: float) -> None:
     assert by_link.agrees, by_link.sentence
     for other in (energies, kalman):
         assert other.agrees is None
-        assert "delay" in other.trouble
+        assert other.trouble.endswith("[RID-CROSS-CHECK-CHANNEL]")
 
 
 def test_a_robot_that_runs_away_is_no_number(arm: KnownArm, measure: Measure) -> None:
@@ -129,7 +128,7 @@ def test_a_robot_that_runs_away_is_no_number(arm: KnownArm, measure: Measure) ->
     weightless = replace(estimate, values=1e-4 * estimate.values)
     kalman = check_method(CrossMethod.KALMAN, weightless, runs)
     assert kalman.agrees is None
-    assert "diverges" in kalman.trouble
+    assert kalman.trouble.endswith("[RID-MODEL-MISFIT]")
 
 
 def test_energies_follow_friction_that_remembers() -> None:

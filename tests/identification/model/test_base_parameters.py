@@ -174,6 +174,14 @@ class TestIndependentColumns:
         with raises_code(EstimationError, "RID-MOTION-UNINFORMATIVE", "zero"):
             independent_columns(np.zeros((5, 2)), ("m1", "m2"), ("kg", "kg"))
 
+    def test_refuse_a_tolerance_amid_the_sizes_of_nearly_equal_columns(self) -> None:
+        random = np.random.default_rng(0)
+        first, others = random.normal(size=(50, 1)), random.normal(size=(50, 20))
+        near = first / np.linalg.norm(first) + 9e-7 * others / np.linalg.norm(others, axis=0)
+        names = ("Izz1", *(f"m{link}" for link in range(2, 22)))
+        with raises_code(EstimationError, "RID-MODEL-RANK", "1e-06"):
+            independent_columns(np.hstack([first, near]), names, ("kg",) * 21, tolerance=1e-6)
+
     def test_take_a_dependence_within_the_tolerance_as_exact(self) -> None:
         random = np.random.default_rng(1)
         first, other = random.normal(size=(2, 50, 1))

@@ -19,6 +19,7 @@ from mock_hw.bus.hub_protocol import (
     unpack_header,
     unpack_identifiers,
 )
+from tests.builders.raised_codes import raises_code
 
 
 def test_frames_come_out_as_they_went_in() -> None:
@@ -45,5 +46,5 @@ def test_garbage_is_either_frames_or_a_protocol_error(packet: bytes) -> None:
 
 @pytest.mark.parametrize("can_id", [0x800, 0x2000_0040, 0xC000_0000 | 1 << 29])
 def test_identifiers_that_can_does_not_have_are_refused(can_id: int) -> None:
-    with pytest.raises(ProtocolError):
+    with raises_code(ProtocolError, "RID-MOCK-PROTOCOL"):
         unpack_frames(pack(PacketKind.SEND) + FRAME.pack(0, can_id, 0, 0, b""))

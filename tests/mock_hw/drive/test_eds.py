@@ -14,6 +14,7 @@ from canopen.objectdictionary import ODVariable
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from config.errors import ConfigError
 from config.formats.eds import ElectronicDataSheet, parse_eds
 from config.formats.eds_object import INTEGER_BITS, Access, DataType, EdsObject, EdsValue
 from config.load import load_cell
@@ -21,6 +22,7 @@ from drivers.servo.eds_check import eds_findings
 from mock_hw.drive.eds import drive_eds
 from mock_hw.drive.object_dictionary import ObjectDictionary
 from mock_hw.drive.objects import SimulatedIdentity, drive_entries
+from tests.builders.raised_codes import raises_code
 
 CREATED = datetime(2026, 1, 2, 15, 4)
 NODE = 5
@@ -135,6 +137,17 @@ def test_any_simulated_drive_has_a_sheet_that_both_read(identity: SimulatedIdent
         answers[0x1018, subindex] for subindex in (1, 2, 3)
     )
     assert judged_equal(sheet, text) == len(sheet.objects) > 150
+
+
+@pytest.mark.parametrize(
+    ("increments", "gear", "rated_mnm", "number"),
+    [(0, 100, 1500, "node 5"), (4096, 2**32, 1500, "4294967296"), (4096, 100, -1, "-1")],
+)
+def test_a_motor_that_no_object_can_state_is_refused(
+    increments: int, gear: int, rated_mnm: int, number: str
+) -> None:
+    with raises_code(ConfigError, "RID-MOCK-RANGE", number):
+        SimulatedIdentity(NODE, increments, Fraction(gear), rated_mnm)
 
 
 def test_drives_that_differ_in_their_node_id_alone_have_one_sheet() -> None:

@@ -205,6 +205,10 @@ class TestTls:
         )
         return workshop.serve("tcp", tls=tls, certificates=files)
 
+    def test_it_is_not_served_without_a_certificate(self, workshop: Workshop) -> None:
+        with raises_code(TransportError, "RID-MOCK-REGISTERS"):
+            workshop.serve("tcp", tls=ModbusTls(ca_file="ca.pem", server_name="drive.cell"))
+
     def test_both_sides_show_their_certificates(self, workshop: Workshop, authority: Path) -> None:
         reading = monitor(self.serve(workshop, authority), workshop).read()
         assert reading.temperature_k.tolist() == pytest.approx([293.15, 303.15, 373.15])

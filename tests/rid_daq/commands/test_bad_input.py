@@ -13,6 +13,7 @@ from config.load import load_cell
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
+from rid_daq.operations.payload.session_states import SessionFile
 
 MOTION = """\
 kind: fourier
@@ -66,6 +67,12 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             "interface: rid_sim, channel: my_cell", "interface: socketcan, channel: nocan9"
         )
     )
+    run(["init", str(tmp_path / "bridged")])
+    bridged = tmp_path / "bridged" / "cell.yaml"
+    text = bridged.read_text().replace("rid_sim, channel: my_cell", "socketcan, channel: nocan9")
+    bridged.write_text(text)
+    session = RunFolder.create(tmp_path / "runs", "session", kind="payload session")
+    SessionFile.begin(session, "kr15")
     empty = RunFolder.create(tmp_path / "runs", "nothing")
     empty.finish(RunStatus.STOPPED)
     spoilt = RunFolder.create(tmp_path / "runs", "spoilt")
@@ -91,6 +98,15 @@ TABLE: list[tuple[str, int, str]] = [
     ("record ir361 good.yaml --runs good.yaml", 7, "RID-FILE-NOT-FOLDER"),
     ("record ir361 good.yaml --seed -1", 2, "--seed"),
     ("record real/cell.yaml real/motion.yaml", 3, "rid-daq axes real"),
+    (
+        "record real/cell.yaml real/motion.yaml --without-axis-test --i-have-cleared-the-cell"
+        " --pace 2",
+        2,
+        "RID-CELL-NOT-OURS",
+    ),
+    ("record bridged/cell.yaml real/motion.yaml --pace 2", 2, "RID-MOCK-REAL-TIME"),
+    ("drives rollback ir361 nothing", 2, "RID-WRITE-LOG-EMPTY"),
+    ("payload ir361 --resume session", 2, "RID-SESSION-OTHER-CELL"),
     ("record real/cell.yaml real/motion.yaml --without-axis-test", 3, "clear the cell"),
     ("record real/cell.yaml real/motion.yaml --i-have-cleared-the-cell", 3, "rid-daq axes real"),
     (
@@ -132,7 +148,7 @@ TABLE: list[tuple[str, int, str]] = [
     ("average nothing", 7, "no row was recorded"),
     ("identify nothing", 7, "no row was recorded"),
     ("identify nothing --band 0", 2, "--band"),
-    ("identify text.csv", 2, "text.csv is a file, not a run: "),
+    ("identify text.csv", 2, "RID-RUN-IS-FILE"),
     ("validate nothing model.json", 2, "give the model first: rid-daq validate model.json nothing"),
     ("validate missing.json nothing", 2, "missing.json"),
     ("validate model.json nothing", 2, "not an estimate"),
@@ -140,7 +156,7 @@ TABLE: list[tuple[str, int, str]] = [
     ("report nothing", 7, "no result.json"),
     ("report spoilt", 7, "not valid JSON"),
     ("report real", 2, "no run"),
-    ("demo --runs good.yaml", 7, "cannot create a run folder"),
+    ("demo --runs good.yaml", 7, "RID-FILE-WRITE"),
     ("demo --periods 1", 2, "--periods"),
 ]
 

@@ -161,9 +161,14 @@ def test_no_verdict_on_the_run_that_the_model_comes_from(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["validate", str(workshop / "model.json"), "excitation", *runs]) == 6
-    said = " ".join(capsys.readouterr().err.split())
-    assert "no verdict: the model was identified from this run" in said
-    assert "Validate with a run that was not used" in said
+    assert "RID-VALIDATE-SAME-RUN" in capsys.readouterr().err
+
+
+def test_a_periodic_run_is_not_identified_together_with_one_that_is_not(
+    runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["identify", "excitation", "validation", *runs]) == 2
+    assert "RID-RUN-KINDS-MIXED" in capsys.readouterr().err
 
 
 def test_no_verdict_on_three_seconds_of_a_stopped_run(

@@ -142,9 +142,8 @@ def test_a_sheet_that_lacks_an_object_is_told_before_a_drive_is_asked(
     motion = str(Path(path).parent / "validation.yaml")
     assert run(["record", path, motion, "--runs", str(tmp_path / "runs")]) == 3
     said = capsys.readouterr().err
-    assert "axis2, node 2" in said
-    assert "6077h:00 in TPDO 1 is not in the EDS, required: 16 bit, mappable" in said
-    assert "No drive was contacted" in said
+    assert "RID-EDS-UNFIT" in said
+    assert all(part in said for part in ("axis2", "node 2", "6077h:00", "TPDO 1", "16 bit"))
     assert not (tmp_path / "runs").exists()
 
 

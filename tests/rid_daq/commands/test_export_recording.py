@@ -206,28 +206,25 @@ def test_another_robots_joints_are_refused(data: RunData) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "code", "said"),
+    ("words", "code"),
     [
-        (["swing", "--to", "urdf"], 2, "--to urdf is a format for models"),
-        (["no-such-run", "--to", "csv"], 2, "no run 'no-such-run'"),
-        (
-            ["missing.json", "--to", "c"],
-            2,
-            "missing.json: the file does not exist, and no run 'mis",
-        ),
-        (["missing.json", "--to", "mat"], 2, "the file does not exist, and no run"),
+        (["swing", "--to", "urdf"], "RID-EXPORT-FORMAT"),
+        (["no-such-run", "--to", "csv"], "RID-RUN-UNKNOWN"),
+        (["missing.json", "--to", "c"], "RID-RUN-UNKNOWN"),
+        (["missing.json", "--to", "mat"], "RID-RUN-UNKNOWN"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(
     folder: RunFolder,
     tmp_path: Path,
     words: list[str],
-    code: int,
-    said: str,
+    code: str,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     out = tmp_path / "out"
     runs = ["--runs", str(folder.path.parent)]
-    assert run(["export", *words, "-o", str(out), *runs]) == code
-    assert said in capsys.readouterr().err
+    assert run(["export", *words, "-o", str(out), *runs]) == 2
+    message = capsys.readouterr().err
+    assert code in message
+    assert f"{words[0]}" in message or words[-1] in message
     assert not out.exists()

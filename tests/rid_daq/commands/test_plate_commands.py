@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from importlib.resources import files
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 
 from acquisition.motion.motion_file import load_motion
 from acquisition.runs.catalogue import find_run
+from acquisition.runs.folder import RunFolder
 from config.arrays import FloatArray
 from config.load import load_cell
 from mock_hw.plant.rigid_bodies import BaseWrench
@@ -211,3 +213,24 @@ def test_a_plate_that_cannot_be_used_leaves_the_torques(
         assert "RID-PLATE-MISSING" in capsys.readouterr().err
     finally:
         folder.write("plate.mcap", kept)
+
+
+def test_a_plate_whose_mistake_shows_before_its_delay_is_named_by_its_key(
+    workshop: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """The delay of 0.07 ms that this fit finds stands for one that is too long to be believed."""
+    monkeypatch.setattr("identification.estimation.fitted_periods.LONGEST_DELAY_S", 1e-6)
+    copy = tmp_path / "runs" / "excitation"
+    shutil.copytree(find_run(workshop / "runs", "excitation").path, copy)
+    folder = RunFolder.open(copy)
+    text = folder.read("cell.yaml").decode()
+    turned = text.replace("rotation_rad: [0.0, 0.0, 0.0]", "rotation_rad: [0.0, 0.0, 1.5]")
+    folder.write("cell.yaml", turned.encode())
+    words = ["identify", str(copy), "--model", "external", "-o", str(tmp_path / "model.json")]
+    assert run(words) == 6
+    said = capsys.readouterr().err
+    assert "RID-PLATE-MISTAKEN" in said
+    assert "rotation_rad" in said

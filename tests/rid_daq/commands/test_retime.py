@@ -286,7 +286,7 @@ def test_the_next_command_is_to_record(folder: Path, capsys: pytest.CaptureFixtu
         ),
         (["--torque-rate", "-1"], "--torque-rate: -1 is outside its range"),
         (["--mass", "300"], "--mass"),
-        (["--base-limits"], "--base-limits: cell ir361 has no `plate` with `limits`"),
+        (["--base-limits"], "RID-PLATE-NO-LIMITS"),
         (["--rms-torque", "5"], "RMS torque of axis2 is"),
     ],
 )

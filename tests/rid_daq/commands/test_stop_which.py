@@ -96,7 +96,9 @@ def test_a_script_stops_none_of_several_unless_it_says_which(held: Held) -> None
 @pytest.mark.promise("stop-one-session")
 def test_all_of_them_are_stopped_if_asked(held: Held) -> None:
     both = held("left"), held("right")
-    assert stop("left", "--all").returncode == 2
+    refused = stop("left", "--all")
+    assert refused.returncode == 2
+    assert "RID-STOP-ALL" in refused.stderr
     assert stop("--all").returncode == 0
     assert [each.wait(PATIENCE_S) for each in both] == [143, 143]
 

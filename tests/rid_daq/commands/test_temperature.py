@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from compensation.feedforward.file import read_feedforward
 from compensation.loops.loop_file import read_loops, write_loops
 from compensation.loops.velocity_loop import VelocityLoop
 from compensation.operating_temperature import at_operating_temperature
-from config.errors import LimitError
+from config.errors import ConfigError, LimitError
 from config.load import LoadedCell, load_cell
 from identification.estimation.estimate import predict
 from identification.estimation.file import read_estimate, write_estimate
@@ -78,6 +79,8 @@ def test_the_feedforward_is_that_of_the_model_as_warm_as_was_said(
     assert document(capsys)["notes"] == warm.notes
     file = read_feedforward(folder / "out")
     assert file.origin.temperature == asked
+    with raises_code(ConfigError, "RID-FEEDFORWARD-OTHER-MOTION", f"{len(samples)} rows"):
+        file.onto(replace(samples, sample_period_s=2.0 * samples.sample_period_s))
     written = file.onto(samples).feedforward
     loops = read_loops(folder / "loops.json")[1]
     expected = compensated_motion(samples, warm.estimate, loops).feedforward

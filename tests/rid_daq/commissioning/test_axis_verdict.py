@@ -12,7 +12,8 @@ from config.cell.servo_profile import ServoProfile, VelocityUnit
 from config.errors import ConfigError
 from config.load import load_cell
 from rid_daq.commissioning.axis_motion import AxisMotion
-from rid_daq.commissioning.axis_verdict import MotionSeen, check_axis_motion, parse_amount
+from rid_daq.commissioning.axis_verdict import Seen, judge_axis, parse_amount
+from tests.builders.raised_codes import raises_code
 
 LOADED = load_cell("ir361")
 MOTION = AxisMotion("axis2", "°", -2.0, -2.05, -14353, 0.9, 16384.0)
@@ -119,5 +120,5 @@ def test_how_far_is_said_in_degrees_or_by_the_tool_point(said: str, degrees: flo
 
 @pytest.mark.parametrize("said", ["", "-2", "two", "nan", "1e9", "30mm"])
 def test_what_is_no_distance_is_asked_again(said: str) -> None:
-    with pytest.raises(ConfigError):
+    with raises_code(ConfigError, "RID-AXIS-TEST-ANSWER"):
         parse_amount(said, MOTION, tool_mm=0.0)

@@ -201,6 +201,17 @@ def test_the_secret_is_this_accounts_alone(tmp_path: Path, state: Path) -> None:
     assert refused.value.refusal == "RID-STATE-FOREIGN"
 
 
+def test_a_damaged_secret_signs_nothing(tmp_path: Path, state: Path) -> None:
+    loaded = real(tmp_path)
+    sign_all(loaded)
+    secret = state / "axis-test.key"
+    whole = secret.read_bytes()
+    for content in (b"", whole[:-1], whole + b"x"):
+        secret.write_bytes(content)
+        with raises_code(RecordingError, "RID-STATE-DAMAGED", str(secret)):
+            require_axis_test(loaded, AxisTestRule.REQUIRED)
+
+
 def test_who_has_tested_is_named(tmp_path: Path) -> None:
     loaded = real(tmp_path)
     for name in loaded.robot.joint_names:

@@ -80,6 +80,12 @@ def test_who_is_not_known_sends_no_body(asked: Asked, method: str, path: str, le
     assert (refused.status, refused.document["code"]) == (401, "RID-ACCESS-UNKNOWN")
 
 
+def test_a_page_of_another_server_is_refused_by_code(asked: Asked) -> None:
+    refused = asked.ask(Role.ADMINISTRATOR, "POST", JOBS, "Origin: https://elsewhere.example")
+    assert isinstance(refused, Reply)
+    assert (refused.status, refused.document["code"]) == (403, "RID-ACCESS-SENDER")
+
+
 @pytest.mark.promise("known-before-a-body-is-read")
 def test_everybody_has_a_bound(asked: Asked) -> None:
     assert asked.most(Role.OPERATOR, "POST", JOBS) == JSON_BYTES

@@ -195,21 +195,24 @@ def test_a_stop_from_another_computer_needs_a_token(api: Api) -> None:
 
 
 @pytest.mark.parametrize(
-    ("path", "status"),
+    ("path", "status", "code"),
     [
-        ("/api/v1/cells/kr15", 404),
-        ("/api/v1/jobs/none", 404),
-        ("/api/v1/runs/none", 404),
-        ("/api/v1/runs/..", 404),
-        ("/api/v1/files/none.yaml", 404),
-        ("/api/v1/files/..%2F..%2Fetc%2Fpasswd", 422),
-        ("/api/v1/files/.rid-daq-service/service.db", 422),
-        ("/api/v1/files/.rid-daq-service/jobs/x.json", 422),
+        ("/api/v1/cells/kr15", 404, "RID-CELL-UNKNOWN"),
+        ("/api/v1/jobs/none", 404, "RID-JOB-UNKNOWN"),
+        ("/api/v1/runs/none", 404, "RID-RUN-UNKNOWN"),
+        ("/api/v1/files/none.yaml", 404, "RID-FILE-UNKNOWN"),
+        ("/api/v1/files/..%2F..%2Fetc%2Fpasswd", 422, "RID-PATH-OUTSIDE"),
+        ("/api/v1/files/.rid-daq-service/service.db", 422, "RID-PATH-HIDDEN"),
+        ("/api/v1/files/.rid-daq-service/jobs/x.json", 422, "RID-PATH-HIDDEN"),
     ],
 )
-def test_what_is_not_there_is_said(api: Api, path: str, status: int) -> None:
+def test_what_is_not_there_is_said(api: Api, path: str, status: int, code: str) -> None:
     answer = api.ask(Role.OPERATOR, "GET", path)
-    assert answer.status_code == status, answer.text
+    assert (answer.status_code, answer.json()["code"]) == (status, code)
+
+
+def test_a_path_that_leads_out_of_the_runs_is_no_route(api: Api) -> None:
+    assert api.ask(Role.OPERATOR, "GET", "/api/v1/runs/..").status_code == 404
 
 
 @pytest.mark.parametrize("name", ["report", "result", "files/report.html"])
@@ -217,7 +220,8 @@ def test_a_report_that_is_not_there_yet_is_not_found(api: Api, name: str) -> Non
     run = RunFolder.create(api.service.runs, "fresh").run_id
     answer = api.ask(Role.VIEWER, "GET", f"/api/v1/runs/{run}/{name}")
     assert answer.status_code == 404
-    assert answer.json()["message"].startswith(f"run {run} has no re")
+    assert answer.json()["code"] == "RID-RUN-FILE"
+    assert run in answer.json()["message"]
 
 
 def test_a_request_with_a_mistake_is_refused_before_it_is_journalled(api: Api) -> None:
@@ -247,10 +251,19 @@ def test_a_file_is_put_once_and_read_back(api: Api) -> None:
 
 
 @pytest.mark.parametrize(
-    "path", ["a.py", "runs/x.yaml", "a/manifest.json", ".hidden.json", "..%2Fa.json"]
+    ("path", "code"),
+    [
+        ("a.py", "RID-FILE-ENDING"),
+        ("runs/x.yaml", "RID-OUTPUT-RUN"),
+        ("a/manifest.json", "RID-OUTPUT-RUN"),
+        (".hidden.json", "RID-PATH-HIDDEN"),
+        ("..%2Fa.json", "RID-PATH-OUTSIDE"),
+        ("cell.axes.json", "RID-FILE-AXIS-TEST"),
+    ],
 )
-def test_only_motions_and_models_are_put(api: Api, path: str) -> None:
-    assert api.ask(Role.OPERATOR, "PUT", f"/api/v1/files/{path}", {}).status_code == 422
+def test_only_motions_and_models_are_put(api: Api, path: str, code: str) -> None:
+    answer = api.ask(Role.OPERATOR, "PUT", f"/api/v1/files/{path}", {})
+    assert (answer.status_code, answer.json()["code"]) == (422, code)
 
 
 def test_a_motion_that_reads_outside_the_folder_is_not_put(api: Api) -> None:
@@ -293,6 +306,24 @@ def test_who_is_let_in_no_more_has_the_cell_no_more(api: Api) -> None:
         ("ended the lease", "ir361", "its token was revoked"),
         ("revoked a token", "", token),
     ]
+
+
+def test_a_token_that_does_not_exist_is_not_revoked(api: Api) -> None:
+    answer = api.ask(Role.ADMINISTRATOR, "DELETE", "/api/v1/tokens/none")
+    assert (answer.status_code, answer.json()["code"]) == (404, "RID-TOKEN-UNKNOWN")
+
+
+def test_a_ticket_needs_a_token_also_on_this_computer(api: Api) -> None:
+    async def local(scope: Any, receive: Any, send: Any) -> None:
+        await api.app({**scope, "state": {"local": True}}, receive, send)
+
+    async def asked() -> httpx.Response:
+        transport = httpx.ASGITransport(local)
+        async with httpx.AsyncClient(transport=transport, base_url="http://cell") as client:
+            return await client.post("/api/v1/tickets", json={"path": "/api/v1/runs"})
+
+    answer = asyncio.run(asked())
+    assert (answer.status_code, answer.json()["code"]) == (401, "RID-TICKET-NO-TOKEN")
 
 
 def test_metrics_have_the_names_that_monitoring_expects(api: Api) -> None:

@@ -12,8 +12,10 @@ import pytest
 
 from config.errors import ServiceError
 from rid_daq.service import client as of_client
-from rid_daq.service.client import ServiceClient
+from rid_daq.service.client import JobResult, ServiceClient
+from rid_daq.service.records import JobState
 from tests.builders.raised_codes import raises_code
+from tests.rid_daq.service.conftest import job
 
 
 @contextmanager
@@ -69,3 +71,9 @@ def test_a_connection_that_breaks_is_one_error_whatever_was_asked(tmp_path: Path
         ):
             with raises_code(ServiceError, "RID-SERVICE-UNREACHABLE"):
                 asked()
+
+
+def test_a_job_that_failed_is_not_done() -> None:
+    failed = job("record").model_copy(update={"state": JobState.FAILED, "reason": "stopped"})
+    with raises_code(ServiceError, "RID-JOB-NOT-DONE", failed.id, "record", "failed", "stopped"):
+        JobResult(failed, None, None).require_done()

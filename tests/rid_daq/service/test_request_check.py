@@ -132,6 +132,11 @@ def test_a_link_that_leads_out_is_outside(tmp_path: Path) -> None:
         check_request(JobKind("record"), {"motion": "link/secret.yaml"}, folder)
 
 
+def test_half_a_character_is_refused_by_its_key(tmp_path: Path) -> None:
+    with raises_code(ConfigError, "RID-REQ-TEXT", "label", "\\ud800"):
+        check_request(JobKind("record"), {"motion": "m.yaml", "label": "\ud800"}, tmp_path)
+
+
 def test_a_refusal_says_where(tmp_path: Path) -> None:
     with raises_code(ConfigError, "RID-REQUEST-INVALID", "record", "simulation.seed", "'a'"):
         check_request(

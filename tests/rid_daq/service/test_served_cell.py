@@ -7,11 +7,14 @@ from pathlib import Path
 
 import pytest
 
+from config.errors import ConfigError
 from config.load import load_cell
 from rid_daq.service.readiness import Readiness
 from rid_daq.service.served_cell import ServedCell
+from rid_daq.service.service import CellService
 from rid_daq.service.store.cells import CellStore
 from rid_daq.service.store.database import open_database
+from tests.builders.raised_codes import raises_code
 
 
 @pytest.fixture
@@ -73,6 +76,11 @@ def test_a_cell_is_right_again_once_the_file_that_it_names_is_there(cell_file: P
     moved.rename(robot.with_name("later.yaml"))
     assert cell.reload_if_changed().paths[1].name == "later.yaml"
     assert cell.problem == ""
+
+
+def test_two_cells_of_one_name_are_not_served(tmp_path: Path, cell_file: Path) -> None:
+    with raises_code(ConfigError, "RID-SERVICE-CELLS"):
+        CellService(tmp_path, [ServedCell(str(cell_file), 1.0), ServedCell("ir361", 1.0)])
 
 
 def test_a_check_does_not_count_for_files_that_changed_while_it_listened(

@@ -9,7 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from config.errors import ConfigError
+from rid_daq.service.client import ServiceClient
 from rid_daq.service.sockets import local_listener, local_sockets, socket_path_of
+from tests.builders.raised_codes import raises_code
 
 
 @pytest.fixture(autouse=True)
@@ -46,3 +49,19 @@ def test_the_socket_of_a_service_that_was_killed_is_replaced(tmp_path: Path) -> 
     assert local_sockets() == []
     with local_listener(tmp_path):
         assert local_sockets() == [path]
+
+
+def test_a_service_of_this_computer_is_named_by_its_socket_unless_it_is_the_only_one(
+    tmp_path: Path,
+) -> None:
+    with raises_code(ConfigError, "RID-SERVICE-ADDRESS", str(tmp_path)):
+        ServiceClient.at(str(tmp_path))
+    with raises_code(ConfigError, "RID-SERVICE-UNREACHABLE"):
+        ServiceClient.at("local")
+    places = [tmp_path / "a", tmp_path / "b"]
+    with (
+        local_listener(places[0]),
+        local_listener(places[1]),
+        raises_code(ConfigError, "RID-SERVICE-ADDRESS", *map(str, map(socket_of, places))),
+    ):
+        ServiceClient.at("local")

@@ -14,7 +14,8 @@ from config.errors import RecordingError
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
 from rid_daq.service.store.database import open_database
-from rid_daq.service.store.state_folder import NOT_PRIVATE, STATE_FOLDER, open_state_folder
+from rid_daq.service.store.state_folder import STATE_FOLDER, open_state_folder
+from tests.builders.raised_codes import raises_code
 
 NOBODY = 65534
 as_root = pytest.mark.skipif(os.geteuid() != 0, reason="needs root, for a second user's files")
@@ -85,7 +86,7 @@ def test_state_that_others_may_have_made_is_refused(tmp_path: Path, change: Chan
     change(folder / STATE_FOLDER)
     with pytest.raises(RecordingError) as refused:
         CellService(folder, [ServedCell("ir361", 20.0)])
-    assert refused.value.refusal == NOT_PRIVATE
+    assert refused.value.refusal == "RID-STATE-NOT-PRIVATE"
 
 
 def test_a_shared_folder_is_served_in_if_it_is_sticky(tmp_path: Path) -> None:
@@ -98,6 +99,12 @@ def test_a_database_of_another_format_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "service.db"
     with contextlib.closing(sqlite3.connect(path)) as other:
         other.execute("PRAGMA user_version = 1")
-    with pytest.raises(RecordingError) as refused:
+    with raises_code(RecordingError, "RID-FILE-FORMAT"):
         open_database(path)
-    assert refused.value.refusal == "RID-FILE-FORMAT"
+
+
+def test_a_file_that_is_no_database_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "service.db"
+    path.write_bytes(b"not SQLite" * 200)
+    with raises_code(RecordingError, "RID-STATE-DAMAGED", str(path)):
+        open_database(path)

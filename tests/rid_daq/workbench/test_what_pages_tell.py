@@ -86,3 +86,11 @@ def test_a_run_is_not_looked_for_where_stop_and_leases_are_heard(
     assert page.status_code == 200
     assert "result.json" in page.text
     assert api.ask(Role.VIEWER, "GET", "/cells/ir361/runs/none").status_code == 404
+
+
+def test_a_page_of_another_version_of_the_program_is_told_to_reload(tmp_path: Path) -> None:
+    service = CellService(tmp_path, [ServedCell("ir361", 20.0)])
+    api = Api(service)
+    api.app = make_api(service, api.door, PAGES)
+    answer = api.ask(Role.VIEWER, "GET", "/static/0123456789abcdef/job_panel.js")
+    assert (answer.status_code, answer.json()["code"]) == (404, "RID-PAGE-OUTDATED")

@@ -14,6 +14,7 @@ from rid_daq.service.front.front_stop_handler import FrontStopHandler, sha256_of
 from rid_daq.service.refusals import NotKnownError, UnknownError
 from rid_daq.service.stop.stop_answer import stop_each
 from rid_daq.service.store.tokens import hash_secret
+from tests.builders.raised_codes import raises_code
 
 
 def handler() -> tuple[FrontStopHandler, list[tuple[str, str]]]:
@@ -26,7 +27,7 @@ def test_the_front_knows_who_may_stop() -> None:
     found, _ = handler()
     assert sha256_of_secret("x\ud800") == hash_secret("x\ud800")
     shown = {"authorization": "Bearer secret"}
-    with pytest.raises(NotKnownError):
+    with raises_code(NotKnownError, "RID-STOP-UNKNOWN"):
         found.identify_sender(shown, local=False, address="192.0.2.7")
     assert found.identify_sender(shown, local=False, address="127.0.0.1") == ""
     assert found.identify_sender({}, local=True, address="") == ""
@@ -51,7 +52,7 @@ def test_the_front_stops_what_it_was_told_of_and_tells_the_service() -> None:
     found.note_jobs({"b": 0})
     assert not found.stop("a", "").told
     assert found.stop("b", "").told, "its worker is on its way: the service is told"
-    with pytest.raises(UnknownError):
+    with raises_code(UnknownError, "RID-CELL-UNKNOWN", "'c'"):
         found.stop("c", "")
     assert told == [("a", ""), ("*", "key"), ("a", ""), ("b", "")]
 
