@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from multiprocessing import active_children
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -10,8 +13,8 @@ import pytest
 from acquisition.session.outcome import RecordOutcome
 from acquisition.task.set_points import SetPointSource
 from compensation.online.point_source import MOST_NODES, buffer_points
-from compensation.online.stream import stream_motion
-from config.errors import ConfigError, PreflightError
+from compensation.online.stream import StreamSettings, stream_motion, stream_socket
+from config.errors import ConfigError, PreflightError, TransportError
 from config.robot.bodies import Plane, Workspace
 from tests.builders.point_streams import CELL, FORWARD, planned
 from tests.builders.raised_codes import raises_code
@@ -42,3 +45,14 @@ def test_a_buffer_holds_no_more_points_than_can_be_kept(cycle_s: float) -> None:
     assert buffer_points(MOST_NODES * cycle_s, cycle_s) == MOST_NODES
     with raises_code(ConfigError, "RID-OPTION-RANGE"):
         buffer_points((MOST_NODES + 1) * cycle_s, cycle_s)
+
+
+def test_a_server_of_points_that_dies_before_the_first_point_moves_nothing() -> None:
+    def kill() -> None:
+        (server,) = (each for each in active_children() if each.name == "rid-daq points")
+        server.kill()
+        server.join()
+
+    waits = StreamSettings(patience_s=3600.0)
+    with TemporaryDirectory() as folder, raises_code(TransportError, "RID-STREAM-CLIENT"):
+        stream_socket(CELL.config, FORWARD, Path(folder) / "points", record, waits, kill)

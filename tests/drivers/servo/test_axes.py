@@ -21,7 +21,6 @@ from drivers.canopen.frames import Frame
 from drivers.canopen.heartbeat import heartbeat_frame
 from drivers.canopen.nmt import NmtState
 from drivers.interfaces.servo_axes import EventKind, ServoAxes
-from drivers.servo.axes import CanServoAxes
 from drivers.servo.cia402 import PowerState
 from tests.builders.raised_codes import raises_code
 
@@ -83,13 +82,6 @@ class TestEnabling:
         bench.drives[1].answers_sync = False
         with raises_code(DeviceTimeoutError, "RID-DRIVE-NOT-STARTED", "time"):
             bench.axes.start()
-
-    def test_no_drive_is_started_after_an_order_to_stop(self, bench: Bench) -> None:
-        axes = CanServoAxes(bench.link, bench.cell, bench.robot, stopped=lambda: True)
-        axes.bring_up()
-        with raises_code(SafetyStop, "RID-STOP-ORDERED"):
-            axes.start()
-        assert not any(drive.state.powered for drive in bench.drives)
 
     def test_a_drive_that_stays_where_it_is(
         self, bench: Bench, monkeypatch: pytest.MonkeyPatch

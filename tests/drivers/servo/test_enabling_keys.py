@@ -9,8 +9,10 @@ import pytest
 
 from config.cell.cell import CellConfig
 from config.cell.servo_profile import ServoProfile
-from config.errors import DeviceTimeoutError
+from config.errors import DeviceTimeoutError, SafetyStop
+from drivers.servo.axes import CanServoAxes
 from drivers.servo.cia402 import PowerState
+from tests.builders.raised_codes import raises_code
 
 if TYPE_CHECKING:
     from tests.drivers.conftest import Bench
@@ -49,3 +51,11 @@ def test_a_drive_that_takes_five_seconds_is_waited_for_if_the_cell_file_says_so(
         with pytest.raises(DeviceTimeoutError) as caught:
             bench.axes.enable()
         assert caught.value.refusal == "RID-DRIVE-NOT-ENABLED"
+
+
+def test_no_drive_is_started_after_an_order_to_stop(bench: Bench) -> None:
+    axes = CanServoAxes(bench.link, bench.cell, bench.robot, stopped=lambda: True)
+    axes.bring_up()
+    with raises_code(SafetyStop, "RID-STOP-ORDERED"):
+        axes.start()
+    assert not any(drive.state.powered for drive in bench.drives)

@@ -164,13 +164,6 @@ def test_no_verdict_on_the_run_that_the_model_comes_from(
     assert "RID-VALIDATE-SAME-RUN" in capsys.readouterr().err
 
 
-def test_a_periodic_run_is_not_identified_together_with_one_that_is_not(
-    runs: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(["identify", "excitation", "validation", *runs]) == 2
-    assert "RID-RUN-KINDS-MIXED" in capsys.readouterr().err
-
-
 def test_no_verdict_on_three_seconds_of_a_stopped_run(
     workshop: Path, runs: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

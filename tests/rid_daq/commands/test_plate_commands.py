@@ -234,3 +234,10 @@ def test_a_plate_whose_mistake_shows_before_its_delay_is_named_by_its_key(
     said = capsys.readouterr().err
     assert "RID-PLATE-MISTAKEN" in said
     assert "rotation_rad" in said
+
+
+def test_a_periodic_run_is_not_identified_together_with_one_that_is_not(
+    runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["identify", "excitation", "validation", *runs]) == 2
+    assert "RID-RUN-KINDS-MIXED" in capsys.readouterr().err

@@ -78,6 +78,15 @@ def test_a_cell_is_right_again_once_the_file_that_it_names_is_there(cell_file: P
     assert cell.problem == ""
 
 
+def test_a_cell_file_that_got_another_name_is_not_used(cell_file: Path) -> None:
+    cell = ServedCell(str(cell_file), 1.0)
+    before = cell.loaded
+    cell_file.write_text(cell_file.read_text().replace("name: ir361", "name: other"))
+    assert cell.look_again() is before
+    assert "'other'" in cell.problem
+    assert "'ir361'" in cell.problem
+
+
 def test_two_cells_of_one_name_are_not_served(tmp_path: Path, cell_file: Path) -> None:
     with raises_code(ConfigError, "RID-SERVICE-CELLS"):
         CellService(tmp_path, [ServedCell(str(cell_file), 1.0), ServedCell("ir361", 1.0)])

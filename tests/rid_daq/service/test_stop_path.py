@@ -289,6 +289,24 @@ def test_the_line_stops_answers_by_number_and_beats(service: CellService, worker
     run(main())
 
 
+@pytest.mark.promise("stop-line")
+def test_a_stop_that_arrives_together_with_the_close_of_its_line_counts(
+    service: CellService, worker: Worker
+) -> None:
+    async def main() -> None:
+        made = await place(service)
+        url = f"ws://127.0.0.1:{made.port}/api/v1/stop-line"
+        async with moving(service) as control, connect(url) as line:
+            line.protocol.send_text(b'{"stop": "ir361", "number": 1}')
+            line.protocol.send_close(1001)
+            line.transport.write(b"".join(line.protocol.data_to_send()))
+            await line.wait_closed()
+            assert control.program.stop_code == StopCode.STOP_BUTTON
+        await made.end()
+
+    run(main())
+
+
 @pytest.mark.parametrize("said", ["nonsense", "[" * 1000, '{"job": "1"}', "x" * 5000])
 def test_what_is_no_stop_ends_the_line(service: CellService, said: str) -> None:
     async def main() -> None:
