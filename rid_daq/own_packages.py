@@ -6,6 +6,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
 
+_CODE: Final = "RID-INSTALL-HIDDEN"
 _ROOT: Final = Path(__file__).resolve().parents[1]
 _BELOW: Final = (
     "acquisition",
@@ -34,6 +35,6 @@ def hidden_package() -> str:
                 f"rid-daq: its package `{name}` is hidden by {', '.join(places) or 'nothing'}."
                 " Rename that file or folder, start Python in another folder, or install rid-daq"
                 " into an environment of its own: `uv tool install rid-daq` or `pipx install"
-                " rid-daq`. [RID-INSTALL-HIDDEN]"
+                f" rid-daq`. [{_CODE}]"
             )
     return ""
