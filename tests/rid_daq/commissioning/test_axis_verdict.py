@@ -12,7 +12,7 @@ from config.cell.servo_profile import ServoProfile, VelocityUnit
 from config.errors import ConfigError
 from config.load import load_cell
 from rid_daq.commissioning.axis_motion import AxisMotion
-from rid_daq.commissioning.axis_verdict import Seen, judge_axis, parse_amount
+from rid_daq.commissioning.axis_verdict import MotionSeen, check_axis_motion, parse_amount
 from tests.builders.raised_codes import raises_code
 
 LOADED = load_cell("ir361")
