@@ -62,6 +62,6 @@ def test_a_service_of_this_computer_is_named_by_its_socket_unless_it_is_the_only
     with (
         local_listener(places[0]),
         local_listener(places[1]),
-        raises_code(ConfigError, "RID-SERVICE-ADDRESS", *map(str, map(socket_of, places))),
+        raises_code(ConfigError, "RID-SERVICE-ADDRESS", *map(str, map(socket_path_of, places))),
     ):
         ServiceClient.at("local")
