@@ -9,7 +9,7 @@ import pytest
 
 from config.errors import ConfigError, LockedError, RidDaqError
 from rid_daq.api import Cell, design, identify
-from rid_daq.service.sockets import socket_of
+from rid_daq.service.sockets import socket_path_of
 from tests.builders.raised_codes import raises_code
 from tests.rid_daq.service.conftest import serving
 
@@ -21,7 +21,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Return the socket of a service of the bundled simulated arm."""
     folder: Path = tmp_path_factory.mktemp("served")
     with serving(folder) as running:
-        yield str(socket_of(running.folder))
+        yield str(socket_path_of(running.folder))
 
 
 def test_a_motion_is_recorded_and_identified(service: str) -> None:

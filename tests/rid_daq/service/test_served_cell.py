@@ -82,7 +82,7 @@ def test_a_cell_file_that_got_another_name_is_not_used(cell_file: Path) -> None:
     cell = ServedCell(str(cell_file), 1.0)
     before = cell.loaded
     cell_file.write_text(cell_file.read_text().replace("name: ir361", "name: other"))
-    assert cell.look_again() is before
+    assert cell.reload_if_changed() is before
     assert "'other'" in cell.problem
     assert "'ir361'" in cell.problem
 
