@@ -167,6 +167,7 @@ def identify_payload(
         {**(options or {}), "unloaded": names[0], "loaded": names[1], "known": quantities},
         shown="identify_payload",
     )
+    stated = tuple(each.known() for each in request.known)
     data = [each.run for group in groups for each in group]
     flags = [carried for carried, group in enumerate(groups) for _ in group]
     require_torques(data)
@@ -174,6 +175,6 @@ def identify_payload(
     if model is not None:
         robot = require_same_robot(Path("the model"), model.estimate, data[0].robot)
     result, repeats = estimate_payload(
-        data, list(map(bool, flags)), payload_request_of(request, robot)
+        data, list(map(bool, flags)), payload_request_of(request, robot, stated)
     )
     return Payload(result, PayloadSection.of(result, repeats))

@@ -193,7 +193,10 @@ def test_the_command_writes_the_table(tmp_path: Path, capsys: pytest.CaptureFixt
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--payload", "huge"], "neither a file nor a payload of cell kr15 (small, medium, large)"),
+        (
+            ["--payload", "huge"],
+            "neither a file nor a payload of cell kr15 (its payloads: small, medium, large)",
+        ),
         (["--motion", "nowhere.yaml"], "nowhere.yaml"),
         (["--draws", "1"], "RID-OPTION-RANGE"),
         (["--draws", "5", "--scheduler", "tcp://127.0.0.1:9"], "no Dask scheduler responds"),

@@ -8,6 +8,7 @@ from acquisition.runs.catalogue import find_runs
 from config.errors import ConfigError
 from identification.estimation.estimate import Estimate
 from identification.model.options import ModelOptions
+from identification.payload.known import Known
 from identification.payload.procedures import TORQUE_CONSTANT_SIGMA, PayloadOptions
 from rid_daq.operations.cell_files import read_estimate_for
 from rid_daq.operations.payload.payload_estimate import PayloadRequest, payload_from_runs
@@ -28,6 +29,7 @@ def identify_payload_runs(request: PayloadIdentifyRequest) -> IdentifiedPayload:
         RecordingError: A run cannot be read, or a file cannot be written.
     """
     refuse_output(request.output, request.overwrite, made_file.PAYLOAD)
+    known = tuple(each.known() for each in request.known)
     names = [*request.unloaded, *request.loaded]
     folders = find_runs(request.runs, names)
     data = [RunData.load(folder, unfinished=request.unfinished) for folder in folders]
@@ -35,7 +37,7 @@ def identify_payload_runs(request: PayloadIdentifyRequest) -> IdentifiedPayload:
     require_torques(data)
     flags = [False] * len(request.unloaded) + [True] * len(request.loaded)
     robot = None if request.model is None else read_estimate_for(request.model, data[0].robot)
-    asked = payload_request_of(request, robot)
+    asked = payload_request_of(request, robot, known)
     first = data[flags.index(True)]
     result = result_of(first, notes).updated(title=f"Payload on {first.robot.name}")
     folder, output = first.folder, request.output
@@ -43,15 +45,18 @@ def identify_payload_runs(request: PayloadIdentifyRequest) -> IdentifiedPayload:
     return replace(found, notes=tuple(notes))
 
 
-def payload_request_of(request: PayloadIdentifyRequest, robot: Estimate | None) -> PayloadRequest:
+def payload_request_of(
+    request: PayloadIdentifyRequest, robot: Estimate | None, known: tuple[Known, ...]
+) -> PayloadRequest:
     """Return the options of a payload estimate from a request.
 
     Args:
         request: The request.
         robot: Model of the robot without payload; None if unknown.
+        known: The known quantities in the request.
 
     Raises:
-        ConfigError: The procedure does not fit the model, or a known quantity is impossible.
+        ConfigError: The procedure does not fit the model.
     """
     procedure = request.procedure or ("together" if robot is None else "model")
     if procedure == "model" and robot is None:
@@ -72,7 +77,7 @@ def payload_request_of(request: PayloadIdentifyRequest, robot: Estimate | None) 
         procedure=procedure,
         options=options,
         robot=robot,
-        known=tuple(each.known() for each in request.known),
+        known=known,
         torque_constant_sigma=sigma,
     )
     return PayloadRequest(how, request.limits.limits(), request.band_hz, request.standstill_rad_s)

@@ -44,7 +44,7 @@ def test_another_cycle_time_is_refused() -> None:
 
 def test_poses_of_another_number_of_joints_are_refused() -> None:
     points = ((0.0, 0.0), (0.05, 0.0), (0.1, 0.0))
-    with raises_code(ConfigError, "RID-MOTION-JOINTS", "way 1", "3 joints"):
+    with raises_code(ConfigError, "RID-MOTION-JOINTS", "part 1", "3 joints"):
         timed(points=points).plan(ROBOT, T)
 
 
