@@ -120,7 +120,7 @@ def test_what_a_run_lacks_is_told_wherever_it_is_used(
     for words in (["average"], ["validate", str(workshop / "model.json")]):
         run([*words, str(folder.path), *runs])
         said = capsys.readouterr().out
-        assert "note: torn: was stopped before its end\n" in said
+        assert "note: torn: the run was stopped before its end\n" in said
         assert re.search(r"note: torn: rows \d+ to \d+ are lost", said)
 
 
