@@ -31,7 +31,7 @@ def eds_lines(loaded: LoadedCell) -> list[CheckLine]:
                 where=_axis_place(axis),
                 what="data sheet (EDS)",
                 required="contains all objects used",
-                found=(f"lacks {len(red)} objects" if red else "as required")
+                found=(f"deviating objects: {len(red)}" if red else "as required")
                 + _unreadable_values(eds),
                 verdict="red" if red else "ok",
                 next_action=action,

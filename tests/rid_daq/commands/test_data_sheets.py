@@ -134,7 +134,7 @@ def test_a_sheet_that_lacks_an_object_is_told_before_a_drive_is_asked(
     lines = checked(path, tmp_path, capsys, 3)
     reds = [line for line in lines if line["verdict"] == "red"]
     assert [(line["where"], line["what"], line["found"]) for line in reds] == [
-        ("axis2, node 2", "data sheet (EDS)", "lacks 1 objects"),
+        ("axis2, node 2", "data sheet (EDS)", "deviating objects: 1"),
         ("axis2, node 2", "data sheet: 6077h:00 in TPDO 1", "not in the EDS"),
     ]
     assert not [line for line in lines if line["what"][:5] in ("1000h", "1018h", "1016h")]
