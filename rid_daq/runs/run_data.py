@@ -221,11 +221,12 @@ def require_own(folder: RunFolder) -> None:
         RecordingError: There is such a file; the message names it, its own run if known, and the
             remedy.
     """
+    entries = folder.manifest().files
     for name, what in folder.find_changes(READ).items():
         path = folder.file(name)
         whose = _owner_phrase(folder, name)
         words = f"{path}: {what}{whose}."
-        if "put into" in what:
+        if name not in entries:
             raise RecordingError(f"{words} Remove it from the folder", code="RID-RUN-MIXED")
         again = "import" if folder.file(SOURCE).exists() else "record"
         advice = f"; if the new file is right, {again} a run with it"
