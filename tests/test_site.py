@@ -85,7 +85,7 @@ def test_pictures_are_small_and_each_is_shown() -> None:
 
 def test_a_topic_is_a_page_or_says_which_pages_it_may_be(site: Path) -> None:
     assert docs.find_page(site, None) == site / "index.html"
-    assert docs.find_page(site, "guide/payload") == site / "guide" / "payload.html"
+    assert docs.find_page(site, "payload") == site / "guide" / "payload.html"
     assert docs.find_page(site, "faults") == site / "faults.html"
     assert docs.find_page(site, "0042").name == "0042-the-service.html"
     with raises_code(ConfigError, "RID-DOCS-PAGE", "'drive'", "decisions/0019-drive-monitor, "):
