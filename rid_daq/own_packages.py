@@ -1,4 +1,4 @@
-"""`hidden_package`: find a package of someone else that hides one of rid-daq's."""
+"""`hidden_package`: find a file or package that hides a package of rid-daq."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _BELOW: Final = (
 
 
 def hidden_package() -> str:
-    """Return which package of rid-daq is hidden, by which file, and what to do; empty if none is.
+    """Return an error text if another file hides a package of rid-daq; empty otherwise.
 
     Nothing is imported.
     """

@@ -1,4 +1,4 @@
-"""`Cell`: a cell of a service: its state, its jobs, recordings made by it."""
+"""`Cell`: state, jobs and recordings of a cell, through its service."""
 
 from __future__ import annotations
 
@@ -26,20 +26,19 @@ from rid_daq.terminal.job_events import AnyEvent, Progressed
 
 @dataclass
 class Cell:
-    """A cell of a service (`rid-daq serve`), which is leased for as long as the `with` lasts.
+    """A cell of a service (`rid-daq serve`), leased during the `with` block.
 
-    >>> with Cell("ir361") as cell:
-    ...     cell.run("check")
-    ...     recording = cell.record(design("ir361"))
+    >>> with Cell("ir361") as cell: ...     cell.run("check") ...     recording =
+    cell.record(design("ir361"))
 
-    The service checks every motion, supervises it, and stops it if this program is gone. It is not
-    a safety function: the cell's own emergency stop must be within reach.
+    The service checks every motion, supervises it, and stops it if this program ends. The service
+    is not a safety function: the cell's own emergency stop must be within reach.
 
     Attributes:
         name: The cell's name in the service.
         service: `local` for the only service of this user on this computer, the path of its socket,
             or https://HOST:PORT.
-        token: What a service at an address wants to see; RID_DAQ_TOKEN of the environment if None.
+        token: Token for a service at an address; by default the environment variable RID_DAQ_TOKEN.
     """
 
     name: str
@@ -65,11 +64,11 @@ class Cell:
 
     @property
     def status(self) -> CellStatus:
-        """The cell as it is now: state, fault, job, and why no motion may begin."""
+        """Present state of the cell: state, fault, job, and the reason that prevents a motion."""
         return self._client.cell(self.name)
 
     def stop(self) -> None:
-        """Stop what moves in the cell: a quick stop, then power off.
+        """Stop every motion in the cell: a quick stop, then power off.
 
         Raises:
             ServiceError: The service does not answer for 10 s.
@@ -84,22 +83,23 @@ class Cell:
         cleared: bool = False,
         progress: ProgressCallback | None = None,
     ) -> dict[str, Any]:
-        """Have a job done and wait for its end; Ctrl-C stops what moves.
+        """Run a job and wait for its end; Ctrl-C stops the robot.
 
         Args:
             kind: The kind of job, such as check, record, identify or payload_session.
-            request: Its fields, as docs/reference/openapi.json has them.
-            cleared: True if nobody is in the cell and the emergency stop is within reach; a real
+            request: Fields of the request, as in docs/reference/openapi.json.
+            cleared: True if no one is in the cell and the emergency stop is within reach; a real
                 cell moves only then.
             progress: Called with the step, the amount done and the total.
 
         Returns:
-            The document of the result, as `--json` of the command; a failed verdict is in it.
+            The JSON document of the result, as `--json` of the command; it contains a failed
+            verdict.
 
         Raises:
-            RidDaqError: As the command; or the service refused, or cannot be reached.
+            RidDaqError: An error of the command; or the service refuses or cannot be reached.
         """
-        return self._done(kind, request, cleared, progress).document or {}
+        return self._run_job(kind, request, cleared, progress).document or {}
 
     def record(
         self,
@@ -122,14 +122,14 @@ class Cell:
             progress: Called with the step, the amount done and the total.
 
         Raises:
-            RidDaqError: As `run`; SafetyStop if the motion was stopped.
+            RidDaqError: As for `run`; SafetyStop if the motion was stopped.
         """
         with tempfile.TemporaryDirectory(prefix="rid-daq-") as folder:
             name = f"motion-{uuid.uuid4().hex[:12]}.yaml"
             motion.save(Path(folder) / name)
             self._client.put_file(Path(folder) / name, name)
         asked = {**(options or {}), "motion": name, **({"label": label} if label else {})}
-        return self.recording(self._done("record", asked, cleared, progress).job.run or "")
+        return self.recording(self._run_job("record", asked, cleared, progress).job.run or "")
 
     def recording(self, run: str) -> Recording:
         """Return the recording of a run of the service.
@@ -138,7 +138,7 @@ class Cell:
             run: Its id or label, or `latest`.
 
         Raises:
-            RidDaqError: There is no such run, or it has no recording.
+            RidDaqError: The run does not exist, or has no recording.
         """
         manifest = self._client.ask("GET", f"/runs/{run}/manifest")
         kept = TemporaryFolder()
@@ -147,9 +147,9 @@ class Cell:
         for name in manifest["files"]:
             (place / name).write_bytes(self._client.get_run_file(run, name))
         (place / MANIFEST).write_text(json.dumps(manifest), encoding="utf-8")
-        return Recording._of(RunFolder.open(place), kept)
+        return Recording.from_run(RunFolder.open(place), kept)
 
-    def _done(
+    def _run_job(
         self,
         kind: str,
         request: Mapping[str, object] | None,

@@ -1,4 +1,4 @@
-"""`Feedforward`: speeds that make a motion accurate; `compensate`."""
+"""`Feedforward`: velocities that precompensate the drives' loops; `compensate` computes them."""
 
 from __future__ import annotations
 
@@ -28,12 +28,13 @@ MADE = "feedforward.json"
 
 @dataclass(frozen=True, eq=False)
 class Feedforward:
-    """Speeds that precompensate the drives' velocity loops along a motion.
+    """Velocity feedforward that precompensates the drives' velocity loops along a motion.
 
     Attributes:
         motion: The motion.
-        velocity: Shape (samples, joints). Speeds to add the position loop's to [rad/s or m/s].
-        shown: What was computed.
+        velocity: Shape (samples, joints). Velocity feedforward; the position loop adds its own
+            velocities [rad/s or m/s].
+        shown: The blocks of the result.
         content: The bytes of the feedforward file.
     """
 
@@ -47,17 +48,17 @@ class Feedforward:
 
         Args:
             path: The file.
-            overwrite: Replace a feedforward file that is there.
+            overwrite: Replace an existing feedforward file.
 
         Raises:
-            ConfigError: There is a file already (RID-OUTPUT-EXISTS).
+            ConfigError: The file exists already (RID-OUTPUT-EXISTS).
             RecordingError: The file cannot be written.
         """
         refuse_output(Path(path), overwrite, made_file.FEEDFORWARD)
         write_whole(Path(path), self.content)
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield what was computed."""
+        """Yield the blocks of the result."""
         yield from self.shown
 
     def __str__(self) -> str:
@@ -78,16 +79,16 @@ def compensate(
     (docs/theory.md 13.2).
 
     Args:
-        motion: The motion, of the cell that it is for.
+        motion: The motion, planned for the cell that performs it.
         model: The identified robot.
         loops: File of velocity loops that `rid-daq loop` wrote.
         reference: Run folder of a periodic motion, which tunes scale and delay of each joint.
-        temperature: Of the joints, if the friction of the model depends on it; as for
+        temperature: Temperature of the joints, if the friction of the model depends on it; see
             `Model.at_temperature`.
 
     Raises:
         ConfigError: Files do not belong together.
-        LimitError: The motion takes more than the limits allow.
+        LimitError: The motion exceeds the torque limits.
     """
     with tempfile.TemporaryDirectory(prefix="rid-daq-") as name:
         folder = Path(name)

@@ -1,4 +1,4 @@
-"""`SilentConsole` and `TextConsole`: what operations of the API write to."""
+"""`SilentConsole` and `TextConsole`: consoles of operations that the API runs."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ ProgressCallback = Callable[[str, float, float | None], None]
 
 @dataclass(frozen=True)
 class SilentConsole(Console):
-    """A console that writes nothing, asks nobody, and reports progress to a callback."""
+    """A console that writes nothing, asks no one, and reports progress to a callback."""
 
     as_json: bool = True
     callback: ProgressCallback | None = None
 
     @property
     def can_ask(self) -> bool:
-        """False: nobody is asked."""
+        """False: no one is asked."""
         return False
 
     @contextmanager
@@ -52,7 +52,7 @@ class TextConsole(Console):
 
     @property
     def is_terminal(self) -> bool:
-        """False: tables are as wide as they need."""
+        """False: tables have their full width."""
         return False
 
     def say(self, text: str = "") -> None:

@@ -1,4 +1,4 @@
-"""`identify` and `validate`: recordings to a model, and a model held to another recording."""
+"""`identify`: a model from recordings; `validate`: a model compared with another recording."""
 
 from __future__ import annotations
 
@@ -31,33 +31,33 @@ def identify(
 
     Solves tau = Y(q, v, a) beta by weighted least squares (maximum likelihood, docs/theory.md 9.1):
     periodic recordings are averaged and used on their harmonics, others are low-passed without
-    phase shift and used in the time domain. Intervals are cluster-robust, so that they hold for
-    model error as well as for noise.
+    phase shift and used in the time domain. Intervals are cluster-robust, so that they cover
+    model error as well as noise.
 
-    Look at `Model.problems` before you use the model: it names joints that the model does not
+    Check `Model.problems` before you use the model: it names joints that the model does not
     explain, and mistakes of wiring, units and files.
 
     Args:
         recordings: One or more, all periodic or all not.
-        robot: The robot, instead of that of the recordings.
+        robot: The robot; by default that of the recordings.
         choose: Choose the friction terms of each joint by cross-validation.
-        friction: Friction terms of every joint, such as coulomb, viscous, offset, stribeck; those
-            of the robot file if not given.
-        diagnose: Look for mistakes of wiring, units and files, which takes most of the time.
+        friction: Friction terms of every joint, such as coulomb, viscous, offset, stribeck; by
+            default those of the robot file.
+        diagnose: Search for mistakes of wiring, units and files, which takes most of the time.
         options: Further fields of the request `identify` (docs/reference/openapi.json), such as
             {"cross_check": True} or {"how": {"options": {"band_hz": 15.0}}}.
         progress: Called with the step, the amount done, and the total.
 
     Raises:
         ConfigError: The recordings are of different robots or kinds (RID-ROBOT-OTHER,
-            RID-RUN-KINDS-MIXED), or an option is none (RID-REQUEST-INVALID).
-        DataQualityError, EstimationError: The recordings do not show the parameters.
+            RID-RUN-KINDS-MIXED), or an option is invalid (RID-REQUEST-INVALID).
+        DataQualityError, EstimationError: The recordings do not determine the parameters.
     """
     recordings = [recordings] if isinstance(recordings, Recording) else list(recordings)
     if not recordings:
         raise ConfigError("identify needs a recording", code="RID-REQUEST-INVALID")
     if robot is not None:
-        recordings = [each.of(robot) for each in recordings]
+        recordings = [each.with_robot(robot) for each in recordings]
     asked: dict[str, object] = {
         "names": [each.run.folder.run_id for each in recordings],
         "choose": choose,
@@ -83,15 +83,15 @@ def validate(
 
     Args:
         model: The model.
-        recording: A recording that it was not identified from, of the same robot.
-        limits_percent: Largest RMS error over RMS torque, one value or one a joint [%]; 30 beside
-            the noise if not given.
+        recording: A recording of the same robot that was not used for the identification.
+        limits_percent: Largest RMS error relative to the RMS torque, one value or one per joint
+            [%]; by default 30 in addition to the noise.
         options: Further fields of the request `validate`, such as {"band_hz": 15.0}.
 
     Raises:
-        ConfigError: The recording is of another robot (RID-ROBOT-OTHER), or a limit is none.
+        ConfigError: The recording is of another robot (RID-ROBOT-OTHER), or a limit is invalid.
         DataQualityError: The model was identified from this recording (RID-VALIDATE-SAME-RUN), or
-            it moves for less than 5 s.
+            the robot moves for less than 5 s.
     """
     asked: dict[str, object] = {
         "model": Path("the model"),

@@ -22,8 +22,10 @@ from identification.export.description import pinocchio_model, urdf
 from identification.export.model import ExportModel
 from identification.friction.curve import friction_columns
 from rid_daq.api.console import text_of
+from rid_daq.api.curves import curves_plot
 from rid_daq.api.robot import Robot
 from rid_daq.blocks.block import AnyBlock
+from rid_daq.blocks.plot import Axis
 from rid_daq.operations.identify.export import ExportRequest
 from rid_daq.operations.identify.exported_files import exported_parameters
 from rid_daq.report.section_blocks.estimate import estimate_blocks, fit_blocks, fit_verdict
@@ -32,17 +34,19 @@ from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
 from rid_daq.terminal.choices import Format
 
+FRICTION_SPEEDS = 201
+
 
 @dataclass(frozen=True)
 class Parameter:
     """A base parameter, or a nonlinear parameter of friction, with its 95 % interval.
 
     Attributes:
-        name: Its name, that of the parameter at its head.
-        expression: The combination of standard parameters that it is.
-        unit: Its unit.
-        value, sigma: The estimate, and its standard deviation; it holds for model error too.
-        is_shown: False if the recordings do not show it; then the interval means nothing.
+        name: Name of the first standard parameter of the combination.
+        expression: The combination of standard parameters.
+        unit: Unit of the value.
+        value, sigma: Estimate and standard deviation; the latter includes model error.
+        is_shown: False if the recordings do not determine it; the interval is then meaningless.
     """
 
     name: str
@@ -63,15 +67,16 @@ class Model:
     """The inverse dynamics of a robot, tau = Y(q, v, a) beta, identified from recordings.
 
     beta are the base parameters: the combinations of inertia, friction, springs and rotors that
-    torques show. Torques are those of the actuators at the link side, which without a coupled wrist
-    are the joints'. Arrays have the shape (samples, joints), or (joints,) for one sample; the
-    result then has one dimension less too. Friction with memory follows the samples in their order.
+    torques determine. Torques are those of the actuators at the link side; without a coupled wrist
+    they are the torques of the joints. Arrays have the shape (samples, joints), or (joints,) for
+    one sample; the result then has one dimension less. Friction with hysteresis depends on the
+    order of samples.
 
-    `print` shows the parameters, the fit of each joint, and what was found.
+    `print` shows the parameters, the fit of each joint, and the findings.
 
     Attributes:
-        estimate: All that was identified, as the operations use it.
-        section: The same as reports show it, with what was found.
+        estimate: The identified parameters, as the operations use them.
+        section: The same numbers as in reports and JSON documents, and the findings.
     """
 
     estimate: Estimate
@@ -88,14 +93,14 @@ class Model:
         return cls(estimate, EstimateSection.of(estimate))
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
-        """Write the model file (JSON), which is complete in itself; findings are not in it.
+        """Write the model file (JSON). It contains the robot, but no findings.
 
         Args:
             path: The file.
-            overwrite: Replace a model file that is there.
+            overwrite: Replace an existing model file.
 
         Raises:
-            ConfigError: There is a file already (RID-OUTPUT-EXISTS), or another kind of file.
+            ConfigError: The file exists already (RID-OUTPUT-EXISTS), or is of another kind.
             RecordingError: The file cannot be written.
         """
         refuse_output(Path(path), overwrite, made_file.MODEL)
@@ -126,13 +131,13 @@ class Model:
 
     @property
     def residual_percent(self) -> FloatArray:
-        """Shape (joints,). RMS residual over RMS torque on the recordings behind the model [%]."""
+        """Shape (joints,). RMS residual over RMS torque of the identification [%]."""
         found = (fit.percent for fit in self.estimate.fit)
         return np.array([np.nan if each is None else each for each in found])
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """Why the model must not be used as it is, one sentence each; empty for a good model.
+        """Reasons not to use the model, one sentence each; empty for a good model.
 
         Joints whose torque it does not explain, and mistakes of wiring, units or files.
         """
@@ -142,7 +147,7 @@ class Model:
 
     @property
     def findings(self) -> tuple[str, ...]:
-        """What to know of the estimate: weak parameters, consistency, terms that would help."""
+        """Findings: weakly determined parameters, consistency, terms that would improve the fit."""
         return self.section.findings or ()
 
     def inverse_dynamics(
@@ -183,14 +188,14 @@ class Model:
             Shape (samples, joints, b) or (joints, b). N m or N per unit of each base parameter.
 
         Raises:
-            EstimationError: As `inverse_dynamics`.
+            EstimationError: As for `inverse_dynamics`.
         """
         q, v, a = self._motion(position, velocity, acceleration)
         found = base_regressor(self.estimate, q, v, a, with_memory(self.estimate.model, q))
         return found.reshape(*np.shape(position), len(self.values))
 
     def mass_matrix(self, position: npt.ArrayLike) -> FloatArray:
-        """Return M of tau = M(q) a + ..., rotors included, by one unit acceleration a joint.
+        """Return M of tau = M(q) a + ..., rotors included, from a unit acceleration of each joint.
 
         Weakly determined parameters can make it indefinite; that of `to_pinocchio` is of the
         closest physically consistent parameters, which make it positive definite.
@@ -220,7 +225,7 @@ class Model:
     def friction(self, velocity: npt.ArrayLike) -> FloatArray:
         """Return the torque of friction of each joint at steady speeds, offsets included.
 
-        Gears whose friction depends on the load are taken without load.
+        Friction that depends on the load is computed without load.
 
         Args:
             velocity: Shape (samples, joints) or (joints,). Velocities of the actuators, link side
@@ -246,12 +251,12 @@ class Model:
         """Return the model at a temperature, if its friction depends on temperature.
 
         Args:
-            temperature: Of the joints [°C], one value or several in a text, such as "40,35,30"; or
+            temperature: Temperature of the joints [°C], one value or a text, such as "40,35,30"; or
                 `cold`, or `warm` (as a motion heats them) for a model without thermometers.
             velocity: Shape (samples, joints). The motion, for `warm` [rad/s or m/s].
 
         Raises:
-            ConfigError: Its friction does not depend on temperature (RID-OPTION-NO-EFFECT), or the
+            ConfigError: The friction does not depend on temperature (RID-OPTION-NO-EFFECT), or the
                 temperature does not fit the model (RID-MODEL-TEMPERATURE).
         """
         motion = None if velocity is None else np.asarray(velocity, dtype=np.float64)
@@ -280,7 +285,7 @@ class Model:
             despite_misfit: As for `to_urdf`.
 
         Raises:
-            EstimationError: As `to_urdf`.
+            EstimationError: As for `to_urdf`.
         """
         names: dict[str, Any] = {}
         source = pinocchio_model(self._exported(Format.PINOCCHIO, despite_misfit))
@@ -295,7 +300,7 @@ class Model:
 
         Raises:
             ConfigError: MuJoCo is not installed (RID-INSTALL-LIBRARY).
-            EstimationError: As `to_urdf`.
+            EstimationError: As for `to_urdf`.
         """
         try:
             mujoco: Any = importlib.import_module("mujoco")
@@ -314,11 +319,15 @@ class Model:
         return model
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield the fit of each joint, the parameters, what was found, and the verdict."""
+        """Yield fit, parameters, findings and verdict, and the friction over speed."""
         yield from estimate_blocks(self.section)
         if not any(axis.reason for axis in self.section.axes):
             yield from fit_blocks(self.section)
         yield fit_verdict(self.section)
+        limits = [joint.limits.velocity for joint in self.robot.description.joints]
+        share = np.linspace(-1.0, 1.0, FRICTION_SPEEDS)
+        parts = ((Axis("friction", "N m or N"), self.friction(np.outer(share, limits))),)
+        yield curves_plot(self.robot.joint_names, Axis("speed / limit", "1"), share, parts)
 
     def __str__(self) -> str:
         return text_of(self.blocks())
@@ -336,7 +345,7 @@ class Model:
         return exported_parameters(request, self.estimate)[0]
 
     def _motion(self, *arrays: npt.ArrayLike) -> list[FloatArray]:
-        """Return arrays as tables of one row a sample."""
+        """Return arrays as tables of one row per sample."""
         n, found = len(self.robot.joint_names), []
         for each in arrays:
             table = np.asarray(each, dtype=np.float64)

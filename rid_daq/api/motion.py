@@ -1,4 +1,4 @@
-"""`Motion`: what a robot is to do, sampled at a cycle time; `design` and `retime`."""
+"""`Motion`: a planned motion, sampled at a cycle time; `design` and `retime`."""
 
 from __future__ import annotations
 
@@ -19,10 +19,12 @@ from config.errors import ConfigError
 from config.formats.whole_file import write_whole
 from config.load import LoadedCell, load_cell, to_yaml
 from rid_daq.api.console import ProgressCallback, SilentConsole, text_of
+from rid_daq.api.curves import curves_plot
 from rid_daq.api.model import Model
 from rid_daq.api.payload import Payload
 from rid_daq.api.robot import Robot
 from rid_daq.blocks.block import AnyBlock, Next, Text
+from rid_daq.blocks.plot import Axis
 from rid_daq.operations.experiment.design import DesignRequest
 from rid_daq.operations.experiment.design import run as run_design
 from rid_daq.operations.path.retime import RetimeRequest, RetimeResult
@@ -37,16 +39,16 @@ MADE = "made.yaml"
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A motion, planned within every limit of a robot, one row a cycle.
+    """A motion, planned within every limit of a robot, one row per cycle.
 
-    `print` shows how it was found; `plot` draws it. `save` writes a motion file for `rid-daq
-    record`.
+    `print` shows the search of the motion; `plot` draws it. `save` writes a motion file for
+    `rid-daq record`.
 
     Attributes:
-        description: What is asked for, as a motion file has it.
-        samples: The rows, as they are driven.
-        cell: The robot or cell that it is for.
-        shown: How it was found.
+        description: Content of the motion file.
+        samples: The rows, one per cycle.
+        cell: The robot or cell for which the motion is planned.
+        shown: Blocks about the search of the motion.
     """
 
     description: AnyMotion
@@ -63,7 +65,7 @@ class Motion:
             cell: A robot, or a cell for its cycle time and limits: a bundled name or a cell file.
 
         Raises:
-            ConfigError: The file is no motion, or the motion does not keep a limit.
+            ConfigError: The file is not a motion file, or the motion exceeds a limit.
         """
         with tempfile.TemporaryDirectory(prefix="rid-daq-") as folder:
             loaded = load_cell(cell_reference(cell, Path(folder)))
@@ -85,7 +87,7 @@ class Motion:
             speed_fraction: Share of the limits of velocity and acceleration.
 
         Raises:
-            ConfigError: The curve does not keep a limit, or has other joints than the robot.
+            ConfigError: The curve exceeds a limit, or has other joints than the robot.
         """
         rows = np.asarray(points, dtype=np.float64)
         if rows.ndim != 2:
@@ -147,10 +149,13 @@ class Motion:
         write_whole(Path(path), to_yaml(self.description, comment).encode())
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield how it was found, or what it is."""
+        """Yield the search of the motion or its description, and its curves over time."""
         if not self.shown:
             yield Text(text=f"{self.description.describe()} {self.duration_s:.1f} s in all.")
         yield from self.shown
+        position, velocity = Axis("position", "rad or m"), Axis("velocity", "rad/s or m/s")
+        parts = ((position, self.position), (velocity, self.velocity))
+        yield curves_plot(self.samples.joint_names, Axis("time", "s"), self.time_s, parts)
 
     def __str__(self) -> str:
         return text_of(self.blocks())

@@ -1,4 +1,4 @@
-"""`Payload`: mass, centre of gravity and inertia of what a robot carries; `identify_payload`."""
+"""`Payload`: mass, centre of gravity and inertia of a payload; `identify_payload` estimates it."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ from rid_daq.runs.output_file import refuse_output
 class Payload:
     """A payload with 95 % intervals and the verdict on it, in the frame of the flange.
 
-    `print` shows it with its verdict.
+    `print` shows both.
 
     Attributes:
-        result: The payload as the operations have it.
-        section: The same as reports show it.
+        result: Result of the operation `payload identify`.
+        section: The same numbers, as in reports and JSON documents.
     """
 
     result: PayloadResult
@@ -48,7 +48,7 @@ class Payload:
         """Return the payload of a file that `save` or `rid-daq payload` wrote.
 
         Raises:
-            ConfigError: The file cannot be read, is not a payload, or was edited.
+            ConfigError: The file cannot be read, is not a payload file, or was edited.
         """
         result = read_payload(Path(path))
         return cls(result, PayloadSection.of(result, None))
@@ -58,10 +58,10 @@ class Payload:
 
         Args:
             path: The file.
-            overwrite: Replace a payload file that is there.
+            overwrite: Replace an existing payload file.
 
         Raises:
-            ConfigError: There is a file already (RID-OUTPUT-EXISTS).
+            ConfigError: The file exists already (RID-OUTPUT-EXISTS).
             RecordingError: The file cannot be written.
         """
         refuse_output(Path(path), overwrite, made_file.PAYLOAD)
@@ -69,22 +69,22 @@ class Payload:
 
     @property
     def passed(self) -> bool:
-        """True if the payload is as certain as was asked for, and explains the torques."""
+        """True if the intervals are within their limits and the payload explains the torques."""
         return self.result.passed
 
     @property
     def mass_kg(self) -> float:
-        """Mass [kg]; NaN if the motion does not show it."""
+        """Mass [kg]; NaN if the motion does not determine it."""
         return float(self.result.estimate.reported[0])
 
     @property
     def centre_m(self) -> FloatArray:
-        """Shape (3,). Centre of gravity from the flange's origin [m]; NaN if it is not shown."""
+        """Shape (3,). Centre of gravity from the flange's origin [m]; NaN if undetermined."""
         return self.result.estimate.reported[1:4]
 
     @property
     def inertia_kg_m2(self) -> FloatArray:
-        """Shape (3, 3). Inertia about the centre of gravity, of the closest body that can exist."""
+        """Shape (3, 3). Inertia about the centre of gravity, of the closest possible body."""
         return self.result.estimate.body.inertia_kg_m2
 
     @property
@@ -104,14 +104,14 @@ class Payload:
         )
 
     def load_data(self, controller: str) -> str:
-        """Return the payload as a robot's controller takes it; it was read back and compared.
+        """Return the load data in the format of a robot's controller, read back and compared.
 
         Args:
             controller: kuka, abb, fanuc, ur, franka, staubli or urdf.
 
         Raises:
             ConfigError: There is no such controller (RID-REQUEST-INVALID).
-            EstimationError: The payload did not pass, or no body can have its values.
+            EstimationError: The payload did not pass, or its values are physically impossible.
         """
         if controller not in set(LoadFormat):
             raise ConfigError(
@@ -147,15 +147,16 @@ def identify_payload(
 
     Args:
         loaded: Recordings with the payload.
-        unloaded: Recordings without it; not needed beside a model.
-        model: The robot without payload.
-        known: What was measured otherwise: value and standard deviation by name (m, cx, cy, cz,
+        unloaded: Recordings without the payload; not needed if a model is given.
+        model: Model of the robot without payload.
+        known: Quantities measured otherwise: value and standard deviation by name (m, cx, cy, cz,
             Ixx, Iyy, Izz, Ixy, Ixz, Iyz) [kg, m, kg m²], such as {"m": (2.805, 0.005)}.
         options: Further fields of the request `payload identify`, such as {"procedure": "apart"}.
 
     Raises:
-        ConfigError: The recordings are of different robots (RID-ROBOT-OTHER), or an option is none.
-        DataQualityError, EstimationError: The recordings do not show a payload.
+        ConfigError: The recordings are of different robots (RID-ROBOT-OTHER), or an option is
+            invalid.
+        DataQualityError, EstimationError: The recordings do not determine a payload.
     """
     groups = [[each] if isinstance(each, Recording) else list(each) for each in (unloaded, loaded)]
     names = [[each.run.folder.run_id for each in group] for group in groups]

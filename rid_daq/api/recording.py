@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 import weakref
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Self
@@ -18,7 +19,10 @@ from acquisition.runs.manifest import MANIFEST
 from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.load import load_bundled_or_path, to_yaml
+from rid_daq.api.curves import curves_plot
 from rid_daq.api.robot import Robot
+from rid_daq.blocks.block import AnyBlock
+from rid_daq.blocks.plot import Axis
 from rid_daq.operations.experiment.import_ import ImportRequest
 from rid_daq.operations.experiment.imported_runs import import_files
 from rid_daq.runs.run_data import RunData, all_defects
@@ -27,7 +31,7 @@ MAP = "map.yaml"
 
 
 class TemporaryFolder:
-    """A folder that is deleted with the last object that has it, and at the end of the program."""
+    """A folder that is deleted with the last object that refers to it, or when the program ends."""
 
     def __init__(self) -> None:
         self.path = Path(tempfile.mkdtemp(prefix="rid-daq-"))
@@ -39,8 +43,8 @@ class Recording:
     """Positions and torques of a robot over time, read and checked.
 
     Attributes:
-        run: The run that it is, as the operations use it.
-        notes: What was found while it was read: rows that were left out, clocks, units.
+        run: The data as the operations use them.
+        notes: Findings of the import: rows that were left out, clocks, units.
     """
 
     run: RunData
@@ -59,7 +63,7 @@ class Recording:
         period_s: float | None = None,
         name: str = "arrays",
     ) -> Self:
-        """Return a recording of arrays; they pass the checks of an import.
+        """Return a recording from arrays, after the checks of an import.
 
         Args:
             time_s: Shape (samples,). Time stamps [s]; they need not be uniform.
@@ -69,11 +73,11 @@ class Recording:
             velocity: Shape (samples, joints). Measured velocities [rad/s or m/s]. They are
                 compared with the positions, so that a wrong unit or clock is found.
             period_s: Period of a periodic motion of whole periods [s].
-            name: Its name in messages.
+            name: Name of the recording in messages.
 
         Raises:
             ConfigError: A shape does not fit (RID-API-ARGUMENT).
-            DataQualityError: Too much of it is damaged, or no robot can have made it.
+            DataQualityError: Too many rows are damaged, or the values are impossible for a robot.
         """
         n = len(robot.joint_names)
         tables = [position, torque_nm] if velocity is None else [position, torque_nm, velocity]
@@ -82,7 +86,7 @@ class Recording:
             if columns[0].ndim != 1 or table.shape != (len(columns[0]), n):
                 raise ConfigError(
                     f"{name}: arrays of shape {columns[0].shape} (time_s) and {table.shape}: give"
-                    f" (samples,) and (samples, {n}), one column a joint of {robot.name}",
+                    f" (samples,) and (samples, {n}), one column per joint of {robot.name}",
                     code="RID-API-ARGUMENT",
                 )
             columns += list(table.T)
@@ -105,13 +109,13 @@ class Recording:
         with tempfile.TemporaryDirectory(prefix="rid-daq-") as folder:
             file = Path(folder) / f"{name}.csv"
             np.savetxt(file, np.column_stack(columns), fmt="%.17g", delimiter=",")
-            return cls._imported((file,), layout, robot, "")
+            return cls._import_files((file,), layout, robot, "")
 
     @classmethod
-    def _imported(
+    def _import_files(
         cls, files: tuple[Path, ...], layout: str | ImportMap, robot: Robot | None, rows: str
     ) -> Self:
-        """Import files into a temporary run folder, which lives as long as the recording."""
+        """Import files into a temporary run folder, which is deleted with the recording."""
         folder = TemporaryFolder()
         place = folder.path
         if robot is not None:
@@ -131,10 +135,11 @@ class Recording:
             shown="read_recording",
         )
         (imported,) = import_files(request)
-        return cls._of(imported.folder, folder)
+        return cls.from_run(imported.folder, folder)
 
     @classmethod
-    def _of(cls, folder: RunFolder, files: TemporaryFolder | None = None) -> Self:
+    def from_run(cls, folder: RunFolder, files: TemporaryFolder | None = None) -> Self:
+        """Return the recording in a run folder; `files` is deleted with the recording."""
         run = RunData.load(folder)
         return cls(run, tuple(all_defects([run])), files)
 
@@ -150,7 +155,7 @@ class Recording:
 
     @property
     def time_s(self) -> FloatArray:
-        """Shape (samples,). Time stamps [s]; rebuilt ones if those of the source were wrong."""
+        """Shape (samples,). Time stamps [s]; corrected if those of the source were wrong."""
         return self.run.recording.time_s
 
     @property
@@ -165,11 +170,17 @@ class Recording:
 
     @property
     def is_periodic(self) -> bool:
-        """True if it holds whole periods, which are averaged."""
+        """True if the recording has whole periods, which are averaged."""
         return self.run.is_periodic
 
-    def of(self, robot: Robot) -> Self:
-        """Return the recording as one of another description of the same robot.
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield positions and torques over time."""
+        position, torque = Axis("position", "rad or m"), Axis("torque", "N m or N")
+        parts = ((position, self.position), (torque, self.torque_nm))
+        yield curves_plot(self.joint_names, Axis("time", "s"), self.time_s - self.time_s[0], parts)
+
+    def with_robot(self, robot: Robot) -> Self:
+        """Return the recording with another description of the same robot.
 
         Raises:
             ConfigError: The joints have other names (RID-ROBOT-OTHER).
@@ -177,7 +188,7 @@ class Recording:
         if robot.joint_names != self.joint_names:
             raise ConfigError(
                 f"robot {robot.name} has the joints {', '.join(robot.joint_names)}, the recording"
-                f" {', '.join(self.joint_names)}: give them one name each",
+                f" {', '.join(self.joint_names)}: use the same names",
                 code="RID-ROBOT-OTHER",
             )
         return replace(self, run=replace(self.run, robot=robot.description))
@@ -200,34 +211,34 @@ def read_recording(
 ) -> Recording:
     """Read a recording: CSV files, a ROS 2 bag, an MCAP file, or a run folder of rid-daq.
 
-    Damaged rows are left out, wrong clocks rebuilt, and units and signs tested, as `rid-daq
-    import` does; `Recording.notes` says what was found. The source is not changed.
+    Damaged rows are left out, wrong clocks rebuilt, and units and signs tested, as `rid-daq import`
+    does; `Recording.notes` lists the findings. The source is not changed.
 
     Args:
         source: A file, or a run folder.
         further: Further CSV files of the same motion, if the map names them.
-        map: What the columns or messages are: a bundled name (ur10e_31, ur10e_19, ur10_ros) or the
-            path of an import map. A run folder needs none.
+        map: Meaning of the columns or messages: a bundled name (ur10e_31, ur10e_19, ur10_ros) or
+            the path of an import map. A run folder needs none.
         rows: Rows to use, such as 355-5090, counted from 1; all if empty.
-        robot: The robot, instead of the one that the map names.
+        robot: The robot; by default the one that the map names.
 
     Raises:
         ConfigError: A file or the map cannot be read, or they do not fit.
-        DataQualityError: Too much of it is damaged, or no robot can have made it.
+        DataQualityError: Too many rows are damaged, or the values are impossible for a robot.
         RecordingError: The run folder is damaged.
     """
     path = Path(source)
     if (path / MANIFEST).is_file():
         if map or rows or further:
             raise ConfigError(
-                f"{path}: a run folder is read whole: leave map, rows and further files out",
+                f"{path}: a run folder is read as a whole: leave map, rows and further files out",
                 code="RID-OPTION-NO-EFFECT",
             )
-        found = Recording._of(RunFolder.open(path))
-        return found if robot is None else found.of(robot)
+        found = Recording.from_run(RunFolder.open(path))
+        return found if robot is None else found.with_robot(robot)
     if not map:
         raise ConfigError(
-            f"{path}: is no run folder: give `map`, which says what its columns are",
+            f"{path}: is not a run folder: give `map`, which defines the columns",
             code="RID-OPTION-NEEDS",
         )
-    return Recording._imported((path, *(Path(each) for each in further)), str(map), robot, rows)
+    return Recording._import_files((path, *(Path(each) for each in further)), str(map), robot, rows)

@@ -19,8 +19,8 @@ class Robot:
     """A serial robot: frames, joint limits, gears, rotors, friction terms and bodies.
 
     Attributes:
-        description: All of it, as a robot file has it (docs/reference/files.md).
-        notes: What a URDF does not say, or what was changed; one sentence each.
+        description: Content of a robot file (docs/reference/files.md).
+        notes: Values that a URDF lacks or that were changed; one sentence each.
     """
 
     description: RobotDescription
@@ -28,13 +28,13 @@ class Robot:
 
     @classmethod
     def load(cls, name: str | Path) -> Self:
-        """Return a robot that is bundled, or one of a robot file.
+        """Return a bundled robot, or the robot of a robot file.
 
         Args:
             name: A bundled name (exercise, ir361, kr15, ur10, ur10e), or the path of a robot file.
 
         Raises:
-            ConfigError: There is no such robot (RID-FILE-UNKNOWN), or its file is invalid.
+            ConfigError: The robot does not exist (RID-FILE-UNKNOWN), or its file is invalid.
         """
         return cls(load_robot(str(name)))
 
@@ -44,15 +44,15 @@ class Robot:
     ) -> Self:
         """Return the robot of a URDF, as `rid-daq init --urdf` makes it.
 
-        Limits that the URDF does not state follow from the robot's size; `notes` says so.
+        Limits that the URDF does not state follow from the robot's size; `notes` lists them.
 
         Args:
             path: The URDF.
-            base: The link that does not move; the URDF's root if not given.
-            tip: The link at the tool point; the last link that moves if not given.
+            base: The fixed link; by default the URDF's root.
+            tip: The link at the tool point; by default the last moving link.
 
         Raises:
-            ConfigError: The file is no URDF of a serial robot, or has several arms and no `tip`
+            ConfigError: The file is not the URDF of a serial robot, or several arms require `tip`
                 (RID-URDF-ARM).
         """
         request = InitRequest.of(

@@ -17,13 +17,13 @@ from rid_daq.report.sections.curves import TorqueCurves
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """How well a model predicts the torques of a recording that it was not identified from.
+    """Error of the torques that a model predicts for a recording not used to identify it.
 
     Errors count samples of moving joints only; at standstill, friction is stiction. `print` shows
-    the errors joint by joint, what they follow, and the verdict.
+    the errors joint by joint, their likely causes, and the verdict.
 
     Attributes:
-        judged: The result as the operation has it.
+        judged: Result of the operation `validate`.
         robot: The robot.
     """
 
@@ -62,16 +62,16 @@ class Validation:
 
     @property
     def counted(self) -> BoolArray:
-        """Shape (samples, joints). True for samples that count."""
+        """Shape (samples, joints). True for samples that enter the error."""
         return self.judged.validation.counted
 
     @property
     def findings(self) -> tuple[str, ...]:
-        """What the errors follow; one sentence each."""
+        """Likely causes of the errors; one sentence each."""
         return self.judged.section.diagnosis or ()
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield the errors, what they follow, the torques over time, and the verdict."""
+        """Yield the errors, their likely causes, the torques over time, and the verdict."""
         yield from validation_blocks(self.judged.section)
         yield torque_plot(TorqueCurves.of(self.judged.validation, self.robot))
         yield Verdict(passed=self.judged.verdict.passed, text=self.judged.verdict.headline)
