@@ -62,7 +62,7 @@ def test_a_service_says_where_its_pages_are(columns: int, tmp_path: Path, bare: 
     folder.mkdir()
     words = ["serve", bare, "--folder", folder, "--listen", "127.0.0.1:0"]
     with at(columns, tmp_path, *words) as person:
-        person.sees("Ctrl-C ends the service")
+        person.sees("Ctrl-C")
         person.sees("serving arm")
         person.program.send_signal(signal.SIGINT)
         assert person.ends() == 0

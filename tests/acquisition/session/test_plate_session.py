@@ -131,7 +131,7 @@ def test_a_killed_plate_recorder_stops_the_motion(loaded: LoadedCell, record: Re
         outcome, rows = record(simulated, periods=500, on_progress=kill)
     assert outcome.stop is not None
     assert outcome.stop.code is StopCode.PLATE_LINE
-    assert any("plate's recorder died" in note for note in outcome.notes)
+    assert any("plate recorder died" in note for note in outcome.notes)
     assert not rows.damage.finished
 
 

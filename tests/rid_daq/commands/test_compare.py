@@ -109,7 +109,7 @@ def test_a_change_is_an_exit_code_and_a_sentence(
 ) -> None:
     assert run(["compare", "monday", "dry", "--runs", str(root), "--on", "dry"]) == 1
     said = capsys.readouterr().out
-    assert "They differ: fc_axis2 by" in said
+    assert "differ: fc_axis2 by" in said
     assert said.count("Torque errors on run") == 1
     assert "by dry (identified from it) [%]" in said
 

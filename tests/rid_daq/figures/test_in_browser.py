@@ -121,8 +121,8 @@ def test_what_went_wrong_is_said_in_words(browser: Browser, figures) -> None:
         wait_until_shown(page)
         said = page.get_by_role("status").all_inner_texts()
         assert said == [
-            "The figure cannot be shown: the server does not answer. Check that it runs, then"
-            " reload the page.",
+            "The figure cannot be shown: the server does not answer. Check that the service"
+            " runs, then reload the page.",
             "The figure cannot be shown: no such run",
         ]
         page.close()

@@ -81,7 +81,7 @@ def test_from_an_experiment_to_a_validated_model(open_page: OpenPage, screenshot
     identify = page.get_by_role("link", name="Identify this run")
     expect(identify).to_have_count(0)
     expect(identify).to_be_visible(timeout=LONG_MS)
-    expect(page.locator("#job")).to_contain_text("rehearsal")
+    expect(page.locator("#job")).to_contain_text("Rehearsal")
     expect(page.locator("#job")).to_contain_text("torque<1000Nm")
     pictured(page, screenshots, "experiment-recorded")
 
