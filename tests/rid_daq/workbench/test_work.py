@@ -15,7 +15,7 @@ from tests.rid_daq.workbench.test_every_page import require_axe
 
 pytestmark = pytest.mark.slow
 
-BLOCKS_BY_SECTION = "[data-figure-state=shown]"
+SHOWN_FIGURE = "[data-figure-state=shown]"
 LONG_MS = 400_000  # a motion, where others work on this computer too
 
 
@@ -69,7 +69,7 @@ def test_from_an_experiment_to_a_validated_model(open_page: OpenPage, screenshot
     page.locator("#design-go").click()
     expect(page.locator("#picture")).to_contain_text("Condition number")
     expect(page.locator("#motion")).to_have_value("excitation.yaml")
-    expect(page.locator(f"#picture > [data-figure=motion]{BLOCKS_BY_SECTION}")).to_be_visible()
+    expect(page.locator(f"#picture > [data-figure=motion]{SHOWN_FIGURE}")).to_be_visible()
 
     page.locator("#label").fill("other")
     begin_motion(page, "#record")
@@ -92,7 +92,7 @@ def test_from_an_experiment_to_a_validated_model(open_page: OpenPage, screenshot
     expect(page.locator("#result td", has_text=re.compile("^good$"))).to_have_count(3)
     for figure in ("fit", "residual_spectrum"):
         page.locator(f"[data-figure={figure}]").scroll_into_view_if_needed()
-        expect(page.locator(f"[data-figure={figure}] {BLOCKS_BY_SECTION}").first).to_be_visible()
+        expect(page.locator(f"[data-figure={figure}] {SHOWN_FIGURE}").first).to_be_visible()
 
     page.locator("#other").select_option(
         page.locator("#other option", has_text="other,").first.get_attribute("value")
@@ -136,9 +136,9 @@ def test_a_newcomer_comes_to_a_payload_verdict(
     expect(page.locator("#result .verdict").first).to_contain_text(
         "✓ Passed: the payload's mass is 9.", timeout=LONG_MS
     )
-    expect(page.locator(f"#warm-figure > {BLOCKS_BY_SECTION}")).to_be_visible()
+    expect(page.locator(f"#warm-figure > {SHOWN_FIGURE}")).to_be_visible()
     page.locator("[data-figure=payload]").scroll_into_view_if_needed()
-    expect(page.locator(f"[data-figure=payload] {BLOCKS_BY_SECTION}").first).to_be_visible()
+    expect(page.locator(f"[data-figure=payload] {SHOWN_FIGURE}").first).to_be_visible()
 
     page.locator("#by").fill("A. Newcomer")
     page.locator("#certify").click()
