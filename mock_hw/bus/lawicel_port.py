@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import os
 import select
+import sys
 import termios
 import time
 import tty
@@ -41,7 +43,7 @@ class LawicelPort:
         self.channel_info = f"slcan adapter {path}"
         self._path = path
         self._adapter = LawicelAdapter(bit_rate, lambda: time.monotonic_ns() // 1_000_000)
-        self._arrived: list[Arrival] = []
+        self._rest = b""  # of a line whose beginning filled the buffer
         try:
             self._fd, self._other = os.openpty()
             try:
@@ -79,6 +81,8 @@ class LawicelPort:
         was_open = self._adapter.open
         answers, frames = self._adapter.feed(os.read(self._fd, _READ_BYTES))
         if was_open != self._adapter.open:
+            if _unread_bytes(self._other):
+                self._rest = b""  # the beginning of this line is discarded too
             termios.tcflush(self._other, termios.TCIFLUSH)
         self._write(answers)
         return [
@@ -94,6 +98,8 @@ class LawicelPort:
         os.close(self._fd)
 
     def _write(self, data: bytes) -> None:
+        """Write lines; if the buffer is full, lose whole lines, as an adapter's memory does."""
+        data = self._rest + data
         if not data:
             return
         written = 0
@@ -101,3 +107,11 @@ class LawicelPort:
             written = os.write(self._fd, data)
         if written < len(data):
             self._adapter.overrun = True
+        begun = written < len(self._rest) or data[written - 1 : written] not in (b"", b"\r", b"\a")
+        self._rest = data[written : data.find(b"\r", written) + 1] if begun else b""
+
+
+def _unread_bytes(descriptor: int) -> int:
+    """Return the number of bytes that a terminal's reader has not read."""
+    count = fcntl.ioctl(descriptor, termios.FIONREAD, bytes(4))
+    return int.from_bytes(count, sys.byteorder)

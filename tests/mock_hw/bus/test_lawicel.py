@@ -160,3 +160,31 @@ def test_python_cans_slcan_speaks_with_it(port: LawicelPort, tmp_path: Path) -> 
 def test_a_path_that_is_taken_is_refused(port: LawicelPort, tmp_path: Path) -> None:
     with raises_code(TransportError, "RID-SOCKET-PATH"):
         LawicelPort(tmp_path / "adapter", BITRATE)
+
+
+@pytest.mark.parametrize("data_bytes", range(9))
+def test_a_full_buffer_loses_whole_frames(tmp_path: Path, data_bytes: int) -> None:
+    port = LawicelPort(tmp_path / "adapter", BITRATE)
+    reader = os.open(tmp_path / "adapter", os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    try:
+        os.write(reader, b"S8\rO\r")
+        port.receive_frames(1.0)
+        frame = (0x123, bytes(range(0x10, 0x10 + data_bytes)))
+        for _ in range(2000):
+            port.send_frames([frame])
+        lines = drained(reader)
+        port.send_frames([frame])
+        lines += drained(reader)
+    finally:
+        os.close(reader)
+        port.shutdown()
+    assert len(set(lines.split(b"\r")[2:-1])) == 1
+    assert lines.endswith(b"\r")
+
+
+def drained(terminal: int) -> bytes:
+    """Return the bytes that wait at a terminal."""
+    found = b""
+    while select.select([terminal], [], [], 0.1)[0]:
+        found += os.read(terminal, 1 << 16)
+    return found
