@@ -9,12 +9,17 @@ from __future__ import annotations
 
 import difflib
 import sys
+import time
 from typing import Any, Final
 
 from config.cell.cell import CanBusConfig
 from config.errors import ConfigError, RidDaqError, TransportError
 
 _READER: Final = "asammdf"
+
+_SLCAN_QUIET_S = 0.02
+_SLCAN_SILENCE_TIMEOUT_S = 1.0
+_SLCAN_READ_BYTES = 1 << 16
 
 if _READER in sys.modules:
     import can
@@ -44,9 +49,32 @@ def open_bus(config: CanBusConfig, *, listening: bool = False) -> can.BusABC:
             options = {"channel": group, "hop_limit": 0} | ({"port": int(port)} if port else {})
         elif config.interface == "rid_sim" and not listening:
             options["participant"] = True
-        return can.Bus(interface=config.interface, ignore_config=True, **options)
+        bus = can.Bus(interface=config.interface, ignore_config=True, **options)
+        if config.interface == "slcan":
+            _discard_torn_lines(bus)
+        return bus
     except Exception as error:  # python-can raises any error if a driver is missing
         raise not_opened(config, error) from error
+
+
+def _discard_torn_lines(bus: can.BusABC) -> None:
+    """Close an slcan channel, discard the bytes on their way from it, and open it again.
+
+    If another program ended without closing the channel, these bytes begin or end inside a line,
+    which python-can would read as a frame (commands C and O of LAWICEL's CANUSB manual).
+    """
+    from can.interfaces.slcan import slcanBus
+
+    assert isinstance(bus, slcanBus)
+    port = bus.serialPortOrig
+    bus.close()
+    line_timeout_s, port.timeout = port.timeout, _SLCAN_QUIET_S
+    until_s = time.monotonic() + _SLCAN_SILENCE_TIMEOUT_S
+    while port.read(_SLCAN_READ_BYTES) and time.monotonic() < until_s:
+        pass
+    port.timeout = line_timeout_s
+    bus.flush()
+    bus.open()
 
 
 def not_opened(config: CanBusConfig, error: Exception) -> RidDaqError:

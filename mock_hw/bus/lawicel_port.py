@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import fcntl
 import os
 import select
@@ -19,6 +18,7 @@ from mock_hw.bus.lawicel import AdapterFrame, LawicelAdapter
 from mock_hw.bus.wire_time import REMOTE_FLAG, STANDARD_MASK
 
 _READ_BYTES = 4096
+_MEMORY_BYTES = 3072  # the terminal's 4 kB are never filled: only they can be discarded
 
 
 class LawicelPort:
@@ -43,7 +43,6 @@ class LawicelPort:
         self.channel_info = f"slcan adapter {path}"
         self._path = path
         self._adapter = LawicelAdapter(bit_rate, lambda: time.monotonic_ns() // 1_000_000)
-        self._rest = b""  # of a line whose beginning filled the buffer
         try:
             self._fd, self._other = os.openpty()
             try:
@@ -81,8 +80,6 @@ class LawicelPort:
         was_open = self._adapter.open
         answers, frames = self._adapter.feed(os.read(self._fd, _READ_BYTES))
         if was_open != self._adapter.open:
-            if _unread_bytes(self._other):
-                self._rest = b""  # the beginning of this line is discarded too
             termios.tcflush(self._other, termios.TCIFLUSH)
         self._write(answers)
         return [
@@ -98,17 +95,13 @@ class LawicelPort:
         os.close(self._fd)
 
     def _write(self, data: bytes) -> None:
-        """Write lines; if the buffer is full, lose whole lines, as an adapter's memory does."""
-        data = self._rest + data
+        """Write lines; if the adapter's memory is full, lose all of them."""
         if not data:
             return
-        written = 0
-        with contextlib.suppress(BlockingIOError):
-            written = os.write(self._fd, data)
-        if written < len(data):
+        if len(data) + _unread_bytes(self._other) > _MEMORY_BYTES:
             self._adapter.overrun = True
-        begun = written < len(self._rest) or data[written - 1 : written] not in (b"", b"\r", b"\a")
-        self._rest = data[written : data.find(b"\r", written) + 1] if begun else b""
+            return
+        os.write(self._fd, data)
 
 
 def _unread_bytes(descriptor: int) -> int:

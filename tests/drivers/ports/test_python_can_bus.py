@@ -1,11 +1,51 @@
 from __future__ import annotations
 
+import os
+import threading
+from pathlib import Path
+
 import pytest
 
 from config.cell.cell import CanBusConfig
 from config.errors import ConfigError, TransportError
 from drivers.ports.can_link import open_can
+from mock_hw.bus.lawicel_port import LawicelPort
 from tests.builders.raised_codes import raises_code
+
+
+def test_a_program_reads_nothing_that_was_left_by_one_that_died_with_an_slcan_channel_open(
+    tmp_path: Path,
+) -> None:
+    adapter = LawicelPort(tmp_path / "adapter", 1_000_000)
+    left_open = os.open(tmp_path / "adapter", os.O_RDWR | os.O_NOCTTY)
+    old, new = (0x181, bytes(range(0xA0, 0xA8))), (0x182, bytes(range(0xB0, 0xB8)))
+    os.write(left_open, b"S8\rO\r")
+    adapter.receive_frames(10.0)
+    for _ in range(5000):  # more than the kernel has room for
+        adapter.send_frames([old])
+    os.close(left_open)
+    ended = threading.Event()
+
+    def send_for_ever() -> None:
+        while not ended.is_set():
+            adapter.receive_frames(0.001)
+            adapter.send_frames([new])
+
+    sender = threading.Thread(target=send_for_ever)
+    sender.start()
+    try:
+        link = open_can(CanBusConfig(interface="slcan", channel=str(tmp_path / "adapter")))
+        until_s = link.clock.now_s() + 0.3
+        arrived = []
+        while link.clock.now_s() < until_s:
+            arrived += link.receive_all(until_s)
+        link.close()
+    finally:
+        ended.set()
+        sender.join()
+        adapter.shutdown()
+    assert len(arrived) > 10
+    assert {(one.cob_id, bytes(one.data)) for one in arrived} == {new}
 
 
 def test_an_interface_that_nobody_knows_is_told_with_those_that_are_known() -> None:
