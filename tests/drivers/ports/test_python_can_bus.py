@@ -9,6 +9,7 @@ import pytest
 from config.cell.cell import CanBusConfig
 from config.errors import ConfigError, TransportError
 from drivers.ports.can_link import open_can
+from drivers.ports.can_ports import Arrival
 from mock_hw.bus.lawicel_port import LawicelPort
 from tests.builders.raised_codes import raises_code
 
@@ -36,7 +37,7 @@ def test_a_program_reads_nothing_that_was_left_by_one_that_died_with_an_slcan_ch
     try:
         link = open_can(CanBusConfig(interface="slcan", channel=str(tmp_path / "adapter")))
         until_s = link.clock.now_s() + 0.3
-        arrived = []
+        arrived: list[Arrival] = []
         while link.clock.now_s() < until_s:
             arrived += link.receive_all(until_s)
         link.close()
