@@ -42,6 +42,13 @@ def test_the_reference_pages_are_what_the_code_says() -> None:
     assert f"<!-- profiles -->\n{profiles}<!-- profiles end -->" in guide, how
 
 
+def test_every_key_of_a_file_has_a_meaning() -> None:
+    page = (REFERENCE / "files.md").read_text(encoding="utf-8")
+    keys = [line for line in page.splitlines() if line.startswith("| `")]
+    assert keys
+    assert [line for line in keys if line.endswith("|  |")] == []
+
+
 def test_the_page_of_the_error_codes_is_what_the_code_says() -> None:
     path = REFERENCE / "errors.py"
     spec = importlib.util.spec_from_file_location("errors_page", path)

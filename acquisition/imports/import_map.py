@@ -40,7 +40,12 @@ _LARGEST_GEAR = 5e3
 
 
 class TimeColumn(ConfigModel):
-    """Column and unit of the time stamps. The steps may vary: the stamps are used as they are."""
+    """Column and unit of the time stamps. The steps may vary: the stamps are used as they are.
+
+    Attributes:
+        column: Number of the column, counted from 0.
+        unit: Unit of the time stamps.
+    """
 
     column: Column
     unit: Literal["s", "ms", "us"] = "s"
@@ -49,8 +54,10 @@ class TimeColumn(ConfigModel):
 class FurtherFile(ConfigModel):
     """An additional file, read in the same way as the first one.
 
-    Its columns continue the numbering of the previous file; the column of `time` is counted in the
-    file itself. Without `time`, its stamps are in the same column as in the first file.
+    Attributes:
+        columns: Number of columns; they continue the numbering of the previous file.
+        time: Column of the time stamps, counted in this file; left out, the same as in the first
+            file.
     """
 
     columns: Columns
@@ -60,13 +67,17 @@ class FurtherFile(ConfigModel):
 class JointReading(ConfigModel):
     """Conversion of the numbers of one joint, in any kind of file.
 
-    For values of the motor, `gear_ratio` converts to the link side: motor turns per joint turn,
-    negative if motor and joint turn in opposite directions. The torque is a current times
-    `torque_constant_nm_per_a`; without this key it is the current times the link-side constant in
-    the robot file. With `gear_ratio`, the map's torque constant is that of the motor, too.
-    `zero_offset` is the recorded position at position 0 of the robot file's joint, in the unit of
-    the recorded position. `position_sign` and `torque_sign` are -1 if the value's direction is
-    opposite to that of the robot file's joint; `position_sign` also applies to the velocity.
+    Attributes:
+        joint: Name of the joint in the robot file.
+        torque_constant_nm_per_a: Torque per ampere [N m/A]: that of the motor if `gear_ratio` is
+            given, else that of the link side. Left out, it is the constant of the robot file.
+        gear_ratio: Motor turns per joint turn, to convert values of the motor to the link side;
+            negative if motor and joint turn in opposite directions.
+        zero_offset: Recorded position at position 0 of the robot file's joint, in the unit of the
+            recorded position.
+        position_sign: -1 if recorded positions and velocities have the opposite direction to the
+            robot file's joint.
+        torque_sign: -1 if recorded torques have the opposite direction to the robot file's joint.
     """
 
     joint: str
@@ -91,10 +102,13 @@ class JointReading(ConfigModel):
 class JointStates(ConfigModel):
     """Description of a ROS 2 bag or MCAP file with `sensor_msgs/msg/JointState` messages.
 
-    `effort` says if efforts are torques or motor currents. `topic` is needed if several topics have
-    such messages. `names` (base to flange) is needed if the messages and the robot file use
-    different joint names. `joints` lists joints with other settings than in the robot file: a sign,
-    a zero position, a gear ratio, a torque constant.
+    Attributes:
+        effort: Quantity in the messages' `effort`: a torque or a motor current.
+        topic: Topic to read; necessary if several topics have such messages.
+        names: Names of the joints in the messages, base to flange; necessary if they differ from
+            those in the robot file.
+        joints: Joints whose sign, zero position, gear ratio or torque constant differs from the
+            robot file.
     """
 
     effort: Literal["torque", "current"]
@@ -117,7 +131,15 @@ class JointStates(ConfigModel):
 
 
 class ImportUnits(ConfigModel):
-    """Units of the columns; all values are converted to SI units during the import."""
+    """Units of the columns; all values are converted to SI units during the import.
+
+    Attributes:
+        position: Unit of position.
+        velocity: Unit of velocity.
+        current: Unit of current.
+        torque: Unit of torque, or of force for a prismatic joint.
+        temperature: Unit of temperature.
+    """
 
     position: PositionUnit = "rad"
     velocity: VelocityUnit = "rad/s"
@@ -129,10 +151,14 @@ class ImportUnits(ConfigModel):
 class ImportJoint(JointReading):
     """Columns of one joint, counted from 0.
 
-    The torque comes from a `torque` column or a `current` column. `velocity` is optional. It does
-    not replace the derivative of the position: both are compared to detect a wrong column, unit or
-    clock. `temperature` is that of the drive, for temperature-dependent friction: all joints have
-    it, or none.
+    Attributes:
+        position: Column of the position.
+        velocity: Column of the velocity. It does not replace the derivative of the position: both
+            are compared to detect a wrong column, unit or clock.
+        current: Column of the motor current; give this or `torque`.
+        torque: Column of the torque; give this or `current`.
+        temperature: Column of the drive's temperature, for temperature-dependent friction: all
+            joints have it, or none.
     """
 
     position: Column
@@ -154,10 +180,13 @@ class ImportJoint(JointReading):
 
 
 class DamageLimits(ConfigModel):
-    """Limits beyond which a row counts as damaged; link side, SI units, for every joint.
+    """Limits beyond which a row counts as damaged; link side, for every joint.
 
-    A step between neighbouring rows that exceeds `speed` is a jump, and also counts as damage,
-    unless a long stretch of rows continues from there.
+    Attributes:
+        position: Largest absolute position [rad or m].
+        speed: Largest absolute speed [rad/s or m/s]. A faster step between neighbouring rows is a
+            jump and also counts as damage, unless a long stretch of rows continues from there.
+        torque: Largest absolute torque or force [N m or N].
     """
 
     position: Annotated[Positive, Plausible(0.05, 150.0, "rad or m")] = 100.0
@@ -166,7 +195,12 @@ class DamageLimits(ConfigModel):
 
 
 class RowRange(ConfigModel):
-    """Rows to use, counted from 1 as in an editor; `last` is included."""
+    """Rows to use, counted from 1 as in an editor.
+
+    Attributes:
+        first: First row to use.
+        last: Last row to use; left out, the last row of the file.
+    """
 
     first: Annotated[int, Field(ge=1)] = 1
     last: Annotated[int, Field(ge=1)] | None = None
@@ -181,20 +215,30 @@ class RowRange(ConfigModel):
 class ImportMap(PhysicalFile, Derived):
     """Layout of one kind of recording: `columns` for CSV files, `joint_states` for bags.
 
-    `columns` is the number of columns of a sound row; a row with another number is damaged. The
-    time is the column `time`, or the row's number divided by `rate_hz`. The `further_files` follow
-    the first file on the command line, in this order; their columns continue its numbering, and
-    their values are interpolated to its time stamps.
-
-    `left_out_limit` is the share of rows that may be left out as damaged; beyond it the import is
-    refused. `period_s` says that the used rows contain whole periods of this length, which are
-    averaged; without it the recording is treated as not periodic and is smoothed.
-
-    `side: motor` says that all columns are those of the motors: positions are divided, and torques
-    multiplied, by the robot's gear ratios (or a joint's own `gear_ratio`). If the robot has a
-    `coupling` C, these positions alpha become the joints' q = C alpha (5.18). With `side: link`,
-    positions are those of the joints. In both cases torques are those of the actuators, seen from
-    the link side.
+    Attributes:
+        name: Name of the map, which runs and reports show.
+        robot: A bundled robot file, or a path relative to the map.
+        columns: Number of columns of a sound row; a row with another number is damaged.
+        delimiter: Separator of the columns.
+        decimal: Decimal separator.
+        header_rows: Number of rows to skip at the beginning of the file.
+        time: Column of the time stamps; give this or `rate_hz`.
+        rate_hz: Number of rows per second, for a file without time stamps [Hz].
+        further_files: Files that follow the first one on the command line, in this order. Their
+            values are interpolated to the time stamps of the first file.
+        joint_states: Description of a bag; it replaces all keys that describe a CSV file.
+        units: Units of the columns.
+        side: Side of the gears on which the values were measured. `motor`: positions are divided,
+            and torques multiplied, by the gear ratios; with a `coupling` C in the robot file, these
+            positions alpha become those of the joints, q = C alpha (5.18). `link`: positions are
+            those of the joints. In both cases torques are those of the actuators, referred to the
+            link side.
+        joints: Columns of each joint, base to flange.
+        plausible: Limits beyond which a row counts as damaged.
+        left_out_limit: Largest share of damaged rows; an import with more of them is refused.
+        rows: Rows to use.
+        period_s: Duration of one period, if the rows contain whole periods [s]. Periods are
+            averaged; without this key the recording is smoothed instead.
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")

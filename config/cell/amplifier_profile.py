@@ -39,6 +39,7 @@ class Word(ConfigModel):
     """A string of the device.
 
     Attributes:
+        text: The string.
         verified: The string was seen in use on a real device.
         source: Where it was seen.
     """

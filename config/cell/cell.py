@@ -56,6 +56,7 @@ class DriveAxis(ConfigModel):
 
     Attributes:
         joint: The joint's name in the robot file.
+        node_id: CANopen node id of the drive.
         direction: -1 if positive drive counts turn the joint backwards.
         servo: The drive's profile, in the same form as in the cell, if it differs from the cell's.
         velocity_unit: Unit of the drive's velocities, if it differs from the profile's.
@@ -203,21 +204,26 @@ class CellConfig(PhysicalFile):
         robot, plant: A bundled file, or a path relative to the cell file.
         simulated: A command that needs the cell's simulated hardware starts it.
         cycle_time_ms: Period of SYNC and of the set-points [ms].
+        can: CAN bus of the drives.
         servo: The drives' profile: a bundled name, a path relative to the cell file, or its keys,
             including data that the drives do not report. Without it, drives are assumed to follow
             CiA 402 completely.
         axes: The drives, one per joint, base to flange.
         position_gain_per_s: Gain of the position loop that this computer closes [1/s].
+        drive_safety: Safety settings of the drives, such as heartbeats and quick stop.
         exchange: Data per axis and cycle. `full`: 6 bytes to the drive and 8 from it. `trimmed`: 4
             to the drive (velocity) and 6 from it (position and torque), so that a fourth axis fits
             into 1 ms at 1 Mbit/s. Controlword and statusword then have their own frames, which are
             sent when they change and a few times a second.
+        supervision: Limits beyond which the motion is stopped.
         torque_filter: The analog anti-alias filter in front of the drives' torque converters.
         velocity_loop_band_hz: Lowest and highest frequency at which multisines measure the drives'
             velocity loops.
         validation_limits_percent: Largest relative torque error of each joint that passes
             `validate`.
         home: Pose to which `jog --home` moves, one position per joint.
+        workspace: Space in which the robot may move.
+        plate: Force plate under the robot.
         monitor: A second connection to the drives (Modbus), for temperatures and nominal data.
     """
 

@@ -45,6 +45,8 @@ class Register(ConfigModel):
         address: Address of the first register, counted from 0.
         type: Type of the number; 32-bit types take two registers.
         table: Holding registers (function code 3) or input registers (4).
+        scale: SI units per count.
+        offset: Value at count 0, in SI units.
     """
 
     address: Annotated[int, Field(ge=0, le=0xFFFF)]

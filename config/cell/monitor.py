@@ -37,6 +37,7 @@ class ModbusTcp(ConfigModel):
     """Drives, or a gateway to them, on a network.
 
     Attributes:
+        kind: Kind of connection.
         host: Name or address.
         port: Usually 502; with TLS 802.
         tls: Certificates, for Modbus/TCP Security.
@@ -52,6 +53,7 @@ class ModbusRtu(ConfigModel):
     """Drives on a serial line (RS-485).
 
     Attributes:
+        kind: Kind of connection.
         address: Path of the serial port.
         baud_rate, parity, stop_bits: Settings of the line, the same as in the drives.
     """

@@ -46,6 +46,7 @@ class AmplifierConfig(ConfigModel):
     Attributes:
         address: Anything that pyserial opens: the path of a device, `rfc2217://host:port`,
             `socket://host:port`.
+        baud_rate: Baud rate of the serial line [bit/s].
         profile: The commands and rows of this amplifier: a bundled name, or a path relative to the
             cell file.
         format: Format of the rows.

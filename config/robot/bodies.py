@@ -20,7 +20,9 @@ class Capsule(ConfigModel):
     """A cylinder with hemispherical ends; a sphere if both ends are the same point.
 
     Attributes:
+        kind: Kind of body.
         link: The link in whose frame the points are, 0 for the base.
+        name: Name of the body in messages and in `may_touch`; left out, its number.
         start_m, end_m: Ends of the axis.
         radius_m: Radius.
     """
@@ -37,7 +39,9 @@ class Hull(ConfigModel):
     """The convex hull of some points, such as a simplified mesh.
 
     Attributes:
+        kind: Kind of body.
         link: The link in whose frame the points are, 0 for the base.
+        name: Name of the body in messages and in `may_touch`; left out, its number.
         points_m: The points.
     """
 
@@ -62,6 +66,7 @@ class Plane(ConfigModel):
     """A wall or floor in the base frame: the robot stays on the side `normal` . p > `offset_m`.
 
     Attributes:
+        name: Name of the plane in messages.
         normal: Direction towards the robot.
         offset_m: Distance of the plane from the origin, along the normal.
     """
@@ -84,6 +89,7 @@ class Box(ConfigModel):
     """A box along the axes of the base frame.
 
     Attributes:
+        name: Name of the box in messages.
         keep: The robot stays `out` of the box or `in` it.
         min_m, max_m: Two opposite corners.
     """

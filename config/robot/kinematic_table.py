@@ -48,6 +48,7 @@ class Kinematics(ConfigModel):
     decimals (1.57), the exact multiple is used.
 
     Attributes:
+        convention: Convention of the table.
         rows: One row per joint.
         calibration: Row by row, the offsets that a kinematic calibration adds to the nominal
             values.

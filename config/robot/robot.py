@@ -101,6 +101,7 @@ class Joint(ConfigModel):
 
     Attributes:
         name: Name of the joint.
+        type: Kind of joint.
         limits: Limits of position, velocity, acceleration and torque.
         gear_ratio: Motor turns per joint turn (rad per m of a prismatic joint).
         rotor: Mounting of the motor, if it is known.

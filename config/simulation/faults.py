@@ -129,6 +129,7 @@ class StrangeFrames(TimedFault):
     that blocks the bus for all others.
 
     Attributes:
+        kind: Kind of fault.
         identifier, length: Identifier and length of the frames.
         count, period_s: Number of frames, and their period.
     """
@@ -162,6 +163,7 @@ class HeldUp(TimedFault):
     This works in lock-step only; in real time the computer's own clock wakes the task.
 
     Attributes:
+        kind: Kind of fault.
         duration_s: Delay of each wake-up.
         count: Number of consecutive wake-ups.
     """
@@ -235,6 +237,7 @@ class ProcessKilled(TimedFault):
     """A process is killed (SIGKILL).
 
     Attributes:
+        kind: Kind of fault.
         process: The recorder, the cyclic task, or the program itself.
     """
 
@@ -249,6 +252,7 @@ class ProcessFrozen(TimedFault):
     it is a stalled computer.
 
     Attributes:
+        kind: Kind of fault.
         process: The recorder, or the cyclic task.
         duration_s: Duration by the computer's clock.
     """
@@ -262,6 +266,7 @@ class ProgramSignalled(TimedFault):
     """A signal is sent to the program itself.
 
     Attributes:
+        kind: Kind of fault.
         signal: `TSTP` is what Ctrl-Z sends: it suspends the program if nothing moves.
         count, period_s: Number of signals, and their period by the program's clock.
     """
@@ -366,7 +371,9 @@ class FaultScript(ConfigModel):
     """The faults of a simulated cell.
 
     Attributes:
+        seed: Random seed of the faults.
         bus: Faults of frames, of the adapter and of the computer.
+        drives: Faults of drives.
         registers: Faults of Modbus requests.
         amplifier: Faults of the force plate's amplifier.
         program: Faults that the operating system causes in a program that starts the cell itself

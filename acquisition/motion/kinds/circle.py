@@ -31,11 +31,20 @@ MOST_HARMONICS: Final = 150
 
 
 class CircleMotion(Motion):
-    """Circle of the tool point at constant speed, `periods` times after the transient.
+    """Circle of the tool point at constant speed.
 
-    `centre_m` and `normal` are in the base frame. `near` (one value per joint) selects the arm
-    configuration at the circle's start, and the constant orientation of the flange. The time of one
-    turn is rounded to whole cycles, so that the speed can differ slightly.
+    The time of one turn is rounded to whole cycles, so that the speed can differ slightly.
+
+    Attributes:
+        centre_m: Centre of the circle in the base frame [m].
+        radius_m: Radius of the circle [m].
+        normal: Axis of the circle in the base frame; the turns are right-handed about it.
+        speed_m_s: Speed of the tool point [m/s].
+        near: Pose close to the start of the circle, one position per joint, base to flange [rad or
+            m]. It selects the arm configuration and the constant orientation of the flange.
+        periods: Number of turns for the measurement.
+        transient_periods: Number of turns before the measurement, in which the transient decays.
+        ramp_s: Time to speed up before the first turn, and to slow down after the last one [s].
     """
 
     kind: Literal["circle"]

@@ -31,7 +31,13 @@ MOVE_FRACTION: Final = 0.3
 
 
 class SpeedRuns(ConfigModel):
-    """Speeds of one joint, each run from `low` to `high` and back [rad or m, and per second]."""
+    """Speeds of one joint, each run over a range and back.
+
+    Attributes:
+        joint: Name of the joint.
+        low, high: Ends of the range [rad or m].
+        speeds: Speeds of the runs [rad/s or m/s].
+    """
 
     joint: str
     low: Position
@@ -68,10 +74,14 @@ class _Stroke:
 class ConstantVelocityMotion(Motion):
     """Runs at constant speeds, one joint at a time, to measure only friction.
 
-    The other joints hold `pose` (one value per joint, base to flange). Each speed is run `repeats`
-    times forwards and backwards over the same range, around the middle of `low` and `high` and at
-    most `longest_run_s` long. Speeds change smoothly, within `acceleration_fraction` of the joint's
-    limit.
+    Attributes:
+        pose: Pose that the other joints hold, one position per joint, base to flange [rad or m].
+        joints: Ranges and speeds of the joints to measure.
+        acceleration_fraction: Share of the joint's acceleration limit that changes of speed use.
+        longest_run_s: Longest duration of one run [s]. Faster runs use the whole range, slower ones
+            a part of it, around its middle.
+        repeats: Number of times that each speed is run forwards and backwards.
+        dwell_s: Rest before and after each run [s].
     """
 
     kind: Literal["constant_velocity"]

@@ -34,9 +34,12 @@ MOST_HARMONICS: Final = 1000
 
 
 class FourierJoint(ConfigModel):
-    """One joint's Fourier series (2.30): offset and, per harmonic, sine and cosine amplitudes.
+    """Fourier series of one joint (2.30).
 
-    `sine[k-1]` and `cosine[k-1]` belong to harmonic k; rad for revolute joints, m for prismatic.
+    Attributes:
+        joint: Name of the joint.
+        offset: Position about which the joint moves [rad or m].
+        sine, cosine: Amplitudes of the harmonics, beginning with harmonic 1 [rad or m].
     """
 
     joint: str
@@ -55,7 +58,15 @@ class FourierJoint(ConfigModel):
 
 
 class FourierMotion(Motion):
-    """Periodic excitation: `transient_periods`, then `periods` for the measurement."""
+    """Periodic excitation: Fourier series on all joints.
+
+    Attributes:
+        period_s: Duration of one period [s].
+        periods: Number of periods for the measurement.
+        transient_periods: Number of periods before the measurement, in which the transient decays.
+        ramp_s: Time to speed up before the first period, and to slow down after the last one [s].
+        joints: The Fourier series, one per joint of the robot, in any order.
+    """
 
     kind: Literal["fourier"]
     period_s: Seconds

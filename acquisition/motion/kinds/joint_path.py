@@ -25,9 +25,11 @@ FEWEST: Final = 200
 class JointPathMotion(Motion):
     """Smooth curve (of class C2) through poses, from rest to rest, as fast as the limits permit.
 
-    Each row of `points` has one value per joint, base to flange [rad or m]. `speed_fraction` is the
-    share of the joints' velocity and acceleration limits; the acceleration takes `jerk_time_s` to
-    change from one limit to the other.
+    Attributes:
+        points: Poses on the curve, each with one position per joint, base to flange [rad or m].
+        speed_fraction: Share of the joints' velocity and acceleration limits to use.
+        jerk_time_s: Time that the acceleration takes to change from one limit to the other [s].
+        dwell_s: Rest before and after the motion [s].
     """
 
     kind: Literal["joint_path"]

@@ -31,11 +31,17 @@ TIMES: Final = Plausible(0.01, LONGEST_MOTION_S, "s")
 
 
 class JointTableMotion(Motion, Derived):
-    """Joint positions over time, from a CSV `file` next to the motion file, or in the motion file.
+    """Joint positions over time, from a CSV file, or in the motion file itself.
 
-    The CSV file has a column `time_s` and one column per joint, with the joint's name [rad or m]. A
-    smooth curve (of class C4) passes through its rows. It must begin and end at rest. In the motion
-    file itself, `joints` names the columns of `position`.
+    A smooth curve (of class C4) passes through the rows. It must begin and end at rest.
+
+    Attributes:
+        file: CSV file next to the motion file. It has a column `time_s` and one column per joint,
+            with the joint's name [rad or m].
+        joints: Without `file`: names of the joints, in the order of the columns of `position`.
+        time_s: Without `file`: time of each row [s].
+        position: Without `file`: rows of joint positions [rad or m].
+        dwell_s: Rest before and after the motion [s].
     """
 
     kind: Literal["joint_table"]

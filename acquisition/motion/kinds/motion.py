@@ -21,7 +21,13 @@ Seconds = Annotated[Positive, Plausible(1e-3, LONGEST_MOTION_S, "s")]
 
 
 class Motion(PhysicalFile):
-    """Description of a motion, before its samples are computed."""
+    """Description of a motion, before its samples are computed.
+
+    Attributes:
+        kind: Kind of motion; it decides which other keys there are.
+        robot: Name of the robot for which the motion was made; a cell with another robot refuses
+            it.
+    """
 
     kind: str
     robot: str

@@ -28,9 +28,15 @@ CLEARANCE_M: Final = 0.025
 class MultipointMotion(Motion):
     """Smooth point-to-point motion through random poses, for validation.
 
-    The points are drawn with `seed` inside the joint limits reduced by `range_fraction`. Each move
-    takes the time that the slowest joint needs at `speed_fraction` of its limits. If a move would
-    bring two bodies of the robot too close, its point is drawn again.
+    A pose is drawn again if the move to it would bring two bodies of the robot too close.
+
+    Attributes:
+        points: Number of random poses.
+        seed: Random seed of the poses.
+        range_fraction: Share of each joint's range, around its middle, in which poses are drawn.
+        speed_fraction: Share of the joints' velocity and acceleration limits to use. The slowest
+            joint decides the duration of a move.
+        dwell_s: Rest at each pose [s].
     """
 
     kind: Literal["multipoint"]

@@ -43,8 +43,11 @@ DWELL_S: Final = 0.5
 class MultisineJoint(ConfigModel):
     """Excitation of one joint: its speed is a multisine plus a slow sine.
 
-    `velocity` is the RMS speed of the multisine [rad/s or m/s], 0 for a joint that is not measured.
-    `slow_amplitude` is the amplitude of the slow sine [rad or m] about `offset`.
+    Attributes:
+        joint: Name of the joint.
+        offset: Position about which the joint moves [rad or m].
+        velocity: RMS speed of the multisine [rad/s or m/s]; 0 for a joint that is not measured.
+        slow_amplitude: Amplitude of the slow sine, which has the period `period_s` [rad or m].
     """
 
     joint: str
@@ -56,13 +59,23 @@ class MultisineJoint(ConfigModel):
 class MultisineMotion(Motion):
     """Multisines on the joints' speeds, to measure the response of the velocity loops.
 
-    The excited lines are harmonics of `period_s` between `lowest_hz` and `highest_hz`. They are
-    assigned to the joints in turn, so that each line belongs to one joint. The grid contains all
-    odd lines (`odd`), odd lines of which every fourth, chosen at random, is empty and shows
-    distortion (`random_odd`), or all lines (`full`). Each of `realisations` has its own random
-    phases, and `transient_periods` for the transient before `periods` for the measurement.
-    `schroeder` phases are always the same and permit one realisation. Both kinds of start phases
-    are optimised for a low crest factor. The slow sine is harmonic 1.
+    The excited lines are harmonics of the period. They are assigned to the joints in turn, so that
+    each line belongs to one joint.
+
+    Attributes:
+        period_s: Duration of one period [s].
+        lowest_hz, highest_hz: Ends of the excited band [Hz].
+        grid: Excited lines: `odd`, all odd lines; `random_odd`, odd lines of which every fourth,
+            chosen at random, stays empty and shows distortion; `full`, all lines.
+        phases: Start phases, which are optimised for a low crest factor: `random`, a new draw for
+            each realisation; `schroeder`, always the same, for one realisation only.
+        seed: Random seed of the phases and of the empty lines.
+        realisations: Number of multisines with different phases.
+        periods: Number of periods of each realisation for the measurement.
+        transient_periods: Number of periods of each realisation before the measurement, in which
+            the transient decays.
+        ramp_s: Time to speed up before each realisation, and to slow down after it [s].
+        joints: Excitation of each joint of the robot, in any order.
     """
 
     kind: Literal["multisine"]

@@ -21,8 +21,14 @@ from config.robot.robot import RobotDescription
 class ReversedMotion(Motion):
     """Periodic motion followed by the same path backwards in time, to measure only friction.
 
-    Both parts have `transient_periods` for the transient and `periods` for the measurement; between
-    them the robot rests for `dwell_s`.
+    Attributes:
+        period_s: Duration of one period [s].
+        periods: Number of periods in each direction for the measurement.
+        transient_periods: Number of periods in each direction before the measurement, in which the
+            transient decays.
+        ramp_s: Time to speed up before each direction, and to slow down after it [s].
+        dwell_s: Rest between the two directions [s].
+        joints: The Fourier series, one per joint of the robot, in any order.
     """
 
     kind: Literal["reversed"]

@@ -34,9 +34,13 @@ Row = Annotated[tuple[float, ...], Field(min_length=3, max_length=MOST_ROWS)]
 class TimedWay(ConfigModel):
     """Part of a path from rest to rest: a smooth curve (of class C2) through poses, and its rows.
 
-    `length` is the curve's length at each of `points`, in an arbitrary unit. `place`, `speed` and
-    `acceleration` are the position along the curve and its derivatives per second, cycle by cycle.
-    The robot rests for `rest_s` at the end.
+    Attributes:
+        points: Poses on the curve, each with one position per joint, base to flange [rad or m].
+        length: Length of the curve at each pose, increasing, in an arbitrary unit.
+        place: Length of the curve in each cycle, in the same unit.
+        speed: First derivative of `place` [unit/s].
+        acceleration: Second derivative of `place` [unit/s²].
+        rest_s: Rest at the end [s].
     """
 
     points: tuple[tuple[Position, ...], ...] = Field(min_length=2, max_length=10_000)
@@ -69,7 +73,12 @@ class TimedPathMotion(Motion):
     """Timed parts of a joint path, made for one cycle time by `rid-daq retime`.
 
     The rows respect all limits for which they were made; another cycle time, model or other limits
-    require new rows. `rest_s` is the rest before the first part.
+    require new rows.
+
+    Attributes:
+        cycle_time_s: Cycle time for which the rows were made [s].
+        rest_s: Rest before the first part [s].
+        ways: Parts of the path, in their order.
     """
 
     kind: Literal["timed_path"]

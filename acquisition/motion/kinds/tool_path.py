@@ -48,11 +48,21 @@ SLOWEST_SHARE: Final = 0.02
 class PathMotion(Motion):
     """Tool-point motion along lines, arcs, circles and splines, from rest to rest.
 
-    Points are in the base frame. `near` (one value per joint) selects the arm configuration at the
-    start and the constant orientation of the flange. `acceleration_m_s2` and `jerk_m_s3` limit the
-    change of the speed along the path, and the motion across it in curves. If they or a joint's
-    limits require it, the path is slower than `speed_m_s`; with `keep_speed` this is an error. The
-    tool point rests for `dwell_s` at the start, at the end, and in corners without a blend.
+    The path is slower than `speed_m_s` if its accelerations or a joint's limits require it.
+
+    Attributes:
+        start_m: Start point in the base frame [m].
+        near: Pose close to the start, one position per joint, base to flange [rad or m]. It selects
+            the arm configuration and the constant orientation of the flange.
+        speed_m_s: Speed of the tool point along the path [m/s].
+        acceleration_m_s2: Largest acceleration of the tool point, along the path and across it
+            [m/s²].
+        jerk_m_s3: Largest jerk of the tool point, along the path and across it [m/s³].
+        blend_m: Distance before the end of each segment at which the blend to the next one begins
+            [m]. With 0 the tool point stops in the corner.
+        keep_speed: Refuse a path that must be slower than `speed_m_s`.
+        dwell_s: Rest at the start, at the end, and in corners without a blend [s].
+        segments: Segments of the path, in their order.
     """
 
     kind: Literal["path"]

@@ -39,10 +39,13 @@ class KnottedCurve(NamedTuple):
 
 
 class PathSegment(ConfigModel):
-    """Common keys of all segments; the path's values apply if a key is not given.
+    """Common keys of all segments.
 
-    `blend_m` is the distance before the segment's end at which the blend to the next segment
-    begins. With 0 the tool point stops in the corner.
+    Attributes:
+        kind: Kind of segment; it decides which other keys there are.
+        speed_m_s: Speed of the tool point [m/s]; left out, that of the path.
+        blend_m: Distance before the segment's end at which the blend to the next segment begins
+            [m]; left out, that of the path. With 0 the tool point stops in the corner.
     """
 
     speed_m_s: Annotated[Positive, Plausible(1e-5, 20.0, "m/s")] | None = None
@@ -62,7 +65,11 @@ class PathSegment(ConfigModel):
 
 
 class LineSegment(PathSegment):
-    """A straight line to a point."""
+    """A straight line to a point.
+
+    Attributes:
+        to_m: End point in the base frame [m].
+    """
 
     kind: Literal["line"]
     to_m: Place
@@ -85,7 +92,12 @@ class LineSegment(PathSegment):
 
 
 class ArcSegment(PathSegment):
-    """A circular arc through one point to an end point."""
+    """A circular arc through one point to an end point.
+
+    Attributes:
+        through_m: Point on the arc in the base frame [m].
+        to_m: End point in the base frame [m].
+    """
 
     kind: Literal["arc"]
     through_m: Place
@@ -113,9 +125,12 @@ class ArcSegment(PathSegment):
 
 
 class CircleSegment(PathSegment):
-    """`turns` turns around a centre, right-handed about `normal`.
+    """Turns around a centre. The circle begins at the end of the previous segment.
 
-    The circle begins at the end of the previous segment; negative turns reverse the direction.
+    Attributes:
+        centre_m: Centre of the circle in the base frame [m].
+        normal: Axis of the circle in the base frame; positive turns are right-handed about it.
+        turns: Number of turns; negative turns reverse the direction.
     """
 
     kind: Literal["circle"]
@@ -150,7 +165,11 @@ class CircleSegment(PathSegment):
 
 
 class SplineSegment(PathSegment):
-    """A smooth curve (of class C2) through points; the last point is its end."""
+    """A smooth curve (of class C2) through points.
+
+    Attributes:
+        through_m: Points in the base frame [m]; the last one is the end of the curve.
+    """
 
     kind: Literal["spline"]
     through_m: tuple[Place, ...] = Field(min_length=2, max_length=10_000)
