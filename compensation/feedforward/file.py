@@ -74,12 +74,15 @@ class FeedforwardOrigin(ConfigModel):
     """Sources of a feedforward: files by their SHA-256, runs by their ids.
 
     Attributes:
+        payload: The payload in the model: the SHA-256 of its file, `model`, or `none`; empty if
+            nothing was stated.
         temperature: Assumed temperature of the joints, as in `at_operating_temperature`; empty if
             friction does not depend on it.
     """
 
     model_sha256: str = ""
     loops_sha256: str = ""
+    payload: str = ""
     temperature: str = ""
     tuning: TuningEntry | None = None
     refinements: tuple[RefinementEntry, ...] = ()

@@ -18,8 +18,6 @@ from config.robot.robot import RobotDescription
 from dynamics.model.one_sample import SampleTorque
 from identification.calibration.base_reaction import weight_parameters, with_known_mass
 from identification.estimation.estimate import Estimate
-from identification.payload.body import flange_pose, to_link
-from identification.payload.estimate import PayloadEstimate
 
 INTERVALS_A_RAD = 200
 MOST_INTERVALS = 20_000
@@ -52,20 +50,6 @@ class TimedMotion:
         return 1.0 - self.moving_s / self.original_s
 
 
-def torque_model(estimate: Estimate, payload: PayloadEstimate | None) -> SampleTorque:
-    """Return an identified model for single samples, with a payload at its flange.
-
-    Raises:
-        EstimationError: The model depends on the drives' temperature.
-    """
-    found = SampleTorque.of(estimate.model, estimate.standard_values)
-    if payload is None:
-        return found
-    bodies = found.arrays[3].copy()
-    bodies[found.joints - 1] += to_link(flange_pose(estimate.robot)) @ payload.values
-    return replace(found, arrays=(*found.arrays[:3], bodies, *found.arrays[4:]))
-
-
 def weighed(estimate: Estimate, mass_kg: float | None) -> Estimate:
     """Return an estimate with the robot's weight added; a force plate cannot measure it.
 
@@ -92,7 +76,6 @@ def retimed(
     limits: TimingLimits,
     *,
     confidence: float = 0.0,
-    payload: PayloadEstimate | None = None,
 ) -> TimedMotion:
     """Return a motion's path, from rest to rest, as fast as the limits allow.
 
@@ -102,7 +85,6 @@ def retimed(
         limits: Limits to keep.
         confidence: Probability that torques and base wrench of the robot are within their limits at
             any one instant; 0 for no margin.
-        payload: Payload of the robot.
 
     Raises:
         ConfigError: The motion does not move, or the limits include a base wrench that the model
@@ -120,10 +102,10 @@ def retimed(
     rest_s, ways = curves_of(samples, speeds)
     margin = None
     if confidence:
-        margin = ModelMargin(estimate, confidence, payload, limits.base is not None)
+        margin = ModelMargin(estimate, confidence, limits.base is not None)
     timer = PathTimer(
         robot,
-        torque_model(estimate, payload),
+        SampleTorque.of(estimate.model, estimate.standard_values),
         limits,
         samples.sample_period_s,
         margin,

@@ -11,13 +11,9 @@ from acquisition.motion.samples import JointTrajectory
 from compensation.timing.timed_path import TorqueMargins
 from config.arrays import FloatArray
 from config.errors import ConfigError
-from dynamics.model.robot_model import base_wrench_regressor, load_torque, regressor
 from dynamics.terms.conditions import Conditions
-from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.estimation.estimate import Estimate
 from identification.model.torque_columns import torque_columns, wrench_columns
-from identification.payload.body import flange_pose, to_link
-from identification.payload.estimate import PayloadEstimate
 
 BLOCK_ROWS = 2048
 
@@ -32,13 +28,11 @@ class ModelMargin:
     Attributes:
         estimate: The model.
         confidence: Probability that a torque is within its margin, at any one instant.
-        payload: Payload of the robot.
         base: True to include the base wrench.
     """
 
     estimate: Estimate
     confidence: float
-    payload: PayloadEstimate | None = None
     base: bool = False
 
     def __post_init__(self) -> None:
@@ -74,12 +68,6 @@ class ModelMargin:
         )
         variance = self._variance(columns)
         variance += _unexplained(estimate.residual_nm, estimate.noise_nm)
-        if self.payload is not None:
-            there = Conditions()
-            if estimate.model.transmission.losses:
-                load = load_torque(estimate.model, *motion, estimate.standard_values, there)
-                there = Conditions(load_nm=load)
-            variance += self._payload_variance(regressor(estimate.model, *motion, there))
         return np.sqrt(variance)
 
     def _wrench_deviations(self, path: JointTrajectory) -> FloatArray:
@@ -92,8 +80,6 @@ class ModelMargin:
         variance = self._variance(columns)
         if estimate.plate is not None:
             variance += _unexplained(estimate.plate.residual, estimate.plate.noise)
-        if self.payload is not None:
-            variance += self._payload_variance(base_wrench_regressor(estimate.model, *motion))
         return np.sqrt(variance)
 
     def _variance(self, columns: FloatArray) -> FloatArray:
@@ -105,13 +91,6 @@ class ModelMargin:
         if columns.shape[-1] > b:
             found = found + _quadratic(columns[..., b:], estimate.nonlinear_covariance)
         return found
-
-    def _payload_variance(self, columns: FloatArray) -> FloatArray:
-        assert self.payload is not None
-        n = len(self.estimate.robot.joints)
-        last = columns[..., PARAMETERS_PER_LINK * (n - 1) : PARAMETERS_PER_LINK * n]
-        moved = last @ to_link(flange_pose(self.estimate.robot))
-        return _quadratic(moved, self.payload.covariance)
 
 
 def _quadratic(columns: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -20,7 +20,7 @@ from dynamics.model.robot_model import RobotModel
 from dynamics.terms.friction import Friction, FrictionColumn
 from dynamics.terms.friction_functions import FrictionFunction
 from identification.estimation.estimate import Estimate
-from identification.model.base_parameters import base_parameters
+from identification.estimation.transformed import transformed
 
 _BY_TEMPERATURE: Final[dict[FrictionFunction, tuple[FrictionFunction, ...]]] = {
     "coulomb_by_temperature": ("coulomb", "forward", "backward"),
@@ -65,25 +65,8 @@ def at_temperature(estimate: Estimate, temperature_k: FloatArray) -> Estimate:
     robot = estimate.robot.model_copy(update={"joints": own})
     options = replace(estimate.options, friction_terms=None)
     model = options.build(robot)
-    base = base_parameters(model, kind=options.kind, still=estimate.still)
-    heads = np.eye(len(estimate.base.standard_names))[list(estimate.base.kept)].T
-    turned = base.combination @ _matrix_at_temperature(estimate.model, model, temperature_k) @ heads
-
-    def spread(covariance: FloatArray) -> FloatArray:
-        return np.asarray(turned @ covariance @ turned.T)
-
-    noise = estimate.covariance_noise
-    return replace(
-        estimate,
-        robot=robot,
-        options=options,
-        base=base,
-        values=turned @ estimate.values,
-        covariance_noise=None if noise is None else spread(noise),
-        covariance_residual=spread(estimate.covariance_residual),
-        covariance_jackknife=spread(estimate.covariance_jackknife),
-        warming=None,
-    )
+    matrix = _matrix_at_temperature(estimate.model, model, temperature_k)
+    return replace(transformed(estimate, robot, options, matrix), warming=None)
 
 
 def _without_temperature_term(joint: Joint, terms: tuple[FrictionTerm, ...]) -> Joint:

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from config.errors import ConfigError, EstimationError
-from config.formats.json_file import read_json_file
+from config.formats.json_file import json_content, read_content
 from config.formats.whole_file import write_whole
 from config.model import ConfigModel
 from config.robot.robot import RobotDescription
@@ -114,8 +114,13 @@ def read_payload(path: Path) -> PayloadResult:
     Raises:
         ConfigError: The file cannot be read or is not a payload.
     """
+    return payload_content(read_content(path, LARGEST_FILE_BYTES), path)
+
+
+def payload_content(data: bytes, path: Path) -> PayloadResult:
+    """Return the payload in the bytes of a payload file; errors as of `read_payload`."""
     what = "a payload file written by `rid-daq payload identify`"
-    document = read_json_file(path, PayloadDocument, LARGEST_FILE_BYTES, what)
+    document = json_content(data, path, PayloadDocument, what)
     try:
         if document.sha256 != document.digest:
             raise EstimationError(

@@ -105,6 +105,20 @@ RunsFolder = Annotated[
     Option(group=FILES, metavar="FOLDER", owned=True),
 ]
 
+_StatedPayload = Annotated[
+    str | None,
+    Field(
+        description="Payload on the flange: a payload file; a run or session with a payload;"
+        " `model` for the payload in the model; or `none`. Required if the model contains a"
+        " payload (identified with --loaded)."
+    ),
+]
+CarriedPayload = Annotated[_StatedPayload, Option(metavar="PAYLOAD", file="input")]
+CarriedPayloadOfModel = Annotated[
+    _StatedPayload, Option(metavar="PAYLOAD", file="input", needs="model")
+]
+"""The same field of a request whose model is optional."""
+
 Unfinished = Annotated[
     bool,
     Field(

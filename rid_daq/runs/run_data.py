@@ -54,11 +54,12 @@ ORIGINS = "origins.json"
 FEEDFORWARD = "feedforward.json"
 ONLINE_MODEL = "online_model.json"
 ONLINE_LOOPS = "online_loops.json"
+ONLINE_PAYLOAD = "online_payload.json"
 PLANT = "plant.yaml"
 SESSION = "session.json"
 READ = (
     *(RECORDING, PLATE_RECORDING, MONITOR, *SOURCES, MAP, IMPORT),
-    *(ROBOT, CELL, MOTION, FEEDFORWARD, ONLINE_MODEL, ONLINE_LOOPS, PLANT, ORIGINS),
+    *(ROBOT, CELL, MOTION, FEEDFORWARD, ONLINE_MODEL, ONLINE_LOOPS, ONLINE_PAYLOAD, PLANT, ORIGINS),
 )
 """Files of a run that operations read; they must be unchanged since the run."""
 

@@ -15,6 +15,10 @@ PAYLOAD: Final = "payload.json"
 CERTIFICATE: Final = "certificate.pdf"
 """Files that `identify`, `payload identify` and `payload certificate` write into a run folder."""
 
+NO_PAYLOAD: Final = "none"
+PAYLOAD_OF_MODEL: Final = "model"
+"""Values of `--payload` that are not files or runs."""
+
 DEFAULT_RUNS: Final = Path("runs")
 """Folder that contains the run folders."""
 

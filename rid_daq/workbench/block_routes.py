@@ -18,6 +18,7 @@ from rid_daq.service.api.runs import run_folder
 from rid_daq.service.refusals import UnknownError
 from rid_daq.service.request_check import require_inside
 from rid_daq.service.running_job import EventTail
+from rid_daq.terminal.choices import NO_PAYLOAD, PAYLOAD_OF_MODEL
 from rid_daq.terminal.job_events import WarmedUp
 from rid_daq.workbench.compressed import CompressedBody
 from rid_daq.workbench.static_files import require_current
@@ -100,14 +101,21 @@ def send_run_blocks(
 
 @router.get("/cells/{cell}/motion")
 def send_motion(
-    cell: OfCell, service: Service, view: AsWanted, file: str, model: str | None = None
+    cell: OfCell,
+    service: Service,
+    view: AsWanted,
+    file: str,
+    model: str | None = None,
+    payload: str | None = None,
 ) -> Response:
     """Return the blocks that describe a motion file on a cell."""
     from rid_daq.workbench.motion_blocks import motion_blocks
 
     path = require_inside(file, service.folder)
     by = require_inside(model, service.folder) if model else None
-    return view.answer(motion_blocks(cell.loaded, path, by))
+    if payload is not None and payload not in (NO_PAYLOAD, PAYLOAD_OF_MODEL):
+        payload = str(require_inside(payload, service.folder))
+    return view.answer(motion_blocks(cell.loaded, path, by, payload))
 
 
 @router.get("/cells/{cell}/preflight")

@@ -22,6 +22,8 @@ from rid_daq.blocks.block import AnyBlock, Text
 from rid_daq.blocks.formats import duration, number
 from rid_daq.blocks.plot import Axis, Colour, Line, Panel, Plot
 from rid_daq.operations.cell_files import read_estimate_for, read_motion_for
+from rid_daq.operations.stated_payload import state_payload
+from rid_daq.terminal.choices import DEFAULT_RUNS
 
 AT_REFERENCE: Final = "Friction at its reference temperature."
 COLD_OR_WARM: Final = "Friction of the cold or the warm robot, whichever needs more torque."
@@ -30,7 +32,9 @@ VIEWS: Final = ((0, 1), (0, 2), (1, 2))
 DRAWN_POINTS: Final = 1000
 
 
-def motion_blocks(cell: LoadedCell, path: Path, model: Path | None) -> Iterator[AnyBlock]:
+def motion_blocks(
+    cell: LoadedCell, path: Path, model: Path | None, payload: str | None = None
+) -> Iterator[AnyBlock]:
     """Yield the description of a motion file, and its plots.
 
     Args:
@@ -39,6 +43,7 @@ def motion_blocks(cell: LoadedCell, path: Path, model: Path | None) -> Iterator[
         model: A model whose expected torque is drawn; `record` compares the same torque with the
             limits
             (`limit_torque`).
+        payload: Payload on the flange, as in a request; without effect without a model.
 
     Raises:
         ConfigError, LimitError: The file is invalid or of another robot, or the motion exceeds a
@@ -55,6 +60,7 @@ def motion_blocks(cell: LoadedCell, path: Path, model: Path | None) -> Iterator[
     torque, caption = None, ""
     if model is not None:
         estimate = read_estimate_for(model, cell.robot)
+        estimate = state_payload(estimate, model.name, payload, DEFAULT_RUNS).estimate
         torque = limit_torque(estimate, one.position, one.velocity, one.acceleration)
         if depends_on_temperature(estimate).any():
             caption = AT_REFERENCE if estimate.warming is None else COLD_OR_WARM

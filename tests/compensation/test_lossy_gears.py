@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from compensation.timing.uncertainty import ModelMargin
 from config.load import LoadedCell, load_cell
 from identification.accuracy.goals import Goal, goal_states
 from identification.estimation.estimate import Estimate, predict
+from identification.payload.carried import carry
 from tests.builders.certified import estimate_of
 from tests.builders.known_model import chosen, known
 from tests.builders.warm_model import by_temperature
@@ -40,8 +43,11 @@ def test_losses_jump_and_are_no_part_of_what_a_refinement_takes_for_smooth(
 
 def test_a_margin_counts_a_payload_that_gears_transmit(cell: LoadedCell, lossy: Estimate) -> None:
     payload = estimate_of(cell, ("run",))
-    with_payload = ModelMargin(lossy, 0.95, payload)(motion()).torque
-    assert np.all(with_payload > ModelMargin(lossy, 0.95)(motion()).torque)
+    exact = replace(payload, covariance=np.zeros((10, 10)))
+    margin, least = (
+        ModelMargin(carry(lossy, each), 0.95)(motion()).torque for each in (payload, exact)
+    )
+    assert np.all(margin > least)
 
 
 def test_a_goal_for_the_torque_is_judged_whatever_friction_depends_on(

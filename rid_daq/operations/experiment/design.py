@@ -24,7 +24,15 @@ from config.ranges import (
 )
 from rid_daq.blocks.block import AnyBlock
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.requests.option import FILES, CellName, Option, Overwrite
+from rid_daq.requests.option import (
+    DEFAULT_RUNS,
+    FILES,
+    CarriedPayloadOfModel,
+    CellName,
+    Option,
+    Overwrite,
+    RunsFolder,
+)
 from rid_daq.requests.request import Request, shown_fields
 from rid_daq.terminal.choices import Kind
 
@@ -201,6 +209,7 @@ class DesignRequest(Request):
         Field(description="Model file, for the check of the torque limits."),
         Option(metavar="MODEL", file="input"),
     ] = None
+    payload: CarriedPayloadOfModel = None
     given: Annotated[
         tuple[Path, ...],
         Field(description="Model of an earlier run; the search counts its information."),
@@ -214,6 +223,7 @@ class DesignRequest(Request):
         Option(metavar="ADDRESS", group=FILES, owned=True),
     ] = None
     overwrite: Overwrite = False
+    runs: RunsFolder = DEFAULT_RUNS
 
     def refuse_options_without_effect(self) -> None:
         """Refuse options that have no effect on this kind of motion, or with this method.
@@ -241,11 +251,11 @@ class DesignRequest(Request):
         """Options without effect, and the option that makes them so."""
         by = f"--kind {self.kind.value}"
         if self.kind is Kind.CONSTANT_VELOCITY:
-            return _OF_PERIODS | _OF_MULTISINES | _OF_EXCITATIONS | {"--model"}, by
+            return _OF_PERIODS | _OF_MULTISINES | _OF_EXCITATIONS | {"--model", "--payload"}, by
         if self.kind is Kind.MULTISINE:
             return _OF_EXCITATIONS, by
         if self.excitation.method == "two-harmonic":
-            others = _OF_OPTIMAL | _OF_MULTISINES | {"--model"}
+            others = _OF_OPTIMAL | _OF_MULTISINES | {"--model", "--payload"}
             return others, f"{by} --method two-harmonic"
         return _OF_MULTISINES | _OF_HEURISTIC, f"{by} --method optimal"
 

@@ -16,18 +16,21 @@ from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.formats.whole_file import write_whole
 from config.load import LoadedCell, load_cell, to_yaml
+from config.robot.robot import RobotDescription
 from identification.design.task import criterion_of_options, excitation_problem
 from identification.design.two_harmonic import (
     TwoHarmonicOptions,
     condition_number,
     design_two_harmonic,
 )
+from identification.estimation.estimate import Estimate
 from identification.estimation.limit_torque import limit_temperature_note
 from identification.friction.motions import constant_velocity_motion, reversed_motion
 from rid_daq.operations.cell_files import read_estimate_for
 from rid_daq.operations.experiment.design import DesignRequest, Multisine
 from rid_daq.operations.experiment.excitation_search import Search, search
 from rid_daq.operations.operation import Context
+from rid_daq.operations.stated_payload import state_payload
 from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
 from rid_daq.terminal.choices import Kind
@@ -143,7 +146,7 @@ def _design_excitation(
         period_s=how.period_s,
         harmonics=how.harmonics or HARMONICS,
         criterion=criterion_of_options(robot, how.criterion, how.wanted),
-        model=None if request.model is None else read_estimate_for(request.model, robot),
+        model=_limit_model(request, robot),
         given=[read_estimate_for(path, robot) for path in request.given],
     )
     found = search(problem, config, how, context, request.scheduler)
@@ -156,13 +159,21 @@ def _design_excitation(
 
 
 def _design_multisine(request: DesignRequest, cell: LoadedCell) -> DesignedMotion:
-    robot, model = cell.robot, request.model
-    estimate = None if model is None else read_estimate_for(model, robot)
+    robot = cell.robot
+    estimate = _limit_model(request, robot)
     motion = multisine_motion(robot, cell.config, _multisine_options(request.multisine), estimate)
     samples = _write_motion(request, cell, motion)
     warmth = "" if estimate is None else limit_temperature_note(estimate)
     use = limit_use(samples, robot, estimate)
     return DesignedMotion(cell, motion, samples, use=use, notes=(warmth,) if warmth else ())
+
+
+def _limit_model(request: DesignRequest, robot: RobotDescription) -> Estimate | None:
+    """Return the model for the torque limits, with the payload; None without one."""
+    if request.model is None:
+        return None
+    estimate = read_estimate_for(request.model, robot)
+    return state_payload(estimate, request.model, request.payload, request.runs).estimate
 
 
 def _multisine_options(asked: Multisine) -> MultisineOptions:

@@ -21,7 +21,14 @@ from rid_daq.requests.cell_options import (
     Practise,
     Simulation,
 )
-from rid_daq.requests.option import DEFAULT_RUNS, FILES, CellName, Option, RunsFolder
+from rid_daq.requests.option import (
+    DEFAULT_RUNS,
+    FILES,
+    CarriedPayloadOfModel,
+    CellName,
+    Option,
+    RunsFolder,
+)
 from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
@@ -71,6 +78,7 @@ class RecordRequest(Request):
         ),
         Option(metavar="MODEL", file="input"),
     ] = None
+    payload: CarriedPayloadOfModel = None
     frames: Annotated[
         bool,
         Field(description="Save all frames on the bus to frames.blf of the run."),

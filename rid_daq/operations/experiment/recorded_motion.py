@@ -20,6 +20,7 @@ from identification.estimation.limit_torque import limit_temperature_note
 from rid_daq.operations.cell_files import add_feedforward, read_estimate_for, read_motion_and_bytes
 from rid_daq.operations.experiment.record import RecordRequest
 from rid_daq.operations.operation import Context
+from rid_daq.operations.stated_payload import state_payload
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.accuracy_watch import AccuracyWatch
 from rid_daq.recording.recorded_run import RecordedRun
@@ -76,6 +77,7 @@ def record_motion_file(request: RecordRequest, context: Context) -> RecordedMoti
         verify_command(samples, loaded.config, loaded.robot)
     if request.model is not None:
         estimate = read_estimate_for(request.model, loaded.robot)
+        estimate = state_payload(estimate, request.model, request.payload, request.runs).estimate
         refuse_torque(motion, samples, estimate, loaded.robot)
         driven = commanded_motion(samples, loaded.config.position_gain_per_s)
         refuse_torque(motion, driven, estimate, loaded.robot)

@@ -12,7 +12,7 @@ from rid_daq.blocks.block import AnyBlock, Cells, Interval, Table, Text, note_bl
 from rid_daq.blocks.block import Verdict as VerdictBlock
 from rid_daq.blocks.formats import number
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.requests.option import DEFAULT_RUNS, Option, RunsFolder, Unfinished
+from rid_daq.requests.option import DEFAULT_RUNS, CarriedPayload, Option, RunsFolder, Unfinished
 from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
@@ -44,6 +44,7 @@ class CompareRequest(Request):
         Field(description="Run whose torques both models predict; the named runs if not set."),
         Option(metavar="RUN"),
     ] = None
+    payload: CarriedPayload = None
     unfinished: Unfinished = False
 
 

@@ -13,6 +13,7 @@ from identification.estimation.file import read_estimate
 from identification.validation.estimate_difference import EstimateDifference, compare_estimates
 from identification.validation.torque_prediction import common_relative_errors, validate_torques
 from rid_daq.operations.identify.compare import CompareRequest
+from rid_daq.operations.stated_payload import state_payload
 from rid_daq.runs.measured_torques import require_torques
 from rid_daq.runs.run_data import RunData, all_defects
 from rid_daq.terminal.choices import MODEL
@@ -67,6 +68,11 @@ def compare_models(request: CompareRequest) -> ComparedModels:
         judged = [RunData.load(folder, unfinished=request.unfinished)]
     notes = all_defects(judged)
     require_torques(judged)
+    if judged or request.payload is not None:
+        one, other = (
+            state_payload(estimate, name, request.payload, request.runs).estimate
+            for estimate, name in ((one, first), (other, second))
+        )
     predictions = [_predict_run(one, other, data) for data in judged]
     return ComparedModels((first, second), difference, predictions, notes)
 

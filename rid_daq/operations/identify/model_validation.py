@@ -27,6 +27,7 @@ from identification.validation.torque_prediction import Validation, validate_tor
 from rid_daq.blocks.formats import number
 from rid_daq.operations.cell_files import read_estimate_for, read_motion_for, require_same_robot
 from rid_daq.operations.identify.validate import ValidateRequest
+from rid_daq.operations.stated_payload import state_payload
 from rid_daq.report.model_file import ModelFile
 from rid_daq.report.sections.curves import CurvesSection, TorqueCurves
 from rid_daq.report.sections.estimate import EstimateSection
@@ -106,7 +107,7 @@ def validate_run(request: ValidateRequest) -> ValidatedModel:
             f"{request.run} is a file, not a run: give the model first: {turned}",
             code="RID-RUN-IS-FILE",
         )
-    estimate = read_estimate(request.model)
+    estimate = _stated_model(request, read_estimate(request.model))
     data = RunData.load(find_run(request.runs, request.run), unfinished=request.unfinished)
     judged = validate_recording(request, estimate, data)
     notes = all_defects([data])
@@ -238,7 +239,7 @@ def predict_motion(request: ValidateRequest) -> ValidatedModel:
         )
     cell = load_cell(request.cell)
     limits = _base_limits(cell.config, f"cell {cell.config.name}")
-    estimate = read_estimate_for(request.model, cell.robot)
+    estimate = _stated_model(request, read_estimate_for(request.model, cell.robot))
     asked = read_motion_for(motion, cell)
     samples = asked.plan(cell.robot, cell.config.cycle_time_s).whole()
     time_s = np.arange(len(samples), dtype=np.float64) * samples.sample_period_s
@@ -249,6 +250,10 @@ def predict_motion(request: ValidateRequest) -> ValidatedModel:
     )
     passed = f"Passed: {motion.name} keeps the limits of the reaction on the base"
     return ValidatedModel(_verdict_of_checks(load.checks, passed, load.sentence), base_load=load)
+
+
+def _stated_model(request: ValidateRequest, estimate: Estimate) -> Estimate:
+    return state_payload(estimate, request.model, request.payload, request.runs).estimate
 
 
 def _base_limits(cell: CellConfig | None, where: str) -> PlateLimits:

@@ -12,7 +12,7 @@ from pydantic import Field, ValidationInfo, model_validator
 from identification.choices import STANDSTILL_RAD_S, BandHz, BaseMassKg, StandstillRadS
 from rid_daq.blocks.block import AnyBlock, Next, Text, Verdict, note_blocks
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.requests.option import DEFAULT_RUNS, Option, RunsFolder, Unfinished
+from rid_daq.requests.option import DEFAULT_RUNS, CarriedPayload, Option, RunsFolder, Unfinished
 from rid_daq.requests.request import Request, refuse_unused
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ class ValidateRequest(Request):
         ),
         Option(positional=True, metavar="RUN"),
     ]
+    payload: CarriedPayload = None
     runs: RunsFolder = DEFAULT_RUNS
     limits: Annotated[
         str | None,
@@ -165,6 +166,7 @@ OPERATION: Final = Operation(
     run=run,
     examples=(
         "validate model.json validation",
+        "validate model.json gripper --payload payload.json",
         "validate model.json fast.yaml --base-limits --cell ir361 --mass 120",
     ),
     module="rid_daq.operations.identify.model_validation",

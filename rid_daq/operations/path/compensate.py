@@ -14,6 +14,7 @@ from rid_daq.operations.operation import Context, Operation
 from rid_daq.operations.path.shared import FeedforwardOutput, LoopsFile, ModelFile, Temperature
 from rid_daq.requests.option import (
     DEFAULT_RUNS,
+    CarriedPayload,
     CellName,
     Option,
     Overwrite,
@@ -50,6 +51,7 @@ class CompensateRequest(Request):
         Field(description="Run of a periodic motion that tunes scale and delay of each joint."),
         Option(metavar="RUN"),
     ] = None
+    payload: CarriedPayload = None
     temperature: Temperature = None
     overwrite: Overwrite = False
     unfinished: Unfinished = False
@@ -125,6 +127,8 @@ OPERATION: Final = Operation(
         "compensate ir361 circle.yaml --model model.json --loop loops.json --output ff.json",
         "compensate ir361 circle.yaml --model model.json --loop loops.json --output ff.json"
         " --reference latest --overwrite",
+        "compensate ir361 circle.yaml --model model.json --loop loops.json --output ff.json"
+        " --payload payload.json",
     ),
     module="rid_daq.operations.path.feedforward",
 )

@@ -39,6 +39,7 @@ from rid_daq.operations.cell_files import (
 )
 from rid_daq.operations.path.compensate import CompensateRequest
 from rid_daq.operations.path.refine import RefineRequest
+from rid_daq.operations.stated_payload import state_payload
 from rid_daq.runs import made_file
 from rid_daq.runs.motion_runs import MotionRun, read_motion_run
 from rid_daq.runs.origins import cell_argument
@@ -105,7 +106,9 @@ def compensate_motion(request: CompensateRequest) -> CompensatedMotion:
     loops, loops_bytes = read_loops_and_bytes(request.loop, loaded)
     samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
     modelled, model_bytes = read_estimate_and_bytes(request.model, loaded.robot)
-    warm = at_operating_temperature(modelled, request.temperature, samples.whole().velocity)
+    carrying = state_payload(modelled, request.model, request.payload, request.runs)
+    velocity = samples.whole().velocity
+    warm = at_operating_temperature(carrying.estimate, request.temperature, velocity)
     estimate, notes = warm.estimate, warm.notes
     tuning = None
     if request.reference is not None:
@@ -122,6 +125,7 @@ def compensate_motion(request: CompensateRequest) -> CompensatedMotion:
     origin = FeedforwardOrigin(
         model_sha256=sha256_of(model_bytes),
         loops_sha256=sha256_of(loops_bytes),
+        payload=carrying.origin,
         temperature=request.temperature or "",
         tuning=tuning,
     )
@@ -146,7 +150,9 @@ def refine_feedforward(request: RefineRequest) -> RefinedFeedforward:
     _refuse_mixed(driven)
     samples = first.samples()
     modelled, model_bytes = read_estimate_and_bytes(request.model, first.data.robot)
-    warm = at_operating_temperature(modelled, request.temperature, samples.whole().velocity)
+    carrying = state_payload(modelled, request.model, request.payload, request.runs)
+    velocity = samples.whole().velocity
+    warm = at_operating_temperature(carrying.estimate, request.temperature, velocity)
     estimate = warm.estimate
     names = samples.joint_names
     loops_bytes = read_content(request.loop, loop_file.LARGEST_FILE_BYTES)
@@ -175,6 +181,7 @@ def refine_feedforward(request: RefineRequest) -> RefinedFeedforward:
             update={
                 "model_sha256": sha256_of(model_bytes),
                 "loops_sha256": sha256_of(loops_bytes),
+                "payload": carrying.origin,
                 "temperature": request.temperature or "",
             }
         )

@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from rid_daq.blocks.block import AnyBlock, Cells, Next, Text, note_blocks, table
 from rid_daq.operations.operation import Context, Operation
 from rid_daq.operations.path.shared import FeedforwardOutput, LoopsFile, ModelFile, Temperature
-from rid_daq.requests.option import DEFAULT_RUNS, Overwrite, RunNames, RunsFolder, Unfinished
+from rid_daq.requests.option import (
+    DEFAULT_RUNS,
+    CarriedPayload,
+    Overwrite,
+    RunNames,
+    RunsFolder,
+    Unfinished,
+)
 from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
@@ -29,6 +36,7 @@ class RefineRequest(Request):
     model: ModelFile
     loop: LoopsFile
     output: FeedforwardOutput
+    payload: CarriedPayload = None
     temperature: Temperature = None
     overwrite: Overwrite = False
     unfinished: Unfinished = False

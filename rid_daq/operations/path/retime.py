@@ -14,7 +14,15 @@ from identification.choices import BaseMassKg
 from rid_daq.blocks.block import AnyBlock, Next, note_blocks
 from rid_daq.operations.operation import Context, Operation
 from rid_daq.operations.path.shared import ModelFile, Temperature
-from rid_daq.requests.option import FILES, CellName, Option, Overwrite
+from rid_daq.requests.option import (
+    DEFAULT_RUNS,
+    FILES,
+    CarriedPayload,
+    CellName,
+    Option,
+    Overwrite,
+    RunsFolder,
+)
 from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
@@ -45,11 +53,7 @@ class RetimeRequest(Request):
         Field(description="Motion file to write."),
         Option(short="o", metavar="MOTION", group=FILES, file="output", endings=(".yaml",)),
     ]
-    payload: Annotated[
-        Path | None,
-        Field(description="Payload on the flange: a file that `payload identify` wrote."),
-        Option(metavar="PAYLOAD", file="input"),
-    ] = None
+    payload: CarriedPayload = None
     confidence: Annotated[
         Confidence,
         Field(
@@ -101,6 +105,7 @@ class RetimeRequest(Request):
         Option(group=FILES, metavar="PAGE", file="output", endings=(".html",)),
     ] = None
     overwrite: Overwrite = False
+    runs: RunsFolder = DEFAULT_RUNS
 
 
 @dataclass(frozen=True)

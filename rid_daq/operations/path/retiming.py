@@ -3,30 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from acquisition.motion.limits import verify_limits
-from acquisition.motion.samples import MotionSamples
 from compensation.operating_temperature import WARM, at_operating_temperature
 from compensation.timing.limits import TimingLimits
 from compensation.timing.timed_motion import TimedMotion, retimed, weighed
-from config.arrays import FloatArray
 from config.errors import ConfigError, LimitError
 from config.formats.whole_file import write_whole
 from config.load import LoadedCell, load_cell, to_yaml
 from config.robot.robot import RobotDescription
-from dynamics.model.robot_model import torque
-from dynamics.terms.conditions import Conditions
 from identification.calibration.base_reaction import base_limits
 from identification.estimation.estimate import Estimate, predict
-from identification.payload.body import flange_pose, to_link
-from identification.payload.estimate import PayloadEstimate
-from identification.payload.file import read_payload, refuse_failed
 from rid_daq.operations.cell_files import read_estimate_for, read_motion_for
 from rid_daq.operations.path.retime import RetimeRequest
+from rid_daq.operations.stated_payload import state_payload
 from rid_daq.report.result import Result
 from rid_daq.report.sections.retiming import RetimingSection
 from rid_daq.report.sections.verdict import VerdictSection
@@ -86,23 +79,21 @@ def retime_motion(request: RetimeRequest) -> RetimedMotion:
             code="RID-MOTION-KIND",
         )
     estimate = read_estimate_for(request.model, robot)
-    payload = None if request.payload is None else _read_payload(request.payload, robot)
+    estimate = state_payload(estimate, request.model, request.payload, request.runs).estimate
     limits = _timing_limits(request, loaded)
     if request.base:
         estimate = weighed(estimate, request.mass_kg)
     samples = motion.plan(robot, loaded.config.cycle_time_s)
     warm = at_operating_temperature(estimate, request.temperature, samples.whole().velocity)
     for again in (request.temperature == WARM, False):
-        timed = retimed(
-            samples, robot, warm.estimate, limits, confidence=request.confidence, payload=payload
-        )
+        timed = retimed(samples, robot, warm.estimate, limits, confidence=request.confidence)
         if not again:
             break
         # A faster motion heats the joints more, so it is retimed with its own temperature.
         faster = timed.motion.plan(robot, loaded.config.cycle_time_s).whole()
         warm = at_operating_temperature(estimate, request.temperature, faster.velocity)
     estimate = warm.estimate
-    _check_planned_motion(timed, robot, loaded.config.cycle_time_s, estimate, payload)
+    _check_planned_motion(timed, robot, loaded.config.cycle_time_s, estimate)
     section = RetimingSection.of(
         timed,
         robot,
@@ -158,38 +149,13 @@ def _values_per_joint(option: str, values: tuple[float, ...], n: int) -> np.ndar
     return np.array(values * n if len(values) == 1 else values)
 
 
-def _read_payload(path: Path, robot: RobotDescription) -> PayloadEstimate:
-    judged = read_payload(path)
-    refuse_failed(path, judged, "it cannot be used to retime a motion")
-    found = judged.estimate
-    differences = robot.differences(found.robot)
-    if differences:
-        raise ConfigError(
-            f"{path}: is of robot {found.robot.name!r}, which differs from this {robot.name!r} in"
-            f" {', '.join(differences)}: identify the payload on this robot",
-            code="RID-ROBOT-OTHER",
-        )
-    hidden = found.seen_parameters.count(False)
-    if hidden:
-        raise ConfigError(
-            f"{path}: its motion did not determine {hidden} of the payload's ten parameters:"
-            " identify the payload with a motion that determines all",
-            code="RID-MOTION-UNINFORMATIVE",
-        )
-    return found
-
-
 def _check_planned_motion(
-    timed: TimedMotion,
-    robot: RobotDescription,
-    cycle_s: float,
-    estimate: Estimate,
-    payload: PayloadEstimate | None,
+    timed: TimedMotion, robot: RobotDescription, cycle_s: float, estimate: Estimate
 ) -> None:
     """Plan the motion as `record` does, and check its rows with the robot and the model."""
     planned = timed.motion.plan(robot, cycle_s)
     verify_limits(planned, robot)
-    taken = np.abs(_motion_torques(estimate, payload, planned))
+    taken = np.abs(predict(estimate, planned.position, planned.velocity, planned.acceleration))
     for j, joint in enumerate(robot.joints):
         if taken[:, j].max() > joint.limits.torque * (1.0 + 1e-9):
             raise LimitError(
@@ -197,16 +163,3 @@ def _check_planned_motion(
                 f" {joint.name!r}, more than its torque limit; please report this",
                 code="RID-INTERNAL-ERROR",
             )
-
-
-def _motion_torques(
-    estimate: Estimate, payload: PayloadEstimate | None, samples: MotionSamples
-) -> FloatArray:
-    """Return the torques of a motion by the regressor, including the payload."""
-    motion = (samples.position, samples.velocity, samples.acceleration)
-    if payload is None:
-        return predict(estimate, *motion)
-    model = replace(estimate.options, payload=True).build(estimate.robot)
-    body = to_link(flange_pose(estimate.robot)) @ payload.values
-    whole = np.concatenate([estimate.standard_values, body])
-    return torque(model, *motion, whole, Conditions(payload=True))

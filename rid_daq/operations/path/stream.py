@@ -15,7 +15,14 @@ from rid_daq.blocks.block import AnyBlock, Next, Text
 from rid_daq.operations.operation import Context, Operation
 from rid_daq.operations.path.shared import LoopsFile, ModelFile, Temperature
 from rid_daq.requests.cell_options import AxisTest, Cleared, OfFile, Practise, Simulation
-from rid_daq.requests.option import DEFAULT_RUNS, FILES, CellName, Option, RunsFolder
+from rid_daq.requests.option import (
+    DEFAULT_RUNS,
+    FILES,
+    CarriedPayload,
+    CellName,
+    Option,
+    RunsFolder,
+)
 from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
@@ -69,6 +76,7 @@ class StreamRequest(Request):
         ),
     ] = None
     options: StreamOptions = StreamOptions()
+    payload: CarriedPayload = None
     temperature: Temperature = None
     simulation: Simulation = Simulation()
     cleared: Cleared = False

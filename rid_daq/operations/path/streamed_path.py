@@ -21,10 +21,11 @@ from rid_daq.operations.cell_files import (
 )
 from rid_daq.operations.operation import Context
 from rid_daq.operations.path.stream import StreamRequest
+from rid_daq.operations.stated_payload import state_payload
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import Clearance, Record, RunRequest, open_session
-from rid_daq.runs.run_data import MOTION, ONLINE_LOOPS, ONLINE_MODEL
+from rid_daq.runs.run_data import MOTION, ONLINE_LOOPS, ONLINE_MODEL, ONLINE_PAYLOAD
 from rid_daq.session.session import as_label
 
 
@@ -39,9 +40,9 @@ def stream_path(request: StreamRequest, context: Context) -> RecordedRun:
     words, samples, files = _plan_path(request, loaded)
     loops, loops_bytes = read_loops_and_bytes(request.loop, loaded)
     estimate, model_bytes = read_estimate_and_bytes(request.model, loaded.robot)
-    warm = at_operating_temperature(
-        estimate, request.temperature, None if samples is None else samples.whole().velocity
-    )
+    carrying = state_payload(estimate, request.model, request.payload, request.runs)
+    velocity = None if samples is None else samples.whole().velocity
+    warm = at_operating_temperature(carrying.estimate, request.temperature, velocity)
     for note in warm.notes:
         context.say(f"note: {note}")
     forward = OnlineFeedforward.identified(loaded.config, loaded.robot, warm.estimate, loops)
@@ -50,6 +51,8 @@ def stream_path(request: StreamRequest, context: Context) -> RecordedRun:
     options = StreamSettings(**request.options.model_dump())
     if options.compensated:
         files |= {ONLINE_MODEL: model_bytes, ONLINE_LOOPS: loops_bytes}
+        if carrying.content:
+            files[ONLINE_PAYLOAD] = carrying.content
     with open_session(
         loaded,
         request.runs,

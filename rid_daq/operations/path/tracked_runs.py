@@ -11,6 +11,7 @@ from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
 from rid_daq.operations.cell_files import read_estimate_for
 from rid_daq.operations.path.tracking import TrackingRequest
+from rid_daq.operations.stated_payload import state_payload
 from rid_daq.report.sections.tracking import MOTOR_TORQUES, TrackingSection
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.followed_motion import compare_with_motion
@@ -76,7 +77,10 @@ def track_runs(request: TrackingRequest) -> TrackedRuns:
             )
     for one, before in pairs:
         _require_order(one, before)
-    estimate = None if request.model is None else read_estimate_for(request.model, robot)
+    estimate = None
+    if request.model is not None:
+        estimate = read_estimate_for(request.model, robot)
+        estimate = state_payload(estimate, request.model, request.payload, request.runs).estimate
     torques = MOTOR_TORQUES
     if estimate is not None:
         robot, differing = _with_stiffness(robot, estimate.robot)

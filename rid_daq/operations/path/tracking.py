@@ -11,7 +11,14 @@ from pydantic import Field
 
 from rid_daq.blocks.block import AnyBlock, Text, Verdict, note_blocks
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.requests.option import DEFAULT_RUNS, Option, RunNames, RunsFolder, Unfinished
+from rid_daq.requests.option import (
+    DEFAULT_RUNS,
+    CarriedPayloadOfModel,
+    Option,
+    RunNames,
+    RunsFolder,
+    Unfinished,
+)
 from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
@@ -44,6 +51,7 @@ class TrackingRequest(Request):
         ),
         Option(metavar="MODEL", file="input"),
     ] = None
+    payload: CarriedPayloadOfModel = None
     unfinished: Unfinished = False
     runs: RunsFolder = DEFAULT_RUNS
 

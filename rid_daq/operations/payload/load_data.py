@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-from acquisition.runs.catalogue import find_file_or_run
 from config.errors import ConfigError, system_errors
 from config.formats.bounded_file import read_file
 from config.formats.whole_file import write_whole
@@ -26,10 +25,10 @@ from rid_daq.operations.payload.payload_read_back import (
     PayloadReadBackRequest,
     PayloadReadBackResult,
 )
+from rid_daq.operations.stated_payload import payload_file
 from rid_daq.report.sections.verdict import VerdictCheck, VerdictSection
 from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
-from rid_daq.terminal.choices import PAYLOAD
 
 ALONG_Z: Final = frozenset(LoadFormat) - {LoadFormat.URDF}
 """Formats whose flange frame has Z pointing out of the flange; a URDF has no such convention."""
@@ -44,7 +43,7 @@ def export_payload(request: PayloadExportRequest) -> PayloadExportResult:
         ConfigError, RecordingError: The payload cannot be read, or the file cannot be written.
     """
     refuse_output(request.output, request.overwrite, made_file.LOAD_DATA)
-    path = payload_file(request.runs, request.payload)
+    path = payload_file(request.runs, str(request.payload))
     judged = read_payload(path)
     text, notes = load_text(path, judged, request.to)
     write_whole(request.output, text.encode())
@@ -77,7 +76,7 @@ def read_back_payload(request: PayloadReadBackRequest) -> PayloadReadBackResult:
             given, or neither.
     """
     file, text = _source_name(request), request.text
-    body = read_payload(payload_file(request.runs, request.payload)).estimate.body
+    body = read_payload(payload_file(request.runs, str(request.payload))).estimate.body
     if request.file is not None:
         with system_errors(ConfigError, f"{file}: the file cannot be read", code="RID-FILE-READ"):
             text = read_file(request.file, LARGEST_TEXT).decode("utf-8", errors="replace")
@@ -109,16 +108,6 @@ def _source_name(request: PayloadReadBackRequest) -> str:
             f"the load data are longer than {LARGEST_TEXT} bytes", code="RID-FILE-SIZE"
         )
     return "the given text" if request.file is None else str(request.file)
-
-
-def payload_file(runs: Path, reference: Path) -> Path:
-    """Return a payload file by its path, or the payload file of a session or run.
-
-    Raises:
-        ConfigError, RecordingError: As `find_file_or_run`.
-    """
-    found = find_file_or_run(runs, str(reference), having=PAYLOAD)
-    return found if isinstance(found, Path) else found.file(PAYLOAD)
 
 
 def _notes_on_centre(estimate: PayloadEstimate) -> tuple[str, ...]:

@@ -1,7 +1,7 @@
 // Compensation: velocity loops, feedforward, paths before and after, refinement, streaming.
 import { element, find } from "./dom.js";
 import { on } from "./service.js";
-import { WorkPanel, completeRuns, nameOf, numberOf, offer, options, press, runWords, showRun, wanted } from "./work.js";
+import { WorkPanel, completeRuns, modelOf, nameOf, numberOf, offer, options, press, runWords, showRun, wanted } from "./work.js";
 
 const panel = new WorkPanel(find("job"), { ended });
 
@@ -20,7 +20,8 @@ const value = (id, words) => {
 };
 
 const model = () => {
-  const asks = { model: value("model", "A model (identify the robot first)") };
+  value("model", "A model (identify the robot first)");
+  const asks = modelOf();
   const temperature = find("temperature").value.trim();
   return temperature ? { ...asks, temperature } : asks;
 };

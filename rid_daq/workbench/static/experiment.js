@@ -2,7 +2,7 @@
 import { find } from "./dom.js";
 import { newest } from "./requests.js";
 import { CELL, on, page } from "./service.js";
-import { WorkPanel, blocksUrl, link, nameOf, numberOf, offer, press, showBlocks, wanted } from "./work.js";
+import { WorkPanel, blocksUrl, link, modelOf, nameOf, numberOf, offer, press, showBlocks, wanted } from "./work.js";
 
 const motion = find("motion");
 const kind = find("kind");
@@ -41,9 +41,8 @@ async function showMotion() {
   problem.textContent = "";
   if (!motion.value) return;
   find("label").placeholder = motion.value.replace(/\.yaml$/, "");
-  const model = find("model").value;
   try {
-    await showBlocks(place, blocksUrl(`${CELL}/motion`, { file: motion.value, ...(model ? { model } : {}) }), { signal });
+    await showBlocks(place, blocksUrl(`${CELL}/motion`, { file: motion.value, ...modelOf() }), { signal });
   } catch (error) {
     if (signal.aborted) return;
     place.replaceChildren();
@@ -53,6 +52,7 @@ async function showMotion() {
 
 motion.addEventListener("change", showMotion);
 find("model").addEventListener("change", showMotion);
+find("payload").addEventListener("change", showMotion);
 
 // ---- design
 function showFields() {
@@ -91,7 +91,7 @@ function recordRequest(rehearse) {
   const request = { motion: motion.value, rehearse, until: find("until").value.split(",").map((each) => each.trim()).filter(Boolean) };
   const label = find("label").value.trim();
   if (label) request.label = label;
-  if (find("model").value) request.model = find("model").value;
+  Object.assign(request, modelOf());
   if (find("feedforward").value) request.feedforward = find("feedforward").value;
   return request;
 }

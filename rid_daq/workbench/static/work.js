@@ -213,6 +213,12 @@ export function numberOf(id, { least = -Infinity, whole = false } = {}) {
   return value;
 }
 
+// Return the chosen model and payload as fields of a request.
+export function modelOf() {
+  const [model, payload] = [find("model").value, find("payload").value];
+  return model ? { model, ...(payload ? { payload } : {}) } : {};
+}
+
 // Return the name of an output file from a field.
 export function nameOf(id, ending) {
   const name = find(id).value.trim();

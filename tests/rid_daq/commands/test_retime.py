@@ -139,9 +139,12 @@ def test_what_is_written_is_held_with_what_it_carries(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """A search that forgets the payload does not get as far as a file."""
+    empty = read_estimate(folder / "model.json")
     monkeypatch.setattr(
         "rid_daq.operations.path.retiming.retimed",
-        lambda *known, **more: retimed(*known, **{**more, "payload": None}),
+        lambda samples, robot, _loaded, *known, **more: retimed(
+            samples, robot, empty, *known, **more
+        ),
     )
     assert run(words(folder, "--confidence", "0", "--payload", tool)) != 0
     assert "RID-INTERNAL-ERROR" in capsys.readouterr().err

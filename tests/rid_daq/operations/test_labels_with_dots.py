@@ -9,7 +9,7 @@ import pytest
 from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError
 from rid_daq.app import run
-from rid_daq.operations.payload.load_data import payload_file
+from rid_daq.operations.stated_payload import payload_file
 from tests.builders.raised_codes import raises_code
 
 LABEL = "ur10 v1.json"
@@ -18,10 +18,10 @@ LABEL = "ur10 v1.json"
 def test_a_payload_is_found_by_such_a_label(tmp_path: Path) -> None:
     folder = RunFolder.create(tmp_path, LABEL)
     file = folder.write("payload.json", b"{}")
-    assert payload_file(tmp_path, Path(LABEL)) == file
-    assert payload_file(tmp_path, file) == file
+    assert payload_file(tmp_path, LABEL) == file
+    assert payload_file(tmp_path, str(file)) == file
     with raises_code(ConfigError, "RID-RUN-UNKNOWN", "payload.json"):
-        payload_file(tmp_path, Path("tool.json"))
+        payload_file(tmp_path, "tool.json")
 
 
 def test_compare_finds_a_run_by_such_a_label(

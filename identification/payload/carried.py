@@ -1,0 +1,108 @@
+"""`carry`, `carry_own`, `unloaded`: models of a robot with and without the payload on its flange.
+
+The parameters of the last link contain a payload that the robot always carries: its ten parameters
+are added to those of the link (5.6). Therefore everything that uses an `Estimate` also works with a
+payload.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from config.errors import EstimationError
+from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
+from identification.estimation.estimate import Estimate
+from identification.estimation.transformed import transformed
+from identification.payload.body import flange_pose, to_link
+from identification.payload.estimate import PayloadEstimate
+
+
+def contains_payload(estimate: Estimate) -> bool:
+    """Return True if an estimate has the parameters of a payload beside those of the robot."""
+    return estimate.options.payload
+
+
+def unloaded(estimate: Estimate) -> Estimate:
+    """Return an estimate of the robot alone, without the parameters of a payload.
+
+    Raises:
+        EstimationError: The estimate contains no payload.
+    """
+    return _without_columns(estimate, carries=False)
+
+
+def carry_own(estimate: Estimate) -> Estimate:
+    """Return an estimate of the robot with the payload that was identified together with it.
+
+    Raises:
+        EstimationError: The estimate contains no payload.
+    """
+    return _without_columns(estimate, carries=True)
+
+
+def carry(estimate: Estimate, payload: PayloadEstimate) -> Estimate:
+    """Return an estimate of the robot with a payload that was identified separately.
+
+    The errors of the two count as independent: the covariance of the payload is added. The runs of
+    the payload count as runs of the result, so that it is not validated with them.
+
+    Args:
+        estimate: The robot alone.
+        payload: The payload on its flange; the motion must have determined all ten parameters.
+
+    Raises:
+        EstimationError: The estimate already contains a payload, or a parameter of the payload is
+            not determined.
+    """
+    if contains_payload(estimate):
+        raise EstimationError(
+            "the model already contains a payload: use that of the model, or the robot alone",
+            code="RID-PAYLOAD-UNSTATED",
+        )
+    hidden = payload.seen_parameters.count(False)
+    if hidden:
+        raise EstimationError(
+            f"its motion did not determine {hidden} of the payload's ten parameters: identify the"
+            " payload with a motion that determines all",
+            code="RID-MOTION-UNINFORMATIVE",
+        )
+    at_flange = to_link(flange_pose(estimate.robot))
+    turned = estimate.base.combination[:, _last_link(estimate)] @ at_flange
+    more = turned @ payload.covariance @ turned.T
+    noise = estimate.covariance_noise
+    return replace(
+        estimate,
+        values=estimate.values + turned @ payload.values,
+        covariance_noise=None if noise is None else noise + more,
+        covariance_residual=estimate.covariance_residual + more,
+        covariance_jackknife=estimate.covariance_jackknife + more,
+        run_ids=tuple(dict.fromkeys((*estimate.run_ids, *payload.run_ids))),
+    )
+
+
+def _without_columns(estimate: Estimate, *, carries: bool) -> Estimate:
+    """Return an estimate without payload columns; `carries` adds them to the last link."""
+    if not contains_payload(estimate):
+        raise EstimationError(
+            "the model contains no payload, because it was identified without --loaded",
+            code="RID-PAYLOAD-UNSTATED",
+        )
+    options = replace(estimate.options, payload=False)
+    new = options.build(estimate.robot).parameter_names
+    names = estimate.model.parameter_names
+    matrix = np.zeros((len(new), len(names)))
+    for row, name in enumerate(new):
+        matrix[row, names.index(name)] = 1.0
+    if carries:
+        matrix[_last_link(estimate), estimate.model.parameter_groups["payload"]] = np.eye(
+            PARAMETERS_PER_LINK
+        )
+    return transformed(estimate, estimate.robot, options, matrix)
+
+
+def _last_link(estimate: Estimate) -> slice:
+    """Return the place of the last link's ten parameters among the standard parameters."""
+    end = estimate.model.parameter_groups["rigid_body"].stop
+    return slice(end - PARAMETERS_PER_LINK, end)

@@ -1,0 +1,104 @@
+"""`state_payload`: the model of a robot with the payload that a request states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from acquisition.runs.catalogue import find_file_or_run
+from config.errors import ConfigError, EstimationError
+from config.formats.approved_files import sha256_of
+from config.formats.json_file import read_content
+from identification.estimation.estimate import Estimate
+from identification.payload.carried import carry, carry_own, contains_payload, unloaded
+from identification.payload.file import LARGEST_FILE_BYTES, payload_content, refuse_failed
+from rid_daq.terminal.choices import NO_PAYLOAD, PAYLOAD, PAYLOAD_OF_MODEL
+
+
+@dataclass(frozen=True)
+class LoadedModel:
+    """Model of a robot with its payload.
+
+    Attributes:
+        estimate: Robot and payload as one model; a payload is part of the last link.
+        statement: The request's words on the payload; empty if it states nothing.
+        content: Bytes of the payload file; empty without one.
+    """
+
+    estimate: Estimate
+    statement: str = ""
+    content: bytes = b""
+
+    @property
+    def origin(self) -> str:
+        """The payload as a text for files that were made with it; a file by its SHA-256."""
+        return sha256_of(self.content) if self.content else self.statement
+
+
+def state_payload(
+    estimate: Estimate, model: Path | str, payload: str | None, runs: Path
+) -> LoadedModel:
+    """Return the model of a robot with the payload that a request states.
+
+    Args:
+        estimate: The model.
+        model: Name of the model, for messages.
+        payload: A payload file, a run or session with a payload, `model`, `none`, or None if the
+            request states nothing.
+        runs: Folder of the run folders.
+
+    Raises:
+        ConfigError: The model contains a payload but the request states none, the request states
+            the model's payload but the model contains none, or the payload is of another robot.
+        EstimationError: The payload failed its verdict, or its motion did not determine all its
+            parameters.
+    """
+    if payload is None:
+        if contains_payload(estimate):
+            raise ConfigError(
+                f"{model}: the model contains a payload, but nothing states what the robot"
+                " carries: give --payload model for this payload, --payload none for the robot"
+                " alone, or another payload",
+                code="RID-PAYLOAD-UNSTATED",
+            )
+        return LoadedModel(estimate)
+    if payload == PAYLOAD_OF_MODEL:
+        if not contains_payload(estimate):
+            raise ConfigError(
+                f"--payload {payload}: {model} contains no payload, because it was identified"
+                " without --loaded: give a payload file, or none",
+                code="RID-PAYLOAD-UNSTATED",
+            )
+        return LoadedModel(carry_own(estimate), payload)
+    alone = unloaded(estimate) if contains_payload(estimate) else estimate
+    if payload == NO_PAYLOAD:
+        return LoadedModel(alone, payload)
+    found = find_file_or_run(runs, payload, having=PAYLOAD)
+    if isinstance(found, Path):
+        path, content = found, read_content(found, LARGEST_FILE_BYTES)
+    else:
+        path, content = found.file(PAYLOAD), found.read(PAYLOAD)
+    judged = payload_content(content, path)
+    refuse_failed(path, judged, "no torque can be computed with it")
+    differences = estimate.robot.differences(judged.estimate.robot)
+    if differences:
+        raise ConfigError(
+            f"{path}: is of robot {judged.estimate.robot.name!r}, which differs from this"
+            f" {estimate.robot.name!r} in {', '.join(differences)}: identify the payload on this"
+            " robot",
+            code="RID-ROBOT-OTHER",
+        )
+    try:
+        return LoadedModel(carry(alone, judged.estimate), payload, content)
+    except EstimationError as error:
+        raise EstimationError(f"{path}: {error}", code=error.refusal) from None
+
+
+def payload_file(runs: Path, reference: str) -> Path:
+    """Return a payload file by its path, or the payload file of a session or run.
+
+    Raises:
+        ConfigError, RecordingError: As `find_file_or_run`.
+    """
+    found = find_file_or_run(runs, reference, having=PAYLOAD)
+    return found if isinstance(found, Path) else found.file(PAYLOAD)

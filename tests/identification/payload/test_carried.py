@@ -1,0 +1,129 @@
+"""A payload as part of the last link: the same torques and variances as with its own columns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from config.arrays import FloatArray
+from config.errors import EstimationError
+from config.load import load_cell
+from dynamics.terms.conditions import Conditions
+from identification.estimation.estimate import (
+    Estimate,
+    base_regressor,
+    predict,
+    predict_base_wrench,
+)
+from identification.model.base_parameters import ModelKind, base_parameters
+from identification.payload.body import flange_pose, to_link
+from identification.payload.carried import carry, carry_own, unloaded
+from tests.builders.certified import MEDIUM, estimate_of
+from tests.builders.known_model import chosen, known
+from tests.builders.raised_codes import raises_code
+
+LOADED = Conditions(payload=True)
+
+
+def with_columns(alone: Estimate, kind: ModelKind = "internal") -> Estimate:
+    """Return a robot with the medium payload in columns of its own, as `identify --loaded` does."""
+    options = replace(alone.options, payload=True, kind=kind)
+    base = base_parameters(options.build(alone.robot), kind=kind)
+    standard = dict(zip(alone.model.parameter_names, alone.standard_values, strict=True))
+    body = to_link(flange_pose(alone.robot)) @ MEDIUM.parameters
+    loads = [name for name in base.standard_names if name not in standard]
+    standard |= dict(zip(loads, body, strict=True))
+    draw = np.random.default_rng(3).normal(size=(len(base), len(base)))
+    covariance = 1e-4 * draw @ draw.T
+    return replace(
+        alone,
+        options=options,
+        base=base,
+        values=base.from_standard(np.array([standard[name] for name in base.standard_names])),
+        covariance_noise=0.5 * covariance,
+        covariance_residual=0.8 * covariance,
+        covariance_jackknife=covariance,
+    )
+
+
+@pytest.fixture(scope="module", params=["plain", "lossy gears"])
+def alone(request: pytest.FixtureRequest) -> Estimate:
+    cell = load_cell("ir361")
+    if request.param == "plain":
+        return known(cell, {})
+    return chosen(cell, ("coulomb", "viscous", "load"), 10.0, 0.1)
+
+
+def motion(rows: int = 30) -> tuple[FloatArray, FloatArray, FloatArray]:
+    position, velocity, acceleration = np.random.default_rng(5).normal(0.0, 0.8, (3, rows, 3))
+    return position, velocity, acceleration
+
+
+def torque_variance(estimate: Estimate, conditions: Conditions | None = None) -> FloatArray:
+    columns = base_regressor(estimate, *motion(), conditions)
+    covariance = estimate.covariance_jackknife
+    return np.asarray(np.einsum("skb,bc,skc->sk", columns, covariance, columns))
+
+
+@pytest.mark.parametrize(("change", "conditions"), [(carry_own, LOADED), (unloaded, Conditions())])
+def test_torques_and_their_variances_are_those_of_the_columns(
+    alone: Estimate, change: Callable[[Estimate], Estimate], conditions: Conditions
+) -> None:
+    both = with_columns(alone)
+    found = change(both)
+    assert not found.options.payload
+    np.testing.assert_allclose(
+        predict(found, *motion()), predict(both, *motion(), conditions), rtol=1e-9, atol=1e-7
+    )
+    if not alone.model.transmission.losses:
+        np.testing.assert_allclose(
+            torque_variance(found), torque_variance(both, conditions), rtol=1e-7
+        )
+
+
+def test_the_base_wrench_is_that_of_the_columns() -> None:
+    both = with_columns(known(load_cell("ir361"), {}), kind="combined")
+    for change, conditions in ((carry_own, LOADED), (unloaded, Conditions())):
+        np.testing.assert_allclose(
+            predict_base_wrench(change(both), *motion()),
+            predict_base_wrench(both, *motion(), conditions),
+            rtol=1e-9,
+            atol=1e-7,
+        )
+
+
+def test_a_separate_payload_gives_the_torques_of_one_identified_with_the_robot(
+    alone: Estimate,
+) -> None:
+    payload = estimate_of(load_cell("ir361"), ("loaded run",))
+    found = carry(alone, payload)
+    np.testing.assert_allclose(
+        predict(found, *motion()),
+        predict(with_columns(alone), *motion(), LOADED),
+        rtol=1e-9,
+        atol=1e-7,
+    )
+    exact = carry(alone, replace(payload, covariance=np.zeros((10, 10))))
+    assert np.all(torque_variance(found) > torque_variance(exact))
+    assert found.run_ids == ("loaded run",)
+
+
+def test_a_model_with_a_payload_carries_no_second_one() -> None:
+    both = with_columns(known(load_cell("ir361"), {}))
+    with raises_code(EstimationError, "RID-PAYLOAD-UNSTATED"):
+        carry(both, estimate_of(load_cell("ir361"), ()))
+
+
+@pytest.mark.parametrize("change", [carry_own, unloaded])
+def test_a_model_without_a_payload_is_refused(change: Callable[[Estimate], Estimate]) -> None:
+    with raises_code(EstimationError, "RID-PAYLOAD-UNSTATED"):
+        change(known(load_cell("ir361"), {}))
+
+
+def test_a_payload_that_is_not_fully_determined_is_refused() -> None:
+    hidden = replace(estimate_of(load_cell("ir361"), ()), unseen=np.eye(10)[:, -1:])
+    with raises_code(EstimationError, "RID-MOTION-UNINFORMATIVE"):
+        carry(known(load_cell("ir361"), {}), hidden)
