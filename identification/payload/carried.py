@@ -25,12 +25,8 @@ def contains_payload(estimate: Estimate) -> bool:
 
 
 def unloaded(estimate: Estimate) -> Estimate:
-    """Return an estimate of the robot alone, without the parameters of a payload.
-
-    Raises:
-        EstimationError: The estimate contains no payload.
-    """
-    return _without_columns(estimate, carries=False)
+    """Return an estimate of the robot alone, without the parameters of a payload."""
+    return _without_columns(estimate, carries=False) if contains_payload(estimate) else estimate
 
 
 def carry_own(estimate: Estimate) -> Estimate:
@@ -39,6 +35,11 @@ def carry_own(estimate: Estimate) -> Estimate:
     Raises:
         EstimationError: The estimate contains no payload.
     """
+    if not contains_payload(estimate):
+        raise EstimationError(
+            "the model contains no payload, because it was identified without --loaded",
+            code="RID-PAYLOAD-UNSTATED",
+        )
     return _without_columns(estimate, carries=True)
 
 
@@ -49,18 +50,13 @@ def carry(estimate: Estimate, payload: PayloadEstimate) -> Estimate:
     the payload count as runs of the result, so that it is not validated with them.
 
     Args:
-        estimate: The robot alone.
+        estimate: The robot; a payload that was identified together with it is replaced.
         payload: The payload on its flange; the motion must have determined all ten parameters.
 
     Raises:
-        EstimationError: The estimate already contains a payload, or a parameter of the payload is
-            not determined.
+        EstimationError: A parameter of the payload is not determined.
     """
-    if contains_payload(estimate):
-        raise EstimationError(
-            "the model already contains a payload: use that of the model, or the robot alone",
-            code="RID-PAYLOAD-UNSTATED",
-        )
+    estimate = unloaded(estimate)
     hidden = payload.seen_parameters.count(False)
     if hidden:
         raise EstimationError(
@@ -84,11 +80,6 @@ def carry(estimate: Estimate, payload: PayloadEstimate) -> Estimate:
 
 def _without_columns(estimate: Estimate, *, carries: bool) -> Estimate:
     """Return an estimate without payload columns; `carries` adds them to the last link."""
-    if not contains_payload(estimate):
-        raise EstimationError(
-            "the model contains no payload, because it was identified without --loaded",
-            code="RID-PAYLOAD-UNSTATED",
-        )
     options = replace(estimate.options, payload=False)
     new = options.build(estimate.robot).parameter_names
     names = estimate.model.parameter_names

@@ -15,6 +15,7 @@ from rid_daq.operations.identify.identified_runs import identify_robot
 from rid_daq.operations.identify.identify import IdentifyRequest
 from rid_daq.operations.identify.model_validation import validate_recording
 from rid_daq.operations.identify.validate import ValidateRequest
+from rid_daq.operations.stated_payload import state_payload
 
 
 def identify(
@@ -92,6 +93,8 @@ def validate(
         ConfigError: The recording is of another robot (RID-ROBOT-OTHER), or a limit is invalid.
         DataQualityError: The model was identified from this recording (RID-VALIDATE-SAME-RUN), or
             the robot moves for less than 5 s.
+
+    A model that contains a payload is refused (RID-PAYLOAD-UNSTATED): see `Model.with_payload`.
     """
     asked: dict[str, object] = {
         "model": Path("the model"),
@@ -102,7 +105,8 @@ def validate(
         limits = limits_percent if isinstance(limits_percent, Sequence) else [limits_percent]
         asked["limits"] = ",".join(f"{each:.12g}" for each in limits)
     request = ValidateRequest.of(asked, shown="validate")
-    judged = validate_recording(request, model.estimate, recording.run)
+    estimate = state_payload(model.estimate, request.model, request.payload, request.runs).estimate
+    judged = validate_recording(request, estimate, recording.run)
     return Validation(judged, recording.run.robot)
 
 

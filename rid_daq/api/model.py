@@ -6,7 +6,7 @@ import importlib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +21,7 @@ from identification.estimation.file import read_estimate, write_estimate
 from identification.export.description import pinocchio_model, urdf
 from identification.export.model import ExportModel
 from identification.friction.curve import friction_columns
+from identification.payload.carried import contains_payload
 from rid_daq.api.console import text_of
 from rid_daq.api.curves import curves_plot
 from rid_daq.api.robot import Robot
@@ -28,11 +29,15 @@ from rid_daq.blocks.block import AnyBlock
 from rid_daq.blocks.plot import Axis
 from rid_daq.operations.identify.export import ExportRequest
 from rid_daq.operations.identify.exported_files import exported_parameters
+from rid_daq.operations.stated_payload import carry_judged, state_payload
 from rid_daq.report.section_blocks.estimate import estimate_blocks, fit_blocks, fit_verdict
 from rid_daq.report.sections.estimate import EstimateSection
 from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
-from rid_daq.terminal.choices import Format
+from rid_daq.terminal.choices import DEFAULT_RUNS, NO_PAYLOAD, PAYLOAD_OF_MODEL, Format
+
+if TYPE_CHECKING:
+    from rid_daq.api.payload import Payload
 
 FRICTION_SPEEDS = 201
 
@@ -167,9 +172,10 @@ class Model:
 
         Raises:
             EstimationError: A shape does not fit (RID-API-ARGUMENT), or a joint that stood still
-                when the robot was identified is elsewhere; or friction depends on temperature
-                (`at_temperature`).
+                when the robot was identified is elsewhere; friction depends on temperature
+                (`at_temperature`); or the model contains a payload (`with_payload`).
         """
+        self._require_stated_payload()
         q, v, a = self._motion(position, velocity, acceleration)
         return predict(self.estimate, q, v, a).reshape(np.shape(position))
 
@@ -190,6 +196,7 @@ class Model:
         Raises:
             EstimationError: As for `inverse_dynamics`.
         """
+        self._require_stated_payload()
         q, v, a = self._motion(position, velocity, acceleration)
         found = base_regressor(self.estimate, q, v, a, with_memory(self.estimate.model, q))
         return found.reshape(*np.shape(position), len(self.values))
@@ -207,8 +214,10 @@ class Model:
             Shape (samples, joints, joints) or (joints, joints) [kg m², kg m or kg].
 
         Raises:
-            EstimationError: A shape does not fit (RID-API-ARGUMENT).
+            EstimationError: A shape does not fit (RID-API-ARGUMENT), or the model contains a
+                payload (`with_payload`).
         """
+        self._require_stated_payload()
         (q,) = self._motion(position)
         own = self.estimate.model
         bare = replace(self.estimate.options, friction=False, nonlinear=None)
@@ -261,6 +270,29 @@ class Model:
         """
         motion = None if velocity is None else np.asarray(velocity, dtype=np.float64)
         found = at_operating_temperature(self.estimate, str(temperature), motion).estimate
+        return replace(self, estimate=found, section=EstimateSection.of(found))
+
+    def with_payload(self, payload: Payload | str) -> Self:
+        """Return the model of the robot with a payload, whose torques and intervals include it.
+
+        Args:
+            payload: An identified payload; or `model` for the payload in the model (identified
+                with `loaded` recordings), or `none` for the robot alone.
+
+        Raises:
+            ConfigError: The model contains no payload, or the payload is of another robot.
+            EstimationError: The payload did not pass its verdict, or its recordings did not
+                determine all its parameters.
+        """
+        if not isinstance(payload, str):
+            found = carry_judged(self.estimate, payload.result, Path("the payload"))
+        elif payload in (NO_PAYLOAD, PAYLOAD_OF_MODEL):
+            found = state_payload(self.estimate, "the model", payload, DEFAULT_RUNS).estimate
+        else:
+            raise ConfigError(
+                f"payload {payload!r}: give a Payload, {PAYLOAD_OF_MODEL!r} or {NO_PAYLOAD!r}",
+                code="RID-API-ARGUMENT",
+            )
         return replace(self, estimate=found, section=EstimateSection.of(found))
 
     def to_urdf(self, *, despite_misfit: bool = False) -> str:
@@ -343,6 +375,15 @@ class Model:
             despite_misfit=despite_misfit,
         )
         return exported_parameters(request, self.estimate)[0]
+
+    def _require_stated_payload(self) -> None:
+        """Refuse to compute torques of a model with a payload that may hang there or not."""
+        if contains_payload(self.estimate):
+            raise EstimationError(
+                "the model contains a payload: use model.with_payload('model') for the robot with"
+                " it, or model.with_payload('none') for the robot alone",
+                code="RID-PAYLOAD-UNSTATED",
+            )
 
     def _motion(self, *arrays: npt.ArrayLike) -> list[FloatArray]:
         """Return arrays as tables of one row per sample."""

@@ -12,6 +12,7 @@ from config.formats.json_file import read_content
 from identification.estimation.estimate import Estimate
 from identification.payload.carried import carry, carry_own, contains_payload, unloaded
 from identification.payload.file import LARGEST_FILE_BYTES, payload_content, refuse_failed
+from identification.payload.verdict import PayloadResult
 from rid_daq.terminal.choices import NO_PAYLOAD, PAYLOAD, PAYLOAD_OF_MODEL
 
 
@@ -70,15 +71,28 @@ def state_payload(
                 code="RID-PAYLOAD-UNSTATED",
             )
         return LoadedModel(carry_own(estimate), payload)
-    alone = unloaded(estimate) if contains_payload(estimate) else estimate
     if payload == NO_PAYLOAD:
-        return LoadedModel(alone, payload)
+        return LoadedModel(unloaded(estimate), payload)
     found = find_file_or_run(runs, payload, having=PAYLOAD)
     if isinstance(found, Path):
         path, content = found, read_content(found, LARGEST_FILE_BYTES)
     else:
         path, content = found.file(PAYLOAD), found.read(PAYLOAD)
     judged = payload_content(content, path)
+    return LoadedModel(carry_judged(estimate, judged, path), payload, content)
+
+
+def carry_judged(estimate: Estimate, judged: PayloadResult, path: Path) -> Estimate:
+    """Return the model of a robot with a payload that passed its verdict.
+
+    Args:
+        estimate: The model; a payload in it is replaced.
+        judged: The payload with its verdict.
+        path: Name of the payload, for messages.
+
+    Raises:
+        ConfigError, EstimationError: As `state_payload`.
+    """
     refuse_failed(path, judged, "no torque can be computed with it")
     differences = estimate.robot.differences(judged.estimate.robot)
     if differences:
@@ -89,7 +103,7 @@ def state_payload(
             code="RID-ROBOT-OTHER",
         )
     try:
-        return LoadedModel(carry(alone, judged.estimate), payload, content)
+        return carry(estimate, judged.estimate)
     except EstimationError as error:
         raise EstimationError(f"{path}: {error}", code=error.refusal) from None
 

@@ -11,8 +11,10 @@ from config.robot.friction_terms import FrictionTerm
 from dynamics.model.true_parameters import true_parameters
 from identification.design.model import design_model
 from identification.estimation.estimate import Estimate
-from identification.model.base_parameters import base_parameters
+from identification.model.base_parameters import ModelKind, base_parameters
 from identification.model.options import ModelOptions
+from identification.payload.body import flange_pose, to_link
+from tests.builders.certified import MEDIUM
 
 
 def known(cell: LoadedCell, deviations: dict[str, float]) -> Estimate:
@@ -66,4 +68,25 @@ def chosen(
         covariance_residual=covariance,
         covariance_jackknife=covariance,
         nonlinear_covariance=np.diag(np.full(len(names), 1e-4)),
+    )
+
+
+def with_payload_columns(alone: Estimate, kind: ModelKind = "internal") -> Estimate:
+    """Return an estimate with a payload in its own columns, as `identify --loaded` does."""
+    options = replace(alone.options, payload=True, kind=kind)
+    base = base_parameters(options.build(alone.robot), kind=kind)
+    standard = dict(zip(alone.model.parameter_names, alone.standard_values, strict=True))
+    body = to_link(flange_pose(alone.robot)) @ MEDIUM.parameters
+    loads = [name for name in base.standard_names if name not in standard]
+    standard |= dict(zip(loads, body, strict=True))
+    draw = np.random.default_rng(3).normal(size=(len(base), len(base)))
+    covariance = 1e-4 * draw @ draw.T
+    return replace(
+        alone,
+        options=options,
+        base=base,
+        values=base.from_standard(np.array([standard[name] for name in base.standard_names])),
+        covariance_noise=0.5 * covariance,
+        covariance_residual=0.8 * covariance,
+        covariance_jackknife=covariance,
     )

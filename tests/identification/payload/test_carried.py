@@ -18,35 +18,12 @@ from identification.estimation.estimate import (
     predict,
     predict_base_wrench,
 )
-from identification.model.base_parameters import ModelKind, base_parameters
-from identification.payload.body import flange_pose, to_link
 from identification.payload.carried import carry, carry_own, unloaded
-from tests.builders.certified import MEDIUM, estimate_of
-from tests.builders.known_model import chosen, known
+from tests.builders.certified import estimate_of
+from tests.builders.known_model import chosen, known, with_payload_columns
 from tests.builders.raised_codes import raises_code
 
 LOADED = Conditions(payload=True)
-
-
-def with_columns(alone: Estimate, kind: ModelKind = "internal") -> Estimate:
-    """Return a robot with the medium payload in columns of its own, as `identify --loaded` does."""
-    options = replace(alone.options, payload=True, kind=kind)
-    base = base_parameters(options.build(alone.robot), kind=kind)
-    standard = dict(zip(alone.model.parameter_names, alone.standard_values, strict=True))
-    body = to_link(flange_pose(alone.robot)) @ MEDIUM.parameters
-    loads = [name for name in base.standard_names if name not in standard]
-    standard |= dict(zip(loads, body, strict=True))
-    draw = np.random.default_rng(3).normal(size=(len(base), len(base)))
-    covariance = 1e-4 * draw @ draw.T
-    return replace(
-        alone,
-        options=options,
-        base=base,
-        values=base.from_standard(np.array([standard[name] for name in base.standard_names])),
-        covariance_noise=0.5 * covariance,
-        covariance_residual=0.8 * covariance,
-        covariance_jackknife=covariance,
-    )
 
 
 @pytest.fixture(scope="module", params=["plain", "lossy gears"])
@@ -72,7 +49,7 @@ def torque_variance(estimate: Estimate, conditions: Conditions | None = None) ->
 def test_torques_and_their_variances_are_those_of_the_columns(
     alone: Estimate, change: Callable[[Estimate], Estimate], conditions: Conditions
 ) -> None:
-    both = with_columns(alone)
+    both = with_payload_columns(alone)
     found = change(both)
     assert not found.options.payload
     np.testing.assert_allclose(
@@ -85,7 +62,7 @@ def test_torques_and_their_variances_are_those_of_the_columns(
 
 
 def test_the_base_wrench_is_that_of_the_columns() -> None:
-    both = with_columns(known(load_cell("ir361"), {}), kind="combined")
+    both = with_payload_columns(known(load_cell("ir361"), {}), kind="combined")
     for change, conditions in ((carry_own, LOADED), (unloaded, Conditions())):
         np.testing.assert_allclose(
             predict_base_wrench(change(both), *motion()),
@@ -102,7 +79,7 @@ def test_a_separate_payload_gives_the_torques_of_one_identified_with_the_robot(
     found = carry(alone, payload)
     np.testing.assert_allclose(
         predict(found, *motion()),
-        predict(with_columns(alone), *motion(), LOADED),
+        predict(with_payload_columns(alone), *motion(), LOADED),
         rtol=1e-9,
         atol=1e-7,
     )
@@ -111,16 +88,21 @@ def test_a_separate_payload_gives_the_torques_of_one_identified_with_the_robot(
     assert found.run_ids == ("loaded run",)
 
 
-def test_a_model_with_a_payload_carries_no_second_one() -> None:
-    both = with_columns(known(load_cell("ir361"), {}))
-    with raises_code(EstimationError, "RID-PAYLOAD-UNSTATED"):
-        carry(both, estimate_of(load_cell("ir361"), ()))
+def test_another_payload_replaces_the_one_in_the_model() -> None:
+    alone = known(load_cell("ir361"), {})
+    payload = estimate_of(load_cell("ir361"), ())
+    heavier = replace(payload, values=2.0 * payload.values)
+    np.testing.assert_allclose(
+        predict(carry(with_payload_columns(alone), heavier), *motion()),
+        predict(carry(alone, heavier), *motion()),
+        rtol=1e-9,
+        atol=1e-7,
+    )
 
 
-@pytest.mark.parametrize("change", [carry_own, unloaded])
-def test_a_model_without_a_payload_is_refused(change: Callable[[Estimate], Estimate]) -> None:
+def test_the_payload_of_a_model_without_one_is_refused() -> None:
     with raises_code(EstimationError, "RID-PAYLOAD-UNSTATED"):
-        change(known(load_cell("ir361"), {}))
+        carry_own(known(load_cell("ir361"), {}))
 
 
 def test_a_payload_that_is_not_fully_determined_is_refused() -> None:
