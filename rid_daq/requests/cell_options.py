@@ -57,7 +57,6 @@ SimulatedPace = Annotated[
 SimulatedPayload = Annotated[
     str | None,
     Field(description="Payload of a simulated robot: its name in the plant file."),
-    Option(group=SIMULATED, metavar="NAME"),
 ]
 
 
@@ -73,7 +72,9 @@ class Simulation(Request):
     seed: Annotated[
         Seed, Field(description="Random seed of the simulated noise."), Option(group=SIMULATED)
     ] = 0
-    payload: SimulatedPayload = None
+    payload: Annotated[
+        SimulatedPayload, Option(group=SIMULATED, metavar="NAME", flag="mounted")
+    ] = None
 
 
 class Live(Request):

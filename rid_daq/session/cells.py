@@ -68,7 +68,8 @@ def hold_reachable_cell(
         if payload is not None:
             raise ConfigError(
                 f"cell {cell.name}: its robot runs in another process, so no payload can be"
-                " mounted on its flange: leave --payload out, or give it to `rid-daq mock`",
+                " mounted on its flange: leave the payload out (--mounted, or --payload without"
+                " --model), or give it to `rid-daq mock`",
                 code="RID-CELL-NOT-OURS",
             )
         if faults is not NO_SCRIPT:

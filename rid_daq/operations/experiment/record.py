@@ -24,7 +24,6 @@ from rid_daq.requests.cell_options import (
 from rid_daq.requests.option import (
     DEFAULT_RUNS,
     FILES,
-    CarriedPayloadOfModel,
     CellName,
     Option,
     RunsFolder,
@@ -78,7 +77,15 @@ class RecordRequest(Request):
         ),
         Option(metavar="MODEL", file="input"),
     ] = None
-    payload: CarriedPayloadOfModel = None
+    payload: Annotated[
+        str | None,
+        Field(
+            description="Payload on the flange. With --model as in `validate`: a payload file; a"
+            " run or session with a payload; `model`; or `none`. Without --model the name of a"
+            " payload in the plant file, which a simulated robot then carries."
+        ),
+        Option(metavar="PAYLOAD", file="input"),
+    ] = None
     frames: Annotated[
         bool,
         Field(description="Save all frames on the bus to frames.blf of the run."),

@@ -14,6 +14,7 @@ from acquisition.session.frame_recorder import require_listenable
 from acquisition.supervision.commanded import commanded_motion, verify_command
 from compensation.compensated_motion import refuse_torque
 from config.cell.cell import CellConfig
+from config.errors import ConfigError
 from config.load import load_cell, read_faults
 from config.simulation.faults import NO_SCRIPT, FaultScript
 from identification.estimation.limit_torque import limit_temperature_note
@@ -25,6 +26,7 @@ from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.accuracy_watch import AccuracyWatch
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import Clearance, RunRequest, open_session
+from rid_daq.requests.cell_options import Simulation
 from rid_daq.runs.run_data import FEEDFORWARD, MOTION
 from rid_daq.session.session import as_label
 from rid_daq.terminal.exit_codes import ExitCode
@@ -66,6 +68,7 @@ def record_motion_file(request: RecordRequest, context: Context) -> RecordedMoti
         RidDaqError: As `RunSession.recording`.
     """
     loaded = load_cell(request.cell)
+    simulation = _simulation(request)
     motion, text = read_motion_and_bytes(request.motion, loaded)
     files = {
         MOTION: text
@@ -106,7 +109,7 @@ def record_motion_file(request: RecordRequest, context: Context) -> RecordedMoti
         context,
         Clearance(request.cleared, request.practise, files),
         AxisTestRule(request.axis_test),
-        simulation=request.simulation,
+        simulation=simulation,
         faults=script,
         live=request.live,
     ) as session:
@@ -116,6 +119,18 @@ def record_motion_file(request: RecordRequest, context: Context) -> RecordedMoti
                 return RecordedMotion(run, motion, accuracy, rehearsal_only=True)
             context.say(f"Rehearsal at 1/{SLOWER:g} of the speed is done: {run.folder.path}")
         return RecordedMotion(session.record(asked), motion, accuracy)
+
+
+def _simulation(request: RecordRequest) -> Simulation:
+    """Return the options of a simulated cell; without a model, `payload` is what it carries."""
+    if request.payload is None or request.model is not None:
+        return request.simulation
+    if request.simulation.payload is not None:
+        raise ConfigError(
+            "--payload and --mounted exclude each other without --model: leave one out",
+            code="RID-OPTION-EXCLUSIVE",
+        )
+    return request.simulation.model_copy(update={"payload": request.payload})
 
 
 def _load_fault_script(

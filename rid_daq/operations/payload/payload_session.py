@@ -114,7 +114,7 @@ class PayloadSessionRequest(Request):
     ] = False
     axis_test: AxisTest = "required"
     practise: Practise = False
-    payload: SimulatedPayload = None
+    payload: Annotated[SimulatedPayload, Option(group=SIMULATED, metavar="NAME")] = None
     pace: SimulatedPace = None
     seed: Annotated[
         Seed,

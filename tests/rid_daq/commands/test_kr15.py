@@ -393,3 +393,7 @@ def test_record_mounts_a_payload(tmp_path: Path, capsys: pytest.CaptureFixture[s
     document = json.loads(capsys.readouterr().out)
     assert (Path(document["folder"]) / MONITOR).exists()
     assert (Path(document["folder"]) / "drives.yaml").exists()
+    assert (
+        run(["record", "kr15", str(path), "--payload", "small", "--mounted", "small", *runs]) == 2
+    )
+    assert "RID-OPTION-EXCLUSIVE" in capsys.readouterr().err

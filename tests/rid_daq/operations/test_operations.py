@@ -201,3 +201,11 @@ def test_what_opens_a_cell_and_takes_long_to_import_is_imported_ahead() -> None:
         if found.moves:
             assert found.module, name
             assert importlib.util.find_spec(found.module), name
+
+
+def test_an_option_sets_two_fields_only_if_one_of_them_applies_to_a_kind_of_motion() -> None:
+    shared = set()
+    for name in CATALOGUE:
+        flags = [each.flag for each in fields(name) if not each.option.positional]
+        shared |= {(name, flag) for flag in flags if flags.count(flag) > 1}
+    assert shared == {("design", "--period"), ("design", "--periods"), ("design", "--seed")}

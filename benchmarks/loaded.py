@@ -1,0 +1,166 @@
+"""What a payload does to paths and predictions, with and without the payload in the model.
+
+Run it with ``python -m benchmarks.loaded [--quick]``. On the simulated bus:
+
+- ir361 with 4 kg: circles streamed empty; loaded, with the payload in the model (identified
+  together with the robot); and loaded, with the model of the robot alone.
+- kr15 with 9.6 kg: a model of the robot alone and a payload file; torque errors on other motions of
+  the empty and of the loaded robot.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmarks.paths import CIRCLES, circle_text
+from config.load import load_cell, to_yaml
+from config.simulation.plant import MountedBody
+from rid_daq.app import run
+
+BAR_PATH, BAR_VALIDATION = 1.3, 1.2
+TOOL = MountedBody(
+    mass_kg=4.0,
+    centre_m=(0.80, 0.02, 0.01),
+    inertia_kg_m2=(0.02, 0.03, 0.03, 0.0, 0.0, 0.0),
+)
+"""The payload of ir361 in the frame of its last link, about its centre of gravity."""
+
+HEAVY = "medium"
+TERMS = ("--friction-terms", "coulomb,viscous,presliding")
+
+
+@dataclass(frozen=True)
+class Workplace:
+    """A folder with a simulated cell and its runs."""
+
+    folder: Path
+    cell: str
+
+    def __call__(self, *words: str, codes: tuple[int, ...] = (0,), runs: bool = True) -> Any:
+        """Run a command and return its document; a failure ends the benchmark."""
+        printed = io.StringIO()
+        more = ["--runs", str(self.folder / "runs")] if runs else []
+        with contextlib.redirect_stdout(printed):
+            code = run([*words, "--json", *more])
+        if code not in codes:
+            raise SystemExit(f"rid-daq {' '.join(words)}: exit code {code}")
+        return json.loads(printed.getvalue())
+
+    def path(self, name: str) -> str:
+        """Return a file of the folder."""
+        return str(self.folder / name)
+
+    def excitation(self, name: str, seed: int, periods: int) -> None:
+        """Design an excitation trajectory."""
+        words = ("design", self.cell, "-o", self.path(f"{name}.yaml"), "--periods", str(periods))
+        words += ("--period", "9.6", "--method", "two-harmonic", "--seed", str(seed))
+        self(*words, runs=False)
+
+    def record(self, motion: str, label: str, *words: str) -> None:
+        """Record a motion of the folder."""
+        self("record", self.cell, self.path(f"{motion}.yaml"), "--label", label, *words)
+
+
+def path_errors(folder: Path, quick: bool) -> dict[str, float]:
+    """Return the mean path errors [m] of ir361: empty, loaded, and without it in the model."""
+    bundled = load_cell("ir361")
+    assert bundled.plant is not None
+    plant = bundled.plant.model_copy(update={"payloads": {"tool": TOOL}})
+    (folder / "plant.yaml").write_text(to_yaml(plant))
+    config = bundled.config.model_copy(
+        update={"plate": None, "name": "arm", "plant": str(folder / "plant.yaml")}
+    )
+    (folder / "arm.yaml").write_text(to_yaml(config))
+    work = Workplace(folder, str(folder / "arm.yaml"))
+    work.excitation("excitation", 1, 3 if quick else 8)
+    work.record("excitation", "empty")
+    work.record("excitation", "loaded", "--mounted", "tool")
+    work("identify", "empty", *TERMS, "-o", work.path("alone.json"))
+    words = ("identify", "empty", "loaded", "--loaded", "loaded", *TERMS)
+    work(*words, "-o", work.path("both.json"))
+    work("design", work.cell, "--kind", "multisine", "-o", work.path("multisine.yaml"), runs=False)
+    work.record("multisine", "multisine")
+    work("loop", "multisine", "-o", work.path("loops.json"))
+    (folder / "circle.yaml").write_text(circle_text(CIRCLES["circle of 40 cm at 0.6 m/s"], 4))
+    found = {}
+    for label, model, mounted, stated in (
+        ("empty", "both", (), ("--payload", "none")),
+        ("loaded", "both", ("--mounted", "tool"), ("--payload", "model")),
+        ("loaded, not in the model", "alone", ("--mounted", "tool"), ()),
+    ):
+        name = label.replace(", ", " ")
+        words = ("stream", work.cell, work.path("circle.yaml"), "--loop", work.path("loops.json"))
+        by = ("--model", work.path(f"{model}.json"))
+        work(*words, *by, *stated, *mounted, "--label", f"circle {name}")
+        (motion,) = work("tracking", f"circle {name}")["motions"]
+        found[label] = float(motion["mean_m"])
+        print(f"ir361, circle of 40 cm at 0.6 m/s, {label:26s} mean {1e3 * found[label]:.4f} mm")
+    return found
+
+
+def validation_errors(folder: Path, quick: bool) -> dict[str, float]:
+    """Return the largest relative torque error [%] of kr15 on another motion, empty and loaded."""
+    work = Workplace(folder, "kr15")
+    periods = 3 if quick else 8
+    work.excitation("excitation", 1, periods)
+    work.excitation("other", 2, periods)
+    work.record("excitation", "warm-up")
+    work.record("excitation", "empty")
+    work.record("excitation", "loaded", "--mounted", HEAVY)
+    work.record("other", "other empty")
+    work.record("other", "other loaded", "--mounted", HEAVY)
+    work("identify", "empty", "-o", work.path("model.json"), codes=(0, 6))
+    words = ("payload", "identify", "--loaded", "loaded", "--unloaded", "empty")
+    work(*words, "-o", work.path("payload.json"))
+    found = {}
+    for label, more in (
+        ("empty", ()),
+        ("loaded", ("--payload", work.path("payload.json"))),
+        ("loaded, not in the model", ()),
+    ):
+        run_label = "other empty" if label == "empty" else "other loaded"
+        words = ("validate", work.path("model.json"), run_label, *more)
+        axes = work(*words, codes=(0, 1))["validation"]["axes"]
+        percent = [axis["relative_error_percent"] for axis in axes]
+        found[label] = max(percent)
+        shown = " ".join(f"{each:.2f}" for each in percent)
+        print(f"kr15, torque errors of another motion, {label:26s} {shown} %")
+    return found
+
+
+def main() -> int:
+    """Measure and print; the last line is one JSON object."""
+    quick = "--quick" in sys.argv
+    with tempfile.TemporaryDirectory() as name:
+        paths = path_errors(Path(name), quick)
+    with tempfile.TemporaryDirectory() as name:
+        torques = validation_errors(Path(name), quick)
+    path_ratio = paths["loaded"] / paths["empty"]
+    torque_ratio = torques["loaded"] / torques["empty"]
+    holds = path_ratio <= BAR_PATH and torque_ratio <= BAR_VALIDATION
+    result = {
+        "name": "loaded",
+        "value": round(path_ratio, 3),
+        "unit": "path error of the loaded arm over that of the empty arm, payload in the model",
+        "ratios": {
+            "path, payload not in the model": round(
+                paths["loaded, not in the model"] / paths["empty"], 2
+            ),
+            "torque error, loaded over empty": round(torque_ratio, 3),
+        },
+        "bar": f"path error at most {BAR_PATH} times, torque error at most {BAR_VALIDATION} times",
+        "holds": holds,
+    }
+    print(json.dumps(result))
+    return 0 if holds else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
