@@ -82,6 +82,18 @@ def state_payload(
     return LoadedModel(carry_judged(estimate, judged, path), payload, content)
 
 
+def payload_words(payload: str | None) -> str:
+    """Return the end of a phrase that says which payload a model contains; empty if none is stated.
+
+    Args:
+        payload: The request's statement, as in `state_payload`.
+    """
+    if payload is None:
+        return ""
+    own = {NO_PAYLOAD: " without payload", PAYLOAD_OF_MODEL: " with its payload"}
+    return own.get(payload, f" with the payload {payload}")
+
+
 def carry_judged(estimate: Estimate, judged: PayloadResult, path: Path) -> Estimate:
     """Return the model of a robot with a payload that passed its verdict.
 

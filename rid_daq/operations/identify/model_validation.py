@@ -27,7 +27,7 @@ from identification.validation.torque_prediction import Validation, validate_tor
 from rid_daq.blocks.formats import number
 from rid_daq.operations.cell_files import read_estimate_for, read_motion_for, require_same_robot
 from rid_daq.operations.identify.validate import ValidateRequest
-from rid_daq.operations.stated_payload import state_payload
+from rid_daq.operations.stated_payload import payload_words, state_payload
 from rid_daq.report.model_file import ModelFile
 from rid_daq.report.sections.curves import CurvesSection, TorqueCurves
 from rid_daq.report.sections.estimate import EstimateSection
@@ -181,7 +181,8 @@ def validate_recording(
         noise_nm=_torque_noise(data),
     )
     _require_motion(validation, data)
-    sentence = f"Run {data.folder.manifest().label!r}, predicted by {request.model.name}."
+    by = f"{request.model.name}{payload_words(request.payload)}"
+    sentence = f"Run {data.folder.manifest().label!r}, predicted by {by}."
     if not external and validation.limits_percent is None:
         validation = replace(validation, limits_percent=validation.default_limits_percent)
         sentence += (

@@ -19,7 +19,7 @@ from identification.calibration.base_reaction import base_limits
 from identification.estimation.estimate import Estimate, predict
 from rid_daq.operations.cell_files import read_estimate_for, read_motion_for
 from rid_daq.operations.path.retime import RetimeRequest
-from rid_daq.operations.stated_payload import state_payload
+from rid_daq.operations.stated_payload import payload_words, state_payload
 from rid_daq.report.result import Result
 from rid_daq.report.sections.retiming import RetimingSection
 from rid_daq.report.sections.verdict import VerdictSection
@@ -94,17 +94,18 @@ def retime_motion(request: RetimeRequest) -> RetimedMotion:
         warm = at_operating_temperature(estimate, request.temperature, faster.velocity)
     estimate = warm.estimate
     _check_planned_motion(timed, robot, loaded.config.cycle_time_s, estimate)
+    model = f"{request.model.name}{payload_words(request.payload)}"
     section = RetimingSection.of(
         timed,
         robot,
         limits,
-        named=(request.motion.name, request.model.name),
+        named=(request.motion.name, model),
         confidence=request.confidence,
         margin=request.margin,
     )
     comment = (
         f"RetimedMotion by `rid-daq retime` from {request.motion.name} with the model"
-        f" {request.model.name}: {timed.moving_s:.6g} s instead of {timed.original_s:.6g} s."
+        f" {model}: {timed.moving_s:.6g} s instead of {timed.original_s:.6g} s."
     )
     write_whole(request.output, to_yaml(timed.motion, comment).encode())
     if request.report is not None:

@@ -11,7 +11,7 @@ from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
 from rid_daq.operations.cell_files import read_estimate_for
 from rid_daq.operations.path.tracking import TrackingRequest
-from rid_daq.operations.stated_payload import state_payload
+from rid_daq.operations.stated_payload import payload_words, state_payload
 from rid_daq.report.sections.tracking import MOTOR_TORQUES, TrackingSection
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.followed_motion import compare_with_motion
@@ -85,7 +85,7 @@ def track_runs(request: TrackingRequest) -> TrackedRuns:
     if estimate is not None:
         robot, differing = _with_stiffness(robot, estimate.robot)
         notes += differing
-        torques = _torque_words(estimate)
+        torques = _torque_words(estimate) + payload_words(request.payload)
     motions = [compare_with_motion(*pair, robot, estimate) for pair in pairs]
     section = TrackingSection.of(motions, robot, torques=torques)
     result = result_of(first.data, notes).updated(
