@@ -59,8 +59,8 @@ class Workplace:
 
     def excitation(self, name: str, seed: int, periods: int) -> None:
         """Design an excitation trajectory."""
-        words = ("design", self.cell, "-o", self.path(f"{name}.yaml"), "--periods", str(periods))
-        words += ("--period", "9.6", "--method", "two-harmonic", "--seed", str(seed))
+        words = ["design", self.cell, "-o", self.path(f"{name}.yaml"), "--periods", str(periods)]
+        words += ["--period", "9.6", "--method", "two-harmonic", "--seed", str(seed)]
         self(*words, runs=False)
 
     def record(self, motion: str, label: str, *words: str) -> None:
@@ -83,8 +83,8 @@ def path_errors(folder: Path, quick: bool) -> dict[str, float]:
     work.record("excitation", "empty")
     work.record("excitation", "loaded", "--mounted", "tool")
     work("identify", "empty", *TERMS, "-o", work.path("alone.json"))
-    words = ("identify", "empty", "loaded", "--loaded", "loaded", *TERMS)
-    work(*words, "-o", work.path("both.json"))
+    together = ("identify", "empty", "loaded", "--loaded", "loaded", *TERMS)
+    work(*together, "-o", work.path("both.json"))
     work("design", work.cell, "--kind", "multisine", "-o", work.path("multisine.yaml"), runs=False)
     work.record("multisine", "multisine")
     work("loop", "multisine", "-o", work.path("loops.json"))
