@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 
 import pytest
@@ -23,6 +24,14 @@ def test_what_is_left_without_a_guard_is_still_python() -> None:
         compile(
             each.removed_from((ROOT / each.file).read_text(encoding="utf-8")), each.file, "exec"
         )
+
+
+def test_what_stands_for_a_guard_uses_only_names_of_its_file() -> None:
+    """A renamed method would let its tests fail for an AttributeError, with or without guard."""
+    for each in guards():
+        text = (ROOT / each.file).read_text(encoding="utf-8")
+        for name in re.findall(r"\bself\.(\w+)", each.without):
+            assert re.search(rf"\b{name}\b", text), f"{each.guard}: {each.file} has no {name}"
 
 
 def test_each_guard_names_tests_that_exist() -> None:

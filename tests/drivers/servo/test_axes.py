@@ -83,6 +83,20 @@ class TestEnabling:
         with raises_code(DeviceTimeoutError, "RID-DRIVE-NOT-STARTED", "time"):
             bench.axes.start()
 
+    def test_a_drive_that_answers_sync_but_is_not_operational(
+        self, bench: Bench, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        bench.axes.bring_up()
+        drive = bench.drives[1]
+
+        def beat(generation: int) -> None:
+            bench.bus.transmit(heartbeat_frame(drive.node_id, NmtState.PRE_OPERATIONAL), 0.0)
+            bench.bus.at(bench.bus.now_s + 0.05, lambda: beat(generation))
+
+        monkeypatch.setattr(drive, "beat", beat)
+        with raises_code(DeviceTimeoutError, "RID-DRIVE-NOT-STARTED", "time"):
+            bench.axes.start()
+
     def test_a_drive_that_stays_where_it_is(
         self, bench: Bench, monkeypatch: pytest.MonkeyPatch
     ) -> None:
