@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PAGES = ("docs/architecture.md", "docs/extending.md", "docs/theory.md", "CONTRIBUTING.md")
 STATION = re.compile(r"^\d+\. (?:\*(process|file)\* )?`([\w/]+\.py)`", re.MULTILINE)
 WALKS = 1
-MOST_OF_MASS = 16
+MOST_OF_MASS = 15
 FUNCTION = re.compile(
     r"^\d+\. (?:(↳+) )?(?:\*(HTTP|standard input|process|file)\* )?`([\w/.]+)` `([\w.]+)`",
     re.MULTILINE,

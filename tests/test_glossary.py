@@ -40,7 +40,7 @@ REPLACED = {
     r"(?:criterion|check|trial|search|self)\.worth": "objective",
     r"(?:together|apart)(?= =)": "joint, combined, separate, difference",
     r"equations_apart": "equations_of_two_robots",
-    r"weigh_\w+|is_weighed|PayloadWeighed": "identify_payload, payload_from_runs",
+    r"weigh_\w+|is_weighed|PayloadWeighed": "identify_payload, estimate_payload",
     r"Reaction(?:Validation|Equations)|(?:predict|validate|whiten)_reaction": "base wrench",
     r"(?<!data[ -])sheets?(?!/)|(?!data_sheets)\w+_sheets?|Sheets|SheetFinding": "EDS",
     r"deaf": "blocked, ignored, cut off",

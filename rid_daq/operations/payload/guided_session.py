@@ -15,11 +15,16 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
 from config.errors import ConfigError
 from config.load import LoadedCell, load_cell, load_robot, to_yaml
+from identification.payload.file import write_payload
 from identification.payload.motion import PayloadSearch, design_payload_motion
 from identification.payload.procedures import TORQUE_CONSTANT_SIGMA, PayloadOptions
 from identification.payload.rating import refuse_heavier
 from rid_daq.operations.cell_files import read_estimate_for, read_motion_for
-from rid_daq.operations.payload.payload_estimate import PayloadRequest, payload_from_runs
+from rid_daq.operations.payload.payload_estimate import (
+    PayloadRequest,
+    estimate_payload,
+    report_payload,
+)
 from rid_daq.operations.payload.payload_session import (
     UNLOADED,
     PayloadSessionRequest,
@@ -35,10 +40,12 @@ from rid_daq.report.sections.runs import CellSection, RunSection
 from rid_daq.report.sections.timing import Timing
 from rid_daq.requests.cell_options import Simulation
 from rid_daq.requests.option import DEFAULT_RUNS
+from rid_daq.runs.flange import compare_with_truth
 from rid_daq.runs.origins import write_cell_origin
 from rid_daq.runs.run_data import MOTION, ROBOT, SESSION, RunData, require_own
 from rid_daq.session.session import mark_unfinished
 from rid_daq.session.versions import software_versions
+from rid_daq.terminal.choices import PAYLOAD
 from rid_daq.terminal.context import Context
 from rid_daq.terminal.job_events import SessionState
 
@@ -54,7 +61,7 @@ def run_payload_session(
         ConfigError, PreflightError: The session was refused before anything moved (also because the
             model is of another robot), or a person answered no.
         LimitError: The stated mass of the payload exceeds the robot's limit.
-        RidDaqError: As `RunSession.recording` and `payload_from_runs`.
+        RidDaqError: As `RunSession.recording`, `estimate_payload` and `report_payload`.
     """
     loaded = load_cell(request.cell)
     file: SessionFile | None = None
@@ -112,13 +119,20 @@ def run_payload_session(
             return StoppedSession(*failed, words)
     enter(file, SessionState.IDENTIFY, context, again=not moves)
     data = file.runs()
-    found = payload_from_runs(
-        data,
-        [name != UNLOADED for name in file.measurements],
-        payload_request,
+    carried = [name != UNLOADED for name in file.measurements]
+    payload, repeats = estimate_payload(data, carried, payload_request)
+    path = file.folder.file(PAYLOAD)
+    write_payload(path, payload)
+    found = report_payload(
+        payload,
+        repeats,
+        path,
         folder=file.folder,
         result=_session_result(file, loaded, motion, data),
-        findings=_warm_up_finding(file.facts.get("warm_up")),
+        findings=[
+            *compare_with_truth(data, carried, payload),
+            *_warm_up_finding(file.facts.get("warm_up")),
+        ],
         empty=file.empty_flange,
     )
     enter(file, SessionState.DONE, context)

@@ -11,7 +11,6 @@ from acquisition.runs.folder import RunFolder
 from identification.choices import BAND_HZ, STANDSTILL_RAD_S, PayloadLimits
 from identification.equations.deconvolution import smoothed_recording
 from identification.estimation.options import EstimationOptions
-from identification.payload.file import write_payload
 from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.procedures import PayloadOptions, identify_payload, mass_left_on_flange
@@ -32,9 +31,7 @@ from rid_daq.operations.payload.shared import IdentifiedPayload
 from rid_daq.report.result import Result
 from rid_daq.report.sections.payload import EmptyFlange, PayloadSection, payload_verdict
 from rid_daq.report_page.write import write_result
-from rid_daq.runs.flange import compare_with_truth
 from rid_daq.runs.run_data import RunData, register_output
-from rid_daq.terminal.choices import PAYLOAD
 
 
 @dataclass(frozen=True)
@@ -107,46 +104,6 @@ def periodic_runs(
     )
 
 
-def payload_from_runs(
-    data: Sequence[RunData],
-    loaded: Sequence[bool],
-    payload_request: PayloadRequest,
-    *,
-    folder: RunFolder,
-    result: Result,
-    output: Path | None = None,
-    findings: Sequence[str] = (),
-    empty: EmptyFlange | None = None,
-) -> IdentifiedPayload:
-    """Estimate a payload from runs, check its limits, and write its file and the report.
-
-    Args:
-        data: The runs.
-        loaded: For each run, True if it carried the payload.
-        payload_request: Options of the estimate.
-        folder: The session, or the run that gets the report.
-        result: Result of the folder, to which the payload is added.
-        output: Path of the payload file; in the folder if not set.
-        findings: Further sentences about the runs for the report.
-        empty: Evidence that the flange was empty in the runs without payload.
-
-    Raises:
-        ConfigError: The runs are of different robots, or only some are periodic.
-        DataQualityError, EstimationError: The data do not determine a payload.
-        RecordingError: A file cannot be written.
-    """
-    payload, repeats = estimate_payload(data, loaded, payload_request)
-    output = output or folder.file(PAYLOAD)
-    write_payload(output, payload)
-    register_output(folder, output)
-    section = PayloadSection.of(
-        payload, repeats, [*compare_with_truth(data, loaded, payload), *findings]
-    )
-    verdict = payload_verdict(payload, empty)
-    report = write_result(folder, result.updated(payload=section, verdict=verdict))
-    return IdentifiedPayload(section, verdict, output, report, payload.fits)
-
-
 def estimate_payload(
     data: Sequence[RunData], loaded: Sequence[bool], payload_request: PayloadRequest
 ) -> tuple[PayloadResult, Repeats | None]:
@@ -177,6 +134,37 @@ def estimate_payload(
     held = check_payload(estimate, payload_request.limits, repeats, left_on)
     unloaded = [run for run, carried in zip(data, loaded, strict=True) if not carried]
     return PayloadResult(estimate, (*held, *_arm_checks(unloaded, payload_request))), repeats
+
+
+def report_payload(
+    payload: PayloadResult,
+    repeats: Repeats | None,
+    path: Path,
+    *,
+    folder: RunFolder,
+    result: Result,
+    findings: Sequence[str] = (),
+    empty: EmptyFlange | None = None,
+) -> IdentifiedPayload:
+    """Add an estimated payload to the result of a folder, and write the report.
+
+    Args:
+        payload: The payload with its verdict.
+        repeats: Estimates of each run alone; None without them.
+        path: The payload file, which is written.
+        folder: The session, or the run that gets the report.
+        result: Result of the folder, to which the payload is added.
+        findings: Sentences about the runs for the report.
+        empty: Evidence that the flange was empty in the runs without payload.
+
+    Raises:
+        RecordingError: A file cannot be written.
+    """
+    register_output(folder, path)
+    section = PayloadSection.of(payload, repeats, findings)
+    verdict = payload_verdict(payload, empty)
+    report = write_result(folder, result.updated(payload=section, verdict=verdict))
+    return IdentifiedPayload(section, verdict, path, report, payload.fits)
 
 
 def _arm_checks(

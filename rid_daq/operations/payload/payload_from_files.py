@@ -8,16 +8,23 @@ from acquisition.runs.catalogue import find_runs
 from config.errors import ConfigError
 from identification.estimation.estimate import Estimate
 from identification.model.options import ModelOptions
+from identification.payload.file import write_payload
 from identification.payload.known import Known
 from identification.payload.procedures import TORQUE_CONSTANT_SIGMA, PayloadOptions
 from rid_daq.operations.cell_files import read_estimate_for
-from rid_daq.operations.payload.payload_estimate import PayloadRequest, payload_from_runs
+from rid_daq.operations.payload.payload_estimate import (
+    PayloadRequest,
+    estimate_payload,
+    report_payload,
+)
 from rid_daq.operations.payload.payload_identify import PayloadIdentifyRequest
 from rid_daq.operations.payload.shared import IdentifiedPayload
 from rid_daq.runs import made_file
+from rid_daq.runs.flange import compare_with_truth
 from rid_daq.runs.measured_torques import require_torques
 from rid_daq.runs.output_file import refuse_output
 from rid_daq.runs.run_data import RunData, all_defects, result_of
+from rid_daq.terminal.choices import PAYLOAD
 
 
 def identify_payload_runs(request: PayloadIdentifyRequest) -> IdentifiedPayload:
@@ -40,8 +47,13 @@ def identify_payload_runs(request: PayloadIdentifyRequest) -> IdentifiedPayload:
     asked = payload_request_of(request, robot, known)
     first = data[flags.index(True)]
     result = result_of(first, notes).updated(title=f"Payload on {first.robot.name}")
-    folder, output = first.folder, request.output
-    found = payload_from_runs(data, flags, asked, folder=folder, result=result, output=output)
+    payload, repeats = estimate_payload(data, flags, asked)
+    path = request.output or first.folder.file(PAYLOAD)
+    write_payload(path, payload)
+    findings = compare_with_truth(data, flags, payload)
+    found = report_payload(
+        payload, repeats, path, folder=first.folder, result=result, findings=findings
+    )
     return replace(found, notes=tuple(notes))
 
 
