@@ -3,7 +3,8 @@
 `python -m tests.builders.sentence_assertions` prints the number for each test folder, and the sum;
 `--list` prints each place. It counts `match=` of `pytest.raises`, assertions with a literal of two
 or more words about an error's text or a command's stderr, and details of three or more words of
-`raises_code` and `raises_invalid`.
+`raises_code` and `raises_invalid`. A text that a variable, a loop or `parametrize` holds counts as
+if it stood in the assertion.
 """
 
 from __future__ import annotations
@@ -18,40 +19,105 @@ from typing import Final
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 ERROR_TEXTS: Final = ("str(", "message", "err", "refus", "caught", ".output")
+Texts = dict[str, tuple[str, ...]]
 _DETAILS_FROM: Final = {"raises_code": 2, "raises_invalid": 1}
 
 
 def sentence_assertions(tests: Path) -> Iterator[tuple[Path, int]]:
     """Yield file and line of each assertion on a sentence below a folder."""
     for path in sorted(tests.rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text())):
-            if _pins_sentence(node):
-                assert isinstance(node, (ast.Call, ast.Assert))
-                yield path, node.lineno
+        tree = ast.parse(path.read_text())
+        for line in sorted(_lines(tree, _held_texts(tree))):
+            yield path, line
 
 
-def _pins_sentence(node: ast.AST) -> bool:
+def _lines(node: ast.AST, texts: Texts) -> Iterator[int]:
+    """Yield the lines of assertions on sentences below a node.
+
+    Args:
+        node: A module, a function or a part of one.
+        texts: Texts that each variable of the scope holds.
+    """
+    for child in ast.iter_child_nodes(node):
+        inner = texts
+        if isinstance(child, (ast.FunctionDef, ast.AsyncFunctionDef)):
+            inner = {**texts, **_held_texts(child)}
+        if _pins_sentence(child, inner):
+            assert isinstance(child, (ast.Call, ast.Assert))
+            yield child.lineno
+        yield from _lines(child, inner)
+
+
+def _pins_sentence(node: ast.AST, texts: Texts) -> bool:
     if isinstance(node, ast.Call):
         name = ast.unparse(node.func)
         if name in _DETAILS_FROM:
             details = node.args[_DETAILS_FROM[name] :]
-            return any(_is_sentence(detail, words=3) for detail in details)
+            return any(_is_sentence(detail, texts, words=3) for detail in details)
         return name.endswith("raises") and any(each.arg == "match" for each in node.keywords)
     return isinstance(node, ast.Assert) and any(
         isinstance(part, ast.Compare)
         and isinstance(part.ops[0], (ast.In, ast.Eq))
-        and _is_sentence(part.left)
+        and _is_sentence(part.left, texts)
         and any(text in ast.unparse(part.comparators[0]).lower() for text in ERROR_TEXTS)
         for part in ast.walk(node.test)
     )
 
 
-def _is_sentence(node: ast.expr, words: int = 2) -> bool:
-    return any(
-        isinstance(part, ast.Constant)
-        and isinstance(part.value, str)
-        and len(part.value.split()) >= words
+def _is_sentence(node: ast.expr, texts: Texts, words: int = 2) -> bool:
+    held = [
+        text
         for part in ast.walk(node)
+        if isinstance(part, ast.Name)
+        for text in texts.get(part.id, ())
+    ]
+    return any(len(text.split()) >= words for text in (*_texts(node), *held))
+
+
+def _held_texts(scope: ast.Module | ast.FunctionDef | ast.AsyncFunctionDef) -> Texts:
+    """Return the texts that the variables of a scope hold, by assignment, loop or parameter."""
+    found: Texts = {}
+    if not isinstance(scope, ast.Module):
+        for decorator in scope.decorator_list:
+            found |= _parameters(decorator)
+    own = (node for child in scope.body if not _is_scope(child) for node in ast.walk(child))
+    for node in own:
+        value = node.iter if isinstance(node, ast.For) else getattr(node, "value", None)
+        targets = {ast.Assign: "targets", ast.AnnAssign: "target", ast.For: "target"}
+        target = getattr(node, targets.get(type(node), ""), None)
+        names = [target] if isinstance(target, ast.AST) else target or []
+        if isinstance(value, ast.expr) and not isinstance(value, ast.Call):
+            found |= {name.id: _texts(value) for name in names if isinstance(name, ast.Name)}
+    return found
+
+
+def _parameters(decorator: ast.expr) -> Texts:
+    """Return the texts of each parameter of `pytest.mark.parametrize`."""
+    if not (
+        isinstance(decorator, ast.Call) and ast.unparse(decorator.func).endswith("parametrize")
+    ):
+        return {}
+    names, *values = decorator.args
+    named = ast.literal_eval(names)
+    named = named.replace(" ", "").split(",") if isinstance(named, str) else list(named)
+    found: dict[str, list[str]] = {name: [] for name in named}
+    rows = [row for each in values for row in getattr(each, "elts", ())]
+    for row in rows:
+        cells = getattr(row, "args", None) or getattr(row, "elts", [row])
+        for name, cell in zip(named, cells if len(named) > 1 else [row], strict=False):
+            found[name] += _texts(cell)
+    return {name: tuple(texts) for name, texts in found.items()}
+
+
+def _is_scope(node: ast.AST) -> bool:
+    return isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef))
+
+
+def _texts(node: ast.AST) -> tuple[str, ...]:
+    return tuple(
+        part.value
+        for part in ast.walk(node)
+        if isinstance(part, ast.Constant) and isinstance(part.value, str)
     )
 
 
