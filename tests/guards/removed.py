@@ -51,13 +51,18 @@ def page(parts: Sequence[Section]) -> str:
 
 
 def copy_project(target: Path) -> None:
-    """Copy the project's files, without generated ones."""
+    """Copy the project's files, and its compiled kernels, which take minutes to compile again."""
     command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     listed = subprocess.run(command, cwd=ROOT, capture_output=True, check=True).stdout.decode()
     for name in filter(None, listed.split("\0")):
         if (ROOT / name).is_file():
             (target / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, target / name)
+    for folder in {path.parent for path in target.rglob("*.py")}:
+        cache = folder / "__pycache__"
+        for kernel in (ROOT / cache.relative_to(target)).glob("*.nb[ic]"):
+            cache.mkdir(exist_ok=True)
+            shutil.copy2(kernel, cache)
 
 
 def fails_without(guard: Guard, copy: Path) -> bool:

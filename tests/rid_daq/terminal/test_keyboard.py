@@ -10,6 +10,7 @@ import pytest
 
 from acquisition.hold_to_run.dead_man import DEAD_MAN_S
 from config.errors import PreflightError
+from rid_daq.terminal.console import Console
 from rid_daq.terminal.keyboard import Keyboard
 from tests.builders.raised_codes import raises_code
 
@@ -76,6 +77,15 @@ def test_without_a_terminal_there_is_no_key_to_hold(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr("sys.stdin.isatty", lambda: False, raising=False)
     with raises_code(PreflightError, "RID-KEY-NEEDED"), Keyboard():
         pass
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_a_command_by_a_held_key_needs_a_terminal(
+    monkeypatch: pytest.MonkeyPatch, simulated: bool
+) -> None:
+    monkeypatch.setattr("sys.stdin.isatty", lambda: False, raising=False)
+    with raises_code(PreflightError, "RID-KEY-NEEDED"):
+        Console().require_keys(simulated=simulated)
 
 
 class Typed:
