@@ -206,15 +206,15 @@ def test_a_file_alone_is_recovered_beside_itself_and_never_replaced(
 
 
 @pytest.mark.parametrize(
-    ("what", "code", "text"),
+    ("what", "exit_code", "code"),
     [
-        ("nowhere.mcap", 7, "no such file"),
-        ("no-such-run", 2, "no run 'no-such-run'"),
-        ("", 2, "no run"),
+        ("nowhere.mcap", 7, "RID-FILE-UNKNOWN"),
+        ("no-such-run", 2, "RID-RUN-UNKNOWN"),
+        ("", 2, "RID-RUN-UNKNOWN"),
     ],
 )
 def test_what_is_not_there_is_told(
-    what: str, code: int, text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    what: str, exit_code: int, code: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run(["recover", what, "--runs", str(tmp_path)]) == code
-    assert text in capsys.readouterr().err
+    assert run(["recover", what, "--runs", str(tmp_path)]) == exit_code
+    assert f"[{code}]" in capsys.readouterr().err

@@ -9,33 +9,36 @@ import pytest
 from rid_daq.app import run
 
 DESIGN = "design ir361 -o motion.yaml"
+NO_EFFECT = "RID-OPTION-NO-EFFECT"
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "option", "code"),
     [
-        (f"{DESIGN} --tries 9", "--tries: has no effect with --kind excitation"),
-        (f"{DESIGN} --method two-harmonic --for sx3", "--for: has no effect with --kind exc"),
-        (f"{DESIGN} --method two-harmonic --given m.json", "--given: has no effect"),
-        (f"{DESIGN} --method two-harmonic --model m.json", "--model: has no effect"),
-        (f"{DESIGN} --no-slow", "--slow: has no effect with --kind excitation"),
-        (f"{DESIGN} --kind reversed --band 1:2", "--band: has no effect with --kind reversed"),
-        (f"{DESIGN} --kind multisine --harmonics 4", "--harmonics: has no effect with --kind mul"),
-        (f"{DESIGN} --kind constant-velocity --period 5", "--period: has no effect with --kind"),
-        (f"{DESIGN} --for sx3 --criterion condition", "--for replaces --criterion"),
-        ("validate m.json latest --mass 9", "--mass: has no effect without --base-limits"),
-        ("validate m.json latest --cell ir361", "--cell: has no effect with a run"),
-        ("validate m.json here.yaml --limits 9", "--limits: has no effect with a motion file"),
-        ("sensitivity --doubt-links 5", "--doubt-links: has no effect without --draws"),
+        (f"{DESIGN} --tries 9", "--tries", NO_EFFECT),
+        (f"{DESIGN} --method two-harmonic --for sx3", "--for", NO_EFFECT),
+        (f"{DESIGN} --method two-harmonic --given m.json", "--given", NO_EFFECT),
+        (f"{DESIGN} --method two-harmonic --model m.json", "--model", NO_EFFECT),
+        (f"{DESIGN} --no-slow", "--slow", NO_EFFECT),
+        (f"{DESIGN} --kind reversed --band 1:2", "--band", NO_EFFECT),
+        (f"{DESIGN} --kind multisine --harmonics 4", "--harmonics", NO_EFFECT),
+        (f"{DESIGN} --kind constant-velocity --period 5", "--period", NO_EFFECT),
+        (f"{DESIGN} --for sx3 --criterion condition", "--for", "RID-OPTION-EXCLUSIVE"),
+        ("validate m.json latest --mass 9", "--mass", "RID-REQUEST-INVALID"),
+        ("validate m.json latest --cell ir361", "--cell", NO_EFFECT),
+        ("validate m.json here.yaml --limits 9", "--limits", NO_EFFECT),
+        ("sensitivity --doubt-links 5", "--doubt-links", "RID-REQUEST-INVALID"),
         (
             "stream ir361 here.yaml --model m --loop l --wait 9",
-            "--wait has no effect with a motion file",
+            "--wait",
+            NO_EFFECT,
         ),
     ],
 )
 def test_an_option_without_effect_is_refused(
     words: str,
-    told: str,
+    option: str,
+    code: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -43,7 +46,9 @@ def test_an_option_without_effect_is_refused(
     monkeypatch.chdir(tmp_path)
     Path("here.yaml").write_text("kind: fourier")
     assert run(words.split()) == 2
-    assert told in capsys.readouterr().err
+    refused = capsys.readouterr().err
+    assert option in refused
+    assert f"[{code}]" in refused
     assert [path.name for path in tmp_path.iterdir()] == ["here.yaml"]
 
 
@@ -62,18 +67,18 @@ def test_an_option_without_effect_is_refused(
     ],
 )
 @pytest.mark.parametrize(
-    ("name", "code", "told"),
+    ("name", "exit_code", "code"),
     [
-        ("mine", 2, "mine: the file exists already; give another name, or --overwrite"),
-        ("folder", 7, "folder: cannot be written, because it is not a regular file"),
-        ("nowhere/mine", 7, "nowhere/mine: cannot be written: folder nowhere does not exist"),
+        ("mine", 2, "RID-OUTPUT-EXISTS"),
+        ("folder", 7, "RID-FILE-WRITE"),
+        ("nowhere/mine", 7, "RID-FILE-WRITE"),
     ],
 )
 def test_an_output_is_judged_before_anything_is_computed(
     words: str,
     name: str,
-    code: int,
-    told: str,
+    exit_code: int,
+    code: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -81,6 +86,8 @@ def test_an_output_is_judged_before_anything_is_computed(
     monkeypatch.chdir(tmp_path)
     Path("mine").write_text("a week's work")
     Path("folder").mkdir()
-    assert run([*words.split(), name]) == code
-    assert told in capsys.readouterr().err
+    assert run([*words.split(), name]) == exit_code
+    refused = capsys.readouterr().err
+    assert f"{name}: " in refused
+    assert f"[{code}]" in refused
     assert Path("mine").read_text() == "a week's work"
