@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from config.errors import LockedError
+from config.errors import LockedError, PreflightError
 from config.load import LoadedCell, load_cell
+from rid_daq.session import cells
 from rid_daq.session.cells import hold_reachable_cell
 from rid_daq.session.ownership import own_cell
 from tests.builders.raised_codes import raises_code
@@ -45,4 +46,17 @@ def test_a_cell_that_a_service_owns_is_not_opened_by_others(
 
 def test_a_cell_has_one_service(real: LoadedCell) -> None:
     with own_cell(real.config), raises_code(LockedError, "RID-CELL-BUSY"), own_cell(real.config):
+        pass
+
+
+def test_a_cell_with_unfit_data_sheets_is_not_opened(
+    real: LoadedCell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(_loaded: LoadedCell) -> None:
+        raise PreflightError("axis1, node 1: 6077h:00 is missing", code="RID-EDS-UNFIT")
+
+    monkeypatch.setattr(cells, "refuse_unfit_eds", refuse)
+    with raises_code(PreflightError, "RID-EDS-UNFIT", "axis1"), hold_reachable_cell(real):
+        pass
+    with hold_reachable_cell(real, any_eds=True):
         pass
