@@ -13,7 +13,7 @@ import argparse
 import ast
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -82,11 +82,17 @@ def _held_texts(scope: ast.Module | ast.FunctionDef | ast.AsyncFunctionDef) -> T
             found |= _parameters(decorator)
     own = (node for child in scope.body if not _is_scope(child) for node in ast.walk(child))
     for node in own:
-        value = node.iter if isinstance(node, ast.For) else getattr(node, "value", None)
-        targets = {ast.Assign: "targets", ast.AnnAssign: "target", ast.For: "target"}
-        target = getattr(node, targets.get(type(node), ""), None)
-        names = [target] if isinstance(target, ast.AST) else target or []
-        if isinstance(value, ast.expr) and not isinstance(value, ast.Call):
+        names: Sequence[ast.expr]
+        match node:
+            case ast.Assign(targets=names, value=value):
+                pass
+            case ast.AnnAssign(target=name, value=ast.expr() as value):
+                names = [name]
+            case ast.For(target=name, iter=value):
+                names = [name]
+            case _:
+                continue
+        if not isinstance(value, ast.Call):
             found |= {name.id: _texts(value) for name in names if isinstance(name, ast.Name)}
     return found
 
