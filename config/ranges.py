@@ -1,8 +1,8 @@
 """Allowed ranges of the numbers in requests, the same for every interface.
 
 A request's field declares its range in its type. The bounds of the command-line option (`least`,
-`most`) and the JSON schema of the request come from that type. A request (`Ranged`) refuses a
-number that is out of range or not finite when it is constructed.
+`upper_bound`) and the JSON schema of the request come from that type. A request (`Ranged`) refuses
+a number that is out of range or not finite when it is constructed.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ class Ranged:
                 raise ConfigError(f"{key_name(path)}: {text}", code=CODE)
 
 
-def most(annotated: Any) -> Any:
+def upper_bound(annotated: Any) -> Any:
     """Return the upper bound of a type with a range."""
     return next(found for found in _bounds(annotated.__metadata__, "le"))
 

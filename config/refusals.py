@@ -1,4 +1,4 @@
-"""`described`: a validator's error in a YAML file as text, with line and expectation."""
+"""`describe_error`: a validator's error in a YAML file as text, with line and expectation."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ WRITTEN: Final = {
 """Explanation of each text pattern that the models use."""
 
 
-def described(tree: YamlTree, detail: ErrorDetails, model: Any) -> str:
+def describe_error(tree: YamlTree, detail: ErrorDetails, model: Any) -> str:
     """Return one validation error as a line of text.
 
     Args:

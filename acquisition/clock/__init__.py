@@ -2,5 +2,5 @@
 
 The files of this folder read no files. Begin with `judgement.py`. It drops the repeated rows that
 `repeats.py` finds and estimates the times with `intervals.py`. It accepts these times only if
-`left_out.py` and `torque_test.py` confirm them.
+`left_out_joints.py` and `torque_test.py` confirm them.
 """

@@ -9,7 +9,7 @@ import numpy as np
 
 from acquisition.clock.derived import velocity_changes_in_repeats, velocity_depends_on_stamps
 from acquisition.clock.intervals import LARGEST_RATE_ERROR, RATE_KEPT, Times, estimate_times
-from acquisition.clock.left_out import LEAST_GAIN, left_out_gain
+from acquisition.clock.left_out_joints import LEAST_GAIN, left_out_gain
 from acquisition.clock.repeats import (
     FEWEST_ROWS,
     interpolate_repeats,

@@ -12,7 +12,7 @@ from acquisition.motion.collision import clear_rows
 from config.arrays import FloatArray
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
-from config.ranges import CODE, JogPercent, most
+from config.ranges import CODE, JogPercent, upper_bound
 from config.robot.robot import RobotDescription
 from dynamics.geometry.clearances import Clearances
 from dynamics.geometry.kinematics import Chain, forward
@@ -20,7 +20,7 @@ from dynamics.geometry.kinematics import Chain, forward
 REDUCED_SPEED_M_S: Final = 0.25
 """Largest speed of the tool point with people near the robot (ISO 10218-1, reduced speed)."""
 
-FASTEST_SHARE: Final = most(JogPercent) / 100.0
+FASTEST_SHARE: Final = upper_bound(JogPercent) / 100.0
 LIMIT_MARGIN: Final = 0.01
 STEP: Final = 0.01
 

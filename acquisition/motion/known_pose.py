@@ -38,7 +38,7 @@ class KnownPose:
     """
 
     position: tuple[float, ...]
-    seen: str
+    source: str
     binding: bool = True
 
     def displacements(self, robot: RobotDescription, position: Sequence[float]) -> list[str]:
@@ -60,7 +60,7 @@ class KnownPose:
         shown = ", ".join(moved[:_MOST_NAMED])
         more = len(moved) - _MOST_NAMED
         others = f" and {more} more" if more > 0 else ""
-        return f"the robot is not at the pose in which {self.seen} left it: {shown}{others}"
+        return f"the robot is not at the pose in which {self.source} left it: {shown}{others}"
 
     def refuse_moved(self, robot: RobotDescription, position: Sequence[float]) -> str:
         """Raise an error if a joint is not at its last known position.

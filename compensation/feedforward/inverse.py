@@ -153,7 +153,7 @@ def padding_rows(step_s: float) -> int:
     return round((2.0 * REST_S + RETURN_S) / step_s)
 
 
-def returned(values: FloatArray, step_s: float) -> FloatArray:
+def append_return(values: FloatArray, step_s: float) -> FloatArray:
     """Append a smooth return to the first row, so that the periodic signal has no jump.
 
     The return is much longer than the integral time of a velocity loop, so its effect has decayed
@@ -185,7 +185,7 @@ def rest_to_rest_feedforward(
     A slow return makes the motion periodic, so that delays are compensated to fractions of a cycle.
     Parameters and result are those of `feedforward`.
     """
-    speed, torque = (returned(values, cycle_time_s) for values in (velocity, torque_nm))
+    speed, torque = (append_return(values, cycle_time_s) for values in (velocity, torque_nm))
     ahead = periodic_feedforward(loops, speed, torque, cycle_time_s, tuning=tuning)
     return ahead[: len(velocity)]
 

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from acquisition.motion.samples import MotionSamples
 from acquisition.signals.bins import from_bins, to_bins
-from compensation.feedforward.inverse import inverse_response, refuse_coupled_wrist, returned
+from compensation.feedforward.inverse import append_return, inverse_response, refuse_coupled_wrist
 from compensation.feedforward.repeated_error import RepeatedError
 from compensation.loops.multisine_spectra import interpolation_response
 from compensation.loops.velocity_loop import VelocityLoop
@@ -119,7 +119,7 @@ def refinement(
     step_s = samples.sample_period_s
     smooth = without_jumps(estimate)
     bound = stability_bound(samples, smooth, loops, gain_per_s)
-    error = measured.error if measured.periodic else returned(measured.error, step_s)
+    error = measured.error if measured.periodic else append_return(measured.error, step_s)
     rows = len(error)
     highest = (rows - 1) // 2
     frequency_hz = np.arange(highest + 1) / (rows * step_s)
@@ -277,7 +277,7 @@ def _missing_torque(
     at = measured.rows
     wanted = (samples.position[at], samples.velocity[at], samples.acceleration[at])
     missed = predict(smooth, *wanted) - predict(smooth, wanted[0] - e, wanted[1] - v, wanted[2] - a)
-    return missed if measured.periodic else returned(missed, samples.sample_period_s)
+    return missed if measured.periodic else append_return(missed, samples.sample_period_s)
 
 
 def _band_window(frequency_hz: FloatArray, band_hz: float) -> FloatArray:

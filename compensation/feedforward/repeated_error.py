@@ -11,7 +11,7 @@ import numpy as np
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.processing.periods import average_periods
 from acquisition.recording.recording import Recording
-from compensation.feedforward.inverse import padding_rows, returned
+from compensation.feedforward.inverse import append_return, padding_rows
 from config.arrays import FloatArray, freeze
 from config.errors import DataQualityError
 
@@ -98,7 +98,7 @@ def _of_runs(samples: MotionSamples, recordings: Sequence[Recording]) -> Repeate
         )
     errors = np.array([samples.position - _position(samples, one) for one in recordings])
     count = len(errors)
-    padded = np.array([returned(error, samples.sample_period_s) for error in errors])
+    padded = np.array([append_return(error, samples.sample_period_s) for error in errors])
     bins = np.fft.rfft(padded, axis=1) / padded.shape[1]
     noise = np.square(np.abs(bins - bins.mean(axis=0))).sum(axis=0) / (count - 1) / count
     # A single bin of two or three runs is uncertain: average over neighbours.

@@ -30,7 +30,7 @@ from compensation.loops.multisine_spectra import interpolation_response
 from compensation.loops.velocity_loop import VelocityLoop
 from config.arrays import FloatArray, freeze
 from config.errors import DataQualityError
-from dynamics.model.memory import with_memory
+from dynamics.model.memory import with_presliding_history
 from identification.estimation.estimate import Estimate, predict
 
 Complex = NDArray[np.complex128]
@@ -104,7 +104,7 @@ def tune(
         )
     ahead = samples.velocity if samples.feedforward is None else samples.feedforward
     reached = differentiate_on_bins(samples.position[rows] - measured.error, step_s, highest)
-    before = with_memory(estimate.model, reached.position, periodic=True)
+    before = with_presliding_history(estimate.model, reached.position, periodic=True)
     torque = to_bins(predict(estimate, *reached, before), highest)[1:]
     sent = to_bins(gain_per_s * measured.error + ahead[rows], highest)[1:]
     speed = to_bins(reached.velocity, highest)[1:]

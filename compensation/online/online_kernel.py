@@ -39,8 +39,8 @@ from compensation.online.path_kernels import (
 )
 from config.arrays import FloatArray, IntArray
 from dynamics.kernels.simd import kernel
+from dynamics.model.hysteretic_sample import LAST, hysteretic_torque, update_presliding
 from dynamics.model.one_sample import ModelArrays, sample_torque
-from dynamics.model.remembered_sample import LAST, go_to, hysteretic_torque
 
 # More rows of `axes`.
 GAIN: Final = 5  # K_p over the tuned scale
@@ -136,7 +136,7 @@ def next_set_point(
         for j in range(n):
             if abs(head[Q, j] - memory[DRIVEN, j, LAST]) > DUST:
                 counts[SEEING] = 0
-        go_to(head[Q], axes[PRESLIDING : PRESLIDING + 2], memory[DRIVEN], found)
+        update_presliding(head[Q], axes[PRESLIDING : PRESLIDING + 2], memory[DRIVEN], found)
         hysteretic_torque(model, head[0], head[1], head[2], found, torque)
     elif known:
         node = nodes[counts[NODE] % nodes.shape[0]]
@@ -175,9 +175,11 @@ def next_set_point(
 
 
 @kernel
-def see(position: FloatArray, axes: FloatArray, memory: FloatArray, found: FloatArray) -> None:
+def observe_position(
+    position: FloatArray, axes: FloatArray, memory: FloatArray, found: FloatArray
+) -> None:
     """Update the measured state from a position (n,), on the way to the path and at its start."""
-    go_to(position, axes[PRESLIDING : PRESLIDING + 2], memory[SEEN], found)
+    update_presliding(position, axes[PRESLIDING : PRESLIDING + 2], memory[SEEN], found)
 
 
 @kernel
@@ -195,13 +197,13 @@ def _adopt_measured_state(
     The head's torques before and after are compared, so that its other torques are kept.
     """
     n = len(torque)
-    go_to(head[Q], presliding, memory[DRIVEN], found)
+    update_presliding(head[Q], presliding, memory[DRIVEN], found)
     hysteretic_torque(model, head[0], head[1], head[2], found, torque)
     for j in range(n):
         state[CHANGE, j] = -torque[j]
         memory[DRIVEN, j] = memory[SEEN, j]
         memory[DRIVEN, j, LAST] = head[Q, j]
-    go_to(head[Q], presliding, memory[DRIVEN], found)
+    update_presliding(head[Q], presliding, memory[DRIVEN], found)
     hysteretic_torque(model, head[0], head[1], head[2], found, torque)
     for j in range(n):
         change = torque[j] + state[CHANGE, j]

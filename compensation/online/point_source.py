@@ -21,7 +21,7 @@ from compensation.online.point_ring import READ, PointRing, PointsFailed
 from config.arrays import FloatArray, PhaseArray
 from config.errors import ConfigError, DriverError
 from dynamics.kernels.presliding import FOUND
-from dynamics.model.remembered_sample import unknown
+from dynamics.model.hysteretic_sample import initial_states
 
 FEWEST_NODES: Final = 64
 MOST_NODES: Final = 2048
@@ -151,7 +151,7 @@ class PointSource:
         self._nodes = np.zeros((nodes, path.NODE_ROWS, n))
         self._line = np.zeros((places, 4, n))
         self._state = np.zeros((stage.STATE_ROWS, n))
-        self._memory = np.array([unknown(n), unknown(n)])
+        self._memory = np.array([initial_states(n), initial_states(n)])
         self._found = np.zeros((n, FOUND))
         self._position = np.zeros(n)
         self._seen = np.full(n, np.iinfo(np.int64).max // 2)  # counts: none yet
@@ -197,7 +197,7 @@ class PointSource:
         for _ in range(forward.delay_cycles):
             self._may_continue()
         self._observe_joints()  # compiled here; the result does not matter
-        self._memory[stage.SEEN] = unknown(n)
+        self._memory[stage.SEEN] = initial_states(n)
 
     def begin(self, lockstep: bool, position: FloatArray) -> FloatArray:
         """Return the pose at which the motion begins."""
@@ -244,7 +244,7 @@ class PointSource:
         return SetPoint(position, velocity, ahead, point, phase)
 
     def _observe_joints(self) -> None:
-        stage.see(self._position, self._feedforward.axes, self._memory, self._found)
+        stage.observe_position(self._position, self._feedforward.axes, self._memory, self._found)
 
     def _may_continue(self) -> bool:
         forward, ring = self._feedforward, self._ring

@@ -1,4 +1,4 @@
-"""A motion of any kind, timed to the limits of an identified model: `retimed`."""
+"""A motion of any kind, timed to the limits of an identified model: `retime_path`."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class TimedMotion:
         return 1.0 - self.moving_s / self.original_s
 
 
-def weighed(estimate: Estimate, mass_kg: float | None) -> Estimate:
+def with_robot_weight(estimate: Estimate, mass_kg: float | None) -> Estimate:
     """Return an estimate with the robot's weight added; a force plate cannot measure it.
 
     Args:
@@ -69,7 +69,7 @@ def weighed(estimate: Estimate, mass_kg: float | None) -> Estimate:
     return replace(estimate, values=values, covariance_jackknife=covariance, covariance_noise=noise)
 
 
-def retimed(
+def retime_path(
     samples: MotionSamples,
     robot: RobotDescription,
     estimate: Estimate,

@@ -21,19 +21,19 @@ def interval(value: float, reach: float) -> tuple[str, str]:
     power = math.floor(math.log10(max(abs(value), reach)))
     power = 0 if _PLAIN[0] < power < _PLAIN[1] else power
     decimals = max(power - last, 0)
-    tail = f"·10{raised(power)}" if power else ""
+    tail = f"·10{superscript(power)}" if power else ""
     texts = [f"{round(each, -last) / 10.0**power:.{decimals}f}" for each in (value, reach)]
-    shown, around = (minus(f"{text}{tail}") for text in texts)
+    shown, around = (with_minus_sign(f"{text}{tail}") for text in texts)
     nothing = f"{0.0:.{decimals}f}{tail}"
-    return (nothing if shown == minus(f"-{nothing}") else shown), around
+    return (nothing if shown == with_minus_sign(f"-{nothing}") else shown), around
 
 
-def minus(text: str) -> str:
+def with_minus_sign(text: str) -> str:
     """Return a number's text with the typographic minus sign."""
     return text.replace("-", "\N{MINUS SIGN}")
 
 
-def raised(power: int) -> str:
+def superscript(power: int) -> str:
     """Return an exponent in superscript digits."""
     return str(power).translate(_SUPERSCRIPT)
 

@@ -84,10 +84,10 @@ def _body(link: int, name: str, part: UrdfCollision, place: FloatArray) -> Body:
 
 
 def _point(values: FloatArray) -> Point:
-    x, y, z = (clean(value) for value in values.tolist())
+    x, y, z = (without_rounding_errors(value) for value in values.tolist())
     return x, y, z
 
 
-def clean(value: float) -> float:
+def without_rounding_errors(value: float) -> float:
     """Return a value without rounding errors: 0 if below 1e-12, else rounded to 1e-15."""
     return 0.0 if abs(value) < 1e-12 else round(value, 15)

@@ -18,7 +18,7 @@ from config.robot.axis_lines import rows_of_axes
 from config.robot.joint_size import GRAVITY_M_S2, joint_sizes
 from config.robot.kinematic_table import Kinematics
 from config.robot.robot import Joint, RobotDescription, Vector3
-from config.robot.urdf_bodies import bodies_of_urdf, clean
+from config.robot.urdf_bodies import bodies_of_urdf, without_rounding_errors
 from config.robot.urdf_chain import UrdfArm, arm_between, held_positions
 from config.robot.urdf_limits import LimitDefaults, ReplacedValue, limits_of_urdf
 from config.robot.urdf_links import links_of_urdf
@@ -211,5 +211,5 @@ def _plain_name(name: str) -> str:
 
 
 def _vector(values: FloatArray) -> Vector3:
-    x, y, z = (clean(value) for value in values.tolist())
+    x, y, z = (without_rounding_errors(value) for value in values.tolist())
     return x, y, z

@@ -157,7 +157,7 @@ class AdapterFault(TimedFault):
     queue: Annotated[int, Field(ge=0, le=1000)] = 10
 
 
-class HeldUp(TimedFault):
+class TaskDelay(TimedFault):
     """A stalled computer: the cyclic task wakes up late.
 
     This works in lock-step only; in real time the computer's own clock wakes the task.
@@ -233,7 +233,7 @@ class DriveFault(TimedFault):
         return self.factor if self.factor is not None else 1.0 + 1e-6 * (self.ppm or 0.0)
 
 
-class ProcessKilled(TimedFault):
+class ProcessKill(TimedFault):
     """A process is killed (SIGKILL).
 
     Attributes:
@@ -245,7 +245,7 @@ class ProcessKilled(TimedFault):
     process: Literal["recorder", "task", "program"]
 
 
-class ProcessFrozen(TimedFault):
+class ProcessFreeze(TimedFault):
     """A process is suspended by SIGSTOP, and continued by SIGCONT.
 
     In simulated time this does not disturb the task, because its bus is suspended too; in real time
@@ -262,7 +262,7 @@ class ProcessFrozen(TimedFault):
     duration_s: Duration
 
 
-class ProgramSignalled(TimedFault):
+class ProgramSignal(TimedFault):
     """A signal is sent to the program itself.
 
     Attributes:
@@ -356,13 +356,13 @@ class AmplifierFault(ConfigModel):
 
 
 BusFault = Annotated[
-    FrameFault | StrangeFrames | AdapterFault | HeldUp,
+    FrameFault | StrangeFrames | AdapterFault | TaskDelay,
     Field(discriminator="kind"),
 ]
 
 
 ProgramFault = Annotated[
-    ProcessKilled | ProcessFrozen | ProgramSignalled | DiskFault,
+    ProcessKill | ProcessFreeze | ProgramSignal | DiskFault,
     Field(discriminator="kind"),
 ]
 

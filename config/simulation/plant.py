@@ -205,7 +205,7 @@ class UnmodelledAxis(ConfigModel):
         return self
 
 
-class Unmodelled(ConfigModel):
+class UnmodelledEffects(ConfigModel):
     """Effects that the estimated models do not have.
 
     Attributes:
@@ -236,7 +236,7 @@ class PlantConfig(PhysicalFile):
     axes: tuple[SimulatedAxis, ...] = Field(min_length=1)
     spring: SimulatedSpring | None = None
     plate: SimulatedPlate | None = None
-    unmodelled: Unmodelled | None = None
+    unmodelled: UnmodelledEffects | None = None
     payloads: dict[str, MountedBody] = Field(default_factory=dict)
     attached: str | None = None
 

@@ -32,7 +32,7 @@ from dynamics.kernels.vectors import (
     angular_motion,
     cross,
     dot,
-    eight_from,
+    eight_indices,
     joint_frame,
     load_vector,
     scale,
@@ -104,7 +104,7 @@ def pull_back(
     by_position = np.empty((joints, 1, LANES))
     sweep = (moves, gains, frames, screws, by_position)
     for start in range(first, last, LANES):
-        samples = eight_from(start, last)
+        samples = eight_indices(start, last)
         _sweep_out(chain, motion, samples, moves, frames)
         for one in range(len(by_joint)):
             gains[:] = 0.0

@@ -32,7 +32,7 @@ FOUND: Final = 4
 """Number of results for each position."""
 
 
-def begin() -> FloatArray:
+def initial_state() -> FloatArray:
     """Return the initial state of a joint: unknown history, no element is stretched."""
     return np.zeros(STATE)
 

@@ -24,7 +24,7 @@ from dynamics.kernels.vectors import (
     angular_motion,
     cross,
     dot,
-    eight_from,
+    eight_indices,
     joint_frame,
     load_vector,
     scale,
@@ -66,7 +66,7 @@ def fill_rigid_body(
     linear = np.empty((out.shape[1], 3, LANES))
     tile = np.zeros((out.shape[1], columns, LANES))
     for start in range(first, last, LANES):
-        samples = eight_from(start, last)
+        samples = eight_indices(start, last)
         w = dw = zero_vector()
         # Gravity acts as an acceleration of the base.
         dv = (w[0] - gravity[0], w[1] - gravity[1], w[2] - gravity[2])
@@ -126,7 +126,7 @@ def fill_rotors(
     angular = np.empty((out.shape[1], 3, LANES))
     linear = np.empty((out.shape[1], 3, LANES))
     for start in range(first, last, LANES):
-        samples = eight_from(start, last)
+        samples = eight_indices(start, last)
         w = dw = zero_vector()
         active = _start_base_screws(of_base, angular, linear)
         for link in range(joints + 1):

@@ -13,7 +13,7 @@ Rotation = tuple[Vector, Vector, Vector]  # its columns
 
 
 @kernel
-def eight_from(first: int, samples: int) -> Samples:
+def eight_indices(first: int, samples: int) -> Samples:
     """Return eight consecutive samples; the last is repeated if there are fewer."""
     last = samples - 1
     return (

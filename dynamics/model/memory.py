@@ -17,12 +17,12 @@ WHOLE: Final = 1.0 - 1e-9
 """Magnitude of the direction from which on the whole joint slides."""
 
 
-def presliding(model: RobotModel) -> tuple[Presliding, ...]:
+def presliding_of_model(model: RobotModel) -> tuple[Presliding, ...]:
     """Return the presliding distances of a model, joint by joint; empty if it has none."""
     return tuple(p for term in model.terms if isinstance(term, Friction) for p in term.presliding)
 
 
-def with_memory(
+def with_presliding_history(
     model: RobotModel,
     q: FloatArray,
     conditions: Conditions | None = None,
@@ -40,14 +40,14 @@ def with_memory(
             after a gap.
         periodic: The motion is one period of a periodic motion.
     """
-    conditions, own = conditions or Conditions(), presliding(model)
+    conditions, own = conditions or Conditions(), presliding_of_model(model)
     if not own:
         return conditions
     path = q if model.coupling is None else model.coupling.to_motors(q)
     return replace(conditions, memory=Memory.along(own, path, segment, periodic=periodic))
 
 
-def sliding(conditions: Conditions, moving: BoolArray) -> BoolArray:
+def sliding_samples(conditions: Conditions, moving: BoolArray) -> BoolArray:
     """Return the samples in which a whole joint slides, (samples, n): friction is sign(v)'s.
 
     These are the samples that move. For a joint with presliding, samples that are still affected by
@@ -61,7 +61,7 @@ def sliding(conditions: Conditions, moving: BoolArray) -> BoolArray:
     return whole
 
 
-def friction_known(conditions: Conditions, moving: BoolArray) -> BoolArray:
+def samples_with_known_friction(conditions: Conditions, moving: BoolArray) -> BoolArray:
     """Return the samples in which friction is known, (samples, n).
 
     These are the samples that move. For a joint with presliding they are the samples in which its

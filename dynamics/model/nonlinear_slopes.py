@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from config.arrays import FloatArray
-from dynamics.model.memory import presliding
+from dynamics.model.memory import presliding_of_model
 from dynamics.model.robot_model import RobotModel, checked_parameters
 from dynamics.terms.conditions import Conditions
 from dynamics.terms.term import NonlinearTerm
@@ -43,7 +43,7 @@ def nonlinear_slopes(
     memory = motion.conditions.memory
     if memory is not None and model.transmission.losses:
         by_direction = model.transmission.memory_slopes(motion)
-        for own in presliding(model):
+        for own in presliding_of_model(model):
             for parameter, steepness in memory.slopes(own):
                 place = model.nonlinear_names.index(parameter.name)
                 slopes[:, own.joint, place] += by_direction[:, own.joint] * steepness

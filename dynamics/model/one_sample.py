@@ -19,7 +19,7 @@ from config.errors import EstimationError
 from config.robot.wrist_coupling import WristCoupling
 from dynamics.kernels.friction import BY_SPEED, friction_function
 from dynamics.kernels.simd import kernel
-from dynamics.model.memory import presliding
+from dynamics.model.memory import presliding_of_model
 from dynamics.model.robot_model import RobotModel, checked_parameters
 from dynamics.terms.armature import Armature
 from dynamics.terms.friction import Friction
@@ -61,7 +61,7 @@ class SampleTorque:
         presliding: Shape (2, n). Presliding distance of each actuator [rad or m], 0 without
             presliding, and the fraction of its friction with hysteresis. A single sample does not
             contain the history of a joint: here it slides by sign(v);
-            `dynamics.model.remembered_sample` uses the hysteresis.
+            `dynamics.model.hysteretic_sample` uses the hysteresis.
     """
 
     joints: int
@@ -125,7 +125,7 @@ class SampleTorque:
             row[: len(numbers)] = numbers
         coupling = model.coupling or WristCoupling.of_matrix(np.eye(n))
         presliding_parameters = np.zeros((2, n))
-        for own in presliding(model):
+        for own in presliding_of_model(model):
             presliding_parameters[:, own.joint] = own.distance.value, own.share_value
         memory = np.zeros((n + 6, max(21, n, 6 * (n + 1))))
         memory[n + DIRECTION] = BY_SPEED

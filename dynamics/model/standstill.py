@@ -28,7 +28,7 @@ def standstill_speed(model: RobotModel, speed_rad_s: float) -> FloatArray:
     return np.asarray(np.minimum(given, SLOW_SHARE * limits))
 
 
-def moving(model: RobotModel, v: FloatArray, standstill_rad_s: float) -> BoolArray:
+def moving_actuators(model: RobotModel, v: FloatArray, standstill_rad_s: float) -> BoolArray:
     """Return where actuators move fast enough for their friction to be known, (samples, n).
 
     Args:
@@ -39,15 +39,15 @@ def moving(model: RobotModel, v: FloatArray, standstill_rad_s: float) -> BoolArr
     return np.asarray(np.abs(model.actuator_speed(v)) >= standstill_speed(model, standstill_rad_s))
 
 
-def moving_on(model: RobotModel, v: FloatArray, standstill_rad_s: float) -> BoolArray:
+def moving_without_reversal(model: RobotModel, v: FloatArray, standstill_rad_s: float) -> BoolArray:
     """Return where actuators move and do not reverse before the next or after the previous row.
 
     A slow recording may contain no row of a quick reversal, but friction jumps at it.
 
     Args:
-        model, v, standstill_rad_s: As for `moving`; consecutive rows.
+        model, v, standstill_rad_s: As for `moving_actuators`; consecutive rows.
     """
-    moves = moving(model, v, standstill_rad_s)
+    moves = moving_actuators(model, v, standstill_rad_s)
     speed = model.actuator_speed(v)
     turns = speed[1:] * speed[:-1] < 0.0
     moves[1:] &= ~turns

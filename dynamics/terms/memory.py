@@ -20,8 +20,8 @@ from dynamics.kernels.presliding import (
     DIRECTION,
     FOUND,
     KNOWN,
-    begin,
     drive_presliding,
+    initial_state,
 )
 from dynamics.terms.term_parameter import NonlinearParameter
 
@@ -93,7 +93,7 @@ class Memory:
         for column, own in enumerate(presliding):
             positions = np.ascontiguousarray(path[:, own.joint])
             for first, end in itertools.pairwise(starts):
-                state = begin()
+                state = initial_state()
                 rows, found = positions[first:end], out[first:end, column]
                 for _ in range(1 + periodic):
                     drive_presliding(rows, own.distance.value, own.share_value, state, found)

@@ -33,7 +33,7 @@ class LinkBody:
         return np.array(np.linalg.eigvalsh(self.inertia_kg_m2), dtype=float)
 
     @property
-    def can_exist(self) -> bool:
+    def is_consistent(self) -> bool:
         """True if the link is physically consistent (Traversaro 2016).
 
         Some distribution of positive mass must have these values.

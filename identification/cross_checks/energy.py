@@ -15,7 +15,7 @@ import numpy as np
 
 from config.arrays import FloatArray, IntArray
 from config.errors import EstimationError
-from dynamics.model.memory import with_memory
+from dynamics.model.memory import with_presliding_history
 from identification.equations.time_domain import TimeRun
 from identification.estimation.estimate import Estimate
 from identification.model.torque_columns import torque_columns
@@ -70,7 +70,9 @@ def _intervals(
     """
     for run in runs:
         event, signals = run.event, run.signals
-        known = with_memory(estimate.model, signals.position, run.conditions, signals.segment)
+        known = with_presliding_history(
+            estimate.model, signals.position, run.conditions, signals.segment
+        )
         run = replace(run, conditions=known)
         for number in range(int(run.signals.segment[-1]) + 1):
             rows = np.flatnonzero(run.signals.segment == number)

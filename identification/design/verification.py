@@ -40,7 +40,7 @@ class LimitUse:
     used: float
     limit: float
     unit: str
-    held: bool
+    is_met: bool
     active: bool
 
 
@@ -100,7 +100,7 @@ def check_motion(
     broken += [
         f"{use.what}: {use.used:.4g} {use.unit}, but the limit is {use.limit:.4g} {use.unit}"
         for use in uses
-        if not use.held
+        if not use.is_met
     ]
     information = problem.information(problem.weighted_rows(regressor(problem.model, *period)))
     known = bool((np.diagonal(information) > 0.0).all())
@@ -177,7 +177,7 @@ def _limit_use(
     problem: ExcitationProblem, what: str, used: float, limit: float, unit: str
 ) -> LimitUse:
     active = used >= ACTIVE_SHARE * problem.limit_fraction * limit
-    return LimitUse(what, used, limit, unit, held=used <= limit * (1.0 + 1e-9), active=active)
+    return LimitUse(what, used, limit, unit, is_met=used <= limit * (1.0 + 1e-9), active=active)
 
 
 def _distance_uses(problem: ExcitationProblem, rows: _Rows) -> tuple[LimitUse, ...]:
@@ -189,7 +189,7 @@ def _distance_uses(problem: ExcitationProblem, rows: _Rows) -> tuple[LimitUse, .
             float(distance),
             margin,
             "m",
-            held=bool(distance >= margin),
+            is_met=bool(distance >= margin),
             active=bool(distance < margin + ACTIVE_DISTANCE_M),
         )
         for name, distance in zip(clearances.names, clearances.nearest(rows.q), strict=True)

@@ -21,9 +21,13 @@ from acquisition.signals.bins import Derivatives, differentiate_on_bins, filter_
 from config.arrays import BoolArray, FloatArray
 from config.cell.cell import ButterworthFilter
 from config.errors import EstimationError
-from dynamics.model.memory import friction_known, sliding, with_memory
+from dynamics.model.memory import (
+    samples_with_known_friction,
+    sliding_samples,
+    with_presliding_history,
+)
 from dynamics.model.robot_model import RobotModel
-from dynamics.model.standstill import moving
+from dynamics.model.standstill import moving_actuators
 from dynamics.terms.conditions import Conditions
 from identification.equations.base_wrench import (
     BaseWrenchEquations,
@@ -138,7 +142,7 @@ def bin_equations(
     measured = average.reaction if plate else None
     wrench_matrix = np.zeros((0 if measured is None else 6, *shape[1:]))
     warmth = Conditions(temperature_k=average.temperature_k, payload=payload)
-    conditions = with_memory(model, q, warmth, periodic=True)
+    conditions = with_presliding_history(model, q, warmth, periodic=True)
     for start in range(0, len(q), BLOCK_ROWS):
         rows = slice(start, start + BLOCK_ROWS)
         motion = (q[rows], v[rows], a[rows])
@@ -157,7 +161,7 @@ def bin_equations(
     torque = to_bins(average.torque_nm, harmonics) / response[:, np.newaxis]
     gain = np.abs(response)[:, np.newaxis]
     sigma = np.sqrt(_smooth_variance(average.torque_bin_variance, average.periods_kept))
-    slow = ~friction_known(conditions, moving(model, v, standstill_rad_s))
+    slow = ~samples_with_known_friction(conditions, moving_actuators(model, v, standstill_rad_s))
     return BinEquations(
         harmonics=harmonics,
         period_s=period_s,
@@ -186,9 +190,13 @@ def counted_samples(
     """
     q, v = mean_motion(average, band_hz)
     warmth = Conditions(temperature_k=average.temperature_k)
-    conditions = with_memory(model, q, warmth, periodic=True)
+    conditions = with_presliding_history(model, q, warmth, periodic=True)
     finer = len(q) // average.samples_per_period
-    return np.asarray(friction_known(conditions, moving(model, v, standstill_rad_s))[::finer])
+    return np.asarray(
+        samples_with_known_friction(conditions, moving_actuators(model, v, standstill_rad_s))[
+            ::finer
+        ]
+    )
 
 
 def with_free_reversals(
@@ -207,8 +215,8 @@ def with_free_reversals(
         standstill_rad_s: Below this speed a joint does not slide.
     """
     q, v, _ = _motion(average, equations.harmonics)
-    conditions = with_memory(model, q, periodic=True)
-    held = ~sliding(conditions, moving(model, v, standstill_rad_s))
+    conditions = with_presliding_history(model, q, periodic=True)
+    held = ~sliding_samples(conditions, moving_actuators(model, v, standstill_rad_s))
     period_s, harmonics = equations.period_s, equations.harmonics
     return replace(
         equations,

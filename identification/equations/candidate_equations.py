@@ -26,7 +26,7 @@ from acquisition.processing.unfiltered import UnfilteredSignals
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import EstimationError
 from dynamics.model.robot_model import RobotModel, regressor
-from dynamics.model.standstill import moving, moving_on
+from dynamics.model.standstill import moving_actuators, moving_without_reversal
 from dynamics.terms.conditions import Conditions
 from identification.equations.friction_columns import Column, friction_column
 from identification.model.base_parameters import BaseParameters
@@ -348,7 +348,7 @@ def _piece(
     torque = np.fft.rfft(with_padding(run.torque_nm[rows], length * stride), axis=0)
     speed = model.actuator_speed(run.velocity[thin])
     # A low-passed velocity does not jump across zero, but crosses it at a wrong time.
-    of_rows = moving_on if isinstance(run, UnfilteredSignals) else moving
+    of_rows = moving_without_reversal if isinstance(run, UnfilteredSignals) else moving_actuators
     return Piece(
         rigid=rigid,
         speed=speed,

@@ -17,9 +17,13 @@ import numpy as np
 from acquisition.processing.smoothing import SmoothedSignals, low_pass
 from acquisition.processing.unfiltered import UnfilteredSignals, window_mean, window_reach
 from config.arrays import BoolArray, FloatArray, IntArray
-from dynamics.model.memory import friction_known, presliding, with_memory
+from dynamics.model.memory import (
+    presliding_of_model,
+    samples_with_known_friction,
+    with_presliding_history,
+)
 from dynamics.model.robot_model import RobotModel
-from dynamics.model.standstill import moving, moving_on
+from dynamics.model.standstill import moving_actuators, moving_without_reversal
 from dynamics.terms.conditions import Conditions
 from identification.equations.torque_kinks import integrable_torque
 
@@ -63,19 +67,19 @@ class ParallelFilter:
         """
         signals, source = self.signals, self.signals.unfiltered
         if source is None:
-            return with_memory(model, signals.position, own, signals.segment)
+            return with_presliding_history(model, signals.position, own, signals.segment)
         if own.temperature_k is not None and np.ndim(own.temperature_k) == 2:
             warmth = [
                 np.interp(source.time_s, signals.time_s, each) for each in own.temperature_k.T
             ]
             own = replace(own, temperature_k=np.stack(warmth, axis=1))
-        if not presliding(model):
+        if not presliding_of_model(model):
             return own
         path = np.empty_like(source.position)
         for number in np.unique(source.segment):
             rows = source.segment == number
             path[rows] = low_pass(source.position[rows], source.sample_period_s, signals.cutoff_hz)
-        return with_memory(model, path, own, source.segment)
+        return with_presliding_history(model, path, own, source.segment)
 
     def window(self, rows: IntArray) -> tuple[slice, IntArray]:
         """Return the source's rows that affect some rows, and the indices of those rows.
@@ -147,7 +151,7 @@ class ParallelFilter:
             standstill_rad_s: Below this speed a joint counts as standing still.
         """
         signals, source = self.signals, self.source
-        of_rows = moving if signals.unfiltered is None else moving_on
+        of_rows = moving_actuators if signals.unfiltered is None else moving_without_reversal
         moves = of_rows(model, source.velocity, standstill_rad_s)
         known, reach = moves, 0
         if signals.unfiltered is not None:
@@ -158,7 +162,9 @@ class ParallelFilter:
         if reach + before + after:
             known = ~_rows_near(~self._known(moves), source.segment, reach + before, reach + after)
         pause = self._rows(1.0 / signals.cutoff_hz)
-        use = friction_known(whole, known) & _rows_near(moves, source.segment, pause, pause)
+        use = samples_with_known_friction(whole, known) & _rows_near(
+            moves, source.segment, pause, pause
+        )
         rows = self._places(np.arange(len(signals)))
         return use[rows], moves[rows]
 

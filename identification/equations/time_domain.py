@@ -11,7 +11,7 @@ import numpy as np
 from acquisition.processing.smoothing import SmoothedSignals
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import EstimationError
-from dynamics.model.memory import presliding
+from dynamics.model.memory import presliding_of_model
 from dynamics.model.robot_model import RobotModel
 from dynamics.terms.conditions import Conditions
 from identification.equations.low_passed import ColumnCache, LowPassedColumns
@@ -179,7 +179,7 @@ def count_rows(model: RobotModel, run: TimeRun) -> int:
 
 def _always_filtered(model: RobotModel, signals: SmoothedSignals) -> bool:
     narrow = signals.channel is not None and signals.channel.changes
-    return narrow or signals.unfiltered is not None or bool(presliding(model))
+    return narrow or signals.unfiltered is not None or bool(presliding_of_model(model))
 
 
 def _blocks(segment: IntArray) -> Iterator[slice]:

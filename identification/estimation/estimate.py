@@ -14,7 +14,7 @@ from acquisition.processing.torque_channel import TorqueChannel
 from config.arrays import FloatArray, freeze
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
-from dynamics.model.memory import with_memory
+from dynamics.model.memory import with_presliding_history
 from dynamics.model.robot_model import RobotModel, base_wrench_regressor, load_torque, regressor
 from dynamics.terms.conditions import Conditions
 from identification.equations.plate_fit import PlateFit
@@ -237,7 +237,7 @@ def predict(
     if isinstance(estimate, Estimate):
         _refuse_other_positions(estimate, q)
     if conditions is None or conditions.memory is None:
-        conditions = with_memory(model, q, conditions)
+        conditions = with_presliding_history(model, q, conditions)
     for start in range(0, len(q), BLOCK_ROWS):
         rows = slice(start, start + BLOCK_ROWS)
         block = conditions.part(rows)

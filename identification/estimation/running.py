@@ -60,7 +60,7 @@ class RunningEstimate:
     stretches: Mapping[int, tuple[Triangle, ...]]
 
     @classmethod
-    def begin(cls, model: RobotModel, standstill_rad_s: float) -> RunningEstimate:
+    def empty(cls, model: RobotModel, standstill_rad_s: float) -> RunningEstimate:
         """Return an estimate without rows.
 
         Raises:

@@ -17,7 +17,14 @@ from config.robot.robot import Joint
 from dynamics.geometry.kinematics import Chain
 from identification.consistency.rigid_body import LinkBody
 from identification.export.model import ExportModel, StraightFriction
-from identification.export.text import head, nested, numbers, plain, render, source_name
+from identification.export.text import (
+    comment_text,
+    header_lines,
+    nested_tuples,
+    numbers,
+    render,
+    source_name,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,11 +43,11 @@ class _Place:
 
     @property
     def rows(self) -> str:
-        return nested(self.frame[:3, :3])
+        return nested_tuples(self.frame[:3, :3])
 
     @property
     def origin(self) -> str:
-        return nested(self.frame[:3, 3])
+        return nested_tuples(self.frame[:3, 3])
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,8 +123,8 @@ def _render(template: str, model: ExportModel) -> str:
     return render(
         template,
         name=source_name(robot.name),
-        head=head(model),
-        left_out=[plain(line) for line in model.omitted_properties(armatures=armatures)],
+        head=header_lines(model),
+        left_out=[comment_text(line) for line in model.omitted_properties(armatures=armatures)],
         mount=None if np.array_equal(model.upright, np.eye(3)) else _Place(upright),
         links=[_link(model, number) for number in range(len(robot.joints))],
         tool=_Place(_tool(model)),

@@ -15,7 +15,13 @@ from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from dynamics.terms.rotors import Rotors
 from dynamics.terms.spring import Spring
 from identification.export.model import ExportModel
-from identification.export.text import head, plain, render, source_name, temperatures
+from identification.export.text import (
+    comment_text,
+    header_lines,
+    render,
+    source_name,
+    temperature_lines,
+)
 
 Language = Literal["c", "python"]
 
@@ -58,7 +64,7 @@ def _render(template: str, model: ExportModel, language: Language) -> str:
     return render(
         template,
         name=source_name(model.robot.name),
-        head=(*head(model), *(temperatures(model) if warm else ())),
+        head=(*header_lines(model), *(temperature_lines(model) if warm else ())),
         joints=model.robot.joint_names,
         n=n,
         fixed=chain.fixed_rotations,
@@ -138,7 +144,7 @@ def _losses(model: ExportModel, language: Language) -> list[_Line]:
         value = loss.parameter.value
         driven = f"{f['pow']}({value!r}, -{s})"
         text = driven if loss.kind == "efficiency" else f"(1.0 + {value!r} * {s})"
-        lines.append(_Line(loss.joint, text, plain(loss.parameter.name)))
+        lines.append(_Line(loss.joint, text, comment_text(loss.parameter.name)))
     return lines
 
 
@@ -160,7 +166,7 @@ def _friction(model: ExportModel, language: Language) -> list[_Line]:
     lines = []
     for column, value in zip(term.columns, values, strict=True):
         text = f"({float(value)!r}) * {_friction_function(term, column, language)}"
-        lines.append(_Line(column.joint, text, plain(column.parameter_name)))
+        lines.append(_Line(column.joint, text, comment_text(column.parameter_name)))
     return lines
 
 

@@ -116,7 +116,7 @@ class ExportModel:
             EstimationError: A mass is not positive, or an inertia is impossible.
         """
         for number, link in enumerate(self.links, start=1):
-            if not link.can_exist:
+            if not link.is_consistent:
                 moments = ", ".join(f"{m:.4g}" for m in link.principal_moments_kg_m2)
                 raise EstimationError(
                     f"link {number} is physically impossible: mass {link.mass_kg:.4g} kg,"

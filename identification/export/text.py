@@ -12,25 +12,25 @@ import numpy as np
 
 from config.arrays import FloatArray
 from config.robot.robot import Joint
-from dynamics.model.memory import presliding
+from dynamics.model.memory import presliding_of_model
 from identification.export.model import ExportModel
 
 
-def head(model: ExportModel) -> tuple[str, ...]:
+def header_lines(model: ExportModel) -> tuple[str, ...]:
     """Return the lines of a file's header, safe in any comment: program and origin."""
     lines = (
         f"Robot {model.robot.name}, identified; written by rid-daq {version('rid-daq')}.",
         *model.origin,
         *_memory(model),
     )
-    return tuple(plain(line) for line in lines)
+    return tuple(comment_text(line) for line in lines)
 
 
 def _memory(model: ExportModel) -> tuple[str, ...]:
     """Return a note on presliding, which a file without states cannot represent."""
     numbers = [
         number
-        for each in presliding(model.model)
+        for each in presliding_of_model(model.model)
         for number in (each.distance, each.share)
         if number is not None
     ]
@@ -46,7 +46,7 @@ def _memory(model: ExportModel) -> tuple[str, ...]:
     )
 
 
-def temperatures(model: ExportModel) -> tuple[str, ...]:
+def temperature_lines(model: ExportModel) -> tuple[str, ...]:
     """Return the lines that explain a function's argument `temperature_k`."""
     warming = model.warming
     if warming is None:
@@ -72,7 +72,7 @@ def temperatures(model: ExportModel) -> tuple[str, ...]:
             f"  {joint.name}: T = {constant_s!r} s, f_C = {coulomb_nm!r} {coulomb},"
             f" f_v = {viscous_nm_s!r} {viscous}, T0 = {joint.reference_temperature_k!r} K"
         )
-    return tuple(map(plain, lines))
+    return tuple(map(comment_text, lines))
 
 
 def friction_units(joint: Joint) -> tuple[str, str]:
@@ -80,7 +80,7 @@ def friction_units(joint: Joint) -> tuple[str, str]:
     return ("N m", "N m s/rad") if joint.type == "revolute" else ("N", "N s/m")
 
 
-def plain(text: str) -> str:
+def comment_text(text: str) -> str:
     """Return a line that does not end a comment of XML, C or Python, without control characters."""
     visible = "".join(c if c.isprintable() else " " for c in text)
     return visible.replace("*/", "* /").replace("--", "- -").replace('"""', "'''").rstrip("\\")
@@ -98,12 +98,12 @@ def numbers(values: FloatArray | tuple[float, ...], separator: str = ", ") -> st
     return separator.join(map(repr, clean))
 
 
-def nested(matrix: FloatArray, left: str = "(", right: str = ")") -> str:
+def nested_tuples(matrix: FloatArray, left: str = "(", right: str = ")") -> str:
     """Return a matrix or a table as nested tuples, or with other brackets."""
     if matrix.ndim == 1:
         comma = "," if len(matrix) == 1 and left == "(" else ""
         return f"{left}{numbers(matrix)}{comma}{right}"
-    rows = ", ".join(nested(row, left, right) for row in matrix)
+    rows = ", ".join(nested_tuples(row, left, right) for row in matrix)
     comma = "," if len(matrix) == 1 and left == "(" else ""
     return f"{left}{rows}{comma}{right}"
 
@@ -117,6 +117,6 @@ def render(template: str, **values: Any) -> str:
         trim_blocks=False,
         autoescape=template.endswith((".urdf.j2", ".sdf.j2")),
     )
-    environment.filters["nested"] = nested
-    environment.filters["braces"] = lambda matrix: nested(matrix, "{", "}")
+    environment.filters["nested"] = nested_tuples
+    environment.filters["braces"] = lambda matrix: nested_tuples(matrix, "{", "}")
     return environment.from_string(text).render(**values)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from config.arrays import BoolArray, FloatArray, IntArray
-from dynamics.model.memory import presliding
+from dynamics.model.memory import presliding_of_model
 from dynamics.model.nonlinear_slopes import nonlinear_slopes
 from dynamics.model.robot_model import RobotModel, base_wrench_regressor, load_torque, regressor
 from dynamics.model.transmission import Transmission
@@ -127,7 +127,7 @@ def torque_structure(model: RobotModel, base: BaseParameters, slopes: bool) -> t
         (model.chain.n, len(base) + (len(model.nonlinear_names) if slopes else 0)), bool
     )
     directions = random.uniform(-1.0, 1.0, (3, 20, model.chain.n))
-    own = tuple(each.joint for each in presliding(model))
+    own = tuple(each.joint for each in presliding_of_model(model))
     direction, by_distance, by_share = directions[:, :, own]
     known = np.ones((20, len(own)), dtype=bool)
     memory = Memory(own, direction, by_distance, by_share, known)

@@ -95,7 +95,7 @@ class PayloadBody:
         return _least_rotated_axes(moments, axes)
 
     @property
-    def can_exist(self) -> bool:
+    def is_consistent(self) -> bool:
         """True if the body is physically consistent (Traversaro 2016).
 
         Some distribution of positive mass must have these values.

@@ -57,7 +57,7 @@ def carry(estimate: Estimate, payload: PayloadEstimate) -> Estimate:
         EstimationError: A parameter of the payload is not determined.
     """
     estimate = unloaded(estimate)
-    hidden = payload.seen_parameters.count(False)
+    hidden = payload.is_parameter_determined.count(False)
     if hidden:
         raise EstimationError(
             f"its motion did not determine {hidden} of the payload's ten parameters: identify the"

@@ -19,7 +19,7 @@ from identification.consistency.programme import ConsistencyProgramme
 from identification.consistency.pseudo_inertia import SMALLEST_BODY, pseudo_inertia
 from identification.payload.body import PARAMETERS, PayloadBody, reported, reported_slopes
 from identification.payload.equations import Procedure
-from identification.payload.known import Known, with_fixed_values
+from identification.payload.known import KnownPayloadValue, with_fixed_values
 from identification.payload.solution import SEEN
 from identification.regression.fit_grade import FitGrade, grade_fit
 
@@ -69,7 +69,7 @@ class PayloadEstimate:
     gain_slopes: FloatArray
     unseen: FloatArray
     condition_number: float
-    known: tuple[Known, ...]
+    known: tuple[KnownPayloadValue, ...]
     residual_nm: FloatArray
     payload_nm: FloatArray
     equations: int
@@ -92,12 +92,12 @@ class PayloadEstimate:
         freeze(self, EstimationError, (n,), *of_joints, what="payload ")
 
     @property
-    def seen_parameters(self) -> tuple[bool, ...]:
+    def is_parameter_determined(self) -> tuple[bool, ...]:
         """For each of `PARAMETERS`: True if the motion determines it."""
         return self._shown(np.eye(PARAMETERS_PER_LINK))
 
     @property
-    def seen(self) -> tuple[bool, ...]:
+    def is_determined(self) -> tuple[bool, ...]:
         """For each of `REPORTED`: True if the motion determines it."""
         return self._shown(self._slopes)
 
@@ -119,7 +119,7 @@ class PayloadEstimate:
     @property
     def reported(self) -> FloatArray:
         """Estimates of `REPORTED`, shape (10,); NaN if the motion does not determine them."""
-        return np.where(self.seen, reported(self.values), np.nan)
+        return np.where(self.is_determined, reported(self.values), np.nan)
 
     @property
     def sigma(self) -> FloatArray:
@@ -127,20 +127,20 @@ class PayloadEstimate:
 
         They are zero for values that are fixed by `known`.
         """
-        held = [quantity.name for quantity in self.known if quantity.held]
+        held = [quantity.name for quantity in self.known if quantity.is_exact]
         sigma = np.where(np.isin(REPORTED, held), 0.0, _sigma(self._slopes, self.covariance))
-        return np.where(self.seen, sigma, np.inf)
+        return np.where(self.is_determined, sigma, np.inf)
 
     @property
     def sigma_noise(self) -> FloatArray:
         """Standard deviations of `reported` from noise alone, shape (10,)."""
-        return np.where(self.seen, _sigma(self._slopes, self.covariance_noise), np.inf)
+        return np.where(self.is_determined, _sigma(self._slopes, self.covariance_noise), np.inf)
 
     @property
     def sigma_parameters(self) -> FloatArray:
         """Standard deviations of `values`, shape (10,)."""
         sigma = np.sqrt(np.maximum(np.diagonal(self.covariance), 0.0))
-        return np.where(self.seen_parameters, sigma, np.inf)
+        return np.where(self.is_parameter_determined, sigma, np.inf)
 
     @property
     def residual_share(self) -> FloatArray:
@@ -186,7 +186,7 @@ class PayloadEstimate:
         return PayloadBody.of_parameters(self.consistent[0])
 
     @property
-    def can_exist(self) -> bool:
+    def is_consistent(self) -> bool:
         """True unless the data reject every physically consistent body."""
         return self.consistent[1] >= SMALLEST_P
 
@@ -195,7 +195,9 @@ def closest_body(estimate: PayloadEstimate) -> tuple[FloatArray, float]:
     """Return the closest physically consistent body and its p-value; see `PayloadEstimate`."""
     if estimate.rank < PARAMETERS_PER_LINK:
         names = [
-            n for n, seen in zip(PARAMETERS, estimate.seen_parameters, strict=True) if not seen
+            n
+            for n, seen in zip(PARAMETERS, estimate.is_parameter_determined, strict=True)
+            if not seen
         ]
         raise EstimationError(
             f"the motion does not determine {', '.join(names)}, so the payload cannot be tested"

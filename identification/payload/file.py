@@ -18,7 +18,7 @@ from config.robot.robot import RobotDescription
 from identification.payload.body import PARAMETERS
 from identification.payload.equations import Procedure
 from identification.payload.estimate import PayloadEstimate
-from identification.payload.known import Known
+from identification.payload.known import KnownPayloadValue
 from identification.payload.verdict import PayloadCheck, PayloadResult
 
 LARGEST_FILE_BYTES = 5_000_000
@@ -131,7 +131,7 @@ def payload_content(data: bytes, path: Path) -> PayloadResult:
             unseen=np.array(document.unseen).reshape(
                 len(PARAMETERS), len(document.unseen[0]) if document.unseen else 0
             ),
-            known=tuple(known.to_dataclass(Known) for known in document.known),
+            known=tuple(known.to_dataclass(KnownPayloadValue) for known in document.known),
             cell_name=document.cell,
             run_ids=document.runs,
         )

@@ -92,8 +92,8 @@ def payload_findings(estimate: PayloadEstimate) -> tuple[PayloadFinding, ...]:
             np.full(6, WEAK_INERTIA_SHARE * largest_moment(estimate)),
         ]
     )
-    seen = np.array(estimate.seen)
-    unseen_ones = [i for i in range(PARAMETERS_PER_LINK) if not estimate.seen_parameters[i]]
+    seen = np.array(estimate.is_determined)
+    unseen_ones = [i for i in range(PARAMETERS_PER_LINK) if not estimate.is_parameter_determined[i]]
     weak = [i for i in np.flatnonzero(seen) if 2.0 * estimate.sigma[i] > limits[i]]
     if not unseen_ones and not weak:
         return ()

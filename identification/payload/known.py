@@ -1,4 +1,4 @@
-"""`Known`: a payload quantity known from another source, such as the mass from scales."""
+"""`KnownPayloadValue`: payload quantity known from another source, such as a mass from scales."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LARGEST_SHARE: Final = 0.5
 
 
 @dataclass(frozen=True)
-class Known(Ranged):
+class KnownPayloadValue(Ranged):
     """A quantity of the payload that was measured separately, such as on scales.
 
     Attributes:
@@ -58,7 +58,7 @@ class Known(Ranged):
             raise EstimationError(f"{self.name}: {refusal}", code="RID-OPTION-RANGE")
 
     @property
-    def held(self) -> bool:
+    def is_exact(self) -> bool:
         """True if the estimate is fixed to exactly this value."""
         return self.sigma == 0.0
 
@@ -67,7 +67,7 @@ def _prefix_refusal(what: str, refusal: str | None) -> str | None:
     return None if refusal is None else f"{what}: {refusal}"
 
 
-def refuse_duplicates(known: Sequence[Known]) -> None:
+def refuse_duplicates(known: Sequence[KnownPayloadValue]) -> None:
     """Raise an `EstimationError` if a quantity is given twice."""
     names = [quantity.name for quantity in known]
     twice = [name for name in names if names.count(name) > 1]
@@ -78,7 +78,7 @@ def refuse_duplicates(known: Sequence[Known]) -> None:
         )
 
 
-def known_rows(known: Sequence[Known], values: FloatArray) -> FloatArray:
+def known_rows(known: Sequence[KnownPayloadValue], values: FloatArray) -> FloatArray:
     """Return known quantities as equations of the ten parameters near some values, (any, 11)."""
     slopes, at = reported_slopes(values), reported(values)
     rows = np.zeros((len(known), PARAMETERS_PER_LINK + 1))
@@ -89,9 +89,9 @@ def known_rows(known: Sequence[Known], values: FloatArray) -> FloatArray:
     return rows
 
 
-def with_fixed_values(known: Sequence[Known], values: FloatArray) -> FloatArray:
+def with_fixed_values(known: Sequence[KnownPayloadValue], values: FloatArray) -> FloatArray:
     """Return ten parameters in which fixed quantities have exactly their known values."""
-    held = [quantity for quantity in known if quantity.held]
+    held = [quantity for quantity in known if quantity.is_exact]
     if not held:
         return values
     body = reported(values)
@@ -100,7 +100,7 @@ def with_fixed_values(known: Sequence[Known], values: FloatArray) -> FloatArray:
     return PayloadBody.of_reported(body).parameters
 
 
-def start_values(values: FloatArray, known: Sequence[Known]) -> FloatArray:
+def start_values(values: FloatArray, known: Sequence[KnownPayloadValue]) -> FloatArray:
     """Return start values for Gauss-Newton, with the known mass or at least 0.1 kg."""
     mass = next((q.value for q in known if q.name == "m"), max(float(values[0]), 0.1))
     return np.array([mass, *values[1:]])

@@ -23,7 +23,7 @@ from config.robot.bodies import Workspace
 from config.robot.robot import RobotDescription
 from dynamics.geometry.clearances import Clearances
 from dynamics.model.cad import cad_parameters
-from dynamics.model.standstill import moving as moves
+from dynamics.model.standstill import moving_actuators as moves
 from dynamics.terms.conditions import Conditions
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.design.two_harmonic import TwoHarmonicOptions, two_harmonic_draws

@@ -22,7 +22,7 @@ from identification.payload.equations import (
     condense_cluster,
 )
 from identification.payload.estimate import PayloadEstimate
-from identification.payload.known import Known
+from identification.payload.known import KnownPayloadValue
 from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.solution import SEEN, PayloadSolution, solve_payload
 from identification.regression.intervals import covariance_at_least
@@ -50,7 +50,7 @@ class PayloadOptions:
     procedure: Procedure = "together"
     options: ModelOptions = field(default_factory=ModelOptions)
     robot: Estimate | None = None
-    known: tuple[Known, ...] = ()
+    known: tuple[KnownPayloadValue, ...] = ()
     torque_constant_sigma: float = 0.0
 
 
@@ -116,7 +116,7 @@ def identify_payload(
         run_ids=run_ids,
     )
     mass = estimate.values[0]
-    if estimate.seen_parameters[0] and mass <= 0.0:
+    if estimate.is_parameter_determined[0] and mass <= 0.0:
         raise EstimationError(
             f"the estimated mass of the payload is {mass:.3g} ±"
             f" {2 * estimate.sigma_parameters[0]:.2g} kg, which is not positive: check which runs"

@@ -16,7 +16,7 @@ from identification.choices import REPORTED
 from identification.payload.body import reported, reported_slopes
 from identification.payload.equations import Layout, PayloadEquations, independent_unknowns
 from identification.payload.known import (
-    Known,
+    KnownPayloadValue,
     known_rows,
     refuse_duplicates,
     start_values,
@@ -66,7 +66,7 @@ class PayloadSolution:
 
 
 def solve_payload(
-    equations: PayloadEquations, known: Sequence[Known] = (), *, intervals: bool = True
+    equations: PayloadEquations, known: Sequence[KnownPayloadValue] = (), *, intervals: bool = True
 ) -> PayloadSolution:
     """Solve the equations by weighted least squares.
 
@@ -98,10 +98,10 @@ def solve_payload(
     if not known:
         return PayloadSolution(
             unknowns=system.all_unknowns(found.values),
-            covariance_jackknife=subspace.seen @ found.clustered @ subspace.seen.T,
-            covariance_noise=subspace.seen @ found.noise @ subspace.seen.T,
-            gain_slopes=subspace.seen @ found.slopes,
-            unseen=subspace.hidden,
+            covariance_jackknife=subspace.determined @ found.clustered @ subspace.determined.T,
+            covariance_noise=subspace.determined @ found.noise @ subspace.determined.T,
+            gain_slopes=subspace.determined @ found.slopes,
+            unseen=subspace.undetermined,
             condition_number=subspace.condition,
             contradictions=np.zeros(0),
         )
@@ -134,13 +134,13 @@ class _Measured:
         sigma = np.sqrt(np.maximum(np.diagonal(self.clustered), np.diagonal(self.noise)))
         return sigma[:, np.newaxis] * np.linalg.cholesky(0.5 * parts[0] + 0.5 * parts[1])
 
-    def contradiction(self, quantity: Known) -> float:
+    def contradiction(self, quantity: KnownPayloadValue) -> float:
         """Return the distance of a known quantity from these values, in standard deviations."""
         payload, index = self.values[:PARAMETERS_PER_LINK], REPORTED.index(quantity.name)
         slopes = reported_slopes(payload)[index]
-        if np.linalg.norm(slopes @ self.subspace.hidden) > SEEN * np.linalg.norm(slopes):
+        if np.linalg.norm(slopes @ self.subspace.undetermined) > SEEN * np.linalg.norm(slopes):
             return 0.0
-        sigma = float(np.linalg.norm(slopes @ self.subspace.seen @ self.spread))
+        sigma = float(np.linalg.norm(slopes @ self.subspace.determined @ self.spread))
         off = abs(quantity.value - float(reported(payload)[index]))
         return off / float(np.hypot(sigma, quantity.sigma))
 
@@ -148,10 +148,10 @@ class _Measured:
 def _solve_measured(equations: PayloadEquations, system: _System, intervals: bool) -> _Measured:
     """Solve the equations without known quantities."""
     subspace = system.subspace()
-    r = subspace.seen.shape[1]
+    r = subspace.determined.shape[1]
     matrix = system.columns(subspace)
     solved = system.solve(subspace)
-    values = np.concatenate([subspace.seen @ solved[:r], solved[r:]])
+    values = np.concatenate([subspace.determined @ solved[:r], solved[r:]])
     inverse = np.linalg.inv(triangular_factor(matrix))
     covariance = inverse @ inverse.T
     clustered = covariance
@@ -174,21 +174,23 @@ def _solve_measured(equations: PayloadEquations, system: _System, intervals: boo
     )
 
 
-def _solve_with_known(system: _System, found: _Measured, known: Sequence[Known]) -> PayloadSolution:
+def _solve_with_known(
+    system: _System, found: _Measured, known: Sequence[KnownPayloadValue]
+) -> PayloadSolution:
     """Return the estimate from the measurement and from known quantities.
 
     Fixed quantities are constraints: only payloads with exactly these values are considered.
     """
     ten = PARAMETERS_PER_LINK
     # theta = seen z + hidden h: only known quantities determine h.
-    subspace, r = found.subspace, found.subspace.seen.shape[1]
-    axes = np.hstack([subspace.seen, subspace.hidden])
+    subspace, r = found.subspace, found.subspace.determined.shape[1]
+    axes = np.hstack([subspace.determined, subspace.undetermined])
     metric = np.linalg.inv(found.spread)
     measured = np.zeros((r, ten))
     measured[:, :r] = metric
     target = metric @ found.coordinates
-    weighed = [quantity for quantity in known if not quantity.held]
-    held = [quantity for quantity in known if quantity.held]
+    weighed = [quantity for quantity in known if not quantity.is_exact]
+    held = [quantity for quantity in known if quantity.is_exact]
     values = start_values(found.values[:ten], known)
     for _ in range(MOST_STEPS):
         rows, bound = known_rows(weighed, values), known_rows(held, values)
@@ -268,8 +270,8 @@ class IdentifiableSubspace:
     over smallest singular value of the determined directions.
     """
 
-    seen: FloatArray
-    hidden: FloatArray
+    determined: FloatArray
+    undetermined: FloatArray
     condition: float
 
 
@@ -320,14 +322,14 @@ class _System:
         rank = int(np.count_nonzero(singular > UNSEEN * singular[0]))
         hidden = (right[rank:] / size).T
         return IdentifiableSubspace(
-            seen=(right[:rank] / size).T,
-            hidden=np.linalg.qr(hidden)[0] if rank < ten else np.zeros((ten, 0)),
+            determined=(right[:rank] / size).T,
+            undetermined=np.linalg.qr(hidden)[0] if rank < ten else np.zeros((ten, 0)),
             condition=float(singular[0] / singular[rank - 1]),
         )
 
     def columns(self, subspace: IdentifiableSubspace) -> FloatArray:
         """Return A in coordinates of the determined directions and independent unknowns."""
-        payload = self.matrix[:, :PARAMETERS_PER_LINK] @ subspace.seen
+        payload = self.matrix[:, :PARAMETERS_PER_LINK] @ subspace.determined
         return np.hstack([payload, self.matrix[:, self.kept]])
 
     def solve(self, subspace: IdentifiableSubspace) -> FloatArray:
@@ -370,5 +372,7 @@ def _cluster(
     """Return one cluster's equations in the coordinates of `_System.columns`."""
     p = factor.shape[1] - joints
     residual = factor[:, p:].sum(axis=1) - factor[:, :p] @ system.all_unknowns(values)
-    matrix = np.hstack([factor[:, :PARAMETERS_PER_LINK] @ subspace.seen, factor[:, system.kept]])
+    matrix = np.hstack(
+        [factor[:, :PARAMETERS_PER_LINK] @ subspace.determined, factor[:, system.kept]]
+    )
     return Cluster.of(matrix, residual)

@@ -13,8 +13,8 @@ from acquisition.processing.unfiltered import UnfilteredSignals
 from acquisition.recording.recording import Recording
 from config.arrays import BoolArray, FloatArray, freeze
 from config.errors import DataQualityError, EstimationError
-from dynamics.model.memory import presliding
-from dynamics.model.standstill import moving as moves
+from dynamics.model.memory import presliding_of_model
+from dynamics.model.standstill import moving_actuators as moves
 from dynamics.terms.conditions import Conditions
 from identification.choices import BAND_HZ, STANDSTILL_RAD_S
 from identification.equations.deconvolution import smoothed_recording
@@ -207,7 +207,7 @@ def validate_torques(
         standstill_rad_s=standstill_rad_s,
         limits_percent=limits_percent,
         channel=estimate.channel,
-        remembering=tuple(names[own.joint] for own in presliding(estimate.model)),
+        remembering=tuple(names[own.joint] for own in presliding_of_model(estimate.model)),
     )
 
 

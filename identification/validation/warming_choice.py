@@ -31,8 +31,8 @@ from identification.estimation.fitted_signals import FittedSignals, fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.regression.nested_choice import DISTINCT_SIGMAS, joints_that_gain
 from identification.validation.held_out import FOLDS, held_out_errors
+from identification.validation.parameter_steps import additional_parameter_steps
 from identification.validation.robot_terms import with_friction
-from identification.validation.steps_beside import additional_parameter_steps
 
 SHORTEST_S: Final = 20.0
 """Shortest time constant: motors and gears take minutes to warm up."""

@@ -15,8 +15,8 @@ from config.simulation.faults import (
     FaultScript,
     FrameFault,
     FrameKind,
-    HeldUp,
     StrangeFrames,
+    TaskDelay,
 )
 from drivers.canopen.frames import (
     EMCY_BASE,
@@ -148,7 +148,7 @@ class BusFaults:
         start_s = start_ns * 1e-9
         self._cycles = CycleCount(nodes.values())
         self._runners: list[_FrameFaultRunner] = []
-        self._others: list[tuple[FaultStart, StrangeFrames | AdapterFault | HeldUp]] = []
+        self._others: list[tuple[FaultStart, StrangeFrames | AdapterFault | TaskDelay]] = []
         self._random = random.Random(script.seed)
         for number, fault in enumerate(script.bus):
             if isinstance(fault, FrameFault):
@@ -163,7 +163,7 @@ class BusFaults:
         self._waiting: list[Queued] = []
         self._room = 0
         self._mute_until_ns = 0
-        self._holds: list[HeldUp] = []
+        self._holds: list[TaskDelay] = []
         self._held_up = 0
         self.bus_off = False
         self.unplugged = False
@@ -211,7 +211,7 @@ class BusFaults:
                 continue
             if isinstance(fault, StrangeFrames):
                 strange += self._strange_frames(fault, now_ns)
-            elif isinstance(fault, HeldUp):
+            elif isinstance(fault, TaskDelay):
                 self._holds.append(fault)
             else:
                 self._disturb(fault, now_ns)

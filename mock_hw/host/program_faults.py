@@ -20,7 +20,7 @@ from pathlib import Path
 
 from config.errors import ConfigError, RidDaqError
 from config.process.own_process import ProcessName
-from config.simulation.faults import DiskFault, ProcessKilled, ProgramFault, ProgramSignalled
+from config.simulation.faults import DiskFault, ProcessKill, ProgramFault, ProgramSignal
 from mock_hw.host.full_disk import FullDisk
 
 _LOOK_S = 0.01
@@ -128,7 +128,7 @@ class ProgramFaults:
         return True
 
     def _execute(self, fault: ProgramFault) -> bool:
-        if isinstance(fault, ProgramSignalled):
+        if isinstance(fault, ProgramSignal):
             number = signal.Signals[f"SIG{fault.signal}"]
             act = partial(os.kill, os.getpid(), number)
             now_s = time.monotonic()
@@ -140,7 +140,7 @@ class ProgramFaults:
             os.kill(os.getpid(), signal.SIGKILL)
         for pid in _children(_NAMES[fault.process]):
             with contextlib.suppress(ProcessLookupError):  # the process has just ended
-                if isinstance(fault, ProcessKilled):
+                if isinstance(fault, ProcessKill):
                     os.kill(pid, signal.SIGKILL)
                 else:
                     self._freeze(pid, fault.duration_s)

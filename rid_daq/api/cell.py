@@ -21,7 +21,7 @@ from rid_daq.api.recording import Recording, TemporaryFolder
 from rid_daq.service.client import JobResult, LeasedCell, ServiceClient
 from rid_daq.service.records import CellStatus, Job
 from rid_daq.service.remote_jobs import raise_job_error
-from rid_daq.terminal.job_events import AnyEvent, Progressed
+from rid_daq.terminal.job_events import AnyEvent, ProgressEvent
 
 
 @dataclass
@@ -157,7 +157,7 @@ class Cell:
         progress: ProgressCallback | None,
     ) -> JobResult:
         def watch(_job: Job, event: AnyEvent) -> None:
-            if progress is not None and isinstance(event, Progressed):
+            if progress is not None and isinstance(event, ProgressEvent):
                 progress(f"{event.title}: {event.line}", event.done, event.total)
 
         try:

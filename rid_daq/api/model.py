@@ -14,7 +14,7 @@ import numpy.typing as npt
 from compensation.operating_temperature import at_operating_temperature
 from config.arrays import FloatArray
 from config.errors import ConfigError, EstimationError
-from dynamics.model.memory import with_memory
+from dynamics.model.memory import with_presliding_history
 from dynamics.model.robot_model import torque
 from identification.estimation.estimate import Estimate, base_regressor, predict
 from identification.estimation.file import read_estimate, write_estimate
@@ -198,7 +198,9 @@ class Model:
         """
         self._require_stated_payload()
         q, v, a = self._motion(position, velocity, acceleration)
-        found = base_regressor(self.estimate, q, v, a, with_memory(self.estimate.model, q))
+        found = base_regressor(
+            self.estimate, q, v, a, with_presliding_history(self.estimate.model, q)
+        )
         return found.reshape(*np.shape(position), len(self.values))
 
     def mass_matrix(self, position: npt.ArrayLike) -> FloatArray:

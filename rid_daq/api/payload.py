@@ -98,7 +98,7 @@ class Payload:
                 REPORTED_UNITS,
                 estimate.reported,
                 estimate.sigma,
-                estimate.seen,
+                estimate.is_determined,
                 strict=True,
             )
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from config.formats.interval import interval, minus, raised
+from config.formats.interval import interval, superscript, with_minus_sign
 
 
 def number(value: float | int | None, digits: int = 4) -> str:
@@ -28,8 +28,8 @@ def number(value: float | int | None, digits: int = 4) -> str:
         text = f"{float(text):.0f}"
     elif "e" in text:
         mantissa, exponent = text.split("e")
-        return minus(f"{mantissa}·10{raised(int(exponent))}")
-    return minus(text)
+        return with_minus_sign(f"{mantissa}·10{superscript(int(exponent))}")
+    return with_minus_sign(text)
 
 
 def format_measured(value: float | None, reach: float | None) -> tuple[str, str]:

@@ -22,7 +22,7 @@ LARGEST_DEVIATION: Final = 0.3
 
 
 @dataclass(frozen=True)
-class MotionSeen:
+class ObservedMotion:
     """Motion that a person saw.
 
     Attributes:
@@ -46,7 +46,7 @@ class AxisVerdict:
     """
 
     motion: AxisMotion
-    seen: MotionSeen
+    observed: ObservedMotion
     problems: tuple[str, ...]
 
     @property
@@ -71,7 +71,7 @@ class AxisVerdict:
 
 
 def check_axis_motion(
-    motion: AxisMotion, seen: MotionSeen, cell: CellConfig, robot: RobotDescription
+    motion: AxisMotion, seen: ObservedMotion, cell: CellConfig, robot: RobotDescription
 ) -> AxisVerdict:
     """Compare the motion by the drive with the motion seen, and find the mistakes.
 
@@ -97,7 +97,7 @@ def _axis_of(motion: AxisMotion, cell: CellConfig) -> DriveAxis:
     return next(each for each in cell.axes if each.joint == motion.joint)
 
 
-def _wrong_joint(motion: AxisMotion, seen: MotionSeen, cell: CellConfig) -> list[str]:
+def _wrong_joint(motion: AxisMotion, seen: ObservedMotion, cell: CellConfig) -> list[str]:
     """Return a problem if nothing moved, or another joint."""
     axis = _axis_of(motion, cell)
     if not seen.joint or seen.amount == 0.0:
@@ -115,7 +115,7 @@ def _wrong_joint(motion: AxisMotion, seen: MotionSeen, cell: CellConfig) -> list
     return []
 
 
-def _wrong_direction(motion: AxisMotion, seen: MotionSeen, cell: CellConfig) -> list[str]:
+def _wrong_direction(motion: AxisMotion, seen: ObservedMotion, cell: CellConfig) -> list[str]:
     if seen.amount * motion.commanded > 0.0:
         return []
     direction = _axis_of(motion, cell).direction
@@ -126,7 +126,7 @@ def _wrong_direction(motion: AxisMotion, seen: MotionSeen, cell: CellConfig) -> 
 
 
 def _wrong_scale(
-    motion: AxisMotion, seen: MotionSeen, cell: CellConfig, robot: RobotDescription
+    motion: AxisMotion, seen: ObservedMotion, cell: CellConfig, robot: RobotDescription
 ) -> list[str]:
     """Return the number in the files that explains the ratios of command, drive and seen motion."""
     axis = _axis_of(motion, cell)

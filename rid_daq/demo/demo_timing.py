@@ -15,7 +15,7 @@ from acquisition.recording.plate_geometry import WRENCH_NAMES
 from acquisition.recording.recording import Recording
 from acquisition.runs.folder import RunFolder
 from compensation.timing.limits import TimingLimits
-from compensation.timing.timed_motion import retimed
+from compensation.timing.timed_motion import retime_path
 from config.arrays import FloatArray
 from config.errors import DataQualityError
 from config.load import LoadedCell, to_yaml
@@ -138,7 +138,7 @@ def run_timing_chapter(
     limits = replace(limits, torque_rate=RATE * limits.torque, base=np.array(BASE))
     usual = motions.pick_and_place.plan(robot, cell.cycle_time_s).whole()
     held = limits.keeping_free(MARGIN)
-    timed = retimed(usual, motions.robot, model, held, confidence=CONFIDENCE)
+    timed = retime_path(usual, motions.robot, model, held, confidence=CONFIDENCE)
     root.write("timed.yaml", to_yaml(timed.motion, "The demo's timed path.").encode())
     moved = (
         ("pick-and-place", motions.pick_and_place, usual, timed.original_s),

@@ -122,7 +122,7 @@ def pose_lines(loaded: LoadedCell, position: Sequence[float], rule: PoseRule) ->
         ]
     if not moved:
         return [
-            CheckLine("robot", LAST_POSE, "not moved", f"same pose as after {known.seen}", "ok")
+            CheckLine("robot", LAST_POSE, "not moved", f"same pose as after {known.source}", "ok")
         ]
     if rule is PoseRule.ACCEPTED:
         found = f"accepted: {known.sentence(moved)}"

@@ -62,7 +62,7 @@ class AccuracyWatch:
         self.trouble = ""
         self._robot = robot
         self._estimate = (
-            None if model.transmission.losses else RunningEstimate.begin(model, STANDSTILL_RAD_S)
+            None if model.transmission.losses else RunningEstimate.empty(model, STANDSTILL_RAD_S)
         )
         self._followed = 0
         self._average = AverageSoFar(robot)

@@ -60,4 +60,4 @@ class Certificate:
     @property
     def is_whole(self) -> bool:
         """True if the motion makes all ten parameters identifiable."""
-        return all(self.payload.estimate.seen)
+        return all(self.payload.estimate.is_determined)

@@ -69,7 +69,7 @@ def true_payload(
 def truth_sentence(name: str, truth: FloatArray, estimate: PayloadEstimate) -> str:
     """Return a sentence on the error of an estimate of a simulated payload."""
     off = estimate.reported - truth
-    seen = np.array(estimate.seen)
+    seen = np.array(estimate.is_determined)
     inside = int(np.count_nonzero(np.abs(off[seen]) <= 2.0 * estimate.sigma[seen]))
     centre = ", ".join(f"{1e3 * value:+.2f}" for value in off[1:4])
     return (

@@ -29,7 +29,7 @@ from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import CellStatus, FilesOfCell, HeldLease, Job, JobState, OnLostClient
 from rid_daq.service.refusals import error_from_answer
 from rid_daq.service.sockets import is_this_computer, local_sockets
-from rid_daq.terminal.job_events import EVENT, AnyEvent, Ended, Resulted
+from rid_daq.terminal.job_events import EVENT, AnyEvent, EndEvent, ResultEvent
 
 LOOK_S: Final = 0.1
 LEASE_S: Final = 15.0
@@ -59,7 +59,7 @@ class JobResult:
 
     job: Job
     document: dict[str, Any] | None
-    ended: Ended | None
+    ended: EndEvent | None
 
     def require_done(self) -> Self:
         """Return this result if the job succeeded.
@@ -283,15 +283,15 @@ class ServiceClient:
         """Wait for the end of a job that has been started."""
         known = 0
         document: dict[str, Any] | None = None
-        ended: Ended | None = None
+        ended: EndEvent | None = None
         while True:
             job = self.job(job.id)
             for told in self.ask("GET", f"/jobs/{job.id}/events?after={known}"):
                 known += 1
                 event = EVENT.validate_python(told)
-                if isinstance(event, Resulted):
+                if isinstance(event, ResultEvent):
                     document = event.document
-                if isinstance(event, Ended):
+                if isinstance(event, EndEvent):
                     ended = event
                 watch(job, event)
             if job.state.is_over:

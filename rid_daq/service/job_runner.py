@@ -25,7 +25,7 @@ from rid_daq.service.running_job import EventTail, ReadyWorker, RunningJob, Star
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.store.audit import AuditLog
 from rid_daq.service.store.jobs import JobStore
-from rid_daq.terminal.job_events import Ended, MotionBegun
+from rid_daq.terminal.job_events import EndEvent, MotionEvent
 from rid_daq.web.feed import Feed
 
 LOOK_S: Final = 0.05
@@ -199,7 +199,7 @@ class JobRunner:
 
     def _publish_events(self, running: RunningJob) -> None:
         for event in running.read_events():
-            if isinstance(event, MotionBegun):
+            if isinstance(event, MotionEvent):
                 running.job = self._jobs.change(running.job, run=event.run)
             message = {"type": "event", "job": running.job.id, "event": event.model_dump()}
             self._feed.publish_event(json.dumps(message).encode())
@@ -343,9 +343,9 @@ class JobRunner:
             begun = job.state is JobState.RUNNING
             run = ended = None
             for event in EventTail(self.events(job.id)).read_new():
-                if isinstance(event, MotionBegun):
+                if isinstance(event, MotionEvent):
                     run = event.run
-                if isinstance(event, Ended):
+                if isinstance(event, EndEvent):
                     ended = event
             reason = "the service was killed before the job started"
             if begun:

@@ -13,7 +13,7 @@ from config.errors import ConfigError, LockedError
 from config.process.safety_clock import boot_id, safety_now_s
 from rid_daq.service.records import HeldLease, Identity, Lease
 from rid_daq.service.refusals import NotAllowedError
-from rid_daq.service.store.leases import KeptLease, LeaseStore
+from rid_daq.service.store.leases import LeaseStore, StoredLease
 from rid_daq.service.store.tokens import hash_secret
 
 LEAST_S: Final = 2.0
@@ -101,7 +101,7 @@ class Leases:
         )
         key = secrets.token_urlsafe(24)
         self._store.note_token(lease, who.token)
-        self._store.put(KeptLease(lease, hash_secret(key), self._now_s() + seconds, self._boot))
+        self._store.put(StoredLease(lease, hash_secret(key), self._now_s() + seconds, self._boot))
         return HeldLease(**lease.model_dump(), key=key)
 
     def renew(self, cell: str, key: str, seconds: float) -> Lease:
@@ -140,13 +140,13 @@ class Leases:
             self._store.remove(cell)
         return cells
 
-    def _current_lease(self, cell: str) -> KeptLease | None:
+    def _current_lease(self, cell: str) -> StoredLease | None:
         """Return the valid lease of a cell, None if there is no valid lease."""
         kept = self._store.get(cell)
         runs = kept is not None and kept.boot == self._boot and kept.ends_s > self._now_s()
         return kept if runs else None
 
-    def _require_key(self, cell: str, key: str | None) -> KeptLease:
+    def _require_key(self, cell: str, key: str | None) -> StoredLease:
         held = self._current_lease(cell)
         if held is None:
             raise LockedError(

@@ -23,14 +23,14 @@ from rid_daq.service.records import Job
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.terminal.job_events import (
     EVENT,
-    Answered,
+    AnswerEvent,
     AnyEvent,
-    Asked,
-    Ended,
-    Judged,
-    MotionBegun,
-    Resulted,
-    ToldBlock,
+    EndEvent,
+    EventBlock,
+    MotionEvent,
+    QuestionEvent,
+    ResultEvent,
+    VerdictEvent,
 )
 
 MOST_WAITING_BYTES: Final = 1 << 15
@@ -100,14 +100,14 @@ class RunningJob:
         self.process = worker.process
         self.beat = worker.beat
         self.stopping = ""
-        self.question: Asked | None = None
-        self.ended: Ended | None = None
+        self.question: QuestionEvent | None = None
+        self.ended: EndEvent | None = None
         self.document: dict[str, object] | None = None
         self.run: str | None = None
         self.last_bad = ""
         self._tail = EventTail(events)
         self._stop_code: StopCode | None = None
-        self._motion: MotionBegun | None = None
+        self._motion: MotionEvent | None = None
         self._control: ControlBlock | None = None
         self._picture: MotionPicture | None = None
 
@@ -116,18 +116,18 @@ class RunningJob:
         new = self._tail.read_new()
         for event in new:
             match event:
-                case MotionBegun():
+                case MotionEvent():
                     self._motion, self._picture, self.run = event, None, event.run
-                case Asked():
+                case QuestionEvent():
                     self.question = event
-                case Answered():
+                case AnswerEvent():
                     self.question = None
-                case Resulted():
+                case ResultEvent():
                     self.document = event.document
                     self.last_bad = _failed_verdict(event.blocks) or self.last_bad
-                case Judged(passed=False):
+                case VerdictEvent(passed=False):
                     self.last_bad = event.text
-                case Ended():
+                case EndEvent():
                     self.ended = event
         return new
 
@@ -204,7 +204,7 @@ class RunningJob:
         return self._control
 
 
-def _failed_verdict(blocks: Iterable[ToldBlock]) -> str:
+def _failed_verdict(blocks: Iterable[EventBlock]) -> str:
     """Return the text of the first failed verdict; empty if all passed."""
     failed = (each for each in blocks if isinstance(each, Verdict) and each.passed is False)
     return next((each.text for each in failed), "")

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from rid_daq.blocks.block import Heading, Next, Table, Text, Verdict
 
-ToldBlock = Annotated[Heading | Text | Verdict | Table | Next, Field(discriminator="kind")]
+EventBlock = Annotated[Heading | Text | Verdict | Table | Next, Field(discriminator="kind")]
 """Blocks that an event can contain: all kinds except plots."""
 
 
@@ -29,14 +29,14 @@ class _Event(BaseModel):
     at_s: float
 
 
-class Said(_Event):
+class MessageEvent(_Event):
     """An event with a sentence for people."""
 
     kind: Literal["said"] = "said"
     text: str
 
 
-class Judged(_Event):
+class VerdictEvent(_Event):
     """A verdict.
 
     Attributes:
@@ -49,7 +49,7 @@ class Judged(_Event):
     text: str
 
 
-class Resulted(_Event):
+class ResultEvent(_Event):
     """Result of an operation.
 
     The cells of tables are texts. Plots are left out, because the run's report contains them.
@@ -61,10 +61,10 @@ class Resulted(_Event):
 
     kind: Literal["result"] = "result"
     document: dict[str, object]
-    blocks: tuple[ToldBlock, ...]
+    blocks: tuple[EventBlock, ...]
 
 
-class MotionBegun(_Event):
+class MotionEvent(_Event):
     """Start of a motion.
 
     Attributes:
@@ -81,7 +81,7 @@ class MotionBegun(_Event):
     rows_per_period: int | None
 
 
-class Progressed(_Event):
+class ProgressEvent(_Event):
     """Progress of a long step.
 
     Attributes:
@@ -114,7 +114,7 @@ class Choice(BaseModel):
     text: str
 
 
-class WarmedUp(_Event):
+class WarmUpEvent(_Event):
     """Further periods of a warm-up.
 
     Attributes:
@@ -144,7 +144,7 @@ class SessionState(StrEnum):
     DONE = "done"
 
 
-class StateEntered(_Event):
+class StateEvent(_Event):
     """Next state of a payload session.
 
     Attributes:
@@ -159,7 +159,7 @@ class StateEntered(_Event):
     text: str
 
 
-class Asked(_Event):
+class QuestionEvent(_Event):
     """A question that waits for an answer.
 
     Attributes:
@@ -176,7 +176,7 @@ class Asked(_Event):
     choices: tuple[Choice, ...] = ()
 
 
-class KeyRefused(_Event):
+class KeyRefusalEvent(_Event):
     """A held key does not count until it is released and pressed again.
 
     Attributes:
@@ -189,7 +189,7 @@ class KeyRefused(_Event):
     round_trip_ms: float | None = None
 
 
-class Answered(_Event):
+class AnswerEvent(_Event):
     """A question no longer waits for an answer.
 
     Attributes:
@@ -200,7 +200,7 @@ class Answered(_Event):
     question: int
 
 
-class Ended(_Event):
+class EndEvent(_Event):
     """End of the job.
 
     Attributes:
@@ -218,17 +218,17 @@ class Ended(_Event):
 
 
 AnyEvent = Annotated[
-    Said
-    | Judged
-    | Resulted
-    | MotionBegun
-    | Progressed
-    | WarmedUp
-    | StateEntered
-    | Asked
-    | KeyRefused
-    | Answered
-    | Ended,
+    MessageEvent
+    | VerdictEvent
+    | ResultEvent
+    | MotionEvent
+    | ProgressEvent
+    | WarmUpEvent
+    | StateEvent
+    | QuestionEvent
+    | KeyRefusalEvent
+    | AnswerEvent
+    | EndEvent,
     Field(discriminator="kind"),
 ]
 

@@ -19,7 +19,7 @@ from rid_daq.service.refusals import UnknownError
 from rid_daq.service.request_check import require_inside
 from rid_daq.service.running_job import EventTail
 from rid_daq.terminal.choices import NO_PAYLOAD, PAYLOAD_OF_MODEL
-from rid_daq.terminal.job_events import WarmedUp
+from rid_daq.terminal.job_events import WarmUpEvent
 from rid_daq.workbench.compressed import CompressedBody
 from rid_daq.workbench.static_files import require_current
 
@@ -75,7 +75,7 @@ class View:
         return CompressedBody.of(bytes(item.body)).answer(self._request, "application/json")
 
 
-AsWanted = Annotated[View, Depends()]
+RequestedView = Annotated[View, Depends()]
 
 
 @router.get("/script/{version}/bokeh.js")
@@ -90,7 +90,7 @@ def send_run_blocks(
     run: str,
     service: Service,
     who: Who,
-    view: AsWanted,
+    view: RequestedView,
     section: Annotated[tuple[str, ...], Query()] = (),
 ) -> Response:
     """Return sections of a run's result (default: all sections)."""
@@ -103,7 +103,7 @@ def send_run_blocks(
 def send_motion(
     cell: OfCell,
     service: Service,
-    view: AsWanted,
+    view: RequestedView,
     file: str,
     model: str | None = None,
     payload: str | None = None,
@@ -119,7 +119,7 @@ def send_motion(
 
 
 @router.get("/cells/{cell}/preflight")
-def send_preflight(cell: OfCell, service: Service, view: AsWanted) -> Response:
+def send_preflight(cell: OfCell, service: Service, view: RequestedView) -> Response:
     """Return the lines of the newest preflight, devices with red lines first."""
     from rid_daq.preflight.bus_check import CheckLine
     from rid_daq.preflight.check_words import all_blocks
@@ -131,12 +131,12 @@ def send_preflight(cell: OfCell, service: Service, view: AsWanted) -> Response:
 
 
 @router.get("/jobs/{job}/warm-up")
-def send_warm_up(job: OfJob, service: Service, view: AsWanted) -> Response:
+def send_warm_up(job: OfJob, service: Service, view: RequestedView) -> Response:
     """Return the plot of a job's warm-up until now."""
     from rid_daq.workbench.run_blocks import warm_up_plot
 
     events = EventTail(service.job_runner.events(job.id)).read_new()
-    warmed = [event for event in events if isinstance(event, WarmedUp)]
+    warmed = [event for event in events if isinstance(event, WarmUpEvent)]
     if not warmed:
         raise UnknownError(f"job {job.id} has no warm-up yet", code="RID-JOB-UNKNOWN")
     power = [period for event in warmed for period in event.power_w]
@@ -144,7 +144,7 @@ def send_warm_up(job: OfJob, service: Service, view: AsWanted) -> Response:
 
 
 @router.get("/cells/{cell}/history")
-def send_history(cell: OfCell, service: Service, view: AsWanted, quantity: str) -> Response:
+def send_history(cell: OfCell, service: Service, view: RequestedView, quantity: str) -> Response:
     """Return the values of a quantity of the cell's robot, run by run."""
     from rid_daq.workbench.robot_history import history_of
 

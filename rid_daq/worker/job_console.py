@@ -19,19 +19,19 @@ from rid_daq.blocks.block import AnyBlock, Table
 from rid_daq.blocks.plot import Plot
 from rid_daq.terminal.console import Console, Progress, make_printable
 from rid_daq.terminal.job_events import (
-    Answered,
+    AnswerEvent,
     AnyEvent,
-    Asked,
     Choice,
-    Judged,
-    KeyRefused,
-    MotionBegun,
-    Progressed,
-    Resulted,
-    Said,
+    KeyRefusalEvent,
+    MessageEvent,
+    MotionEvent,
+    ProgressEvent,
+    QuestionEvent,
+    ResultEvent,
     SessionState,
-    StateEntered,
-    WarmedUp,
+    StateEvent,
+    VerdictEvent,
+    WarmUpEvent,
 )
 from rid_daq.worker.orders import Orders
 
@@ -93,11 +93,11 @@ class JobConsole(Console):
 
     def say(self, text: str = "") -> None:
         """Write a message."""
-        self.events.write(Said(at_s=time.time(), text=make_printable(text)))
+        self.events.write(MessageEvent(at_s=time.time(), text=make_printable(text)))
 
     def verdict(self, passed: bool | None, text: str) -> None:
         """Write a verdict."""
-        self.events.write(Judged(at_s=time.time(), passed=passed, text=make_printable(text)))
+        self.events.write(VerdictEvent(at_s=time.time(), passed=passed, text=make_printable(text)))
 
     def result(
         self, document: Mapping[str, object] | BaseModel, blocks: Iterable[AnyBlock]
@@ -112,12 +112,12 @@ class JobConsole(Console):
             if not isinstance(each, Plot)
         ]
         result = {"at_s": time.time(), "document": content, "blocks": shown}
-        self.events.write(Resulted.model_validate(result))
+        self.events.write(ResultEvent.model_validate(result))
 
     def announce_motion(self, run: str, title: str, rows: int, rows_per_period: int | None) -> None:
         """Write that a motion begins."""
         self.events.write(
-            MotionBegun(
+            MotionEvent(
                 at_s=time.time(),
                 run=run,
                 title=title,
@@ -128,7 +128,7 @@ class JobConsole(Console):
 
     def announce_state(self, session: str, state: SessionState, text: str) -> None:
         """Write that a payload session enters a state."""
-        entered = StateEntered(at_s=time.time(), session=session, state=state, text=text)
+        entered = StateEvent(at_s=time.time(), session=session, state=state, text=text)
         self.events.write(entered)
 
     def announce_warm_up(
@@ -137,7 +137,7 @@ class JobConsole(Console):
         """Write the values of more periods of a warm-up."""
         power = tuple(tuple(map(float, period)) for period in power_w)
         self.events.write(
-            WarmedUp(
+            WarmUpEvent(
                 at_s=time.time(),
                 joints=tuple(joints),
                 power_w=power,
@@ -182,24 +182,28 @@ class JobConsole(Console):
         number = self.orders.next_question()
 
         def ask() -> None:
-            self.events.write(Asked(at_s=time.time(), question=number, form="hold", text=""))
+            self.events.write(
+                QuestionEvent(at_s=time.time(), question=number, form="hold", text="")
+            )
 
         with self.orders.receive_keys(tapped, self._refuse_key, ask):
             yield self.orders
-        self.events.write(Answered(at_s=time.time(), question=number))
+        self.events.write(AnswerEvent(at_s=time.time(), question=number))
 
     def _refuse_key(self, text: str, round_trip_s: float | None) -> None:
         round_trip_ms = None if round_trip_s is None else round(1e3 * round_trip_s, 1)
-        self.events.write(KeyRefused(at_s=time.time(), text=text, round_trip_ms=round_trip_ms))
+        self.events.write(KeyRefusalEvent(at_s=time.time(), text=text, round_trip_ms=round_trip_ms))
 
     def _answer(
         self, form: Literal["text", "yes_no"], text: str, choices: tuple[Choice, ...] = ()
     ) -> str:
         number = self.orders.next_question()
-        asked = Asked(at_s=time.time(), question=number, form=form, text=text, choices=choices)
+        asked = QuestionEvent(
+            at_s=time.time(), question=number, form=form, text=text, choices=choices
+        )
         self.events.write(asked)
         answer = self.orders.wait_for_answer(number)
-        self.events.write(Answered(at_s=time.time(), question=number))
+        self.events.write(AnswerEvent(at_s=time.time(), question=number))
         if answer is None:
             raise PreflightError(
                 "no one answered the question: nothing more is moved", code="RID-ANSWER-NOBODY"
@@ -232,7 +236,7 @@ class _ProgressReporter:
         if now_s < self._next_s and done != self._total:
             return
         self._next_s = now_s + PROGRESS_S
-        event = Progressed(
+        event = ProgressEvent(
             at_s=time.time(),
             title=self._title,
             done=done,

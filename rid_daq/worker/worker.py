@@ -22,7 +22,7 @@ from rid_daq.operations.perform import perform
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.request_check import parse_request, require_ending
 from rid_daq.terminal.console import make_printable
-from rid_daq.terminal.job_events import Ended
+from rid_daq.terminal.job_events import EndEvent
 from rid_daq.worker.job_console import EventFile, JobConsole
 from rid_daq.worker.orders import Orders
 
@@ -130,8 +130,8 @@ def work(
     return ending.code
 
 
-def _ended(ending: Ending) -> Ended:
-    return Ended(
+def _ended(ending: Ending) -> EndEvent:
+    return EndEvent(
         at_s=time.time(),
         exit_code=ending.code,
         error=ending.kind or None,

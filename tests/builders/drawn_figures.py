@@ -15,7 +15,7 @@ from config.load import load_cell, load_robot
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.payload.body import PARAMETERS, PayloadBody
 from identification.payload.estimate import PayloadEstimate
-from identification.payload.known import Known
+from identification.payload.known import KnownPayloadValue
 from rid_daq.figures.plot_figure import plot_figure
 from rid_daq.report.result import Result
 from rid_daq.report.section_blocks.bode import bode_plot
@@ -77,7 +77,7 @@ def payload(*, held: str = "", unseen: str = "") -> PayloadEstimate:
         gain_slopes=np.zeros((10, 6)),
         unseen=hidden,
         condition_number=12.0,
-        known=(Known(held, 5.0, 0.0),) if held else (),
+        known=(KnownPayloadValue(held, 5.0, 0.0),) if held else (),
         residual_nm=np.full(6, 0.5),
         payload_nm=np.full(6, 10.0),
         equations=4000,

@@ -9,7 +9,7 @@ import numpy as np
 from acquisition.processing.smoothing import SmoothedSignals, low_pass
 from config.arrays import FloatArray
 from config.load import load_cell
-from config.simulation.plant import SimulatedThermal, Unmodelled, UnmodelledAxis
+from config.simulation.plant import SimulatedThermal, UnmodelledAxis, UnmodelledEffects
 from dynamics.model.robot_model import RobotModel, torque
 from mock_hw.plant.thermal import MotorTemperatures
 from tests.builders.remembering_arm import arm
@@ -43,7 +43,7 @@ def motors(time_constant_s: tuple[float | None, ...], copper_w: float) -> MotorT
     own = plant.model_copy(
         update={
             "axes": tuple(axis.model_copy(update=friction) for axis in plant.axes[:3]),
-            "unmodelled": Unmodelled(axes=axes),
+            "unmodelled": UnmodelledEffects(axes=axes),
         }
     )
     return MotorTemperatures(arm(), own)

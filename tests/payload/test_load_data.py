@@ -257,7 +257,7 @@ def test_no_more_digits_are_written_than_are_known(form: LoadFormat) -> None:
     text = load_data(body, form, (), sure)
     found = read_load_data(text, form)
     assert deviation(body, found, form) <= sure
-    assert found.can_exist
+    assert found.is_consistent
     values = re.findall(r"\d[\d.]*\d", text.split("9.6", 1)[1])  # from the mass on
     assert all(len(each.replace(".", "").lstrip("0")) <= 5 for each in values), values
     assert len(load_data(body, form)) > len(text)

@@ -23,7 +23,7 @@ from identification.payload.body import PARAMETERS, PayloadBody
 from identification.payload.equations import Procedure
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.file import read_payload, write_payload
-from identification.payload.known import Known
+from identification.payload.known import KnownPayloadValue
 from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.procedures import PayloadOptions, identify_payload, mass_left_on_flange
 from identification.payload.verdict import NO_BODY, PayloadResult, check_payload
@@ -66,8 +66,8 @@ def test_every_procedure_recovers_the_payload_within_its_intervals(
     assert np.max(np.abs(found.reported[1:4] - lab.medium.centre_m)) < 0.001
     assert np.max(np.abs(found.reported[4:] - lab.medium.reported[4:])) < 0.02
     assert np.max(np.abs(sigmas_off(found, lab.medium))) < 3.0
-    assert found.can_exist
-    assert found.body.can_exist
+    assert found.is_consistent
+    assert found.body.is_consistent
 
 
 def test_apart_tells_what_the_payload_makes_of_each_axis_torque(
@@ -136,7 +136,7 @@ def test_a_known_mass_is_held_and_makes_the_rest_sharper(
     robot: RobotDescription, both: PeriodicRuns
 ) -> None:
     free = identify_payload(robot, both, PayloadOptions("together", OPTIONS))
-    exact = PayloadOptions("together", OPTIONS, known=(Known("m", 9.579, 0.0),))
+    exact = PayloadOptions("together", OPTIONS, known=(KnownPayloadValue("m", 9.579, 0.0),))
     held = identify_payload(robot, both, exact)
     assert held.reported[0] == 9.579
     assert held.sigma[0] == 0.0
@@ -144,7 +144,7 @@ def test_a_known_mass_is_held_and_makes_the_rest_sharper(
     assert held.contradictions is not None
     assert held.contradictions[0] < 2.0
     assert np.all(held.sigma[1:4] <= 1.1 * free.sigma[1:4])
-    by_scales = PayloadOptions("together", OPTIONS, known=(Known("m", 9.6, 0.002),))
+    by_scales = PayloadOptions("together", OPTIONS, known=(KnownPayloadValue("m", 9.6, 0.002),))
     weighed = identify_payload(robot, both, by_scales)
     # Between both, nearer to the surer one.
     assert free.reported[0] < weighed.reported[0] < 9.6
@@ -154,7 +154,7 @@ def test_a_known_mass_is_held_and_makes_the_rest_sharper(
 def test_a_centre_and_an_inertia_about_it_can_be_known_too(
     lab: SimpleNamespace, robot: RobotDescription, both: PeriodicRuns
 ) -> None:
-    known = (Known("cz", -0.202, 0.0), Known("Ixx", 0.612, 0.0))
+    known = (KnownPayloadValue("cz", -0.202, 0.0), KnownPayloadValue("Ixx", 0.612, 0.0))
     found = identify_payload(robot, both, PayloadOptions("together", OPTIONS, known=known))
     assert found.reported[3] == pytest.approx(-0.202, abs=1e-15)
     assert found.reported[4] == pytest.approx(0.612, abs=1e-14)
@@ -165,7 +165,7 @@ def test_a_centre_and_an_inertia_about_it_can_be_known_too(
 def test_a_held_centre_that_no_payload_has_is_refused(
     robot: RobotDescription, both: PeriodicRuns
 ) -> None:
-    how = PayloadOptions("together", OPTIONS, known=(Known("cx", 5.0, 0.0),))
+    how = PayloadOptions("together", OPTIONS, known=(KnownPayloadValue("cx", 5.0, 0.0),))
     with raises_code(EstimationError, "RID-PAYLOAD-CONTRADICTION"):
         identify_payload(robot, both, how)
 
@@ -174,7 +174,7 @@ def test_a_held_centre_that_no_payload_has_is_refused(
 def test_a_held_value_that_the_recordings_contradict_is_held_and_fails_the_verdict(
     robot: RobotDescription, both: PeriodicRuns, mass_kg: float
 ) -> None:
-    how = PayloadOptions("together", OPTIONS, known=(Known("m", mass_kg, 0.0),))
+    how = PayloadOptions("together", OPTIONS, known=(KnownPayloadValue("m", mass_kg, 0.0),))
     held = identify_payload(robot, both, how)
     assert held.reported[0] == mass_kg
     failed = [line for line in check_payload(held, PayloadLimits()) if not line.passed]
@@ -185,10 +185,10 @@ def test_a_held_value_that_the_recordings_contradict_is_held_and_fails_the_verdi
 def test_a_weighed_value_that_the_recordings_contradict_fails_the_verdict(
     robot: RobotDescription, both: PeriodicRuns
 ) -> None:
-    how = PayloadOptions("together", OPTIONS, known=(Known("m", 12.0, 0.01),))
+    how = PayloadOptions("together", OPTIONS, known=(KnownPayloadValue("m", 12.0, 0.01),))
     weighed = identify_payload(robot, both, how)
     assert not PayloadResult(weighed, check_payload(weighed, PayloadLimits())).passed
-    agreeing = PayloadOptions("together", OPTIONS, known=(Known("m", 9.579, 0.01),))
+    agreeing = PayloadOptions("together", OPTIONS, known=(KnownPayloadValue("m", 9.579, 0.01),))
     agreed = identify_payload(robot, both, agreeing)
     assert PayloadResult(agreed, check_payload(agreed, PayloadLimits())).passed
 
@@ -263,15 +263,19 @@ def test_a_payload_file_keeps_the_noise_and_is_refused_without_it(
 def test_what_contradicts_itself_is_not_a_payload(
     robot: RobotDescription, both: PeriodicRuns
 ) -> None:
-    twice = PayloadOptions("together", OPTIONS, known=(Known("m", 1.0, 0.0), Known("m", 2.0, 0.0)))
+    twice = PayloadOptions(
+        "together",
+        OPTIONS,
+        known=(KnownPayloadValue("m", 1.0, 0.0), KnownPayloadValue("m", 2.0, 0.0)),
+    )
     with raises_code(EstimationError, "RID-OPTION-EXCLUSIVE", "m is"):
         identify_payload(robot, both, twice)
     with raises_code(EstimationError, "RID-OPTION-NAME", "mass"):
-        Known("mass", 1.0, 0.1)
+        KnownPayloadValue("mass", 1.0, 0.1)
     with raises_code(EstimationError, "RID-OPTION-RANGE", "m"):
-        Known("m", -1.0, 0.1)
+        KnownPayloadValue("m", -1.0, 0.1)
     with raises_code(ConfigError, "RID-OPTION-RANGE", "sigma: -0.1"):
-        Known("m", 1.0, -0.1)
+        KnownPayloadValue("m", 1.0, -0.1)
 
 
 def test_axes_that_stand_still_leave_parameters_unseen_which_are_named(
@@ -286,9 +290,9 @@ def test_axes_that_stand_still_leave_parameters_unseen_which_are_named(
     )
     found = identify_payload(robot, pair, PayloadOptions("difference", OPTIONS))
     assert found.rank < 10
-    assert not all(found.seen)
-    assert np.all(np.isnan(found.reported[~np.array(found.seen)]))
-    assert np.all(np.isinf(found.sigma[~np.array(found.seen)]))
+    assert not all(found.is_determined)
+    assert np.all(np.isnan(found.reported[~np.array(found.is_determined)]))
+    assert np.all(np.isinf(found.sigma[~np.array(found.is_determined)]))
     with raises_code(EstimationError, "RID-MOTION-UNINFORMATIVE"):
         _ = found.body
 
@@ -370,9 +374,9 @@ def test_an_estimate_that_no_body_can_have_is_moved_to_the_closest_one_that_can(
     )
     found = identify_payload(robot, pair, PayloadOptions("together", OPTIONS))
     raw = PayloadBody.of_parameters(found.values)
-    assert not raw.can_exist
-    assert found.body.can_exist
-    assert found.can_exist
+    assert not raw.is_consistent
+    assert found.body.is_consistent
+    assert found.is_consistent
     moved = (found.body.reported - found.reported) / found.sigma
     assert np.max(np.abs(moved)) < 3.0
 

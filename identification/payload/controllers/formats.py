@@ -69,7 +69,7 @@ def load_data(
     Raises:
         EstimationError: The body is not physically consistent, or the controller would refuse it.
     """
-    if not body.can_exist:
+    if not body.is_consistent:
         raise EstimationError(
             "no body can have this mass and inertia: the principal moments must be positive, and"
             " none may exceed the sum of the other two; the load data are not written",
@@ -84,7 +84,7 @@ def load_data(
         except ConfigError:  # with so few digits the text is not valid
             continue
         worst = deviation(body, found, to)
-        if worst <= max(sure, PRECISION) and (found.can_exist or count == MOST_DIGITS):
+        if worst <= max(sure, PRECISION) and (found.is_consistent or count == MOST_DIGITS):
             return text
     raise EstimationError(
         f"load data written for {to.value} differ by {worst:.1e} when read back: the text is"

@@ -90,7 +90,7 @@ class AxesResult:
             "axes": [
                 {
                     "motion": asdict(each.motion),
-                    "seen": asdict(each.seen),
+                    "seen": asdict(each.observed),
                     "passed": each.passed,
                     "problems": list(each.problems),
                 }

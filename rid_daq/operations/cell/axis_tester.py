@@ -20,7 +20,7 @@ from config.robot.robot import RobotDescription
 from rid_daq.commissioning.axis_motion import AxisMotion, travelled_share
 from rid_daq.commissioning.axis_verdict import (
     AxisVerdict,
-    MotionSeen,
+    ObservedMotion,
     check_axis_motion,
     parse_amount,
 )
@@ -226,7 +226,7 @@ class AxisTester:
     def _read_rows(self) -> NDArray[Any]:
         return read_journal(self.last.folder.file(RECORDING)).rows
 
-    def _ask_motion_seen(self, motion: AxisMotion, number: int, line: HoldLine) -> MotionSeen:
+    def _ask_motion_seen(self, motion: AxisMotion, number: int, line: HoldLine) -> ObservedMotion:
         """Ask a person for the motion seen.
 
         Raises:
@@ -252,9 +252,9 @@ class AxisTester:
             ],
         )
         if way == "0":
-            return MotionSeen("")
+            return ObservedMotion("")
         if way in names and way != motion.joint:
-            return MotionSeen(way, motion.commanded)
+            return ObservedMotion(way, motion.commanded)
         tool_m = float(
             np.linalg.norm(
                 tool_displacement(
@@ -269,20 +269,20 @@ class AxisTester:
             lambda text: parse_amount(text, motion, 1e3 * tool_m),
         )
         sign = -1.0 if way == "-" else 1.0
-        return MotionSeen(motion.joint, sign * amount * np.sign(motion.commanded))
+        return ObservedMotion(motion.joint, sign * amount * np.sign(motion.commanded))
 
 
-def visible_motion(robot: RobotDescription, moved: FloatArray) -> MotionSeen:
+def visible_motion(robot: RobotDescription, moved: FloatArray) -> ObservedMotion:
     """Return the motion that a person sees if joints move by `moved`, (joints,) [rad or m]."""
     size = np.array(
         [TURN_RAD if joint.type == "revolute" else SHIFT_M for joint in robot.joints], dtype=float
     )
     most = int(np.argmax(np.abs(moved) / size))
     if abs(moved[most]) < 0.05 * size[most]:
-        return MotionSeen("")
+        return ObservedMotion("")
     joint = robot.joints[most]
     per = np.rad2deg(1.0) if joint.type == "revolute" else 1e3
-    return MotionSeen(joint.name, float(per * moved[most]))
+    return ObservedMotion(joint.name, float(per * moved[most]))
 
 
 def true_position_reader(session: RunSession) -> PositionReader | None:
@@ -304,7 +304,7 @@ def true_position_reader(session: RunSession) -> PositionReader | None:
 
 
 def _motion_words(
-    seen: MotionSeen, robot: RobotDescription, before: FloatArray, moved: FloatArray
+    seen: ObservedMotion, robot: RobotDescription, before: FloatArray, moved: FloatArray
 ) -> str:
     if not seen.joint:
         return "nothing moved"

@@ -14,7 +14,7 @@ from config.cell.cell import CellConfig
 from config.errors import ConfigError
 from config.process.termination import signals_handled
 from identification.design.criteria import Criterion
-from identification.design.easier import easier_problems
+from identification.design.easier_problems import easier_problems
 from identification.design.problem import ExcitationProblem
 from identification.design.search import Candidate, candidates
 from rid_daq.operations.experiment.design import Excitation

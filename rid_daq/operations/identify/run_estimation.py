@@ -32,7 +32,7 @@ from identification.estimation.fitted_periods import PLATE_LATE, fit_periodic, u
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.model.still_joints import JERK_SHARE, refuse_unmoved_joints, still_joints
-from identification.validation.asked_terms import further_term_findings
+from identification.validation.further_terms import further_term_findings
 from identification.validation.model_choice import (
     DELAYS_ALONE,
     ModelChoice,

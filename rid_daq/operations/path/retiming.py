@@ -10,7 +10,7 @@ import numpy as np
 from acquisition.motion.limits import verify_limits
 from compensation.operating_temperature import WARM, at_operating_temperature
 from compensation.timing.limits import TimingLimits
-from compensation.timing.timed_motion import TimedMotion, retimed, weighed
+from compensation.timing.timed_motion import TimedMotion, retime_path, with_robot_weight
 from config.errors import ConfigError, LimitError
 from config.formats.whole_file import write_whole
 from config.load import LoadedCell, load_cell, to_yaml
@@ -82,11 +82,11 @@ def retime_motion(request: RetimeRequest) -> RetimedMotion:
     estimate = state_payload(estimate, request.model, request.payload, request.runs).estimate
     limits = _timing_limits(request, loaded)
     if request.base:
-        estimate = weighed(estimate, request.mass_kg)
+        estimate = with_robot_weight(estimate, request.mass_kg)
     samples = motion.plan(robot, loaded.config.cycle_time_s)
     warm = at_operating_temperature(estimate, request.temperature, samples.whole().velocity)
     for again in (request.temperature == WARM, False):
-        timed = retimed(samples, robot, warm.estimate, limits, confidence=request.confidence)
+        timed = retime_path(samples, robot, warm.estimate, limits, confidence=request.confidence)
         if not again:
             break
         # A faster motion heats the joints more, so it is retimed with its own temperature.

@@ -9,7 +9,7 @@ from config.errors import ConfigError
 from identification.estimation.estimate import Estimate
 from identification.model.options import ModelOptions
 from identification.payload.file import write_payload
-from identification.payload.known import Known
+from identification.payload.known import KnownPayloadValue
 from identification.payload.procedures import TORQUE_CONSTANT_SIGMA, PayloadOptions
 from rid_daq.operations.cell_files import read_estimate_for
 from rid_daq.operations.payload.payload_estimate import (
@@ -58,7 +58,7 @@ def identify_payload_runs(request: PayloadIdentifyRequest) -> IdentifiedPayload:
 
 
 def payload_request_of(
-    request: PayloadIdentifyRequest, robot: Estimate | None, known: tuple[Known, ...]
+    request: PayloadIdentifyRequest, robot: Estimate | None, known: tuple[KnownPayloadValue, ...]
 ) -> PayloadRequest:
     """Return the options of a payload estimate from a request.
 

@@ -35,7 +35,7 @@ from rid_daq.requests.request import Request
 from rid_daq.terminal.choices import PAYLOAD
 
 if TYPE_CHECKING:
-    from identification.payload.known import Known
+    from identification.payload.known import KnownPayloadValue
 
 PAYLOADS: Final = "Payload"
 LIMITS: Final = "Limits of the verdict"
@@ -62,16 +62,16 @@ class KnownQuantity(Request):
             raise ValueError("must be NAME=VALUE or NAME=VALUE+-SIGMA, such as m=2.805+-0.005")
         return {"name": name.strip(), "value": value, "sigma": sigma or 0.0}
 
-    def known(self) -> Known:
+    def known(self) -> KnownPayloadValue:
         """Return the quantity as input of the estimators.
 
         Raises:
             ConfigError: There is no such quantity, or its value is impossible.
         """
-        from identification.payload.known import Known
+        from identification.payload.known import KnownPayloadValue
 
         try:
-            return Known(**self.model_dump())
+            return KnownPayloadValue(**self.model_dump())
         except RidDaqError as error:
             raise ConfigError(f"--known {error}", code=error.refusal) from None
 

@@ -80,7 +80,7 @@ class ServeRequest(Request):
 
 
 @dataclass(frozen=True)
-class UnitWritten:
+class WrittenUnit:
     """A systemd unit that was written, and the command that starts it."""
 
     unit: Path
@@ -136,7 +136,7 @@ def run(request: ServeRequest, context: Context) -> OperationResult:
     access = Access.of_service(request.listen, request.certificate)
     unit = SystemdUnit.of(request.cells, request.folder, request.arguments)
     if request.install:
-        return UnitWritten(unit.path, unit.install())
+        return WrittenUnit(unit.path, unit.install())
     log_to_stderr()
     _update_unit(unit)
 

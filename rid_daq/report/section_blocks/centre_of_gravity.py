@@ -51,7 +51,7 @@ class CentreOfGravity:
         """
         from identification.payload.body import reported_slopes
 
-        seen, sigma = np.array(estimate.seen[CENTRE]), estimate.sigma[CENTRE]
+        seen, sigma = np.array(estimate.is_determined[CENTRE]), estimate.sigma[CENTRE]
         slopes = reported_slopes(estimate.values)[CENTRE]
         covariance = slopes @ estimate.covariance @ slopes.T
         loose = seen & (sigma > 0.0)

@@ -43,7 +43,7 @@ def certificate_blocks(certificate: Certificate) -> Iterator[AnyBlock]:
         " determine the value.",
         is_note=True,
     )
-    if sum(certificate.payload.estimate.seen[1:4]) > 1:
+    if sum(certificate.payload.estimate.is_determined[1:4]) > 1:
         yield centre_plot(CentreOfGravity.of(certificate.payload.estimate))
     yield Heading(text="Fit of each axis")
     yield _fit(certificate)
@@ -99,7 +99,7 @@ def _values(certificate: Certificate) -> Table:
     known = {quantity.name for quantity in estimate.known}
 
     def shown(i: int, factor: float) -> Cell:
-        if not estimate.seen[i]:
+        if not estimate.is_determined[i]:
             return "not identified"
         value, reach = factor * float(estimate.reported[i]), 2.0 * factor * float(estimate.sigma[i])
         return Interval(value=value, reach=reach) if reach else f"{number(value, 6)} (fixed)"

@@ -246,12 +246,12 @@ _OUTPUTS = {
 
 def _sentence(estimate: Estimate) -> str:
     from dynamics.model.memory import (
-        presliding,
+        presliding_of_model,
     )  # imports compiled code, which readers of sections do not need
 
     left_out = ", ".join(f"{100.0 * x:.0f}" for x in estimate.left_out_fraction)
     pauses = ""
-    if presliding(estimate.model):
+    if presliding_of_model(estimate.model):
         pauses = "; for joints with presliding, only the middle of each pause is left out"
     way = {
         "ml": "Least squares weighted by noise (maximum likelihood)",

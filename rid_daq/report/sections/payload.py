@@ -220,7 +220,11 @@ def payload_verdict(payload: PayloadResult, empty: EmptyFlange | None = None) ->
         for line in payload.checks
     ]
     failed = [line.text for line in checks if not line.passed]
-    mass = f"{_mass(estimate)} (2σ)" if estimate.seen[0] else "not identifiable from this motion"
+    mass = (
+        f"{_mass(estimate)} (2σ)"
+        if estimate.is_determined[0]
+        else "not identifiable from this motion"
+    )
     headline = (
         f"Failed: {'; '.join(failed)}"
         if failed
@@ -231,7 +235,7 @@ def payload_verdict(payload: PayloadResult, empty: EmptyFlange | None = None) ->
         sentence = f"Mass: {mass}. {sentence}"
     if estimate.procedure != "model":
         sentence += f" {_EMPTY[empty]}"
-    if estimate.seen[0]:
+    if estimate.is_determined[0]:
         known = 100.0 * estimate.torque_constant_sigma
         sentence += (
             f" Each torque constant is assumed to be known to {known:.2g} % (1 σ): an error of 1"
@@ -249,9 +253,9 @@ def _parameters(estimate: PayloadEstimate, whole: bool) -> tuple[PayloadParamete
         PayloadParameter(
             name=name,
             unit=unit,
-            value=float(estimate.reported[i]) if estimate.seen[i] else None,
-            std=float(estimate.sigma[i]) if estimate.seen[i] else None,
-            std_noise=float(estimate.sigma_noise[i]) if estimate.seen[i] else None,
+            value=float(estimate.reported[i]) if estimate.is_determined[i] else None,
+            std=float(estimate.sigma[i]) if estimate.is_determined[i] else None,
+            std_noise=float(estimate.sigma_noise[i]) if estimate.is_determined[i] else None,
             known=name in known,
             exported=float(estimate.body.reported[i]) if whole else None,
         )
@@ -268,7 +272,7 @@ def _existence(estimate: PayloadEstimate) -> str:
     p = estimate.consistent[1]
     if p == 1.0:
         return "The parameters are physically consistent: a body with them can exist."
-    explains = "explains" if estimate.can_exist else "DOES NOT explain"
+    explains = "explains" if estimate.is_consistent else "DOES NOT explain"
     return (
         "The parameters are not physically consistent; the closest body that can exist"
         f" {explains} the data (p = {p:.2g})."

@@ -27,7 +27,7 @@ LeaseKey = Annotated[
 ]
 
 
-class LeaseWanted(Record):
+class LeaseCreation(Record):
     """Request for a lease; `confirmed` is the cell's name if it is taken over from a client."""
 
     note: ShortText = ""
@@ -35,7 +35,7 @@ class LeaseWanted(Record):
     confirmed: ShortText | None = None
 
 
-class LeaseRenewed(Record):
+class LeaseRenewal(Record):
     """New duration of a lease [s]."""
 
     seconds: float = 15.0
@@ -76,7 +76,7 @@ async def get_lease(cell: OfCell, service: Service) -> Lease | None:
 
 @router.post("/{cell}/lease", status_code=HTTPStatus.CREATED)
 async def take_lease(
-    cell: OfCell, service: Service, who: Operator, wanted: Annotated[LeaseWanted, Body()]
+    cell: OfCell, service: Service, who: Operator, wanted: Annotated[LeaseCreation, Body()]
 ) -> HeldLease:
     """Take the cell, or take it over; a person confirms by typing the cell's name."""
     before = service.leases.lease_of(cell.name)
@@ -96,7 +96,7 @@ async def renew_lease(
     cell: OfCell,
     service: Service,
     who: Operator,
-    renewed: Annotated[LeaseRenewed, Body()],
+    renewed: Annotated[LeaseRenewal, Body()],
     key: LeaseKey = None,
 ) -> Lease:
     """Renew the lease: the heartbeat of its holder."""

@@ -20,7 +20,7 @@ from rid_daq.terminal.job_events import AnyEvent
 router = APIRouter(prefix="/api/v1", tags=["jobs"])
 
 
-class JobWanted(Record):
+class JobCreation(Record):
     """Request for a job; a motion needs the cell's lease and, each time, a clear cell."""
 
     kind: JobKind
@@ -46,7 +46,7 @@ async def begin_job(
     cell: OfCell,
     service: Service,
     who: Operator,
-    wanted: Annotated[JobWanted, Body()],
+    wanted: Annotated[JobCreation, Body()],
     key: LeaseKey = None,
 ) -> Job:
     """Save a job and start it; a job that only computes may have to wait for its turn."""

@@ -16,7 +16,7 @@ from rid_daq.service.refusals import NotKnownError, StoreBusyError, UnknownError
 router = APIRouter(prefix="/api/v1", tags=["people"])
 
 
-class TokenWanted(Record):
+class TokenCreation(Record):
     """Request for a new token of a program or a person."""
 
     name: ShortText
@@ -30,7 +30,7 @@ class NewToken(Token):
     secret: str
 
 
-class TicketWanted(Record):
+class TicketCreation(Record):
     """Path that a browser will open or save, as in its URL."""
 
     path: str = Field(max_length=2000)
@@ -42,14 +42,14 @@ class NewTicket(Record):
     ticket: str
 
 
-class PairingBegun(Record):
+class NewPairing(Record):
     """Code that a new device shows, and the secret with which it polls for its token."""
 
     code: str
     secret: str
 
 
-class PairingAsked(Record):
+class PairingQuery(Record):
     """Secret of a waiting device."""
 
     secret: ShortText
@@ -64,7 +64,7 @@ class PairingState(Record):
     )
 
 
-class PairingConfirmed(Record):
+class PairingConfirmation(Record):
     """Code on a device, typed by a person, with the device's name and role."""
 
     code: str = Field(max_length=20)
@@ -86,7 +86,7 @@ async def list_tokens(who: Administrator, service: Service) -> list[Token]:
 
 @router.post("/tokens", status_code=HTTPStatus.CREATED)
 async def make_token(
-    who: Administrator, service: Service, wanted: Annotated[TokenWanted, Body()]
+    who: Administrator, service: Service, wanted: Annotated[TokenCreation, Body()]
 ) -> NewToken:
     """Create a token; its secret is shown only in this answer."""
     token, secret = service.tokens.add(wanted.name, wanted.role, person=wanted.person)
@@ -112,7 +112,7 @@ async def revoke_token(token: str, who: Administrator, service: Service) -> None
 
 @router.post("/tickets", status_code=HTTPStatus.CREATED)
 async def make_ticket(
-    who: Who, request: Request, authenticator: Auth, wanted: Annotated[TicketWanted, Body()]
+    who: Who, request: Request, authenticator: Auth, wanted: Annotated[TicketCreation, Body()]
 ) -> NewTicket:
     """Create a ticket: `?ticket=` authorises one GET request of this path within 30 s."""
     secret = authenticator.secret_of(request.headers)
@@ -124,17 +124,17 @@ async def make_ticket(
 
 
 @router.post("/pairing", status_code=HTTPStatus.CREATED)
-async def begin_pairing(request: Request, authenticator: Auth) -> PairingBegun:
+async def begin_pairing(request: Request, authenticator: Auth) -> NewPairing:
     """Start pairing this device: it shows the code, and a person at the cell types it."""
     code, secret = authenticator.pairing.begin(
         "" if request.client is None else request.client.host
     )
-    return PairingBegun(code=code, secret=secret)
+    return NewPairing(code=code, secret=secret)
 
 
 @router.post("/pairing/state")
 async def pairing_state(
-    asked: Annotated[PairingAsked, Body()], authenticator: Auth, response: Response
+    asked: Annotated[PairingQuery, Body()], authenticator: Auth, response: Response
 ) -> PairingState:
     """Return whether this device is confirmed, and give it its token then."""
     secret = authenticator.pairing.collect(asked.secret)
@@ -157,7 +157,7 @@ async def confirm_pairing(
     who: Administrator,
     authenticator: Auth,
     service: Service,
-    confirmed: Annotated[PairingConfirmed, Body()],
+    confirmed: Annotated[PairingConfirmation, Body()],
 ) -> Token:
     """Grant access to the device that shows a code."""
     token = authenticator.pairing.confirm(confirmed.code, confirmed.name, confirmed.role, who.token)

@@ -10,14 +10,14 @@ from http import HTTPStatus
 from fastapi import APIRouter, Request
 
 from rid_daq.service.api.context import is_local
-from rid_daq.service.stop.stop_answer import ALL, StopAsked
+from rid_daq.service.stop.stop_answer import ALL, StopAnswer
 from rid_daq.service.stop.stop_handler import ServiceStopHandler
 
 router = APIRouter(prefix="/api/v1", tags=["stop"])
 
 
 @router.post("/cells/{cell}/stop", status_code=HTTPStatus.ACCEPTED)
-async def stop(cell: str, request: Request) -> StopAsked:
+async def stop(cell: str, request: Request) -> StopAnswer:
     """Stop the motion of a cell. It needs no lease and no role, and on this computer no token.
 
     The body is ignored. From other computers, any token that was ever issued suffices, even a
@@ -27,12 +27,12 @@ async def stop(cell: str, request: Request) -> StopAsked:
 
 
 @router.post("/stop", status_code=HTTPStatus.ACCEPTED)
-async def stop_all(request: Request) -> StopAsked:
+async def stop_all(request: Request) -> StopAnswer:
     """Stop the motions of all cells of this service; the rules of `stop` apply."""
     return _stop(ALL, request)
 
 
-def _stop(target: str, request: Request) -> StopAsked:
+def _stop(target: str, request: Request) -> StopAnswer:
     handler: ServiceStopHandler = request.app.state.stop_handler
     client = "" if request.client is None else request.client.host
     address = request.scope.get("state", {}).get("address", client)

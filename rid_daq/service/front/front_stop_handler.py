@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock
 from rid_daq.service.refusals import UnknownError
-from rid_daq.service.stop.stop_answer import ALL, StopAsked, stop_each, unknown_sender_error
+from rid_daq.service.stop.stop_answer import ALL, StopAnswer, stop_each, unknown_sender_error
 from rid_daq.web.access import is_loopback
 from rid_daq.web.request_secrets import all_secrets_of
 
@@ -67,7 +67,7 @@ class FrontStopHandler:
             raise unknown_sender_error()
         return known or ""
 
-    def stop(self, target: str, who: str) -> StopAsked:
+    def stop(self, target: str, who: str) -> StopAnswer:
         """Stop a cell, or all cells (`ALL`); then report the stop to the service.
 
         Raises:

@@ -1,4 +1,4 @@
-"""`StopAsked`, `StopHandler`: answer to a STOP request, and interface of its handler.
+"""`StopAnswer`, `StopHandler`: answer to a STOP request, and interface of its handler.
 
 The front process imports this module, so it imports little.
 """
@@ -16,7 +16,7 @@ ALL: Final = "*"
 
 
 @dataclass(frozen=True)
-class StopAsked:
+class StopAnswer:
     """Answer to a STOP request.
 
     Attributes:
@@ -54,7 +54,7 @@ class StopHandler(Protocol):
         """
         ...
 
-    def stop(self, target: str, who: str) -> StopAsked:
+    def stop(self, target: str, who: str) -> StopAnswer:
         """Stop a cell, or all cells (`ALL`).
 
         Raises:
@@ -65,7 +65,7 @@ class StopHandler(Protocol):
 
 def stop_each(
     cells: Iterable[str], stop: Callable[[str], bool], wrong: Callable[[str], None]
-) -> StopAsked:
+) -> StopAnswer:
     """Stop cells. An error of one cell does not prevent the stop of the others.
 
     Args:
@@ -88,4 +88,4 @@ def stop_each(
         sentence = "Stop requested: check that the axes come to rest."
     else:
         sentence = "This service moves nothing now."
-    return StopAsked(told, sentence)
+    return StopAnswer(told, sentence)

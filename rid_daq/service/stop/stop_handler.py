@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from rid_daq.service.authenticator import Authenticator
 from rid_daq.service.logs import LOG
 from rid_daq.service.service import CellService
-from rid_daq.service.stop.stop_answer import ALL, StopAsked, stop_each, unknown_sender_error
+from rid_daq.service.stop.stop_answer import ALL, StopAnswer, stop_each, unknown_sender_error
 from rid_daq.web.access import is_loopback
 
 
@@ -50,7 +50,7 @@ class ServiceStopHandler:
             return "a user"
         raise unknown_sender_error()
 
-    def stop(self, target: str, who: str) -> StopAsked:
+    def stop(self, target: str, who: str) -> StopAnswer:
         """Stop a cell, or all cells (`ALL`).
 
         Raises:

@@ -12,7 +12,7 @@ from rid_daq.service.store.tokens import hash_secret
 
 
 @dataclass(frozen=True)
-class KeptLease:
+class StoredLease:
     """Lease as the service stores it.
 
     Attributes:
@@ -42,7 +42,7 @@ class LeaseStore:
     def __init__(self, database: Database) -> None:
         self._database = database
         self._leases = {
-            str(cell): KeptLease(Lease.model_validate_json(lease), key_hash, ends_s, boot)
+            str(cell): StoredLease(Lease.model_validate_json(lease), key_hash, ends_s, boot)
             for cell, key_hash, lease, ends_s, boot in database.read(
                 "SELECT cell, key_hash, leases.lease, ends_s, boot FROM leases JOIN lease_ends"
                 " USING (cell) WHERE json_extract(leases.lease, '$.id') = lease_ends.lease"
@@ -51,7 +51,7 @@ class LeaseStore:
         rows = database.read("SELECT cell, lease, token FROM lease_tokens")
         self._tokens = {str(cell): (str(lease), str(token)) for cell, lease, token in rows}
 
-    def put(self, kept: KeptLease) -> None:
+    def put(self, kept: StoredLease) -> None:
         """Save the lease of a cell; it replaces the previous lease."""
         lease = kept.lease
         self._leases[lease.cell] = kept
@@ -69,7 +69,7 @@ class LeaseStore:
             kept.boot,
         )
 
-    def renew(self, kept: KeptLease) -> None:
+    def renew(self, kept: StoredLease) -> None:
         """Save the new end of a lease."""
         lease = kept.lease
         self._leases[lease.cell] = kept
@@ -96,7 +96,7 @@ class LeaseStore:
         leases = (kept.lease for kept in self._leases.values())
         return [lease for lease in leases if of_token.get(lease.cell) == lease.id]
 
-    def get(self, cell: str) -> KeptLease | None:
+    def get(self, cell: str) -> StoredLease | None:
         """Return the stored lease of a cell, even if it has expired."""
         return self._leases.get(cell)
 

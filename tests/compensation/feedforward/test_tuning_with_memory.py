@@ -11,7 +11,7 @@ from compensation.feedforward.inverse import periodic_feedforward
 from compensation.feedforward.repeated_error import RepeatedError
 from compensation.feedforward.tuning import tune
 from config.load import load_cell
-from dynamics.model.memory import with_memory
+from dynamics.model.memory import with_presliding_history
 from identification.estimation.estimate import predict
 from tests.builders.known_model import known
 from tests.builders.point_streams import T, loops_of
@@ -34,7 +34,7 @@ def test_a_feedforward_that_is_right_is_left_alone() -> None:
     q = 0.3 * np.sin(angle) + 0.02 * np.sin(3.0 * angle)
     v = turn * (0.3 * np.cos(angle) + 0.06 * np.cos(3.0 * angle))
     a = turn**2 * (-0.3 * np.sin(angle) - 0.18 * np.sin(3.0 * angle))
-    torque = predict(model, q, v, a, with_memory(model.model, q, periodic=True))
+    torque = predict(model, q, v, a, with_presliding_history(model.model, q, periodic=True))
     samples = MotionSamples(
         cell.robot.joint_names, T, q, v, a,
         phase=phases_of((Phase.MAIN, ROWS)),

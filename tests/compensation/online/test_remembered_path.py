@@ -13,7 +13,7 @@ from compensation.online.online_kernel import PRESLIDING
 from compensation.online.point_ring import PointRing
 from compensation.online.point_source import PointSource
 from dynamics.kernels.presliding import DIRECTION
-from dynamics.model.memory import presliding
+from dynamics.model.memory import presliding_of_model
 from dynamics.model.robot_model import torque
 from dynamics.terms.conditions import Conditions
 from dynamics.terms.memory import Memory
@@ -72,7 +72,7 @@ def rested() -> tuple[Points, Points, Points]:
 def expected(q: Points, v: Points, a: Points, seen: Points) -> Points:
     """Return the speeds to send for friction that follows what was seen, then the path."""
     model, parameters = remembering()
-    memory = Memory.along(presliding(model), np.concatenate([seen, q + (seen[-1] - q[0])]))
+    memory = Memory.along(presliding_of_model(model), np.concatenate([seen, q + (seen[-1] - q[0])]))
     own = Conditions(memory=memory.part(slice(len(seen), None)))
     return feedforward(loops_of(CELL), v, torque(model, q, v, a, parameters, own), T)
 
@@ -142,7 +142,7 @@ def test_what_a_path_that_was_stopped_remembers_is_where_it_went() -> None:
     points = drive(source)
     held_limits(points)
     assert source.stop is not None
-    memory = Memory.along(presliding(remembering()[0]), arrays(points)[0])
+    memory = Memory.along(presliding_of_model(remembering()[0]), arrays(points)[0])
     assert 0.1 < abs(memory.direction[-1, 1]) < 0.9, "two joints have just turned back"
     assert 0.1 < abs(memory.direction[-1, 2]) < 0.9
     np.testing.assert_allclose(source._found[:, DIRECTION], memory.direction[-1], atol=1e-9)

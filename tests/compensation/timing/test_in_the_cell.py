@@ -15,7 +15,7 @@ from compensation.compensated_motion import compensated_motion
 from compensation.loops.velocity_loop import VelocityLoop
 from compensation.timing.joint_curve import JointCurve, curves_of
 from compensation.timing.limits import TimingLimits
-from compensation.timing.timed_motion import retimed
+from compensation.timing.timed_motion import retime_path
 from config.arrays import FloatArray
 from config.load import LoadedCell
 from config.robot.robot import RobotDescription
@@ -125,7 +125,7 @@ def test_a_timed_pick_and_place_keeps_its_torques_and_its_path(
     cycle_s, robot = cell.config.cycle_time_s, within_mechanics(model.robot, share)
     model, limits = replace(model, robot=robot), limits_of(robot)
     usual = pick_and_place(cell, 1.0)
-    timed = retimed(usual, robot, model, limits, confidence=0.95)
+    timed = retime_path(usual, robot, model, limits, confidence=0.95)
 
     (way,) = curves_of(usual, [joint.limits.velocity for joint in robot.joints])[1]
     in_file = TimingLimits.of_robot(cell.robot)
@@ -169,11 +169,11 @@ def test_the_base_feels_no_more_than_it_may(
         residual_nm=model.residual_nm,
     )
     usual = pick_and_place(cell, 1.0)
-    free = retimed(usual, robot, combined, limits_of(robot))
+    free = retime_path(usual, robot, combined, limits_of(robot))
     reached = np.abs(free.ways[0].wrench).max(axis=0)
     allowed = reached * np.array([0.8, 0.8, np.inf, 0.8, 0.8, 0.8])
     limits = replace(limits_of(robot), base=allowed)
-    timed = retimed(usual, robot, combined, limits, confidence=0.95)
+    timed = retime_path(usual, robot, combined, limits, confidence=0.95)
     assert timed.moving_s > free.moving_s
     samples = timed.motion.plan(robot, cell.config.cycle_time_s)
     felt = np.zeros((len(samples), 6))

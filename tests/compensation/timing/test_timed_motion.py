@@ -13,7 +13,7 @@ from acquisition.motion.limits import verify_limits
 from acquisition.motion.motion_file import MotionFile
 from acquisition.motion.samples import MotionSamples
 from compensation.timing.limits import TimingLimits
-from compensation.timing.timed_motion import TimedMotion, retimed
+from compensation.timing.timed_motion import TimedMotion, retime_path
 from compensation.timing.uncertainty import ModelMargin
 from config.errors import ConfigError, LimitError
 from config.load import LoadedCell, load_cell
@@ -88,7 +88,7 @@ def test_a_timed_motion_is_faster_and_keeps_to_the_path(
     cell: LoadedCell, model: Estimate, limits: TimingLimits
 ) -> None:
     samples = points(cell)
-    timed = retimed(samples, cell.robot, model, limits)
+    timed = retime_path(samples, cell.robot, model, limits)
     assert timed.shorter > 0.2
     found = within(timed, cell, model)
     gap = np.linalg.norm(samples.position[:, np.newaxis] - found.position, axis=2).min(axis=1)
@@ -101,7 +101,7 @@ def test_a_timed_motion_is_faster_and_keeps_to_the_path(
 def test_tool_paths_are_timed(
     keys: dict[str, Any], cell: LoadedCell, model: Estimate, limits: TimingLimits
 ) -> None:
-    timed = retimed(planned(cell, **keys), cell.robot, model, limits)
+    timed = retime_path(planned(cell, **keys), cell.robot, model, limits)
     assert len(timed.ways) == (2 if keys is LINES else 1)
     assert timed.shorter > 0.0
     within(timed, cell, model)
@@ -113,14 +113,14 @@ def test_what_is_uncertain_is_kept_free(
     samples = points(cell)
     tight = replace(limits, torque=0.5 * limits.torque)
     bold, careful = (
-        retimed(samples, cell.robot, model, tight, confidence=share) for share in (0.0, 0.95)
+        retime_path(samples, cell.robot, model, tight, confidence=share) for share in (0.0, 0.95)
     )
     assert careful.moving_s > bold.moving_s
     (way,) = careful.ways
     assert way.margins is not None
     assert (way.margins.torque > 1.9 * 1.5).all()
     assert (np.abs(way.torque) + way.margins.torque <= tight.torque).all()
-    surely = retimed(samples, cell.robot, model, tight, confidence=0.999)
+    surely = retime_path(samples, cell.robot, model, tight, confidence=0.999)
     assert surely.moving_s > careful.moving_s
 
 
@@ -152,19 +152,19 @@ def test_a_torque_that_is_too_small_is_named(
 ) -> None:
     weak = replace(limits, torque=limits.torque * np.array([1.0, 0.02, 1.0]))
     with raises_code(LimitError, "RID-TIMING-NOT-FEASIBLE", "axis2", "12."):
-        retimed(points(cell), cell.robot, model, weak)
+        retime_path(points(cell), cell.robot, model, weak)
 
 
 def test_the_internal_model_knows_no_base(
     cell: LoadedCell, model: Estimate, limits: TimingLimits
 ) -> None:
     with raises_code(ConfigError, "RID-MODEL-NOT-COMBINED"):
-        retimed(points(cell), cell.robot, model, replace(limits, base=np.full(6, 1e4)))
+        retime_path(points(cell), cell.robot, model, replace(limits, base=np.full(6, 1e4)))
 
 
 def test_another_cycle_time_is_refused(
     cell: LoadedCell, model: Estimate, limits: TimingLimits
 ) -> None:
-    timed = retimed(points(cell), cell.robot, model, limits)
+    timed = retime_path(points(cell), cell.robot, model, limits)
     with raises_code(ConfigError, "RID-MOTION-CYCLE"):
         timed.motion.plan(cell.robot, 0.5 * cell.config.cycle_time_s)

@@ -9,13 +9,13 @@ from hypothesis import strategies as st
 from numba import njit
 
 from dynamics.kernels.simd import gather, load, scatter, spread, store
-from dynamics.kernels.vectors import eight_from, sin_cos
+from dynamics.kernels.vectors import eight_indices, sin_cos
 
 
 @njit
 def _sin_cos(x, out):
     for first in range(0, len(x), 8):
-        samples = eight_from(first, len(x))
+        samples = eight_indices(first, len(x))
         sine, cosine = sin_cos(gather(x, samples, 0))
         scatter(sine, out, samples, 0)
         scatter(cosine, out, samples, 1)
@@ -24,7 +24,7 @@ def _sin_cos(x, out):
 @njit
 def _arithmetic(x, out):
     for first in range(0, len(x), 8):
-        samples = eight_from(first, len(x))
+        samples = eight_indices(first, len(x))
         a, b = gather(x, samples, 0), gather(x, samples, 1)
         scatter(a + b, out, samples, 0)
         scatter(a - 2.5, out, samples, 1)
@@ -36,7 +36,7 @@ def _arithmetic(x, out):
 
 @njit
 def _through_memory(x, tile, out):
-    samples = eight_from(0, 8)
+    samples = eight_indices(0, 8)
     store(gather(x, samples, 0), tile, 1, 2)
     scatter(load(tile, 1, 2), out, samples, 1)
 

@@ -8,9 +8,9 @@ import pytest
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
 from dynamics.kernels.presliding import FOUND
-from dynamics.model.memory import with_memory
+from dynamics.model.hysteretic_sample import hysteretic_torque, initial_states, update_presliding
+from dynamics.model.memory import with_presliding_history
 from dynamics.model.one_sample import SampleTorque
-from dynamics.model.remembered_sample import go_to, hysteretic_torque, unknown
 from dynamics.model.robot_model import RobotModel, load_torque, torque
 from dynamics.terms.conditions import Conditions
 
@@ -52,14 +52,14 @@ def test_a_path_gone_step_by_step_takes_the_whole_paths_torques(
     model = RobotModel.from_description(arm(ir361), sign_smoothing_rad_s=smoothing)
     theta = np.random.default_rng(1).uniform(0.5, 2.0, len(model.parameter_names))
     q, v, a = way()
-    conditions = with_memory(model, q)
+    conditions = with_presliding_history(model, q)
     load = load_torque(model, q, v, a, theta, conditions)
     expected = torque(model, q, v, a, theta, Conditions(load_nm=load, memory=conditions.memory))
     one = SampleTorque.of(model, theta)
     np.testing.assert_array_equal(one.presliding, [[DISTANCE, 0.0, DISTANCE], [1.0, 0.0, SHARE]])
-    state, found, out = unknown(3), np.zeros((3, FOUND)), np.empty(3)
+    state, found, out = initial_states(3), np.zeros((3, FOUND)), np.empty(3)
     for row in range(len(q)):
-        go_to(q[row], one.presliding, state, found)
+        update_presliding(q[row], one.presliding, state, found)
         hysteretic_torque(one.arrays, q[row], v[row], a[row], found, out)
         np.testing.assert_allclose(out, expected[row], rtol=1e-9, atol=1e-9)
     by_speed = torque(model, q, v, a, theta, Conditions(load_nm=load))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dynamics.model.robot_model import RobotModel
-from dynamics.model.standstill import moving, moving_on
+from dynamics.model.standstill import moving_actuators, moving_without_reversal
 from tests.builders.remembering_arm import arm
 
 SLOW_RAD_S = 0.02
@@ -16,6 +16,20 @@ def test_a_reversal_between_two_rows_is_a_standstill() -> None:
     v = np.full((6, model.chain.n), 0.5)
     v[3:, 0] = -0.5
     v[2, 1] = 0.0
-    assert moving(model, v, SLOW_RAD_S)[:, 0].all()
-    assert moving_on(model, v, SLOW_RAD_S)[:, 0].tolist() == [True, True, False, False, True, True]
-    assert moving_on(model, v, SLOW_RAD_S)[:, 1].tolist() == [True, True, False, True, True, True]
+    assert moving_actuators(model, v, SLOW_RAD_S)[:, 0].all()
+    assert moving_without_reversal(model, v, SLOW_RAD_S)[:, 0].tolist() == [
+        True,
+        True,
+        False,
+        False,
+        True,
+        True,
+    ]
+    assert moving_without_reversal(model, v, SLOW_RAD_S)[:, 1].tolist() == [
+        True,
+        True,
+        False,
+        True,
+        True,
+        True,
+    ]

@@ -17,10 +17,14 @@ from dynamics.kernels.presliding import (
     FOUND,
     KNOWN,
     STATE,
-    begin,
     drive_presliding,
+    initial_state,
 )
-from dynamics.model.memory import friction_known, presliding, with_memory
+from dynamics.model.memory import (
+    presliding_of_model,
+    samples_with_known_friction,
+    with_presliding_history,
+)
 from dynamics.model.nonlinear_slopes import nonlinear_slopes
 from dynamics.model.robot_model import RobotModel, load_torque, regressor, torque
 from dynamics.terms.conditions import Conditions
@@ -34,7 +38,7 @@ def direction(
     path: FloatArray, distance: float = D, state: FloatArray | None = None, share: float = 1.0
 ) -> FloatArray:
     out = np.zeros((len(path), FOUND))
-    state = begin() if state is None else state
+    state = initial_state() if state is None else state
     drive_presliding(np.asarray(path, dtype=np.float64), distance, share, state, out)
     return out
 
@@ -54,7 +58,7 @@ def test_it_depends_on_the_path_and_not_on_the_speed(path: FloatArray, pieces: i
 
 @given(PATHS, st.integers(1, 38))
 def test_it_goes_on_from_where_it_was_left(path: FloatArray, cut: int) -> None:
-    state = begin()
+    state = initial_state()
     pieces = [direction(part, state=state) for part in (path[:cut], path[cut:])]
     np.testing.assert_array_equal(np.concatenate(pieces), direction(path))
 
@@ -75,7 +79,7 @@ def test_a_closed_inner_loop_is_forgotten(reversal: float, depth: float) -> None
 def test_once_known_it_depends_on_the_motion_alone(path: FloatArray, seed: int) -> None:
     before = D * np.cumsum(np.random.default_rng(seed).uniform(-2.0, 2.0, 20))
     other = np.concatenate([before - before[-1] + path[0], path])
-    state = begin()
+    state = initial_state()
     fresh, used = direction(path, state=state), direction(other)[len(before) :]
     known = fresh[:, KNOWN] > 0.0
     np.testing.assert_allclose(used[known, DIRECTION], fresh[known, DIRECTION], atol=1e-9)
@@ -102,7 +106,7 @@ def test_what_does_not_give_way_holds_at_once() -> None:
 def test_what_holds_at_once_is_unknown_as_long_as_its_own_way_lasts() -> None:
     path = 1e-6 * np.arange(40.0)
     out = np.empty((len(path), FOUND))
-    drive_presliding(path, 1e-6, 0.5, begin(), out)
+    drive_presliding(path, 1e-6, 0.5, initial_state(), out)
     assert not out[path < 1.99 * AT_ONCE, KNOWN].any()
     assert out[path > 2.01 * AT_ONCE, KNOWN].all()
 
@@ -144,12 +148,16 @@ def test_the_slopes_by_distance_and_share_are_those_of_the_torque(efficiency: fl
     warm = Conditions(temperature_k=np.full(3, 310.0))
     theta = np.random.default_rng(2).normal(size=len(model.parameter_names))
     load = load_torque(model, q, v, a, theta, warm)
-    assert [own.distance.name for own in presliding(model)] == ["dp_axis1", "dp_axis2", "dp_axis3"]
+    assert [own.distance.name for own in presliding_of_model(model)] == [
+        "dp_axis1",
+        "dp_axis2",
+        "dp_axis3",
+    ]
     assert {"sp_axis2", "sp_axis3"} <= set(model.nonlinear_names)
     assert "sp_axis1" not in model.nonlinear_names, "all of its friction gives way"
 
     def conditions(of: RobotModel) -> Conditions:
-        followed = with_memory(of, q, warm)
+        followed = with_presliding_history(of, q, warm)
         return Conditions(followed.temperature_k, load, memory=followed.memory)
 
     slopes = nonlinear_slopes(model, q, v, a, theta, conditions(model))
@@ -171,7 +179,7 @@ def test_a_joint_that_slides_far_has_the_friction_of_its_sign() -> None:
     q, v, a = 5.0 * t**2 + 0.1, 10.0 * t + 0.1, np.full_like(t, 10.0)
     warm = Conditions(temperature_k=np.full(3, 310.0))
     theta = np.random.default_rng(2).normal(size=len(model.parameter_names))
-    followed = with_memory(model, q, warm)
+    followed = with_presliding_history(model, q, warm)
     assert followed.memory is not None
     known = followed.memory.known.all(axis=1)
     assert 0.5 < known.mean() < 1.0
@@ -185,14 +193,16 @@ def test_a_joint_that_slides_far_has_the_friction_of_its_sign() -> None:
 def test_a_periodic_motion_remembers_its_last_period_and_a_gap_is_forgotten() -> None:
     model = model_of()
     t = np.linspace(0.0, 2.0 * np.pi, 100, endpoint=False)[:, np.newaxis] * np.ones(3)
-    once, steady = (with_memory(model, np.sin(t), periodic=p).memory for p in (False, True))
+    once, steady = (
+        with_presliding_history(model, np.sin(t), periodic=p).memory for p in (False, True)
+    )
     assert once is not None
     assert steady is not None
     assert steady.known.all()
     assert not once.known[0].any()
     np.testing.assert_allclose(steady.direction[0], 1.0)
     segment = np.repeat([0, 1], 50)
-    cut = with_memory(model, np.sin(t), segment=segment).memory
+    cut = with_presliding_history(model, np.sin(t), segment=segment).memory
     assert cut is not None
     assert not cut.known[50].any()
     assert cut.known[-1].all()
@@ -203,8 +213,8 @@ def test_samples_at_rest_count_for_joints_with_a_memory_that_is_known() -> None:
     model = model_of()
     q = np.linspace(0.0, 0.1, 50)[:, np.newaxis] * np.ones(3)
     moving = np.zeros((50, 3), dtype=bool)
-    assert not friction_known(Conditions(), moving).any()
-    use = friction_known(with_memory(model, q), moving)
+    assert not samples_with_known_friction(Conditions(), moving).any()
+    use = samples_with_known_friction(with_presliding_history(model, q), moving)
     assert not use[0].any()
     assert use[-1].all()
 
@@ -212,4 +222,4 @@ def test_samples_at_rest_count_for_joints_with_a_memory_that_is_known() -> None:
 def test_a_memory_of_another_motion_is_refused() -> None:
     model, (q, v, a) = model_of(), small_motion()
     with raises_code(EstimationError, "RID-API-ARGUMENT", "59", "60"):
-        regressor(model, q, v, a, with_memory(model, q[1:]))
+        regressor(model, q, v, a, with_presliding_history(model, q[1:]))

@@ -119,7 +119,7 @@ def test_a_link_about_its_centre_is_what_pinocchio_says(seed: int) -> None:
     body = body_of(*point_masses(seed))
     link = LinkBody.of(body)
     judge = pin.Inertia.FromDynamicParameters(body[[0, 1, 2, 3, 4, 5, 7, 6, 8, 9]])
-    assert link.can_exist
+    assert link.is_consistent
     assert link.mass_kg == pytest.approx(judge.mass)
     np.testing.assert_allclose(link.centre_m, judge.lever, atol=1e-12)
     np.testing.assert_allclose(link.inertia_kg_m2, judge.inertia, atol=1e-12)
@@ -134,7 +134,7 @@ def test_a_nominal_robot_can_exist(name: str) -> None:
         model = RobotModel.from_description(known, payload=True)
         values, sigmas = nominal_parameters(model, known)
         bodies = values[: 10 * model.chain.n].reshape(-1, 10)
-        assert all(LinkBody.of(body).can_exist for body in bodies)
+        assert all(LinkBody.of(body).is_consistent for body in bodies)
         assert np.all(np.isfinite(sigmas))
         assert np.all(sigmas > 0.0)
 
@@ -152,7 +152,7 @@ def test_an_estimate_that_a_robot_can_have_stays_as_it_is(make: Make, name: str)
 def test_whatever_noise_does_the_robot_can_exist(make: Make, name: str, noise_nm: float) -> None:
     estimate, truth = make(name, noise_nm)
     result = consistent(estimate)
-    assert all(link.can_exist for link in result.links)
+    assert all(link.is_consistent for link in result.links)
     bodies = result.standard_values[: 10 * len(result.links)].reshape(-1, 10)
     assert np.min(np.linalg.eigvalsh(pseudo_inertia(bodies))) > 0.0
     braking = not_negative(estimate.model, estimate.robot)
@@ -215,7 +215,7 @@ def test_a_payload_can_exist_too(make: Make) -> None:
     estimate, _ = make("ir361", 30.0, 2, ModelOptions(payload=True))
     result = consistent(estimate)
     body = result.standard_values[estimate.model.parameter_groups["payload"]]
-    assert LinkBody.of(body).can_exist
+    assert LinkBody.of(body).is_consistent
 
 
 def test_a_short_recording_with_singular_intervals_has_a_metric(make: Make) -> None:
@@ -239,7 +239,7 @@ def test_the_ur10e_can_exist_within_its_intervals(real_robot: Path) -> None:
     free = estimate.base.names.index("Ixx5")
     assert estimate.values[free] < 0.0  # what no robot has
     result = consistent(estimate)
-    assert all(link.can_exist for link in result.links)
+    assert all(link.is_consistent for link in result.links)
     assert result.test.p_value > 0.3
     assert np.max(np.abs(result.moved_sigmas)) < 2.0
     assert 10.0 < result.links[1].mass_kg < 17.0

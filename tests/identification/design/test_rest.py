@@ -13,7 +13,7 @@ from config.robot.robot import Joint, JointLimits, LinkCad, RobotDescription
 from dynamics.model.cad import cad_parameters
 from dynamics.model.robot_model import torque
 from identification.design.criteria import DOptimal
-from identification.design.easier import easier_problems
+from identification.design.easier_problems import easier_problems
 from identification.design.model import design_model
 from identification.design.problem import ExcitationProblem
 from identification.design.search import refine_start

@@ -107,7 +107,7 @@ def test_each_broken_limit_is_told(problem, motion) -> None:
     words = " ".join(check.broken)
     assert "position of joint 'joint3'" in words
     assert "torque of joint" in words
-    held = {use.what: use.held for use in check.uses}
+    held = {use.what: use.is_met for use in check.uses}
     assert not held["range of joint3"]
 
 

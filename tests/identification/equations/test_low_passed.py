@@ -9,7 +9,7 @@ from acquisition.processing.smoothing import SmoothedSignals, low_pass
 from config.arrays import FloatArray
 from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import RobotDescription
-from dynamics.model.memory import with_memory
+from dynamics.model.memory import with_presliding_history
 from dynamics.model.robot_model import RobotModel
 from dynamics.terms.conditions import Conditions
 from identification.equations import low_passed
@@ -44,7 +44,7 @@ def kept_and_fresh(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the columns by way of what was kept, and from nothing."""
     warm = np.tile(300.0 + np.linspace(0.0, 5.0, len(WAY[0]))[:, np.newaxis], (1, 3))
-    conditions = with_memory(model, WAY[0], Conditions(temperature_k=warm))
+    conditions = with_presliding_history(model, WAY[0], Conditions(temperature_k=warm))
     columns = LowPassedColumns(model, base, recorded(), conditions, standard, kept)
     fresh = torque_columns(model, base, WAY, conditions, standard)
     return columns.of(ROWS, 3), low_pass(fresh, STEP_S, CUTOFF_HZ)[::3]

@@ -10,7 +10,7 @@ import pytest
 from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.robot.friction_terms import FrictionTerm
-from dynamics.model.memory import with_memory
+from dynamics.model.memory import with_presliding_history
 from dynamics.model.one_sample import SampleTorque
 from dynamics.model.robot_model import regressor
 from dynamics.terms.conditions import Conditions
@@ -57,7 +57,7 @@ def test_torques_and_their_intervals_are_those_at_that_temperature(
     few = slice(0, 500, 10)
     sigmas = []
     for own, given in ((plain, None), (estimate, there)):
-        conditions = with_memory(own.model, q[few], given)
+        conditions = with_presliding_history(own.model, q[few], given)
         phi = own.base.columns(regressor(own.model, q[few], v[few], a[few], conditions))
         sigmas.append(np.einsum("sjb,bc,sjc->sj", phi, own.covariance_jackknife, phi))
     np.testing.assert_allclose(sigmas[0], sigmas[1], rtol=1e-6, atol=1e-9)

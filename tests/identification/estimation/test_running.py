@@ -32,7 +32,7 @@ def run(signals: SmoothedSignals) -> TimeRun:
 
 def test_it_is_the_estimate_of_all_rows_at_once(arm: KnownArm, measure: Measure) -> None:
     periods = list(single_periods(measure(periods=3), 10.0).values())
-    running = RunningEstimate.begin(arm.model, STANDSTILL_RAD_S)
+    running = RunningEstimate.empty(arm.model, STANDSTILL_RAD_S)
     for signals in periods:
         running = running.add(run(signals))
     now = running.current_values()
@@ -43,7 +43,7 @@ def test_it_is_the_estimate_of_all_rows_at_once(arm: KnownArm, measure: Measure)
 
 def test_parts_of_a_recording_give_its_honest_intervals(arm: KnownArm, measure: Measure) -> None:
     period = single_periods(measure(periods=2), 10.0)[0]
-    running = RunningEstimate.begin(arm.model, STANDSTILL_RAD_S)
+    running = RunningEstimate.empty(arm.model, STANDSTILL_RAD_S)
     for part in split_recording(period, 7):
         running = running.add(run(part))
     now = running.current_values()
@@ -53,7 +53,7 @@ def test_parts_of_a_recording_give_its_honest_intervals(arm: KnownArm, measure: 
 
 
 def test_more_periods_come_closer_to_the_truth(arm: KnownArm, measure: Measure) -> None:
-    running = RunningEstimate.begin(arm.model, STANDSTILL_RAD_S)
+    running = RunningEstimate.empty(arm.model, STANDSTILL_RAD_S)
     sigma, error = [], []
     for signals in single_periods(measure(periods=16, noise_nm=5.0), 10.0).values():
         running = running.add(run(signals))
@@ -66,7 +66,7 @@ def test_more_periods_come_closer_to_the_truth(arm: KnownArm, measure: Measure) 
 
 
 def test_what_was_not_shown_is_said(arm: KnownArm, measure: Measure) -> None:
-    running = RunningEstimate.begin(arm.model, STANDSTILL_RAD_S)
+    running = RunningEstimate.empty(arm.model, STANDSTILL_RAD_S)
     with raises_code(EstimationError, "RID-RECORDING-SHORT"):
         running.current_values()
 
@@ -76,4 +76,4 @@ def test_a_model_that_is_not_linear_is_refused() -> None:
     joints = (robot.joints[0].model_copy(update={"efficiency": 0.9}), *robot.joints[1:])
     model = RobotModel.from_description(robot.model_copy(update={"joints": joints}))
     with raises_code(EstimationError, "RID-MODEL-LOAD-FRICTION"):
-        RunningEstimate.begin(model, STANDSTILL_RAD_S)
+        RunningEstimate.empty(model, STANDSTILL_RAD_S)

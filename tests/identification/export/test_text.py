@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.export.model import ExportModel
-from identification.export.text import head
+from identification.export.text import header_lines
 from tests.builders.remembering_arm import iwan, motion, recording, with_presliding
 
 
@@ -12,6 +12,6 @@ def test_distance_and_share_of_what_friction_remembers_are_named_as_left_out() -
     way = motion(20.0, 1)
     measured = recording({1: iwan(way[0][:, 1], 0.01)}, way)
     estimate = fit_smoothed(with_presliding((1,), 0.01, share=0.5), [measured]).estimate()
-    said = " ".join(head(ExportModel.identified(estimate)))
+    said = " ".join(header_lines(ExportModel.identified(estimate)))
     assert "Left out: presliding (dp_axis2 = 0.01" in said
     assert " rad, sp_axis2 = 0.9" in said or " rad, sp_axis2 = 1)" in said

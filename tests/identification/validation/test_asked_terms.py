@@ -8,7 +8,7 @@ from acquisition.processing.smoothing import smooth_nonperiodic
 from acquisition.recording.recording import Recording
 from config.robot.friction_terms import FrictionTerm
 from identification.estimation.options import EstimationOptions
-from identification.validation.asked_terms import further_term_findings
+from identification.validation.further_terms import further_term_findings
 from identification.validation.robot_terms import with_friction
 from tests.builders.remembering_arm import CLASSICAL, arm, measured, motion
 

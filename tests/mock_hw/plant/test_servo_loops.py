@@ -16,8 +16,8 @@ from config.simulation.plant import (
     LinkInertia,
     PlantConfig,
     SimulatedAxis,
-    Unmodelled,
     UnmodelledAxis,
+    UnmodelledEffects,
 )
 from mock_hw.plant.plant import Plant
 from mock_hw.plant.servo_loops import solve_with_friction, spring_torque
@@ -59,7 +59,7 @@ def one_axis(
     link = LinkInertia(
         mass_kg=1.0, centre_m=(0.0, 0.0, 0.0), inertia_kg_m2=(1.0, 1.0, INERTIA, 0.0, 0.0, 0.0)
     )
-    extra = Unmodelled(axes=(unmodelled,)) if unmodelled else None
+    extra = UnmodelledEffects(axes=(unmodelled,)) if unmodelled else None
     return Plant(
         robot, PlantConfig(name="turntable", links=(link,), axes=(axis,), unmodelled=extra)
     )

@@ -12,7 +12,7 @@ import pytest
 from acquisition.motion.limits import verify_limits
 from acquisition.motion.motion_file import load_motion
 from acquisition.motion.samples import MotionSamples
-from compensation.timing.timed_motion import retimed
+from compensation.timing.timed_motion import retime_path
 from config.arrays import FloatArray
 from config.load import load_cell
 from config.simulation.plant import MountedBody as HungBody
@@ -141,8 +141,8 @@ def test_what_is_written_is_held_with_what_it_carries(
     """A search that forgets the payload does not get as far as a file."""
     empty = read_estimate(folder / "model.json")
     monkeypatch.setattr(
-        "rid_daq.operations.path.retiming.retimed",
-        lambda samples, robot, _loaded, *known, **more: retimed(
+        "rid_daq.operations.path.retiming.retime_path",
+        lambda samples, robot, _loaded, *known, **more: retime_path(
             samples, robot, empty, *known, **more
         ),
     )

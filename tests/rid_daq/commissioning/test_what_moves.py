@@ -17,7 +17,7 @@ from config.arrays import FloatArray
 from config.errors import PreflightError
 from config.load import load_cell
 from rid_daq.commissioning.axis_motion import AxisMotion, travelled_share
-from rid_daq.commissioning.axis_verdict import MotionSeen, check_axis_motion
+from rid_daq.commissioning.axis_verdict import ObservedMotion, check_axis_motion
 from rid_daq.commissioning.held_run import HeldRun
 from rid_daq.operations.cell import axis_tester
 from rid_daq.operations.cell.axis_tester import AxisTester, visible_motion
@@ -182,7 +182,7 @@ def test_rows_without_an_answer_do_not_count() -> None:
 def test_an_encoder_that_stands_still_is_named_if_the_axis_moved() -> None:
     dead = AxisMotion.of(rows(0.0, told_rad=math.radians(2.0)), ROBOT, 1)
     assert dead.counts == 0
-    verdict = check_axis_motion(dead, MotionSeen("axis2", 2.0), LOADED.config, ROBOT)
+    verdict = check_axis_motion(dead, ObservedMotion("axis2", 2.0), LOADED.config, ROBOT)
     assert not verdict.passed
     assert "6064h" in verdict.sentence
 

@@ -18,7 +18,7 @@ from rid_daq.service.refusals import NotAllowedError
 from rid_daq.service.running_job import RunningJob
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
-from rid_daq.terminal.job_events import Asked
+from rid_daq.terminal.job_events import QuestionEvent
 from tests.builders.raised_codes import raises_code
 from tests.rid_daq.service.conftest import Worker, job
 
@@ -108,7 +108,7 @@ def test_a_file_that_was_changed_a_moment_ago_is_seen(tmp_path: Path) -> None:
 
 
 def ask(begun: RunningJob) -> None:
-    begun.question = Asked(at_s=0.0, question=3, form="yes_no", text="Mounted?")
+    begun.question = QuestionEvent(at_s=0.0, question=3, form="yes_no", text="Mounted?")
 
 
 def test_only_who_has_the_cell_answers_and_only_what_is_asked(

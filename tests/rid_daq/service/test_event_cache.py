@@ -13,7 +13,7 @@ from rid_daq.service.api.event_cache import EventCache, event_cache
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import Job, JobState, Role
 from rid_daq.service.service import CellService
-from rid_daq.terminal.job_events import EVENT, Said
+from rid_daq.terminal.job_events import EVENT, MessageEvent
 from tests.rid_daq.service.test_api import Api
 
 
@@ -35,7 +35,9 @@ def job(service: CellService) -> Job:
 
 def say(events: Path, *texts: str) -> None:
     with events.open("ab") as file:
-        file.writelines(EVENT.dump_json(Said(at_s=1.0, text=text)) + b"\n" for text in texts)
+        file.writelines(
+            EVENT.dump_json(MessageEvent(at_s=1.0, text=text)) + b"\n" for text in texts
+        )
 
 
 def told(service: CellService, after: int) -> list[str]:

@@ -21,12 +21,12 @@ from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import CellState, JobState
 from rid_daq.service.service import CellService
 from rid_daq.terminal.console import Console
-from rid_daq.terminal.job_events import MotionBegun
+from rid_daq.terminal.job_events import MotionEvent
 from rid_daq.worker.job_console import EventFile
 from tests.rid_daq.recording.test_recorded_run import outcome
 from tests.rid_daq.service.conftest import Worker, job
 
-MOTION = MotionBegun(at_s=0.0, run="run-1", title="Axis test.", rows=0, rows_per_period=None)
+MOTION = MotionEvent(at_s=0.0, run="run-1", title="Axis test.", rows=0, rows_per_period=None)
 RUNAWAY = StopReason(StopCode.FOLLOWING_ERROR, "axis1 follows by 0.3 rad, 0.1 rad is allowed.")
 
 

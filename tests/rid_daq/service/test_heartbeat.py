@@ -20,7 +20,7 @@ from rid_daq.service.job_runner import outcome_of_job
 from rid_daq.service.records import Identity, Job, JobState, OnLostClient, Role
 from rid_daq.service.running_job import EventTail, ReadyWorker, RunningJob
 from rid_daq.service.service import CellService
-from rid_daq.terminal.job_events import Ended, MotionBegun, Resulted
+from rid_daq.terminal.job_events import EndEvent, MotionEvent, ResultEvent
 from rid_daq.worker.job_console import EventFile
 from tests.builders.raised_codes import raises_code
 from tests.rid_daq.service.conftest import PATIENCE_S, Worker, as_worker, job
@@ -120,7 +120,7 @@ def test_a_process_that_died_otherwise_is_said_to_have_died(
     running = RunningJob(job(), service.cell("ir361"), as_worker(worker), tmp_path / "events")
     if moved:
         with EventFile(tmp_path / "events") as events:
-            begins = MotionBegun(at_s=0.0, run="1", title="", rows=0, rows_per_period=None)
+            begins = MotionEvent(at_s=0.0, run="1", title="", rows=0, rows_per_period=None)
             events.write(begins)
         running.read_events()
     if stopped:
@@ -141,8 +141,8 @@ def test_the_failed_verdict_of_a_result_is_the_reason_of_a_job(
         Verdict(passed=False, text="axis2: late"),
     )
     with EventFile(tmp_path / "events") as events:
-        events.write(Resulted(at_s=0.0, document={"run": "r1"}, blocks=blocks))
-        events.write(Ended(at_s=0.0, exit_code=1))
+        events.write(ResultEvent(at_s=0.0, document={"run": "r1"}, blocks=blocks))
+        events.write(EndEvent(at_s=0.0, exit_code=1))
     running.read_events()
     worker.returncode = 1
     assert outcome_of_job(running, closing=False) == (JobState.FAILED, "axis2: late")
@@ -175,7 +175,7 @@ def test_a_worker_that_is_told_to_end_while_it_imports_says_so(tmp_path: Path) -
     assert asyncio.run(ended()) == 128 + signal.SIGTERM
     assert (tmp_path / "log").read_bytes() == b""
     *_, last = EventTail(tmp_path / "events").read_new()
-    assert isinstance(last, Ended)
+    assert isinstance(last, EndEvent)
     assert last.error == "Terminated"
 
 

@@ -150,9 +150,9 @@ def refuse_a_displaced_robot(client: ServiceClient, lease: str, loaded: LoadedCe
     assert red_of(checked(client, lease)) == {}
     known = known_pose(loaded, binding=True)
     assert known is not None
-    assert known.seen.startswith("run ")
+    assert known.source.startswith("run ")
     turn_rad = 2.0 * math.pi / abs(loaded.robot.joints[1].gear_ratio)
-    store_pose(loaded, np.add(known.position, (0.0, turn_rad, 0.0)).tolist(), known.seen)
+    store_pose(loaded, np.add(known.position, (0.0, turn_rad, 0.0)).tolist(), known.source)
     refused = begin(client, lease, "record", motion="motion.yaml")
     client.follow(refused)
     assert events(client, refused)[-1]["code"] == "RID-POSE-MOVED"

@@ -24,7 +24,7 @@ from rid_daq.blocks.plot import Axis, Line, Panel, Plot
 from rid_daq.service.remote_jobs import _EventDisplay
 from rid_daq.service.running_job import EventTail
 from rid_daq.terminal.console import Console
-from rid_daq.terminal.job_events import Asked, KeyRefused, Progressed, Resulted
+from rid_daq.terminal.job_events import KeyRefusalEvent, ProgressEvent, QuestionEvent, ResultEvent
 from rid_daq.worker.job_console import EventFile, JobConsole
 from rid_daq.worker.orders import Orders
 from tests.builders.clock import Clock
@@ -119,7 +119,7 @@ def test_a_line_that_was_torn_by_a_kill_is_left_out(console: JobConsole, events:
     tail = EventTail(events)
     with events.open("ab") as file:
         file.write(b'{"kind": "said", "at_s": 1.0, "te')
-    assert [type(each) for each in tail.read_new()] == [Resulted]
+    assert [type(each) for each in tail.read_new()] == [ResultEvent]
     with events.open("ab") as file:
         file.write(b"\n")
     assert list(tail.read_new()) == []
@@ -129,7 +129,7 @@ def test_progress_is_told_now_and_then_and_at_its_end(console: JobConsole, event
     with console.progress("recording", 100.0, "periods") as progress:
         for done in range(101):
             progress.update(float(done), "measuring")
-    told = [each for each in EventTail(events).read_new() if isinstance(each, Progressed)]
+    told = [each for each in EventTail(events).read_new() if isinstance(each, ProgressEvent)]
     assert [told[0].done, told[-1].done] == [0.0, 100.0]
     assert len(told) < 50
 
@@ -141,7 +141,7 @@ def answers(orders: Orders, events: Path, *texts: str) -> None:
         tail, left = EventTail(events), list(texts)
         while left:
             for event in tail.read_new():
-                if isinstance(event, Asked):
+                if isinstance(event, QuestionEvent):
                     orders.take({"answer": event.question, "text": left.pop(0)})
             time.sleep(0.002)
 
@@ -158,7 +158,7 @@ def test_a_question_is_asked_until_its_answer_is_understood(
 
     answers(orders, events, "two", "2")
     assert console.ask("How many?", number) == 2
-    asked = [each.text for each in EventTail(events).read_new() if isinstance(each, Asked)]
+    asked = [each.text for each in EventTail(events).read_new() if isinstance(each, QuestionEvent)]
     assert asked == ["How many?", "give a number. How many?"]
 
 
@@ -167,7 +167,7 @@ def test_a_question_brings_the_answers_that_a_page_shows_as_buttons(
 ) -> None:
     answers(orders, events, "-")
     assert console.ask("Which way?", str, [("As was said", "+"), ("The other way", "-")]) == "-"
-    (asked,) = [each for each in EventTail(events).read_new() if isinstance(each, Asked)]
+    (asked,) = [each for each in EventTail(events).read_new() if isinstance(each, QuestionEvent)]
     assert [(each.label, each.text) for each in asked.choices] == [
         ("As was said", "+"),
         ("The other way", "-"),
@@ -266,8 +266,8 @@ def holder(orders: Orders, clock: Clock) -> Holder:
     return Holder(orders, clock)
 
 
-def refusals(events: Path) -> list[KeyRefused]:
-    return [event for event in EventTail(events).read_new() if isinstance(event, KeyRefused)]
+def refusals(events: Path) -> list[KeyRefusalEvent]:
+    return [event for event in EventTail(events).read_new() if isinstance(event, KeyRefusalEvent)]
 
 
 def test_a_held_key_holds_for_the_dead_mans_time_and_no_longer(
@@ -366,7 +366,7 @@ def test_a_key_that_is_held_from_one_question_to_the_next_must_be_let_go(
 
 def test_no_key_is_held_by_a_command_far_away() -> None:
     shown = _EventDisplay(Console())
-    event = Asked(at_s=0.0, question=1, form="hold", text="")
+    event = QuestionEvent(at_s=0.0, question=1, form="hold", text="")
     with raises_code(ConfigError, "RID-KEY-NEEDED"):
         shown(SimpleNamespace(id="1"), event)
 
@@ -382,5 +382,5 @@ def test_progress_goes_on_being_told_after_the_date_was_set_back(
         monkeypatch.setattr("time.time", lambda: 0.0)
         now.now_s += 1.0
         shown.update(2.0, "")
-    told = [event for event in EventTail(events).read_new() if isinstance(event, Progressed)]
+    told = [event for event in EventTail(events).read_new() if isinstance(event, ProgressEvent)]
     assert [event.done for event in told] == [1.0, 2.0]

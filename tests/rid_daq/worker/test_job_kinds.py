@@ -22,7 +22,7 @@ from rid_daq.operations.perform import perform
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.request_check import check_request, parse_request
 from rid_daq.service.running_job import EventTail
-from rid_daq.terminal.job_events import AnyEvent, Resulted
+from rid_daq.terminal.job_events import AnyEvent, ResultEvent
 from rid_daq.worker.job_console import EventFile, JobConsole
 from rid_daq.worker.orders import Orders
 from tests.builders.raised_codes import raises_code
@@ -59,7 +59,7 @@ def left_by_a_crash(folder: Path) -> RunFolder:
 def test_a_run_that_a_crash_has_left_becomes_a_run_that_can_be_read(tmp_path: Path) -> None:
     run = left_by_a_crash(tmp_path)
     events = done(JobKind("recover"), {"what": run.run_id}, tmp_path)
-    (result,) = (each for each in events if isinstance(each, Resulted))
+    (result,) = (each for each in events if isinstance(each, ResultEvent))
     (entry,) = cast(dict[str, dict[str, object]], result.document["recordings"]).values()
     assert entry["rows"] == ROWS
     assert result.document["rows_lost"] == 0

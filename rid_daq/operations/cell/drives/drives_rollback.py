@@ -6,7 +6,7 @@ from typing import Annotated, Final
 
 from pydantic import Field
 
-from rid_daq.operations.cell.drives.restored import RestoredDrives, RestoreRequest
+from rid_daq.operations.cell.drives.restored_drives import RestoredDrives, RestoreRequest
 from rid_daq.operations.operation import Context, Operation
 from rid_daq.requests.option import Option
 

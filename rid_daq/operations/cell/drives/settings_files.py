@@ -19,7 +19,7 @@ from drivers.servo.drive_settings import (
 from drivers.servo.service import DriveService
 from drivers.settings.saved_drive import DriveBackup, SavedDrive
 from drivers.settings.write_log import WriteLog
-from rid_daq.operations.cell.drives.restored import RestoredDrives, RestoreRequest
+from rid_daq.operations.cell.drives.restored_drives import RestoredDrives, RestoreRequest
 from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
 from rid_daq.session.cells import hold_reachable_cell

@@ -21,13 +21,15 @@ LAST: Final = 0
 """Index of the last position in a joint's state."""
 
 
-def unknown(joints: int) -> FloatArray:
+def initial_states(joints: int) -> FloatArray:
     """Return the initial state of joints, (n, `STATE`): unknown history, nothing is stretched."""
     return np.zeros((joints, STATE))
 
 
 @kernel
-def go_to(q: FloatArray, presliding: FloatArray, state: FloatArray, found: FloatArray) -> None:
+def update_presliding(
+    q: FloatArray, presliding: FloatArray, state: FloatArray, found: FloatArray
+) -> None:
     """Update the state of the joints for a new pose.
 
     Args:
@@ -59,7 +61,7 @@ def hysteretic_torque(
 
     Args:
         model, q, v, a, torque: As for `sample_torque`.
-        found: Shape (n, FOUND). As `go_to` writes it.
+        found: Shape (n, FOUND). As `update_presliding` writes it.
     """
     n = len(q)
     directions = model[6][n + one_sample.DIRECTION]
