@@ -43,8 +43,7 @@ class TimeColumn(ConfigModel):
     """Column and unit of the time stamps. The steps may vary: the stamps are used as they are.
 
     Attributes:
-        column: Number of the column, counted from 0.
-        unit: Unit of the time stamps.
+        column, unit: Number of the column, counted from 0, and unit of the time stamps.
     """
 
     column: Column

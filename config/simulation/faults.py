@@ -66,15 +66,12 @@ class FrameFault(TimedFault):
             the same identifier. `corrupt`: one bit is flipped. `wrong_length`: it has `length`
             bytes. `spoof`: another node answers before the drive, with its identifier and changed
             data.
-        frames: Kind of the frames.
-        joint: Only frames of this joint's drive.
+        frames, joint: Kind of the frames, and joint of their drive; without it, all drives.
         at_frame: Number of the first frame of this kind that is affected.
-        probability: Probability for each frame.
-        count: Number of frames.
+        probability, count: Probability for each frame, and number of affected frames.
         lasting: Every frame from the start on.
-        delay_s: Delay of `delay`.
+        delay_s, length: Delay of `delay`, and length of `wrong_length`.
         bit: Flipped bit of `corrupt`; without it, a random one.
-        length: Length of `wrong_length`.
         position_counts, torque_permille: Amounts that `spoof` adds to position and torque.
     """
 
@@ -287,8 +284,7 @@ class DiskFault(TimedFault):
             and further writes fail with ENOSPC. Only a small separate file system is filled; any
             other is refused. `disk_stall`: the recorder is suspended for `duration_s`, as in a
             write that does not return.
-        after_bytes: Bytes that can still be written.
-        duration_s: Duration of `disk_stall`.
+        after_bytes, duration_s: Bytes that can still be written, and duration of `disk_stall`.
     """
 
     kind: Literal["disk_full", "disk_error", "disk_stall"]
@@ -356,14 +352,10 @@ class AmplifierFault(ConfigModel):
 
 
 BusFault = Annotated[
-    FrameFault | StrangeFrames | AdapterFault | TaskDelay,
-    Field(discriminator="kind"),
+    FrameFault | StrangeFrames | AdapterFault | TaskDelay, Field(discriminator="kind")
 ]
-
-
 ProgramFault = Annotated[
-    ProcessKill | ProcessFreeze | ProgramSignal | DiskFault,
-    Field(discriminator="kind"),
+    ProcessKill | ProcessFreeze | ProgramSignal | DiskFault, Field(discriminator="kind")
 ]
 
 

@@ -278,13 +278,11 @@ class Model:
         """Return the model of the robot with a payload, whose torques and intervals include it.
 
         Args:
-            payload: An identified payload; or `model` for the payload in the model (identified
-                with `loaded` recordings), or `none` for the robot alone.
+            payload: An identified payload, `model` (the payload in the model), or `none`.
 
         Raises:
-            ConfigError: The model contains no payload, or the payload is of another robot.
-            EstimationError: The payload did not pass its verdict, or its recordings did not
-                determine all its parameters.
+            ConfigError, EstimationError: The model contains no payload; or the payload is of
+                another robot, failed its verdict, or is not fully determined.
         """
         if not isinstance(payload, str):
             found = carry_judged(self.estimate, payload.result, Path("the payload"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 import itertools
+import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -323,10 +324,13 @@ class Bench:
         self.axes.send_heartbeat(clock.now_s())
         return sent
 
+    def commands(self, node: int) -> list[tuple[int, int]]:  # controlword, velocity
+        return [struct.unpack("<Hi", data) for data in self.bus.sent_to(0x200 + node)]
+
     def arrives(self, frame: Frame, after_next_sync_s: float) -> None:
         """Let a frame come a while after the next SYNC."""
-        next_sync_s = self.sync_time_s + self.cell.cycle_time_s
-        self.bus.transmit(frame, next_sync_s + after_next_sync_s - self.bus.now_s)
+        at_s = self.sync_time_s + self.cell.cycle_time_s + after_next_sync_s
+        self.bus.transmit(frame, at_s - self.bus.now_s)
 
     def found(self, object_name: str, node_id: int = 1) -> Any:
         (setting,) = (

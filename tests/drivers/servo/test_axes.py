@@ -6,7 +6,6 @@ import math
 import struct
 from typing import TYPE_CHECKING, Any
 
-import can
 import numpy as np
 import pytest
 
@@ -14,8 +13,6 @@ from config.errors import (
     DeviceFaultError,
     DeviceTimeoutError,
     DriverError,
-    SafetyStop,
-    TransportError,
 )
 from drivers.canopen.frames import Frame
 from drivers.canopen.heartbeat import heartbeat_frame
@@ -30,11 +27,6 @@ if TYPE_CHECKING:
 STILL = (0.0, 0.0, 0.0)
 
 
-def commands(bench: Bench, node: int) -> list[tuple[int, int]]:
-    """Return (controlword, velocity) of every RPDO sent to a node."""
-    return [struct.unpack("<Hi", data) for data in bench.bus.sent_to(0x200 + node)]
-
-
 def kinds(bench: Bench) -> list[EventKind]:
     return [event.kind for event in bench.axes.take_events()]
 
@@ -47,14 +39,14 @@ def test_it_is_a_servo_axes(bench: Bench) -> None:
 class TestEnabling:
     def test_the_way_there(self, bench: Bench) -> None:
         bench.enabled()
-        words = [word for word, _ in commands(bench, 1)]
+        words = [word for word, _ in bench.commands(1)]
         assert sorted(set(words), key=words.index) == [0x0000, 0x0006, 0x0007, 0x000F]
         assert all(drive.state is PowerState.OPERATION_ENABLED for drive in bench.drives)
 
     def test_every_set_point_until_then_is_zero(self, bench: Bench) -> None:
         bench.enabled()
         for node in (1, 2, 3):
-            assert {velocity for _, velocity in commands(bench, node)} == {0}
+            assert {velocity for _, velocity in bench.commands(node)} == {0}
 
     def test_heartbeat_is_on_before_the_drives_are_started(self, bench: Bench) -> None:
         bench.axes.bring_up()
@@ -119,7 +111,7 @@ class TestEnabling:
         bench.drives[1].state = PowerState.FAULT
         with raises_code(DeviceFaultError, "RID-DRIVE-FAULT", "shoulder"):
             bench.axes.enable()
-        assert 0x0080 not in [word for word, _ in commands(bench, 2)]
+        assert 0x0080 not in [word for word, _ in bench.commands(2)]
 
     def test_an_emergency_on_the_way(self, bench: Bench) -> None:
         bench.axes.bring_up()
@@ -198,9 +190,9 @@ class TestCycle:
     def test_velocities_go_out_in_the_drives_units(self, bench: Bench) -> None:
         bench.enabled()
         assert bench.cycle((1.0, 1.0, -1.0))
-        assert commands(bench, 1)[-1] == (0x000F, 65190)
-        assert commands(bench, 2)[-1] == (0x000F, -65190)
-        assert commands(bench, 3)[-1] == (0x000F, -9549)
+        assert bench.commands(1)[-1] == (0x000F, 65190)
+        assert bench.commands(2)[-1] == (0x000F, -65190)
+        assert bench.commands(3)[-1] == (0x000F, -9549)
 
     def test_a_missing_answer_is_flagged_and_the_rest_is_used(self, bench: Bench) -> None:
         axes = bench.enabled()
@@ -309,106 +301,3 @@ class TestEvents:
             bench.cycle(STILL)
             found += kinds(bench)
         assert set(found) == {EventKind.NOT_OPERATIONAL}
-
-
-class TestStopping:
-    def test_a_lost_axis_ends_motion_for_all(self, bench: Bench) -> None:
-        axes = bench.enabled()
-        bench.cycle((0.5, 0.5, 0.5))
-        bench.drives[1].state = PowerState.SWITCH_ON_DISABLED
-        bench.bus.sent.clear()
-        assert not bench.cycle((0.5, 0.5, 0.5))
-        for node in (1, 2, 3):
-            assert commands(bench, node) == [(0x0002, 0)]
-        bench.drives[1].state = PowerState.OPERATION_ENABLED
-        assert not bench.cycle((0.5, 0.5, 0.5)), "power that comes back moves nothing"
-        with raises_code(DriverError, "RID-INTERNAL-ERROR"):
-            axes.enable()
-
-    @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e6])
-    def test_a_set_point_that_is_no_number_is_never_sent(self, bench: Bench, value: float) -> None:
-        bench.enabled()
-        bench.bus.sent.clear()
-        with raises_code(SafetyStop, "RID-INTERNAL-ERROR"):
-            bench.cycle((0.1, 0.1, value))
-        for node in (1, 2, 3):
-            assert commands(bench, node) == [(0x0002, 0)]
-
-    def test_quick_stop_is_one_raw_frame_an_axis(self, bench: Bench) -> None:
-        axes = bench.enabled()
-        bench.bus.sent.clear()
-        axes.quick_stop()
-        assert [frame.cob_id for _, frame in bench.bus.sent] == [0x201, 0x202, 0x203]
-        assert not axes.command(np.full(3, 0.5)), "before any drive has said that it stops"
-        assert not bench.cycle((0.5, 0.5, 0.5))
-
-    def test_quick_stop_tries_every_axis_even_on_a_failing_bus(
-        self, bench: Bench, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        axes = bench.enabled()
-        send, tried = bench.bus.send, []
-
-        def failing(message: Any, timeout: float | None = None) -> None:
-            tried.append(message.arbitration_id)
-            if message.arbitration_id == 0x201:
-                raise can.CanOperationError("no buffer space")
-            send(message)
-
-        monkeypatch.setattr(bench.bus, "send", failing)
-        with raises_code(TransportError, "RID-CAN-LOST"):
-            axes.quick_stop()
-        assert tried == [0x201, 0x202, 0x203]
-
-    def test_halt_waits_until_the_drives_have_stopped(self, bench: Bench) -> None:
-        axes = bench.enabled()
-        bench.cycle((0.5, 0.5, 0.5))
-        assert axes.halt()
-        assert all(drive.state is PowerState.SWITCH_ON_DISABLED for drive in bench.drives)
-        assert all(drive.velocity == 0 for drive in bench.drives)
-
-    def test_halt_with_drives_that_stay_in_quick_stop(self, bench: Bench) -> None:
-        axes = bench.enabled()
-        for drive in bench.drives:
-            drive.quick_stop_syncs = 10**6
-        bench.cycle((0.5, 0.5, 0.5))
-        assert axes.halt(), "they stand still, under power: 605Ah = 5 or 6"
-
-    def test_halt_gives_up_on_a_silent_drive(self, bench: Bench) -> None:
-        axes = bench.enabled()
-        bench.drives[0].answers_sync = False
-        began_s = bench.bus.now_s
-        assert not axes.halt()
-        assert bench.bus.now_s - began_s < 2.0 / 10.0 + 0.5 + 0.02
-
-    def test_no_sdo_on_the_way_out(self, bench: Bench) -> None:
-        axes = bench.enabled()
-        bench.bus.sent.clear()
-        axes.halt()
-        axes.disable()
-        assert not any(0x600 <= frame.cob_id < 0x680 for _, frame in bench.bus.sent)
-
-    def test_disable_takes_power_and_then_the_exchange_away(self, bench: Bench) -> None:
-        axes = bench.enabled()
-        bench.bus.sent.clear()
-        assert axes.disable() == ()
-        assert all(drive.state is PowerState.SWITCH_ON_DISABLED for drive in bench.drives)
-        assert {word for word, _ in commands(bench, 1)} == {0x0000}
-        assert bench.bus.sent_to(0x000) == [
-            b"\x80\x01", b"\x80\x02", b"\x80\x03", b"\x82\x01", b"\x82\x02", b"\x82\x03",
-        ]  # fmt: skip
-        assert bench.drives[0].nmt is NmtState.PRE_OPERATIONAL
-
-    def test_a_drive_that_does_not_confirm_keeps_its_watch_on_this_computer(
-        self, bench: Bench
-    ) -> None:
-        axes = bench.enabled()
-        bench.drives[1].answers_sync = False
-        bench.bus.sent.clear()
-        assert axes.disable() == ("shoulder",)
-        assert bench.bus.sent_to(0x000) == [b"\x80\x01", b"\x80\x02", b"\x80\x03"]
-
-    def test_after_disabling_everything_begins_anew(self, bench: Bench) -> None:
-        bench.enabled().disable()
-        assert bench.axes.disable() == ()
-        bench.enabled()
-        assert bench.cycle((0.1, 0.0, 0.0))
