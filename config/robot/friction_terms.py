@@ -12,6 +12,7 @@ FrictionTerm = Literal[
     "cubic",
     "cube_root",
     "stribeck",
+    "saturation",
     "temperature",
     "load",
     "presliding",
