@@ -33,7 +33,6 @@ _FUNCTIONS: Final[dict[FrictionTerm, tuple[FrictionFunction, ...]]] = {
     "cubic": ("cubic",),
     "cube_root": ("cube_root",),
     "stribeck": ("stribeck",),
-    "saturation": ("saturation",),
     "temperature": ("coulomb_by_temperature", "viscous_by_temperature"),
     "load": (),  # a loss of the gear: see `Transmission`
     "presliding": (),  # changes the direction in the other functions: see `Memory`
@@ -42,17 +41,13 @@ _FUNCTIONS: Final[dict[FrictionTerm, tuple[FrictionFunction, ...]]] = {
 
 @dataclass(frozen=True)
 class FrictionColumn:
-    """One friction coefficient: function, joint (from 0), name and unit.
-
-    `saturation_speed` is v_T of the function `saturation` [rad/s or m/s].
-    """
+    """One friction coefficient: function, joint (from 0), name and unit."""
 
     joint: int
     function: FrictionFunction
     parameter_name: str
     unit: str
     reference_temperature_k: float
-    saturation_speed: float
 
 
 @dataclass(frozen=True)
@@ -260,10 +255,6 @@ class Friction:
                 speed = self._stribeck_speed(column.joint)
                 falling = np.exp(-np.sign(v.real) * v / speed)
                 return self._sign(motion, column.joint, v) * falling
-            case "saturation":
-                direction = np.where(v.real < 0.0, -1.0, 1.0)
-                speed = column.saturation_speed
-                return direction * speed * (1.0 - np.exp(-direction * v / speed))
             case "coulomb_by_temperature":
                 return self._sign(motion, column.joint, v) * _temperature_rise(column, motion)
             case "viscous_by_temperature":
@@ -297,7 +288,6 @@ def _column(j: int, joint: Joint, function: FrictionFunction) -> FrictionColumn:
         parameter_name=f"{own.symbol}_{joint.name}",
         unit=prismatic if joint.type == "prismatic" else revolute,
         reference_temperature_k=joint.reference_temperature_k,
-        saturation_speed=joint.saturation_velocity,
     )
 
 

@@ -10,24 +10,18 @@ from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.robot.friction_terms import FrictionTerm
 
-Column = FrictionTerm | tuple[Literal["stribeck", "slope", "saturation"], float]
+Column = FrictionTerm | tuple[Literal["stribeck", "slope"], float]
 """Name of a friction column; ("slope", speed) is the derivative of ("stribeck", speed)."""
 
 SPEEDS_RAD_S: Final = (0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.23, 0.35)
 """Candidate Stribeck speeds [rad/s or m/s]."""
-SATURATION_RAD_S: Final = (0.25, 0.4, 0.6, 1.0)
-"""Candidate speeds at which viscous friction saturates [rad/s or m/s].
-
-At lower ones the term resembles Coulomb friction, at higher ones negative cubic friction.
-"""
 LINEAR: Final[tuple[Column, ...]] = (
-    "coulomb", "viscous", "offset", "cubic", "load",
+    "coulomb", "viscous", "offset", "cubic", "cube_root", "load",
 )  # fmt: skip
 ALL_COLUMNS: Final[tuple[Column, ...]] = (
     *LINEAR,
     *(("stribeck", speed) for speed in SPEEDS_RAD_S),
     *(("slope", speed) for speed in SPEEDS_RAD_S),
-    *(("saturation", speed) for speed in SATURATION_RAD_S),
 )
 
 
@@ -43,6 +37,8 @@ def friction_column(column: Column, v: FloatArray, load_nm: FloatArray) -> Float
             return np.ones_like(v)
         case "cubic":
             return np.asarray(v**3)
+        case "cube_root":
+            return np.cbrt(v)
         case "load":
             return direction * np.abs(load_nm)
         case ("stribeck", float(speed)):
@@ -50,7 +46,5 @@ def friction_column(column: Column, v: FloatArray, load_nm: FloatArray) -> Float
         case ("slope", float(speed)):
             share = np.abs(v) / speed
             return np.asarray(direction * share * np.exp(-share))
-        case ("saturation", float(speed)):
-            return np.asarray(-direction * speed * np.expm1(-np.abs(v) / speed))
         case _:
             raise EstimationError(f"unknown friction column {column}", code="RID-INTERNAL-ERROR")

@@ -196,10 +196,6 @@ def _friction_function(term: Friction, column: FrictionColumn, language: Languag
         case "stribeck":
             speed = next(s.parameter.value for s in term.stribeck if s.joint == column.joint)
             return f"{smooth} * {f['exp']}(-{f['abs']}({u}) / {speed!r})"
-        case "saturation":
-            speed = column.saturation_speed
-            fall = f"{f['exp']}(-{f['abs']}({u}) / {speed!r})"
-            return f"{f['sign']}({u}) * {speed!r} * (1.0 - {fall})"
         case "coulomb_by_temperature":
             return f"{smooth} * {warmth}"
         case "viscous_by_temperature":

@@ -4,10 +4,9 @@ The joints' equations share the parameters of the links. Candidates are columns 
 Every model therefore uses a subset of the entries of one Gram matrix per block, both for its fit
 and for its error on a block that was left out of the fit. Stribeck friction is tried at a few
 speeds, each together with the derivative of its curve by the speed. Load-dependent friction is
-tried alone and together with Stribeck friction, because each can hide the other. Saturating
-viscous friction is tried on each joint, and on all joints with one speed, because the joints of a
-robot share their kind of gear and lubricant. A candidate that the data do not identify is skipped;
-Coulomb and viscous friction alone is always a result.
+tried alone and together with Stribeck friction, because each can hide the other. Terms that are
+nonlinear in the speed are combined for the same reason. A candidate that the data do not identify
+is skipped; Coulomb and viscous friction alone is always a result.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ import numpy as np
 
 from config.robot.friction_terms import FrictionTerm
 from identification.equations.block_grams import PLAIN, Fit, Grams, Terms, term_of_column
-from identification.equations.friction_columns import SATURATION_RAD_S, SPEEDS_RAD_S, Column
+from identification.equations.friction_columns import SPEEDS_RAD_S, Column
 from identification.regression.nested_choice import (
     DISTINCT_SIGMAS,
     LEAST_GAIN,
@@ -32,22 +31,22 @@ ROUNDS: Final = 4
 CLEAR_SIGMAS: Final = 2.0
 CLEAR_GAIN: Final = 0.1
 CLEAR_GAIN_SIGMAS: Final = 3.0
-_POSITIVE: Final[tuple[FrictionTerm, ...]] = ("stribeck", "load", "cubic", "saturation")
-_SINGLE: Final[tuple[FrictionTerm, ...]] = ("offset", "cubic", "load")
+_POSITIVE: Final[tuple[FrictionTerm, ...]] = ("stribeck", "load")
+_SINGLE: Final[tuple[FrictionTerm, ...]] = ("offset", "cubic", "cube_root", "load")
 CANDIDATES: Final[tuple[Terms, ...]] = (
     *((name,) for name in _SINGLE),
     *((("stribeck", speed),) for speed in SPEEDS_RAD_S),
-    *((("saturation", speed),) for speed in SATURATION_RAD_S),
-    *(("load", ("stribeck", speed)) for speed in SPEEDS_RAD_S),
+    ("cubic", "cube_root"),
+    *((name, ("stribeck", speed)) for name in ("load", "cube_root") for speed in SPEEDS_RAD_S),
 )
 """Combinations of terms that are tried in addition to those of a joint."""
-TOGETHER: Final[tuple[Terms, ...]] = (("offset",), ("offset", "cubic", "load"))
+TOGETHER: Final[tuple[Terms, ...]] = (
+    ("offset",), ("offset", "cubic", "load"), ("offset", "cube_root", "load"),
+)  # fmt: skip
 """Terms that are tried on all joints at once.
 
 Joints share the links' parameters, so that a missing term of one joint hides those of the others.
 """
-BESIDE_SATURATION: Final[Terms] = (*PLAIN, "offset", "load")
-"""Terms of all joints to which saturating viscous friction of all joints is added."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,11 +78,6 @@ def choose_terms(grams: Grams) -> FrictionChoice:
             left = _remove_weak_terms(grams, [PLAIN + extra] * n, fit)
             found.append(_remove_weak_terms(grams, *_add_terms(grams, *left)))
     found[0] = _remove_weak_terms(grams, *found[0])
-    common = _common_saturation(grams)
-    if common is not None:
-        left = _remove_weak_terms(grams, *common, kept="saturation")
-        added = _add_terms(grams, *left)
-        found.append(_remove_weak_terms(grams, *added, kept="saturation"))
     found.sort(key=lambda own: sum(map(len, own[0])))
     chosen, now = found[simplest_model([fit.errors for _, fit in found])]
     # A joint whose error grew returns to Coulomb and viscous friction.
@@ -111,65 +105,13 @@ def _add_terms(grams: Grams, start: Sequence[Terms], fit: Fit) -> tuple[list[Ter
     return chosen, fit
 
 
-def _common_saturation(grams: Grams) -> tuple[list[Terms], Fit] | None:
-    """Return terms with saturating viscous friction of one speed on all joints, and their solution.
-
-    Half a minute of data does not determine this term on each joint, but on all joints together.
-    None if the held-out error of all joints does not clearly fall.
-    """
-    plain = _fit_or_none(grams, [BESIDE_SATURATION] * grams.joints)
-    if plain is None:
-        return None
-    best, best_gain = None, 0.0
-    for speed in SATURATION_RAD_S:
-        chosen, fit = _braking_saturation(grams, speed)
-        if fit is None:
-            continue
-        gain = Gain.between(plain.errors, fit.errors)
-        if gain.exceeds(CLEAR_GAIN_SIGMAS, CLEAR_GAIN) and gain.mean > best_gain:
-            best, best_gain = (chosen, fit), gain.mean
-    return best
-
-
-def _braking_saturation(grams: Grams, speed: float) -> tuple[list[Terms], Fit | None]:
-    """Return terms with saturation at a speed on all joints whose friction then opposes the motion.
-
-    The solution is None if the data do not identify the terms.
-    """
-    term: Column = ("saturation", speed)
-    chosen: list[Terms] = [(*BESIDE_SATURATION, term)] * grams.joints
-    while (fit := _fit_or_none(grams, chosen)) is not None:
-        driving = [
-            j
-            for j, own in enumerate(chosen)
-            if term in own and not (_is_braking(fit, j) and fit.value(j, term) > 0.0)
-        ]
-        if not driving:
-            break
-        chosen = [BESIDE_SATURATION if j in driving else own for j, own in enumerate(chosen)]
-    return chosen, fit
-
-
-def _remove_weak_terms(
-    grams: Grams, start: Sequence[Terms], fit: Fit, kept: FrictionTerm | None = None
-) -> tuple[list[Terms], Fit]:
-    """Return the terms after removing those that do not improve the fit, and their solution.
-
-    Args:
-        kept: Term that all joints share, which is not removed. The others are then removed, the
-            weakest first, only until the held-out error of all joints grows distinctly: joints
-            share the links' parameters, so that one joint's term also lowers the others' error.
-    """
-    chosen, first = list(start), fit
-    while (worst := _weakest_term(grams, chosen, fit, kept)) is not None:
+def _remove_weak_terms(grams: Grams, start: Sequence[Terms], fit: Fit) -> tuple[list[Terms], Fit]:
+    """Return the terms after removing those that do not improve the fit, and their solution."""
+    chosen = list(start)
+    while (worst := _weakest_term(grams, chosen, fit)) is not None:
         j, term = worst
-        fewer: list[Terms] = [
-            tuple(c for c in own if k != j or c != term) for k, own in enumerate(chosen)
-        ]
-        left = grams.fit(fewer)
-        if kept is not None and Gain.between(left.errors, first.errors).exceeds():
-            break
-        chosen, fit = fewer, left
+        chosen[j] = tuple(own for own in chosen[j] if own != term)
+        fit = grams.fit(chosen)
     return chosen, fit
 
 
@@ -255,15 +197,11 @@ def _is_distinct(fit: Fit, joint: int, term: Column, gain: Gain) -> bool:
     return abs(fit.sigmas_from_zero(joint, term)) > (CLEAR_SIGMAS if clear else DISTINCT_SIGMAS)
 
 
-def _weakest_term(
-    grams: Grams, chosen: Sequence[Terms], now: Fit, kept: FrictionTerm | None
-) -> tuple[int, Column] | None:
+def _weakest_term(grams: Grams, chosen: Sequence[Terms], now: Fit) -> tuple[int, Column] | None:
     """Return the term closest to zero among those that do not improve the fit."""
     weak: list[tuple[float, int, Column]] = []
     for j, own in enumerate(chosen):
         for term in own[len(PLAIN) :]:
-            if term_of_column(term) == kept:
-                continue
             left: Terms = tuple(other for other in own if other != term)
             fit = grams.fit([*chosen[:j], left, *chosen[j + 1 :]])
             gain = Gain.between(fit.errors[:, j], now.errors[:, j])

@@ -24,7 +24,6 @@ from identification.equations.block_grams import (
     Grams,
     Terms,
     columns_of_terms,
-    speeds_of,
     term_of_column,
 )
 from identification.equations.candidate_equations import CandidateEquations
@@ -37,11 +36,7 @@ from identification.validation.channel_choice import FLEXIBLE, KINDS, choose_cha
 from identification.validation.friction_choice import FrictionChoice, choose_terms
 from identification.validation.held_out import held_out_errors, identified_values
 from identification.validation.presliding_choice import PreslidingChoice, choose_presliding
-from identification.validation.robot_terms import (
-    with_friction,
-    with_saturation,
-    with_stribeck,
-)
+from identification.validation.robot_terms import with_friction, with_stribeck
 from identification.validation.warming_choice import choose_warming
 
 BLOCK_S: Final = 2.0
@@ -64,8 +59,6 @@ class ModelChoice:
         joint_names: Joints from base to flange.
         terms: Friction terms of each joint, without presliding and temperature.
         stribeck_rad_s: Stribeck speed of each joint that has one [rad/s or m/s].
-        saturation_rad_s: Speed at which the viscous friction of each joint saturates, if it does
-            [rad/s or m/s].
         error_nm: Shape (2, n). RMS error of each joint on blocks left out of the fit, with Coulomb
             and viscous friction and with the chosen terms, both with the channel applied [N m or
             N].
@@ -79,7 +72,6 @@ class ModelChoice:
     joint_names: tuple[str, ...]
     terms: tuple[tuple[FrictionTerm, ...], ...]
     stribeck_rad_s: tuple[float | None, ...]
-    saturation_rad_s: tuple[float | None, ...]
     error_nm: FloatArray
     channel: TorqueChannel
     presliding: PreslidingChoice | None = None
@@ -89,7 +81,6 @@ class ModelChoice:
     def robot(self, robot: RobotDescription) -> RobotDescription:
         """Return a robot with the chosen friction."""
         robot = with_stribeck(with_friction(robot, self.terms), self.stribeck_rad_s)
-        robot = with_saturation(robot, self.saturation_rad_s)
         robot = robot if self.presliding is None else self.presliding.robot(robot)
         return robot if self.warming is None else self.warming.robot(robot)
 
@@ -229,16 +220,14 @@ def _with_gear_load(
 def _choice(
     robot: RobotDescription, friction: FrictionChoice, channel: TorqueChannel, scale_nm: FloatArray
 ) -> ModelChoice:
+    speeds = tuple(
+        next((term[1] for term in own if isinstance(term, tuple)), None) for own in friction.terms
+    )
     errors = [np.nanmean(fit.errors, axis=0) for fit in (friction.plain, friction.fit)]
     return ModelChoice(
         joint_names=robot.joint_names,
         terms=tuple(tuple(term_of_column(term) for term in own) for own in friction.terms),
-        stribeck_rad_s=tuple(
-            next(iter(speeds_of(own, "stribeck")), None) for own in friction.terms
-        ),
-        saturation_rad_s=tuple(
-            next(iter(speeds_of(own, "saturation")), None) for own in friction.terms
-        ),
+        stribeck_rad_s=speeds,
         error_nm=np.sqrt(errors) * scale_nm,
         channel=channel,
     )

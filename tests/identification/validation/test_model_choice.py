@@ -102,27 +102,6 @@ def test_half_a_minute_shows_a_filter_that_all_joints_share() -> None:
     assert friction(found) == [PLAIN] * 3
 
 
-def saturated(share: float, duration_s: float) -> SmoothedSignals:
-    """Return a recording whose joints also have viscous friction that saturates at 0.4 rad/s.
-
-    Args:
-        share: Viscous friction at low speed in addition to that of the arm, relative to it.
-    """
-    driven = drive("three", "sines", 1, FRICTIONS["plain"], duration_s)
-    v, size = driven.velocity, share * np.array(ARMS["three"].viscous)
-    more = size * 0.4 * np.sign(v) * (1.0 - np.exp(-np.abs(v) / 0.4))
-    driven = replace(driven, torque_nm=driven.torque_nm + more)
-    run, _ = recording(Case("three", "plain", "none", 1), driven, 0, robot())
-    return smooth_nonperiodic(run, BAND_HZ)
-
-
-def test_viscous_friction_that_saturates_is_found() -> None:
-    choice = choose_model(robot(), [saturated(2.0, DURATION_S)])
-    assert [set(own) for own in friction(choice)] == [{*PLAIN, "saturation"}] * 3
-    assert choice.saturation_rad_s == pytest.approx([0.4] * 3, rel=0.7)
-    assert np.all(choice.error_nm[1] < choice.error_nm[0])
-
-
 @pytest.mark.parametrize("away_s", [1.0, 20.0])
 def test_a_filter_is_not_taken_without_rows_away_from_standstill(
     away_s: float, monkeypatch: pytest.MonkeyPatch
