@@ -51,7 +51,11 @@ def open_bus(config: CanBusConfig, *, listening: bool = False) -> can.BusABC:
             options["participant"] = True
         bus = can.Bus(interface=config.interface, ignore_config=True, **options)
         if config.interface == "slcan":
-            _discard_torn_lines(bus)
+            try:
+                _discard_torn_lines(bus)
+            except BaseException:
+                bus.shutdown()
+                raise
         return bus
     except Exception as error:  # python-can raises any error if a driver is missing
         raise not_opened(config, error) from error
@@ -70,8 +74,9 @@ def _discard_torn_lines(bus: can.BusABC) -> None:
     bus.close()
     line_timeout_s, port.timeout = port.timeout, _SLCAN_QUIET_S
     until_s = time.monotonic() + _SLCAN_SILENCE_TIMEOUT_S
-    while port.read(_SLCAN_READ_BYTES) and time.monotonic() < until_s:
-        pass
+    is_silent = False
+    while not is_silent and time.monotonic() < until_s:
+        is_silent = not port.read(_SLCAN_READ_BYTES)
     port.timeout = line_timeout_s
     bus.flush()
     bus.open()
