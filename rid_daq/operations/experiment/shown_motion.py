@@ -69,7 +69,17 @@ def motion_document(designed: DesignedMotion, output: Path) -> dict[str, object]
             }
             if found is not None:
                 shown |= {
-                    "limits": [asdict(use) for use in found.best.check.uses],
+                    "limits": [
+                        {
+                            "what": use.what,
+                            "used": use.used,
+                            "limit": use.limit,
+                            "unit": use.unit,
+                            "held": use.is_met,
+                            "active": use.active,
+                        }
+                        for use in found.best.check.uses
+                    ],
                     "trials": [
                         {
                             "elapsed_s": trial.elapsed_s,
