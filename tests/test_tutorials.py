@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.builders.console_blocks import console_steps
+
 TUTORIALS = Path(__file__).resolve().parent.parent / "docs" / "tutorial"
 NAMES = ("your-own-robot", "first-hour", "accurate-path", "payload-day")
 
@@ -23,14 +25,6 @@ def told(line: str) -> str:
     """Return a line without its numbers, paths, runs' ids and the widths of its columns."""
     names = _RUN.sub("RUN", _PATH.sub("PATH", line))
     return re.sub(r"\s+", " ", _NUMBER.sub("#", names)).strip()
-
-
-def steps(page: Path) -> Iterator[tuple[str, list[str]]]:
-    """Give each command of a page and the lines that it shows."""
-    for block in re.findall(r"```console\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL):
-        for step in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
-            command, *shown = step.splitlines()
-            yield command, shown
 
 
 def files_of(page: Path) -> Iterator[tuple[str, str]]:
@@ -66,13 +60,13 @@ def test_a_tutorial_shows_what_its_commands_say(name: str, tmp_path: Path) -> No
     own = Path(sys.executable).parent
     environment = {**os.environ, "PATH": f"{own}:{os.environ['PATH']}", "COLUMNS": "200"}
     page = TUTORIALS / f"{name}.md"
-    found = list(steps(page))
+    found = list(console_steps(page))
     assert len(found) >= 4
     for file, content in files_of(page):
         (tmp_path / file).write_text(content, encoding="utf-8")
-    for command, shown in found:
+    for step in found:
         done = subprocess.run(
-            command,
+            step.command,
             shell=True,
             cwd=tmp_path,
             env=environment,
@@ -81,8 +75,8 @@ def test_a_tutorial_shows_what_its_commands_say(name: str, tmp_path: Path) -> No
             text=True,
             check=False,
         )
-        assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
-        require_shown(shown, done.stdout.splitlines(), command)
+        assert done.returncode == 0, f"{step.place}: {step.command}\n{done.stdout}{done.stderr}"
+        require_shown(list(step.shown), done.stdout.splitlines(), step.command)
 
 
 def test_every_tutorial_is_tried() -> None:
