@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -57,18 +56,20 @@ SITE = ROOT / "rid_daq" / "site"
 """The documentation site that a developer may have built."""
 
 
-def texts() -> Iterator[Path]:
-    for place in PLACES:
-        path = ROOT / place
-        found = [path] if path.is_file() else sorted(path.rglob("*"))
-        written = (each for each in found if SITE not in each.parents)
-        yield from (each for each in written if each.suffix in (".py", ".md", ".html", ".yaml"))
+@pytest.fixture(scope="module")
+def texts() -> dict[Path, str]:
+    """Texts of all places by their files."""
+    places = [ROOT / place for place in PLACES]
+    found = [each for path in places for each in (path.rglob("*") if path.is_dir() else [path])]
+    written = (each for each in sorted(found) if SITE not in each.parents)
+    kinds = (".py", ".md", ".html", ".yaml")
+    return {each: each.read_text() for each in written if each.suffix in kinds}
 
 
 @pytest.mark.parametrize("word", REPLACED)
-def test_a_word_that_was_replaced_does_not_come_back(word: str) -> None:
+def test_a_word_that_was_replaced_does_not_come_back(word: str, texts: dict[Path, str]) -> None:
     whole = re.compile(rf"\b(?:{word})\b")
-    found = [str(path.relative_to(ROOT)) for path in texts() if whole.search(path.read_text())]
+    found = [str(path.relative_to(ROOT)) for path, text in texts.items() if whole.search(text)]
     assert found == [], f"say '{REPLACED[word]}' (docs/glossary.md)"
 
 

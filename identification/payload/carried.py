@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from config.errors import EstimationError
+from config.errors import ConfigError, EstimationError
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.estimation.estimate import Estimate
 from identification.estimation.transformed import transformed
@@ -33,11 +33,12 @@ def carry_own(estimate: Estimate) -> Estimate:
     """Return an estimate of the robot with the payload that was identified together with it.
 
     Raises:
-        EstimationError: The estimate contains no payload.
+        ConfigError: The estimate contains no payload.
     """
     if not contains_payload(estimate):
-        raise EstimationError(
-            "the model contains no payload, because it was identified without --loaded",
+        raise ConfigError(
+            "it contains no payload, because it was identified without --loaded: give a payload"
+            " file, or none",
             code="RID-PAYLOAD-UNSTATED",
         )
     return _without_columns(estimate, carries=True)

@@ -17,7 +17,7 @@ from rid_daq.api.console import text_of
 from rid_daq.api.model import Model, Parameter
 from rid_daq.api.recording import Recording
 from rid_daq.blocks.block import AnyBlock, Text, Verdict
-from rid_daq.operations.cell_files import require_same_robot
+from rid_daq.operations.cell_files import refuse_other_robot
 from rid_daq.operations.payload.load_data import load_text
 from rid_daq.operations.payload.payload_estimate import estimate_payload
 from rid_daq.operations.payload.payload_from_files import payload_request_of
@@ -174,7 +174,8 @@ def identify_payload(
     require_torques(data)
     robot = None
     if model is not None:
-        robot = require_same_robot(Path("the model"), model.estimate, data[0].robot)
+        robot = model.estimate
+        refuse_other_robot(Path("the model"), robot.robot, data[0].robot)
     result, repeats = estimate_payload(
         data, list(map(bool, flags)), payload_request_of(request, robot, stated)
     )

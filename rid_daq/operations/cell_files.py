@@ -54,22 +54,31 @@ def read_estimate_for(path: Path, robot: RobotDescription) -> Estimate:
 def read_estimate_and_bytes(path: Path, robot: RobotDescription) -> tuple[Estimate, bytes]:
     """Return the model of a file, and the file's bytes; as `read_estimate_for`."""
     data = read_content(path, estimate_file.LARGEST_FILE_BYTES)
-    estimate = require_same_robot(path, estimate_file.estimate_content(data, path), robot)
+    estimate = estimate_file.estimate_content(data, path)
+    refuse_other_robot(path, estimate.robot, robot)
     refuse_unmoved_joints(estimate.still, str(path))
     return estimate, data
 
 
-def require_same_robot(path: Path, estimate: Estimate, robot: RobotDescription) -> Estimate:
-    """Return an estimate that was read from a file; refuse the estimate of another robot."""
-    differences = robot.differences(estimate.robot)
+def refuse_other_robot(path: Path, found: RobotDescription, robot: RobotDescription) -> None:
+    """Refuse a model or payload of another robot.
+
+    Args:
+        path: Name of the model or payload, for messages.
+        found: Robot that it belongs to.
+        robot: Robot that it is needed for.
+
+    Raises:
+        ConfigError: The two differ.
+    """
+    differences = robot.differences(found)
     if differences:
         raise ConfigError(
-            f"{path}: is of robot {estimate.robot.name!r}, which differs from this {robot.name!r}"
-            f" in {', '.join(differences)}. Identify this robot, or correct its file (of an"
-            " import: the map's `robot`)",
+            f"{path}: is of robot {found.name!r}, which differs from this {robot.name!r} in"
+            f" {', '.join(differences)}. Identify it on this robot, or correct the robot's file (of"
+            " an import: the map's `robot`)",
             code="RID-ROBOT-OTHER",
         )
-    return estimate
 
 
 def read_loops_and_bytes(path: Path, loaded: LoadedCell) -> tuple[tuple[VelocityLoop, ...], bytes]:

@@ -13,6 +13,7 @@ from identification.estimation.estimate import Estimate
 from identification.payload.carried import carry, carry_own, contains_payload, unloaded
 from identification.payload.file import LARGEST_FILE_BYTES, payload_content, refuse_failed
 from identification.payload.verdict import PayloadResult
+from rid_daq.operations.cell_files import refuse_other_robot
 from rid_daq.terminal.choices import NO_PAYLOAD, PAYLOAD, PAYLOAD_OF_MODEL
 
 
@@ -64,13 +65,10 @@ def state_payload(
             )
         return LoadedModel(estimate)
     if payload == PAYLOAD_OF_MODEL:
-        if not contains_payload(estimate):
-            raise ConfigError(
-                f"--payload {payload}: {model} contains no payload, because it was identified"
-                " without --loaded: give a payload file, or none",
-                code="RID-PAYLOAD-UNSTATED",
-            )
-        return LoadedModel(carry_own(estimate), payload)
+        try:
+            return LoadedModel(carry_own(estimate), payload)
+        except ConfigError as error:
+            raise ConfigError(f"{model}: {error}", code=error.refusal) from None
     if payload == NO_PAYLOAD:
         return LoadedModel(unloaded(estimate), payload)
     found = find_file_or_run(runs, payload, having=PAYLOAD)
@@ -106,14 +104,7 @@ def carry_judged(estimate: Estimate, judged: PayloadResult, path: Path) -> Estim
         ConfigError, EstimationError: As `state_payload`.
     """
     refuse_failed(path, judged, "no torque can be computed with it")
-    differences = estimate.robot.differences(judged.estimate.robot)
-    if differences:
-        raise ConfigError(
-            f"{path}: is of robot {judged.estimate.robot.name!r}, which differs from this"
-            f" {estimate.robot.name!r} in {', '.join(differences)}: identify the payload on this"
-            " robot",
-            code="RID-ROBOT-OTHER",
-        )
+    refuse_other_robot(path, judged.estimate.robot, estimate.robot)
     try:
         return carry(estimate, judged.estimate)
     except EstimationError as error:

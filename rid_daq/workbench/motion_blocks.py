@@ -33,7 +33,11 @@ DRAWN_POINTS: Final = 1000
 
 
 def motion_blocks(
-    cell: LoadedCell, path: Path, model: Path | None, payload: str | None = None
+    cell: LoadedCell,
+    path: Path,
+    model: Path | None = None,
+    payload: str | None = None,
+    runs: Path = DEFAULT_RUNS,
 ) -> Iterator[AnyBlock]:
     """Yield the description of a motion file, and its plots.
 
@@ -41,14 +45,13 @@ def motion_blocks(
         cell: The cell that will execute the motion.
         path: The file.
         model: A model whose expected torque is drawn; `record` compares the same torque with the
-            limits
-            (`limit_torque`).
+            limits (`limit_torque`).
         payload: Payload on the flange, as in a request; without effect without a model.
+        runs: Folder of the run folders.
 
     Raises:
-        ConfigError, LimitError: The file is invalid or of another robot, or the motion exceeds a
-            limit;
-            or the model is of another robot.
+        ConfigError, LimitError: The file is invalid or of another robot, the motion exceeds a
+            limit, or the model is of another robot.
     """
     motion = read_motion_for(path, cell)
     samples = motion.plan(cell.robot, cell.config.cycle_time_s)
@@ -60,7 +63,7 @@ def motion_blocks(
     torque, caption = None, ""
     if model is not None:
         estimate = read_estimate_for(model, cell.robot)
-        estimate = state_payload(estimate, model.name, payload, DEFAULT_RUNS).estimate
+        estimate = state_payload(estimate, model.name, payload, runs).estimate
         torque = limit_torque(estimate, one.position, one.velocity, one.acceleration)
         if depends_on_temperature(estimate).any():
             caption = AT_REFERENCE if estimate.warming is None else COLD_OR_WARM

@@ -12,6 +12,7 @@ import re
 import sys
 import tokenize
 from collections.abc import Iterator
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -61,6 +62,8 @@ PHRASES: Final = {
 }
 """Each as a regular expression, and what to write instead."""
 
+_ANY_PHRASE: Final = re.compile("|".join(PHRASES), re.IGNORECASE)
+
 FIRST_WORDS: Final = ("What", "Which", "Whether", "Who", "Whom", "How", "Where")
 """A docstring begins with an imperative or a noun phrase instead."""
 
@@ -96,17 +99,20 @@ class Name(NamedTuple):
     text: str
 
 
-def passages(path: Path) -> Iterator[Passage]:
-    """Yield the texts of a file."""
-    source = path.read_text(encoding="utf-8")
+@cache
+def passages(path: Path) -> tuple[Passage, ...]:
+    """Return the texts of a file."""
     if path.suffix == ".py":
-        yield from _of_python(source)
-        return
+        return tuple(_of_python(path))
+    source = path.read_text(encoding="utf-8")
     if path.suffix == ".md":
         source = re.sub(r"^```.*?^```$|^ {4}[^\n]*$", _blank, source, flags=re.M | re.S)
-    for match in re.finditer(_PAGES[path.suffix], source, re.MULTILINE):
-        text = next(each for each in match.groups() if each)
-        yield Passage(source.count("\n", 0, match.start()) + 1, text)
+    return tuple(
+        Passage(
+            source.count("\n", 0, match.start()) + 1, next(each for each in match.groups() if each)
+        )
+        for match in re.finditer(_PAGES[path.suffix], source, re.MULTILINE)
+    )
 
 
 def _blank(match: re.Match[str]) -> str:
@@ -114,10 +120,10 @@ def _blank(match: re.Match[str]) -> str:
     return "\n" * match[0].count("\n")
 
 
-def _of_python(source: str) -> Iterator[Passage]:
+def _of_python(path: Path) -> Iterator[Passage]:
     docstrings = set()
-    tree = ast.parse(source)
-    for node in ast.walk(tree):
+    nodes = _nodes(path)
+    for node in nodes:
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and (
             text := ast.get_docstring(node)
         ):
@@ -125,20 +131,27 @@ def _of_python(source: str) -> Iterator[Passage]:
             yield Passage(node.body[0].lineno, text, is_docstring=True)
     parts = {
         id(part)
-        for node in ast.walk(tree)
+        for node in nodes
         if isinstance(node, ast.JoinedStr)
         for part in ast.walk(node)
         if part is not node
     }
-    for node in ast.walk(tree):
-        if id(node) in parts or not isinstance(node, ast.Constant | ast.JoinedStr):
+    for node in nodes:
+        if not isinstance(node, ast.Constant | ast.JoinedStr) or id(node) in parts:
             continue
         text = _text(node)
         if node.lineno not in docstrings and len(text.split()) > 2:
             yield Passage(node.lineno, text)
-    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+    source = io.StringIO(path.read_text(encoding="utf-8"))
+    for token in tokenize.generate_tokens(source.readline):
         if token.type == tokenize.COMMENT:
             yield Passage(token.start[0], token.string[1:])
+
+
+@lru_cache(maxsize=1)
+def _nodes(path: Path) -> tuple[ast.AST, ...]:
+    """Return the nodes of a Python file's syntax tree; the last file is remembered."""
+    return tuple(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
 
 
 def _text(node: ast.Constant | ast.JoinedStr) -> str:
@@ -155,7 +168,7 @@ def hits(path: Path) -> Iterator[Hit]:
     for passage in passages(path):
         place = f"{path.relative_to(ROOT)}:{passage.line}"
         text = re.sub(r"`[^`]*`", "CODE", passage.text)
-        for phrase, advice in PHRASES.items():
+        for phrase, advice in PHRASES.items() if _ANY_PHRASE.search(text) else ():
             for match in re.finditer(phrase, text, re.IGNORECASE):
                 around = text[max(0, match.start() - 30) : match.end() + 20]
                 yield Hit(place, " ".join(around.split()), advice)
@@ -174,7 +187,7 @@ def hits(path: Path) -> Iterator[Hit]:
 def names(path: Path) -> Iterator[Name]:
     """Yield the functions and classes of a Python file."""
     if path.suffix == ".py":
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in _nodes(path):
             if isinstance(node, ast.FunctionDef | ast.ClassDef):
                 yield Name(node.lineno, node.name)
 

@@ -50,11 +50,11 @@ def _lines(node: ast.AST, texts: Texts) -> Iterator[int]:
 
 def _pins_sentence(node: ast.AST, texts: Texts) -> bool:
     if isinstance(node, ast.Call):
-        name = ast.unparse(node.func)
+        name = getattr(node.func, "attr", None) or getattr(node.func, "id", "")
         if name in _DETAILS_FROM:
             details = node.args[_DETAILS_FROM[name] :]
             return any(_is_sentence(detail, texts, words=3) for detail in details)
-        return name.endswith("raises") and any(each.arg == "match" for each in node.keywords)
+        return name == "raises" and any(each.arg == "match" for each in node.keywords)
     return isinstance(node, ast.Assert) and any(
         isinstance(part, ast.Compare)
         and isinstance(part.ops[0], (ast.In, ast.Eq))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import tomllib
 from collections import Counter
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -41,6 +42,7 @@ def _declaring_files() -> list[Path]:
     return sorted((ROOT / "config" / "bundled" / "error_codes").glob("*.toml"))
 
 
+@cache
 def _codes_in_use() -> set[str]:
     return {code for p in PACKAGES for _, module in modules(p) for code in codes_in(module)}
 

@@ -25,7 +25,7 @@ from identification.validation.diagnosis import diagnose
 from identification.validation.extrapolation import extrapolation_findings
 from identification.validation.torque_prediction import Validation, validate_torques
 from rid_daq.blocks.formats import number
-from rid_daq.operations.cell_files import read_estimate_for, read_motion_for, require_same_robot
+from rid_daq.operations.cell_files import read_estimate_for, read_motion_for, refuse_other_robot
 from rid_daq.operations.identify.validate import ValidateRequest
 from rid_daq.operations.stated_payload import payload_words, state_payload
 from rid_daq.report.model_file import ModelFile
@@ -153,7 +153,7 @@ def validate_recording(
         DataQualityError: The run allows no verdict: the model was identified from it, or it is too
             short.
     """
-    require_same_robot(request.model, estimate, data.robot)
+    refuse_other_robot(request.model, estimate.robot, data.robot)
     external = estimate.options.kind == "external"
     if external and request.limits is not None:
         raise ConfigError(

@@ -163,6 +163,11 @@ def refine_feedforward(request: RefineRequest) -> RefinedFeedforward:
     _refuse_growth(measured, origin)
     found = refinement(samples, measured, estimate, loops, first.cell.position_gain_per_s)
     notes = [*data_defects([one.data for one in driven]), *warm.notes]
+    if origin.payload and origin.payload != carrying.origin:
+        notes.append(
+            "The feedforward of these runs was computed with another payload than the one stated"
+            " now."
+        )
     folder = first.data.folder
     refined = RefinedFeedforward(
         measured,

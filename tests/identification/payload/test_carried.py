@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from config.arrays import FloatArray
-from config.errors import EstimationError
+from config.errors import ConfigError, EstimationError
 from config.load import load_cell
 from dynamics.terms.conditions import Conditions
 from identification.estimation.estimate import (
@@ -101,7 +101,7 @@ def test_another_payload_replaces_the_one_in_the_model() -> None:
 
 
 def test_the_payload_of_a_model_without_one_is_refused() -> None:
-    with raises_code(EstimationError, "RID-PAYLOAD-UNSTATED"):
+    with raises_code(ConfigError, "RID-PAYLOAD-UNSTATED"):
         carry_own(known(load_cell("ir361"), {}))
 
 
