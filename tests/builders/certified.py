@@ -9,6 +9,7 @@ import numpy as np
 
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
+from config.arrays import FloatArray
 from config.load import LoadedCell, load_cell
 from drivers.settings.saved_drive import DriveIdentity
 from drivers.settings.write_log import DRIVE_WRITES, WriteLog
@@ -16,7 +17,7 @@ from identification.choices import PayloadLimits
 from identification.payload.body import PayloadBody
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.file import write_payload
-from identification.payload.verdict import PayloadResult, check_payload
+from identification.payload.verdict import PayloadCheck, PayloadResult, check_payload
 from rid_daq.operations.payload.session_states import SessionFile
 from rid_daq.report.result import Result
 from rid_daq.report.sections.payload import PayloadSection, payload_verdict
@@ -123,3 +124,19 @@ def _write_cell(folder: RunFolder, loaded: LoadedCell, simulated: bool) -> None:
         if name == CELL and not simulated:
             content = content.replace(b"simulated: true", b"simulated: false")
         folder.write(name, content)
+
+
+def write_payload_file(path: Path, parameters: FloatArray) -> Path:
+    """Write a payload of the bundled arm that passed its verdict.
+
+    Args:
+        path: Path of the file.
+        parameters: Shape (10,). Standard parameters in the frame of the flange.
+    """
+    estimate = replace(
+        estimate_of(load_cell("ir361"), ("weighing",)),
+        values=parameters,
+        covariance=1e-8 * np.eye(10),
+    )
+    write_payload(path, PayloadResult(estimate, (PayloadCheck("parameters", 10, "≥", 10),)))
+    return path

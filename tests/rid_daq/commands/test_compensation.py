@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from acquisition.journal.cycles import read_journal
-from acquisition.motion.kinds.multipoint import MultipointMotion
 from acquisition.motion.samples import Phase
 from acquisition.runs.folder import RunFolder
 from acquisition.session.record import record_motion
@@ -22,17 +21,24 @@ from compensation.feedforward.tracking_error import tracking_error
 from compensation.loops.loop_file import read_loops
 from compensation.online.online import OnlineFeedforward
 from compensation.online.stream import stream_points
-from config.load import load_cell, load_robot, to_yaml
+from config.load import load_cell, to_yaml
 from config.simulation.faults import FaultScript, FrameFault
-from dynamics.geometry.kinematics import Chain
 from identification.estimation.file import read_estimate
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
 from rid_daq.session.cells import hold_reachable_cell
+from tests.builders.certified import MEDIUM, write_payload_file
 from tests.builders.motion_texts import CIRCLE, MULTISINE, PICK
-from tests.builders.point_client import sending
 from tests.builders.screens import noted, require_fitting, said_by
+from tests.builders.streamed_paths import (
+    CHAIN,
+    joint_path,
+    model_and_loops,
+    model_of,
+    require_rest_on,
+    streamed,
+)
 from tests.builders.told import document
 
 pytestmark = pytest.mark.slow
@@ -64,17 +70,12 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def by(workshop: Path) -> list[str]:
-    """The options that say model and loops."""
-    return ["--model", str(workshop / "model.json"), "--loop", str(workshop / "loops.json")]
-
-
 @pytest.fixture(scope="module")
 def compensated(workshop: Path) -> Path:
     """The feedforward of the circle, tuned by the plain circle, and a run with it."""
     cell, runs = str(workshop / "arm.yaml"), ["--runs", str(workshop / "runs")]
     circle, ahead = str(workshop / "circle.yaml"), str(workshop / "ahead.json")
-    words = ["compensate", cell, circle, *by(workshop), "-o", ahead]
+    words = ["compensate", cell, circle, *model_and_loops(workshop), "-o", ahead]
     calls = said_by([*words, "--reference", "circle", *runs])
     require_fitting(["compensate", "circle"], calls)
     words = ["record", cell, circle, "--feedforward", ahead, "--label", "compensated", *runs]
@@ -125,6 +126,40 @@ def test_the_circle_comes_an_order_of_magnitude_closer(
     assert "RID-TRACKING-AGAINST" in capsys.readouterr().err
 
 
+def test_a_payload_counts_in_the_refinement_and_bends_the_gears(
+    workshop: Path, compensated: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    runs = ["--runs", str(workshop / "runs")]
+    payload = str(write_payload_file(workshop / "payload.json", MEDIUM.parameters))
+    stiff = json.loads((workshop / "model.json").read_text())
+    for joint in stiff["robot"]["joints"]:
+        joint["stiffness_nm_rad"] = 2e4
+    (workshop / "elastic.json").write_text(json.dumps(stiff))
+    bending, corrections, origins = [], [], []
+    for name, stated in (("alone", "none"), ("loaded", payload)):
+        words = ["tracking", "compensated", "--model", str(workshop / "elastic.json")]
+        capsys.readouterr()
+        assert run([*words, "--payload", stated, "--json", *runs]) == 0
+        bending.append(document(capsys)["motions"][0]["bending"]["rms_m"])
+        refined = workshop / f"refined {name}.json"
+        words = [
+            "refine",
+            "compensated",
+            *model_and_loops(workshop),
+            "--payload",
+            stated,
+            "-o",
+            str(refined),
+        ]
+        assert run([*words, *runs]) == 0
+        file = json.loads(refined.read_text())
+        corrections.append(np.array(file["feedforward"]))
+        origins.append(file["origin"]["payload"])
+    assert bending[1] > 1.1 * bending[0]
+    assert np.abs(corrections[1] - corrections[0]).max() > 1e-6
+    assert origins == ["none", hashlib.sha256(Path(payload).read_bytes()).hexdigest()]
+
+
 def test_one_refinement_makes_it_twenty_times_and_a_lie_about_the_last_is_noticed(
     workshop: Path, compensated: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -132,7 +167,12 @@ def test_one_refinement_makes_it_twenty_times_and_a_lie_about_the_last_is_notice
     better = str(workshop / "better.json")
     capsys.readouterr()
     with noted() as calls:
-        assert run(["refine", "compensated", *by(workshop), "-o", better, "--json", *runs]) == 0
+        assert (
+            run(
+                ["refine", "compensated", *model_and_loops(workshop), "-o", better, "--json", *runs]
+            )
+            == 0
+        )
     found = document(capsys)
     require_fitting(["refine", "compensated"], calls)
     assert not found["finished"]
@@ -158,7 +198,7 @@ def test_one_refinement_makes_it_twenty_times_and_a_lie_about_the_last_is_notice
         shutil.copytree(recorded, changed)
         file = json.loads((changed / "feedforward.json").read_text())
         capsys.readouterr()
-        again = ["refine", str(recorded), *by(workshop), "-o"]
+        again = ["refine", str(recorded), *model_and_loops(workshop), "-o"]
         assert run([*again, str(tmp_path / f"x{factor}.json"), "--json"]) == 0
         rms = [factor * axis["rms"] for axis in document(capsys)["axes"]]
         file["origin"]["refinements"][-1]["rms"] = rms
@@ -279,7 +319,7 @@ class TestStream:
         assert code == 4
         assert answer is None
         assert told["stop"]["code"] == "POINTS_LOST"
-        stopped_on(path[:400], told)
+        require_rest_on(path[:400], told)
 
     def test_a_bad_point_is_a_stop_before_it_and_the_client_hears_why(
         self, workshop: Path, capsys: pytest.CaptureFixture[str]
@@ -290,7 +330,7 @@ class TestStream:
         assert code == 5
         assert answer is not None
         assert {"400,", "axis2:"} <= set(answer["error"].split())
-        stopped_on(path[:400], told)
+        require_rest_on(path[:400], told)
 
     def test_points_from_an_iterator(self, workshop: Path) -> None:
         cell = load_cell(str(workshop / "arm.yaml"))
@@ -329,53 +369,6 @@ class TestStream:
         assert "RID-STREAM-CLIENT" in capsys.readouterr().err
 
 
-LIMITS = [joint.limits for joint in load_robot("ir361").joints]
-CHAIN = Chain.from_description(load_robot("ir361"))
-
-
-def joint_path() -> NDArray[np.float64]:
-    """Return a spline through random poses, with which nothing was tuned."""
-    motion = MultipointMotion(kind="multipoint", robot="ir361", points=4, seed=11)
-    return np.array(motion.plan(load_robot("ir361"), 0.008).position)
-
-
-def model_of(workshop: Path) -> list[str]:
-    return [*by(workshop), "--runs", str(workshop / "runs")]
-
-
-def streamed(
-    workshop: Path,
-    capsys: pytest.CaptureFixture[str],
-    batches: list[NDArray[np.float64]],
-    *,
-    end: bool = True,
-) -> tuple[int, dict[str, Any] | None, dict[str, Any]]:
-    """Let a client send batches; return exit code, what it hears, and what the command tells."""
-    path = workshop / "points"
-    capsys.readouterr()
-    with sending(path, batches, end=end) as heard:
-        words = ["stream", str(workshop / "arm.yaml"), "--socket", str(path), "--json"]
-        code = run([*words, *model_of(workshop)])
-    return code, heard[0] if heard else None, document(capsys)
-
-
-def stopped_on(path: NDArray[np.float64], told: dict[str, Any]) -> None:
-    """Hold that the robot came to rest on a path, within its limits, without a jump."""
-    rows = read_journal(Path(told["folder"]) / "recording.mcap").rows
-    moving = rows[rows["sample_index"] >= 0]
-    target = moving["target_position"]
-    off = np.abs(target[:, np.newaxis] - path[np.newaxis]).max(axis=2).min(axis=1)
-    assert off.max() < 1.1 * np.abs(np.diff(path, axis=0)).max()
-    bend = np.abs(np.diff(target, n=2, axis=0)) / 0.008**2
-    assert (bend <= 1.02 * np.array([limit.acceleration for limit in LIMITS])).all()
-    assert not np.diff(target[-5:], axis=0).any()
-    speed = np.abs(np.diff(rows["position"], axis=0)) / 0.008
-    assert (speed <= 1.1 * np.array([limit.velocity for limit in LIMITS])).all()
-    assert speed[-5:].max() < 0.01
-    torque = np.abs(moving["torque_nm"])
-    assert (torque <= np.array([limit.torque for limit in LIMITS])).all()
-
-
 def test_a_timed_path_is_compensated_recorded_and_streamed(
     workshop: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -384,13 +377,15 @@ def test_a_timed_path_is_compensated_recorded_and_streamed(
     (tmp_path / "pick.yaml").write_text(PICK)
     pick, fast, ahead = (str(tmp_path / name) for name in ("pick.yaml", "fast.yaml", "ahead.json"))
     capsys.readouterr()
-    model = by(workshop)[:2]
+    model = model_and_loops(workshop)[:2]
     assert run(["retime", cell, pick, *model, "-o", fast, "--json"]) == 0
     assert document(capsys)["shorter_percent"] > 20.0
-    assert run(["compensate", cell, fast, *by(workshop), "-o", ahead]) == 0
+    assert run(["compensate", cell, fast, *model_and_loops(workshop), "-o", ahead]) == 0
     words = ["record", cell, fast, "--feedforward", ahead, "--label", "timed", *runs]
     assert run([*words, *model]) == 0
-    assert run(["stream", cell, fast, *by(workshop), "--label", "timed-live", *runs]) == 0
+    assert (
+        run(["stream", cell, fast, *model_and_loops(workshop), "--label", "timed-live", *runs]) == 0
+    )
     capsys.readouterr()
     assert run(["tracking", "timed", "timed-live", "--json", *runs]) == 0
     for motion in document(capsys)["motions"]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +21,7 @@ from identification.payload.body import flange_pose, to_link
 from identification.payload.file import write_payload
 from identification.payload.verdict import PayloadCheck, PayloadResult
 from rid_daq.app import run
-from tests.builders.certified import MEDIUM, estimate_of
+from tests.builders.certified import MEDIUM, estimate_of, write_payload_file
 from tests.builders.identified_run import arm_in_motion, identified_run
 from tests.builders.known_model import known, with_payload_columns
 from tests.builders.told import document
@@ -42,16 +41,6 @@ LINK_3 = tuple(
 )
 
 
-def payload_file(path: Path, parameters: FloatArray) -> Path:
-    estimate = replace(
-        estimate_of(load_cell("ir361"), ("weighing",)),
-        values=parameters,
-        covariance=1e-8 * np.eye(10),
-    )
-    write_payload(path, PayloadResult(estimate, (PayloadCheck("parameters", 10, "≥", 10),)))
-    return path
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Files of a robot: alone and with the payload in its model, its loops and a path."""
@@ -66,7 +55,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ]
     write_loops(folder / "loops.json", loops, "ir361", "a run")
     (folder / "path.yaml").write_text(CIRCLE)
-    payload_file(folder / "payload.json", MEDIUM.parameters)
+    write_payload_file(folder / "payload.json", MEDIUM.parameters)
     return folder
 
 
@@ -80,7 +69,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     identified_run(root / "runs", arm, "alone again", 2)
     identified_run(root / "runs", arm, "loaded", 3, **dict.fromkeys(LINK_3, 1.0 + SHARE))
     write_estimate(root / "both.json", with_payload_columns(model))
-    payload_file(root / "payload.json", SHARE * last_link(arm.cell.robot.name))
+    write_payload_file(root / "payload.json", SHARE * last_link(arm.cell.robot.name))
     return root
 
 
