@@ -40,7 +40,7 @@ def run(arguments: Sequence[str]) -> int:
     """
     written = documents_written()
     ending = ending_of(lambda: _call(list(arguments)))
-    if ending.said:
+    if ending.must_print:
         named = f" [{ending.refusal}]" if ending.refusal else ""
         message = f"rid-daq: {make_printable(ending.message)}{named}"
         columns = shutil.get_terminal_size().columns if sys.stderr.isatty() else None
@@ -100,14 +100,14 @@ class Ending:
         kind: Class of the error, or kind of the ending; empty if the command succeeded.
         message: Reason of the ending; empty if the command succeeded.
         refusal: Stable code of the error, `RID-AREA-NAME`; empty without one.
-        said: True if `run` must print the message; False if the command has printed it.
+        must_print: True if `run` must print the message; False if the command has printed it.
     """
 
     code: int
     kind: str = ""
     message: str = ""
     refusal: str = ""
-    said: bool = False
+    must_print: bool = False
 
 
 def ending_of(command: Callable[[], object]) -> Ending:
@@ -117,11 +117,13 @@ def ending_of(command: Callable[[], object]) -> Ending:
     except Exception as caught:
         error = _as_program_error(caught)
         code, kind = int(exit_code_of(error)), type(error).__name__
-        return Ending(code, kind, str(error), error.refusal, said=True)
+        return Ending(code, kind, str(error), error.refusal, must_print=True)
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else int(ExitCode.DONE)
         kind, message = _reported_ending(code)
-        return Ending(code, kind, with_notes(message, end), said=isinstance(end, _Interrupted))
+        return Ending(
+            code, kind, with_notes(message, end), must_print=isinstance(end, _Interrupted)
+        )
     return Ending(ExitCode.DONE)
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from acquisition.processing.held_torque import held_torques
+from acquisition.processing.repeated_torque import find_repeated_torques
 from acquisition.processing.torque_channel import TorqueChannel
 from acquisition.processing.unfiltered import (
     UnfilteredSignals,
@@ -163,7 +163,7 @@ def smooth_nonperiodic(
     step_s = float(np.median(np.diff(time_s)))
     cuts = np.flatnonzero(np.diff(time_s) > GAP_STEPS * step_s) + 1
     width_s = smoothing_width(position, step_s)
-    held = held_torques(position, torque)
+    held = find_repeated_torques(position, torque)
     segments: list[_Segment] = []
     rough: list[_Segment] = []
     inner: list[IntArray] = []
@@ -182,7 +182,7 @@ def smooth_nonperiodic(
         inner.append(kept + before)
         if held is not None:
             at = _rows_at(stamps, grid)
-            own = np.maximum(held.renewed[rows][at] - rows[0], 0)
+            own = np.maximum(held.update_row[rows][at] - rows[0], 0)
             raw_torque = np.take_along_axis(torque[rows], own, axis=0)
             renewed.append(before + _rows_at(grid, stamps)[own])
         motion = (raw_position, *derived(raw_position, step_s))

@@ -148,7 +148,7 @@ class InverseFilter:
         return np.asarray((torque_nm - self._carried) / self.gain)
 
 
-def padding_rows(step_s: float) -> int:
+def count_padding_rows(step_s: float) -> int:
     """Return the number of rows of the return, with the rest before and after it."""
     return round((2.0 * REST_S + RETURN_S) / step_s)
 
@@ -164,9 +164,9 @@ def append_return(values: FloatArray, step_s: float) -> FloatArray:
         step_s: Time between rows [s].
 
     Returns:
-        Shape (samples + padding_rows, n).
+        Shape (samples + count_padding_rows, n).
     """
-    rows = padding_rows(step_s)
+    rows = count_padding_rows(step_s)
     x = np.clip((np.arange(1, rows + 1) * step_s - REST_S) / RETURN_S, 0.0, 1.0)[:, np.newaxis]
     share = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
     return np.concatenate([values, values[-1] + share * (values[0] - values[-1])])

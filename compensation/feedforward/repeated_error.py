@@ -11,7 +11,7 @@ import numpy as np
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.processing.periods import average_periods
 from acquisition.recording.recording import Recording
-from compensation.feedforward.inverse import append_return, padding_rows
+from compensation.feedforward.inverse import append_return, count_padding_rows
 from config.arrays import FloatArray, freeze
 from config.errors import DataQualityError
 
@@ -44,7 +44,7 @@ class RepeatedError:
     def __post_init__(self) -> None:
         n = len(self.joint_names)
         freeze(self, DataQualityError, (None, n), "error", what="mean ")
-        rows = len(self.error) + (0 if self.periodic else padding_rows(self.sample_period_s))
+        rows = len(self.error) + (0 if self.periodic else count_padding_rows(self.sample_period_s))
         freeze(self, DataQualityError, (rows // 2 + 1, n), "bin_variance")
 
     @property

@@ -315,7 +315,7 @@ class AxisUnits:
 
     def counts(self, position: float) -> int:
         """Return the value of 6064h for a joint position, rounded to the nearest increment."""
-        return self.counter.shown(round(position * self.counts_per_rad) + self.zero_counts)
+        return self.counter.to_range(round(position * self.counts_per_rad) + self.zero_counts)
 
     def velocity(self, units: int) -> float:
         """Return the joint velocity for a value of 60FFh or 606Ch [rad/s]."""

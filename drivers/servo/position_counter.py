@@ -63,7 +63,7 @@ class PositionCounter:
         return self.highest - self.lowest + 1
 
     @property
-    def wraps_early(self) -> bool:
+    def is_smaller_than_32_bits(self) -> bool:
         """True if it has fewer values than 32 bits."""
         return (self.lowest, self.highest) != _INT32
 
@@ -72,7 +72,7 @@ class PositionCounter:
         half = self.size // 2
         return (counts - to + half) % self.size - half + to
 
-    def shown(self, counts: int) -> int:
+    def to_range(self, counts: int) -> int:
         """Return a count in the drive's range, for reports and set-points."""
         return (counts - self.lowest) % self.size + self.lowest
 
@@ -181,7 +181,7 @@ class PositionTargets:
             if not powered:
                 self._targets[axis] = float(at)
         return [
-            counter.shown(round(target)) if by_position else 0
+            counter.to_range(round(target)) if by_position else 0
             for target, by_position, counter in zip(
                 self._targets, self._by_position, counters, strict=True
             )
@@ -192,6 +192,6 @@ class PositionTargets:
         targets = []
         for axis, (value, by_position) in enumerate(zip(velocity, self._by_position, strict=True)):
             self._targets[axis] += value * self._cycle_time_s
-            target = counters[axis].shown(round(self._targets[axis]))
+            target = counters[axis].to_range(round(self._targets[axis]))
             targets.append(target if by_position else value)
         return targets

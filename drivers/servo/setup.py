@@ -199,7 +199,7 @@ class DriveSetup:
         """Return units with the wrap-around of 6064h, within the motor's reach."""
         counter = read_counter(self._port)
         ends = [units.counts_per_rad * end for end in self._reach]
-        if counter.wraps_early:
+        if counter.is_smaller_than_32_bits:
             needed = abs(ends[1] - ends[0])
             self._settings.append(counter_setting(self._axis, counter, needed))
         return replace(units, counter=counter, middle_counts=round(0.5 * sum(ends)))

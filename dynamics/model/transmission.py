@@ -26,19 +26,6 @@ class GearLoss:
     kind: Literal["efficiency", "load"]
     parameter: NonlinearParameter
 
-    @property
-    def shares(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """(a, b) of the factor a + b s, s = 1 or -1, and their slopes by the parameter."""
-        value = self.parameter.value
-        if self.kind == "load":
-            return (1.0, value), (0.0, 1.0)
-        drives, driven = (1.0 / value, -(value**-2.0)), (value, 1.0)
-        even, odd = (
-            [(x + side * y) / 2.0 for x, y in zip(drives, driven, strict=True)]
-            for side in (1.0, -1.0)
-        )
-        return (even[0], odd[0]), (even[1], odd[1])
-
 
 @dataclass(frozen=True)
 class Transmission:

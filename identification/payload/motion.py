@@ -199,7 +199,7 @@ class PayloadSearch:
         model, motion = self.model, self.path(coefficients)
         limits = np.array([joint.limits.torque for joint in self.robot.joints])
         columns = torque_columns(model.model, model.base, motion, self.conditions)
-        heat = self._heat(columns / limits[:, np.newaxis])
+        excess = self._excess_torque(columns / limits[:, np.newaxis])
         moving = moves(model.model, motion[1], SLOW_RAD_S)
         columns = columns * (moving / limits)[:, :, np.newaxis]
         rows = columns.reshape(-1, columns.shape[2])
@@ -223,9 +223,9 @@ class PayloadSearch:
         )
         slopes = np.einsum("akj,kjb->jab", *joints, optimize=True)
         gains = GAIN_SHARE * np.einsum("pga,jab,pb->pgj", _WANTED, slopes, _BODIES, optimize=True)
-        return math.log(spread + float(np.sum(gains**2))) + HEAT_WEIGHT * heat
+        return math.log(spread + float(np.sum(gains**2))) + HEAT_WEIGHT * excess
 
-    def _heat(self, shares: FloatArray) -> float:
+    def _excess_torque(self, shares: FloatArray) -> float:
         """Return the excess of the RMS torque, from columns divided by torque limits."""
         if self._links is None:
             return 0.0

@@ -25,10 +25,10 @@ from acquisition.journal.monitor import (
     with_temperature_compensation,
 )
 from acquisition.journal.plate import PLATE_RECORDING, read_plate_journal
-from acquisition.processing.held_torque import held_sentence
 from acquisition.processing.periods import PeriodAverage, average_table
 from acquisition.processing.plate_alignment import with_plate
 from acquisition.processing.recording_tally import RecordingTally
+from acquisition.processing.repeated_torque import repeated_torque_sentence
 from acquisition.recording.recording import Recording, concatenate_recordings
 from acquisition.runs.catalogue import list_runs
 from acquisition.runs.folder import RunFolder
@@ -294,7 +294,7 @@ def data_defects(runs: Sequence[RunData]) -> list[str]:
                 lost = manifest.facts.get("rows_lost", 0)
                 said.append(f"{name}: the run was recovered; {lost} rows are known to be lost")
         found = () if data.import_report is None else data.import_report.findings
-        held = held_sentence(next(data.parts()))
+        held = repeated_torque_sentence(next(data.parts()))
         said += [f"{name}: {note}" for note in (*data.damage, *found, *([held] if held else ()))]
     return said
 

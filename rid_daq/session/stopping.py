@@ -24,13 +24,13 @@ class SessionStop:
     """Result of a stop request to a session.
 
     Attributes:
-        seen: True if the stop was confirmed.
+        is_confirmed: True if the stop was confirmed.
         sentence: What happened, with times.
         rest_at: Time at which the axes were at rest; None if they did not move or this was not
             observed.
     """
 
-    seen: bool
+    is_confirmed: bool
     sentence: str
     rest_at: str | None = None
 

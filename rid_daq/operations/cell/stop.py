@@ -68,8 +68,8 @@ class StopOutcome:
 
         if not self.results:
             return ExitCode.VERDICT_FAILED
-        seen = all(result.seen for _, result in self.results)
-        return ExitCode.DONE if seen else ExitCode.COMMUNICATION
+        confirmed = all(result.is_confirmed for _, result in self.results)
+        return ExitCode.DONE if confirmed else ExitCode.COMMUNICATION
 
     def document(self) -> dict[str, object]:
         """Return every session with its answer to the stop."""
@@ -79,7 +79,7 @@ class StopOutcome:
                     "process": session.pid,
                     "command": session.command,
                     "cell": session.cell,
-                    "stopped": result.seen,
+                    "stopped": result.is_confirmed,
                     "text": result.sentence,
                     "at_rest": result.rest_at,
                 }
@@ -99,7 +99,7 @@ class StopOutcome:
             return
         for session, result in self.results:
             text = f"S{session.words[1:]}: {result.sentence}"
-            yield Verdict(passed=result.seen, text=text)
+            yield Verdict(passed=result.is_confirmed, text=text)
         if self.exit_code:
             yield Text(text="Use the cell's emergency stop if anything still moves.")
             return

@@ -33,7 +33,7 @@ def test_a_count_within_half_a_round_of_a_known_one_is_found_again(
 ) -> None:
     half = counter.size // 2
     true = known + data.draw(st.integers(-half, counter.size - half - 1))
-    shown = counter.shown(true)
+    shown = counter.to_range(true)
     assert counter.lowest <= shown <= counter.highest
     assert counter.nearest(shown, known) == true
 
@@ -41,7 +41,7 @@ def test_a_count_within_half_a_round_of_a_known_one_is_found_again(
 def test_equal_limits_stand_for_no_limit() -> None:
     assert PositionCounter.of_limits(0, 0) == BITS_32
     assert PositionCounter.of_limits(0, 99).size == 100
-    assert not BITS_32.wraps_early
+    assert not BITS_32.is_smaller_than_32_bits
 
 
 @pytest.mark.parametrize(

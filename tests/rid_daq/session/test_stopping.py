@@ -92,7 +92,7 @@ def test_a_motion_is_stopped_where_its_axes_were_seen_at_rest(
     control = moving(reason=COMMAND, rest_s=0.25)
     (result,) = stopped(Told(control, lives=lambda: True))
     assert control.program.stop_code == StopCode.STOP_COMMAND
-    assert result.seen
+    assert result.is_confirmed
     assert "quick stop seen" in result.sentence
     assert "all axes at rest 0.250 s later" in result.sentence
     assert result.rest_at is not None
@@ -102,7 +102,7 @@ def test_a_motion_that_was_stopping_already_says_why(
     stopped: Callable[..., list[SessionStop]],
 ) -> None:
     (result,) = stopped(Told(moving(reason=LIMIT, rest_s=0.1), lives=lambda: True))
-    assert result.seen
+    assert result.is_confirmed
     assert f"earlier stop ({LIMIT.text})" in result.sentence
 
 
@@ -205,7 +205,7 @@ def test_everyone_is_asked_before_anyone_is_waited_for_and_one_failure_stops_no_
     first = Told(lives=lives)
     broken = Told(broken=RuntimeError("unforeseen"))
     results = stopped(first, broken, Told(second, lives=lambda: True))
-    assert [each.seen for each in results] == [True, False, True]
+    assert [each.is_confirmed for each in results] == [True, False, True]
     assert results[1].sentence == "could not be stopped from here: unforeseen"
     assert asked_by_then[0] == StopCode.STOP_COMMAND
 

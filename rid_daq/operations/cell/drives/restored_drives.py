@@ -48,7 +48,7 @@ class RestoredDrives:
     write_log: Path | None
 
     @property
-    def unrestored(self) -> tuple[RestoredSetting, ...]:
+    def settings_not_restored(self) -> tuple[RestoredSetting, ...]:
         """Settings that still differ from the saved ones after they were written."""
         if self.request.dry_run:
             return ()
@@ -57,10 +57,10 @@ class RestoredDrives:
     @property
     def failure(self) -> PreflightError | None:
         """Error with the settings that could not be restored; None if all were restored."""
-        if not self.unrestored:
+        if not self.settings_not_restored:
             return None
         return PreflightError(
-            "; ".join(map(self._sentence, self.unrestored)), code="RID-DRIVE-SETTINGS"
+            "; ".join(map(self._sentence, self.settings_not_restored)), code="RID-DRIVE-SETTINGS"
         )
 
     @property
@@ -68,7 +68,7 @@ class RestoredDrives:
         """Exit code 3 if a drive does not contain the saved settings."""
         from rid_daq.terminal.exit_codes import ExitCode
 
-        return ExitCode.PREFLIGHT if self.unrestored else ExitCode.DONE
+        return ExitCode.PREFLIGHT if self.settings_not_restored else ExitCode.DONE
 
     def document(self) -> dict[str, object]:
         """Return every setting that differed, with its values before and after."""
@@ -108,7 +108,7 @@ class RestoredDrives:
             return
         if self.write_log is not None:
             yield Text(text=f"Log of written and previous values: {self.write_log}")
-        if self.unrestored:
+        if self.settings_not_restored:
             text = f"Cell {self.cell}: the drives do not contain all saved settings."
             yield Verdict(passed=False, text=text)
             return

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from acquisition.motion.samples import Phase
-from acquisition.processing.held_torque import held_sentence, held_torques
+from acquisition.processing.repeated_torque import find_repeated_torques, repeated_torque_sentence
 from acquisition.recording.recording import Recording
 from config.arrays import FloatArray
 
@@ -39,11 +39,11 @@ def test_a_staircase_is_found_with_its_rows() -> None:
     position, torque = motion()
     rows = np.arange(len(torque))
     torque[:, 0] = torque[rows // 20 * 20, 0]
-    found = held_torques(position, torque)
+    found = find_repeated_torques(position, torque)
     assert found is not None
     assert found.rows.tolist() == [20, 1]
-    np.testing.assert_array_equal(found.renewed[:, 0], rows // 20 * 20)
-    np.testing.assert_array_equal(found.renewed[:, 1], rows)
+    np.testing.assert_array_equal(found.update_row[:, 0], rows // 20 * 20)
+    np.testing.assert_array_equal(found.update_row[:, 1], rows)
 
 
 def test_a_staircase_at_rest_goes_on_in_its_own_time() -> None:
@@ -51,35 +51,35 @@ def test_a_staircase_at_rest_goes_on_in_its_own_time() -> None:
     rows = np.arange(len(torque))
     rest = rows >= 4000
     torque[rest], position[rest] = torque[4000], position[4000]
-    found = held_torques(position, torque[rows // 20 * 20])
+    found = find_repeated_torques(position, torque[rows // 20 * 20])
     assert found is not None
-    np.testing.assert_array_equal(found.renewed[:, 0], rows // 20 * 20)
+    np.testing.assert_array_equal(found.update_row[:, 0], rows // 20 * 20)
 
 
 @pytest.mark.parametrize("steps", [20.0, 100.0, 1000.0])
 def test_a_coarse_torque_is_not_held(steps: float) -> None:
     position, torque = motion()
-    assert held_torques(position, np.round(torque * steps / 30.0) * 30.0 / steps) is None
+    assert find_repeated_torques(position, np.round(torque * steps / 30.0) * 30.0 / steps) is None
 
 
 def test_noise_is_not_held() -> None:
     position, torque = motion()
     noisy = torque + np.random.default_rng(0).normal(0.0, 0.1, torque.shape)
-    assert held_torques(position, noisy) is None
+    assert find_repeated_torques(position, noisy) is None
 
 
-def test_rows_that_are_repeated_whole_are_not_held_torques() -> None:
+def test_rows_that_are_repeated_whole_are_not_repeated_torques() -> None:
     position, torque = motion()
     rows = np.arange(len(torque)) // 4 * 4
-    assert held_torques(position[rows], torque[rows]) is None
+    assert find_repeated_torques(position[rows], torque[rows]) is None
 
 
 def test_the_sentence_names_joint_rates_and_what_is_done() -> None:
     position, torque = motion()
-    assert held_sentence(recording(position, torque)) == ""
+    assert repeated_torque_sentence(recording(position, torque)) == ""
     torque[:, 1] = torque[np.arange(len(torque)) // 20 * 20, 1]
-    said = held_sentence(recording(position, torque))
+    said = repeated_torque_sentence(recording(position, torque))
     assert "b at 25 Hz" in said
     assert "500 Hz" in said
     periodic = replace(recording(position, torque), sample_period_s=STEP_S, samples_per_period=500)
-    assert held_sentence(periodic) != said
+    assert repeated_torque_sentence(periodic) != said

@@ -1,4 +1,4 @@
-"""`HeldTorques`: torques whose source updates them less often than rows are recorded.
+"""`RepeatedTorques`: torques whose source updates them less often than rows are recorded.
 
 A drive that updates its torque at 25 Hz and a logger that writes at 500 Hz produce a staircase:
 each value is repeated for twenty rows and is up to nineteen rows late. Each value is valid in its
@@ -26,44 +26,46 @@ MOVED_SHARE: Final = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class HeldTorques:
+class RepeatedTorques:
     """Number of rows for which each joint's torque is held, and the row of each update.
 
     Attributes:
         rows: Shape (n,). Rows for which a torque stays the same; 1 if each row has a new one.
-        renewed: Shape (samples, n). Row of the last update for each row.
+        update_row: Shape (samples, n). Row of the last update for each row.
     """
 
     rows: IntArray
-    renewed: IntArray
+    update_row: IntArray
 
     def __post_init__(self) -> None:
         freeze(self, DataQualityError, (None,), "rows", dtype=np.int64)
-        freeze(self, DataQualityError, (None, len(self.rows)), "renewed", dtype=np.int64)
+        freeze(self, DataQualityError, (None, len(self.rows)), "update_row", dtype=np.int64)
 
 
-def held_torques(position: FloatArray, torque_nm: FloatArray) -> HeldTorques | None:
+def find_repeated_torques(position: FloatArray, torque_nm: FloatArray) -> RepeatedTorques | None:
     """Return the held torques; None if each row has new ones.
 
     Args:
         position, torque_nm: Shape (samples, n). Valid rows only.
     """
-    held = np.array([_held(position, own) for own in torque_nm.T])
+    held = np.array([_rows_per_update(position, own) for own in torque_nm.T])
     if np.all(held == 1):
         return None
-    renewed = np.repeat(np.arange(len(torque_nm))[:, np.newaxis], torque_nm.shape[1], axis=1)
+    update_row = np.repeat(np.arange(len(torque_nm))[:, np.newaxis], torque_nm.shape[1], axis=1)
     for j in np.flatnonzero(held > 1):
         changed = np.flatnonzero(np.diff(torque_nm[:, j])) + 1
         starts = np.concatenate([[0], changed])
         rows = np.arange(len(torque_nm))
         since = rows - starts[np.searchsorted(starts, rows, side="right") - 1]
-        renewed[:, j] = rows - since % held[j]  # two equal values count as two updates
-    return HeldTorques(held, renewed)
+        update_row[:, j] = rows - since % held[j]  # two equal values count as two updates
+    return RepeatedTorques(held, update_row)
 
 
-def held_sentence(recording: Recording) -> str:
+def repeated_torque_sentence(recording: Recording) -> str:
     """Return a sentence on held torques, their rates and the consequence; empty without any."""
-    found = held_torques(recording.position[recording.valid], recording.torque_nm[recording.valid])
+    found = find_repeated_torques(
+        recording.position[recording.valid], recording.torque_nm[recording.valid]
+    )
     if found is None:
         return ""
     step_s = float(np.median(np.diff(recording.time_s[recording.valid])))
@@ -84,7 +86,7 @@ def held_sentence(recording: Recording) -> str:
     )
 
 
-def _held(position: FloatArray, torque_nm: FloatArray) -> int:
+def _rows_per_update(position: FloatArray, torque_nm: FloatArray) -> int:
     """Return the number of rows for which a joint's torque is held; 1 if it is not."""
     steps = np.diff(torque_nm)
     changed = np.flatnonzero(steps)
