@@ -1,9 +1,9 @@
-"""The amplifier's stream read in pieces, beside pyserial's `readline` on the same rows.
+"""Cost of reading the amplifier's stream in pieces, compared with pyserial's `readline`.
 
-A process of its own plays the amplifier on a pseudo-terminal: 1000 rows a second for the CPU time
-per row, then faster and faster, dropping what finds no room, for the rate that is held without
-loss. `readline` gets the same text rows, ended by the line feed that it needs, and is not even
-asked to understand them.
+A separate process simulates the amplifier on a pseudo-terminal. It sends 1000 rows a second to
+measure the CPU time per row. Then it sends ever faster, and drops rows if the buffer is full, to
+find the highest rate without loss. `readline` gets the same text rows, each with the line feed that
+it needs, and does not decode them.
 
 Run it with ``python -m benchmarks.amplifier [--quick]``.
 """
@@ -42,7 +42,7 @@ END = b"END\n"
 
 @dataclass(frozen=True)
 class Job:
-    """How the amplifier is played: which rows, how many a second, how long."""
+    """Rows that the simulated amplifier sends: form, rate and duration."""
 
     form: str
     rate_hz: int
@@ -51,12 +51,12 @@ class Job:
 
     @property
     def rows(self) -> int:
-        """Rows in all."""
+        """Total number of rows."""
         return round(self.rate_hz * self.seconds)
 
 
 def rows_of(form: str) -> list[bytes]:
-    """Return 65536 rows, all sequence numbers once."""
+    """Return 65536 rows, one for each sequence number."""
     profile = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
     layout = row_layout(profile, form)
     rows = [
@@ -69,7 +69,7 @@ def rows_of(form: str) -> list[bytes]:
 
 
 def play(pipe: Connection) -> None:
-    """Play amplifiers, one job after the other, until the pipe is closed."""
+    """Run jobs one after the other until the pipe is closed."""
     rows = {form: rows_of(form) for form in ("ascii", "binary")}
     with contextlib.suppress(EOFError):
         while True:
@@ -78,7 +78,7 @@ def play(pipe: Connection) -> None:
             tty.setraw(theirs)
             os.set_blocking(ours, not job.dropping)
             pipe.send(os.ttyname(theirs))
-            pipe.recv()  # the reader is there
+            pipe.recv()  # the reader is ready
             dropped = play_job(ours, rows[job.form], job)
             os.set_blocking(ours, True)
             os.write(ours, END)
@@ -89,7 +89,7 @@ def play(pipe: Connection) -> None:
 
 
 def play_job(port: int, rows: list[bytes], job: Job) -> int:
-    """Write rows at their pace; return how many bytes found no room."""
+    """Write rows at their rate; return the number of dropped bytes."""
     began_s = time.monotonic()
     sent = dropped = 0
     step = max(1, job.rate_hz // 1000)
@@ -108,7 +108,7 @@ def play_job(port: int, rows: list[bytes], job: Job) -> int:
 
 
 def read_in_pieces(address: str, job: Job, begin: Callable[[], None]) -> tuple[int, float]:
-    """Read as the recorder does; return how many rows came, and the CPU time that they took [s]."""
+    """Read as the recorder does; return the number of rows and their CPU time [s]."""
     profile = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
     stream = AmplifierStream(profile, job.form, float(job.rate_hz))
     pause_s = piece_time_s(job.rate_hz * profile.row_bytes(job.form) * BITS_PER_BYTE)
@@ -129,7 +129,7 @@ def read_in_pieces(address: str, job: Job, begin: Callable[[], None]) -> tuple[i
 
 
 def read_lines(address: str, job: Job, begin: Callable[[], None]) -> tuple[int, float]:
-    """Read by pyserial's `readline`; return how many lines came, and their CPU time [s]."""
+    """Read with pyserial's `readline`; return the number of lines and their CPU time [s]."""
     size = len(rows_of_one(job.form))
     with serial.Serial(address, BAUD_RATE, timeout=1.0) as port:
         begin()
@@ -141,7 +141,7 @@ def read_lines(address: str, job: Job, begin: Callable[[], None]) -> tuple[int, 
 
 
 def rows_of_one(form: str) -> bytes:
-    """Return one row, for its size."""
+    """Return one row, which shows the size."""
     profile = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
     return encode_row(row_layout(profile, form), 0, 0, 0, [0] * 8)
 
@@ -150,7 +150,7 @@ Reader = Callable[[str, Job, Callable[[], None]], tuple[int, float]]
 
 
 def run(player: Connection, reader: Reader, job: Job) -> tuple[int, float]:
-    """Run one job; return rows lost, and CPU time per row [us]."""
+    """Run one job; return the rows lost and the CPU time per row [us]."""
     player.send(job)
     rows, cpu_s = reader(player.recv(), job, lambda: player.send(None))
     dropped = player.recv()
@@ -160,10 +160,10 @@ def run(player: Connection, reader: Reader, job: Job) -> tuple[int, float]:
 
 
 def highest_held(player: Connection, reader: Reader, form: str, seconds: float) -> int:
-    """Return the highest rate of the ladder that loses nothing, the lower ones held too [1/s].
+    """Return the highest rate up to which no rate loses a row [1/s].
 
-    A rate is held where one of a few attempts loses nothing: a machine that others use stalls now
-    and then for longer than a terminal's buffer lasts, whoever reads.
+    A rate passes if one of `ATTEMPTS` attempts loses nothing, since a shared computer sometimes
+    stalls for longer than the terminal's buffer lasts.
     """
     held = 0
     for rate_hz in LADDER_HZ:
@@ -176,7 +176,7 @@ def highest_held(player: Connection, reader: Reader, form: str, seconds: float) 
 
 @contextlib.contextmanager
 def played() -> Iterator[Connection]:
-    """Start the process that plays the amplifiers."""
+    """Start the process that simulates the amplifier."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=play, args=(theirs,), daemon=True)
@@ -213,8 +213,8 @@ def main() -> int:
         }
     for name, (lost, cpu_us) in cost.items():
         print(
-            f"{name}: {cpu_us:.1f} us of CPU a row at {RATE_HZ} rows/s ({lost} lost);"
-            f" holds {held[name]} rows/s"
+            f"{name}: {cpu_us:.1f} us of CPU per row at {RATE_HZ} rows/s ({lost} lost);"
+            f" no loss up to {held[name]} rows/s"
         )
     peer_us = cost["readline"][1]
     text, binary = cost["text in pieces"][1], cost["binary in pieces"][1]

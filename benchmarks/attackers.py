@@ -1,7 +1,7 @@
-"""Attackers of a service, each a process of its own that ends with the benchmark.
+"""Attackers of a service; each is a separate process that ends with the benchmark.
 
-They stand for other computers: their processes are nice, so that they take no time of this one
-beside what the service spends on them.
+They represent other computers. Their processes have a low priority, so that they slow the service
+down by their requests only and not by their own work.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ class Target:
     """A service that is attacked.
 
     Attributes:
-        port: Where it listens.
-        cell: A cell of it.
-        viewer: The secret of a viewer's token.
-        database: Its file.
+        port: TCP port of the service.
+        cell: Name of one of its cells.
+        viewer: Secret of a viewer's token.
+        database: File of its database.
     """
 
     port: int
@@ -49,7 +49,7 @@ class Target:
 
 
 def send_bodies(target: Target) -> None:
-    """S8: send bodies of 17 MB without a token, again and again."""
+    """S8: keep sending bodies of 17 MB without a token."""
 
     def send() -> None:
         line = http.client.HTTPConnection("127.0.0.1", target.port, timeout=30.0)
@@ -64,7 +64,7 @@ def send_bodies(target: Target) -> None:
 
 
 def take_sockets(target: Target) -> None:
-    """S13: take every WebSocket with one token, and send nonsense over a dozen of them."""
+    """S13: open as many WebSockets as possible with one token; send nonsense over a dozen."""
     shown = {"Authorization": f"Bearer {target.viewer}"}
     address = f"ws://127.0.0.1:{target.port}/api/v1/ws"
 
@@ -88,8 +88,8 @@ def take_sockets(target: Target) -> None:
     _for_ever(disturb, NOISY)
 
 
-def ask_slow_questions(target: Target) -> None:
-    """Ask for what takes long to answer, with a viewer's token and many requests at once."""
+def send_slow_requests(target: Target) -> None:
+    """Send many requests that take long to answer at the same time, with a viewer's token."""
     shown = {"Authorization": f"Bearer {target.viewer}"}
 
     def ask() -> None:
@@ -104,7 +104,7 @@ def ask_slow_questions(target: Target) -> None:
 
 
 def hold_database(target: Target) -> None:
-    """S14: hold the service's database, as another program may."""
+    """S14: lock the service's database, as another program might."""
     with contextlib.closing(sqlite3.connect(target.database, timeout=60.0)) as base:
         base.execute("BEGIN EXCLUSIVE")
         while True:
@@ -112,21 +112,21 @@ def hold_database(target: Target) -> None:
 
 
 def crawl(target: Target) -> None:
-    """Be a thousand slow clients."""
+    """Act as a thousand slow clients."""
     crowd(target.port)
 
 
 ATTACKS: Final[dict[str, Callable[[Target], None]]] = {
     "bodies of 17 MB without a token": send_bodies,
     "40 WebSockets of one viewer, nonsense over 12": take_sockets,
-    "slow questions of one viewer": ask_slow_questions,
-    "the database held": hold_database,
+    "slow requests of one viewer": send_slow_requests,
+    "the database locked": hold_database,
     "a thousand slow clients": crawl,
 }
 
 
 def attack(name: str, target: Target) -> None:
-    """Be one attacker; the main function of its process."""
+    """Run one attacker, as the main function of its process."""
     os.nice(10)
     ATTACKS[name](target)
 

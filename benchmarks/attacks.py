@@ -1,16 +1,17 @@
-"""How fast STOP is while a service is attacked: `python -m benchmarks.attacks`.
+"""Latency of STOP while a service is attacked: `python -m benchmarks.attacks`.
 
-One `rid-daq serve` has two simulated cells; on one of them a motion records in real time. At the
-same time: bodies of 17 MB without a token (S8), a viewer that takes every WebSocket and sends
-nonsense (S13), a database that another program holds (S14), a viewer's slow questions, a thousand
-slow clients, and a busy process on every core. All of it stays on this computer.
+One `rid-daq serve` has two simulated cells; one of them records a motion in real time. The attacks
+run at the same time, on this computer only: bodies of 17 MB without a token (S8), a viewer that
+opens every WebSocket and sends nonsense (S13), another program that locks the database (S14), a
+viewer's slow requests, a thousand slow clients, and a busy process on every core.
 
-STOP is pressed for the other cell, in turn by a new HTTP connection and over a `/api/v1/stop-line`
-that was open before; a process that only echoes is asked as often, for what the computer itself
-takes. Then the recorded motion is stopped, and must see it. Bars: p99 of the
+STOP is pressed for the other cell, alternately by a new HTTP connection and over a
+`/api/v1/stop-line` that was open before. As often, a process that only echoes is measured; its
+latency is that of the computer itself. Then the recorded motion is stopped. Bars: p99 of the
 answers 50 ms, no STOP lost, and the cyclic task skips no cycle.
 
-`--presses N` presses so often, `--quick` 100 times. The last line is one JSON object.
+`--presses N` sets the number of presses, `--quick` reduces it to 100. The last line is one JSON
+object.
 """
 
 from __future__ import annotations
@@ -65,21 +66,24 @@ MOVING_CELL: Final = "ir361"
 
 @contextlib.contextmanager
 def serving(folder: Path) -> Iterator[tuple[ServiceClient, int, str]]:
-    """Yield a service of two cells, where it listens, and the key of the moving cell's lease."""
+    """Yield a client of a service with two cells, its port and the moving cell's lease key."""
     os.environ["XDG_RUNTIME_DIR"] = str(folder)
     program = [sys.executable, "-m", "rid_daq"]
     subprocess.run([*program, "init", str(folder / "other")], check=True, capture_output=True)
     (folder / "motion.yaml").write_text(MOTION)
     words = ["serve", MOVING_CELL, str(folder / "other" / "cell.yaml"), "--folder", str(folder)]
-    with (folder / "said").open("w") as said:
+    output = folder / "output.txt"
+    with output.open("w") as stream:
         process = subprocess.Popen(
-            [*program, *words, "--listen", "127.0.0.1:0", "--pace", "1"], stdout=said, stderr=said
+            [*program, *words, "--listen", "127.0.0.1:0", "--pace", "1"],
+            stdout=stream,
+            stderr=stream,
         )
     try:
         until_s = time.monotonic() + PATIENCE_S
-        while not (found := re.search(r"127\.0\.0\.1:(\d+)/", (folder / "said").read_text())):
+        while not (found := re.search(r"127\.0\.0\.1:(\d+)/", output.read_text())):
             if process.poll() is not None or time.monotonic() > until_s:
-                raise SystemExit(f"no service: {(folder / 'said').read_text()}")
+                raise SystemExit(f"the service did not start: {output.read_text()}")
             time.sleep(0.05)
         with ServiceClient.at(str(socket_path_of(folder))) as client:
             path = f"/cells/{MOVING_CELL}/lease"
@@ -92,11 +96,10 @@ def serving(folder: Path) -> Iterator[tuple[ServiceClient, int, str]]:
 
 
 def begin_motion(client: ServiceClient, key: str) -> tuple[Job, ControlBlock]:
-    """Begin a recording in real time; return it once it moves."""
+    """Start a recording in real time; return it as soon as the robot moves."""
     request = {"motion": "motion.yaml", "simulation": {"realtime": True, "pace": None}}
-    wanted = {"kind": "record", "request": request, "on_lost_client": "finish"}
-    told = client.ask("POST", f"/cells/{MOVING_CELL}/jobs", wanted, key)
-    job = Job.model_validate(told)
+    body = {"kind": "record", "request": request, "on_lost_client": "finish"}
+    job = Job.model_validate(client.ask("POST", f"/cells/{MOVING_CELL}/jobs", body, key))
     assert job.pid is not None
     until_s = time.monotonic() + PATIENCE_S
     while True:
@@ -104,13 +107,13 @@ def begin_motion(client: ServiceClient, key: str) -> tuple[Job, ControlBlock]:
         if control is not None and control.task.state is TaskState.MOVING:
             return job, control
         if time.monotonic() > until_s or client.job(job.id).state.is_over:
-            raise SystemExit(f"no motion: {client.job(job.id).reason}")
+            raise SystemExit(f"the motion did not start: {client.job(job.id).reason}")
         time.sleep(0.05)
 
 
 @contextlib.contextmanager
 def attacked(target: Target) -> Iterator[None]:
-    """Have every attacker, and a busy process on every core."""
+    """Run every attacker, and a busy process on every core."""
     context = multiprocessing.get_context("spawn")
     processes = [context.Process(target=attack, args=(name, target)) for name in ATTACKS]
     processes += [context.Process(target=burn) for _ in range(os.cpu_count() or 1)]
@@ -121,7 +124,7 @@ def attacked(target: Target) -> Iterator[None]:
         time.sleep(SETTLE_S)
         yield
         if any(not process.is_alive() for process in processes):
-            raise SystemExit("an attacker has ended by itself: this was no test")
+            raise SystemExit("an attacker has ended too early: the result is invalid")
     finally:
         for process in processes:
             process.kill()
@@ -129,7 +132,7 @@ def attacked(target: Target) -> Iterator[None]:
 
 
 def skipped_cycles(folder: Path, job: Job) -> tuple[int, int]:
-    """Return how many cycles a recording skipped, and how many it has."""
+    """Return the number of skipped cycles of a recording, and the number of its cycles."""
     if job.run is None:
         raise SystemExit(f"no run: {job.reason}")
     with CycleReader(folder / "runs" / job.run / RECORDING) as reader:
@@ -138,7 +141,7 @@ def skipped_cycles(folder: Path, job: Job) -> tuple[int, int]:
 
 
 def press_all(port: int, presses: int) -> dict[str, Pressed]:
-    """Press STOP so often in both ways; and ask a process that only echoes as often."""
+    """Press STOP `presses` times in both ways, and measure an echo as often."""
     found = {"http": Pressed(), "line": Pressed(), "echo": Pressed()}
     with (
         StopLineClient.at(port) as line,
@@ -148,7 +151,7 @@ def press_all(port: int, presses: int) -> dict[str, Pressed]:
         echoer = multiprocessing.get_context("spawn").Process(target=echo, args=(listener,))
         echoer.start()
         echoing.settimeout(PATIENCE_S)
-        press_echo(echoing, Pressed())  # until it runs
+        press_echo(echoing, Pressed())  # waits until the process runs
         for number in range(presses):
             press_http(port, IDLE_CELL, found["http"])
             line.press(IDLE_CELL, number, found["line"])
@@ -168,8 +171,8 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         with serving(folder) as (client, port, key):
-            wanted = {"name": "viewer", "role": "viewer", "person": True}
-            viewer = str(client.ask("POST", "/tokens", wanted)["secret"])
+            token = {"name": "viewer", "role": "viewer", "person": True}
+            viewer = str(client.ask("POST", "/tokens", token)["secret"])
             job, control = begin_motion(client, key)
             database = folder / STATE_FOLDER / "service.db"
             moved = Pressed()
@@ -184,9 +187,9 @@ def main() -> int:
             client.follow(job)
             job = client.job(job.id)
             skipped, cycles = skipped_cycles(folder, job)
-    for way, pressed in (*found.items(), ("until the moving task saw it", moved)):
+    for way, pressed in (*found.items(), ("until the moving task reacted", moved)):
         print(f"STOP, {way}: {pressed.words}")
-    print(f"the motion of {cycles} cycles skipped {skipped}; it ended: {job.reason}")
+    print(f"the motion skipped {skipped} of {cycles} cycles; end: {job.reason}")
     floor = found.pop("echo")
     p99_ms = max(pressed.quantile(0.99) for pressed in found.values())
     lost = sum(pressed.lost for pressed in (*found.values(), moved))

@@ -1,4 +1,4 @@
-"""The cyclic exchange in C over the simulated bus: the limit of what one in Python is held to."""
+"""The cyclic exchange in C over the simulated bus, as the lower limit for the one in Python."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ int main(int n, char **a) {
 
 @contextmanager
 def compiled() -> Iterator[Path | None]:
-    """Yield the exchange, compiled; None where there is no C compiler."""
+    """Compile the exchange and yield the program; None without a C compiler."""
     compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
     if compiler is None:
         yield None

@@ -1,17 +1,20 @@
-"""Clocks of recordings: repeated rows and wrong stamps, found, and times rebuilt.
+"""Detection of repeated rows and wrong time stamps, and accuracy of the rebuilt times.
 
 `python -m benchmarks.clock [--quick] [--seeds N] [--data DIR]`. Arms of three, six and seven axes
-are simulated with Pinocchio and written by loggers that poll, repeat rows or have jittering stamps.
-Each recording is judged; then the arm is identified with the times as stamped, as judged and as
-they were, and its torques are predicted on a sound recording of another motion. `--data` names the
-folder that holds `ur10e/`: the same with a real robot, whose original stamps stand for the truth.
+are simulated with Pinocchio and logged by programs that poll, repeat rows or have jittering stamps.
+The clock of each recording is judged. Then the arm is identified three times, with the stamped, the
+judged and the true times, and its torques are predicted on a correct recording of another motion.
+`--data` names a folder with `ur10e/`, for the same test on a real robot, whose original stamps
+serve as the truth.
 
-Bars: a sound clock keeps its stamps bit for bit; velocities that are differences rebuild nothing;
-otherwise the time error falls at least ten times and the held-out error of the worst joint is
-within 0.2 points of that by the true times. Time errors are taken within stretches of motion, after
-the best rate and each stretch's shift, weighted by speed: no motion shows how long a rest lasted.
-The UR10e's own stamps are no exact truth; there only the held-out error counts.
-The last line is one JSON object; exit code 1 if a bar is missed.
+Bars: a correct clock keeps its stamps bit for bit. Velocities that are differences of positions
+rebuild nothing. Otherwise the time error falls at least ten times, and the held-out error of the
+worst joint is within 0.2 percentage points of that with the true times.
+
+Time errors are computed during motion only, since no motion shows the duration of a rest. They are
+weighted by speed, after removal of the best rate and of the shift of each stretch of motion. The
+UR10e's own stamps are not exact, so that only the held-out error counts for it. The last line is
+one JSON object; the exit code is 1 if a bar is missed.
 """
 
 from __future__ import annotations
@@ -46,7 +49,7 @@ from identification.model.options import ModelOptions
 from identification.validation.torque_prediction import validate_torques
 
 FIRST_SEED: Final = 900
-"""Seeds below were used while the thresholds were chosen."""
+"""First seed; smaller ones were used to choose the thresholds."""
 BAND_HZ: Final = 10.0
 LEAST_REDUCTION: Final = 10.0
 
@@ -57,15 +60,15 @@ UR10E_NM_PER_A: Final = (11.976, 11.976, 9.839, 10.76, 10.76, 10.75)
 
 @dataclass(frozen=True)
 class Case:
-    """What became of one recording.
+    """Result for one recording.
 
     Attributes:
         name: Robot, motion and case.
-        clock: The judgement.
-        made, found: Repeated rows that were made, and that were found [share].
-        stamped_s, judged_s: Time error by the stamps and by the judged times, RMS [s].
-        errors: Held-out torque error of the worst joint by stamps, judged and true times [%].
-        passed: Whether the bars hold.
+        clock: State of the judged clock.
+        made, found: Share of repeated rows, true and detected.
+        stamped_s, judged_s: RMS error of the stamped and of the judged times [s].
+        errors: Held-out torque error of the worst joint with stamped, judged and true times [%].
+        passed: True if the bars hold.
     """
 
     name: str
@@ -88,9 +91,10 @@ class Case:
 
 
 def time_error(time_s: FloatArray, true_s: FloatArray, position: FloatArray) -> float:
-    """Return the RMS error of times within stretches of motion, after the best rate [s].
+    """Return the RMS error of times during motion, after removal of the best rate [s].
 
-    Rows are weighted by the square of the speed: an error of time displaces a joint by that much.
+    Rows are weighted by the square of the speed, since a time error displaces a joint by the speed
+    times the error.
     """
     weight = (np.gradient(position, true_s, axis=0) ** 2).sum(axis=1)
     moving = weight > STANDSTILL_SPEED**2
@@ -106,7 +110,7 @@ def time_error(time_s: FloatArray, true_s: FloatArray, position: FloatArray) -> 
 
 
 def recording(robot: RobotDescription, samples: Samples) -> Recording:
-    """Return a recording of samples whose times increase."""
+    """Return a recording of the samples, without those whose times do not increase."""
     later = np.maximum.accumulate(samples.time_s)
     keep = np.concatenate([[True], samples.time_s[1:] > later[:-1]])
     samples = samples.part(keep)
@@ -133,7 +137,7 @@ def held_out(robot: RobotDescription, trained: Samples, judged: Recording) -> Fl
 
 
 def case_of(name: str, robot: RobotDescription, log: Logged, test: Recording) -> Case:
-    """Judge a recording, and identify its robot with each of the three clocks."""
+    """Judge the clock of a recording, and identify the robot with each of the three clocks."""
     clock = judge_clock(log.samples, robot)
     fresh = log.samples.part(clock.kept)
     true_s = log.true_s[clock.kept]
@@ -182,7 +186,7 @@ def simulated(joints: tuple[int, ...], seeds: int, seconds: float) -> Iterator[C
 
 
 def real(folder: Path) -> Iterator[Case]:
-    """Yield the cases of a UR10e whose rows are repeated or stale; it judges on points."""
+    """Yield the cases of a UR10e with repeated or stale rows; a point-to-point motion validates."""
     robot = load_robot("ur10e")
     train = _ur10e(folder / "ur10e" / "ur-20_02_12-50sec_12harm.csv", slice(354, 5090))
     test = recording(
@@ -213,12 +217,14 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true", help="Three axes, one seed, 25 s.")
     parser.add_argument("--seeds", type=int, default=3, help="Arms of each size (default: 3).")
     parser.add_argument("--data", type=Path, help="Folder of recordings, with ur10e/ in it.")
-    asked = parser.parse_args()
+    options = parser.parse_args()
     print(f"{'':60s}repeats [%]   time error [ms]      held out, worst joint [%]")
     print(f"{'':48s}{'clock':12s}  made found  stamps   judged  stamps  judged    true")
     cases = []
-    runs = [simulated((3,), 1, 25.0) if asked.quick else simulated((3, 6, 7), asked.seeds, 40.0)]
-    runs += [real(asked.data)] if asked.data else []
+    runs = [
+        simulated((3,), 1, 25.0) if options.quick else simulated((3, 6, 7), options.seeds, 40.0)
+    ]
+    runs += [real(options.data)] if options.data else []
     for each in runs:
         for case in each:
             print(case.line(), flush=True)

@@ -1,4 +1,4 @@
-"""A simulated arm in closed loop without a bus: plant, position loop one cycle late, its truth."""
+"""A simulated arm in closed loop without a bus, whose position loop acts one cycle later."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SETTLE_ROWS = 60
 
 
 def plant_at(cell: LoadedCell, truth: PlantConfig, pose: FloatArray, seed: int = 0) -> Plant:
-    """Return a cell's plant at rest at a pose [rad or m]."""
+    """Return a cell's plant, at rest in a pose [rad or m]."""
     axes = tuple(
         axis.model_copy(update={"initial_position": float(at)})
         for axis, at in zip(truth.axes, pose, strict=True)
@@ -33,11 +33,11 @@ def closed_loop(
     *,
     wrench: FloatArray | None = None,
 ) -> Recording:
-    """Run a motion through plant and position loop, rounded as drives and bus round.
+    """Simulate a motion with plant and position loop, and the rounding of drives and bus.
 
-    Speeds that are sent act from the next SYNC on; they are the motion's feedforward where it has
-    one, else its velocity, and what the position loop adds. `wrench` (samples, 6) is filled with
-    what the base exerts, truly.
+    A commanded speed acts from the next SYNC on. It is the output of the position loop plus the
+    motion's feedforward; without a feedforward, plus its velocity. `wrench` (samples, 6) receives
+    the true wrench of the base.
     """
     samples = samples.whole()
     joints, step_s = cell.robot.joints, samples.sample_period_s
@@ -82,7 +82,7 @@ def closed_loop(
 
 
 def true_loops(cell: LoadedCell) -> list[VelocityLoop]:
-    """Return the velocity loops of a cell's plant, known exactly."""
+    """Return the exact velocity loops of a cell's plant."""
     assert cell.plant is not None
     return [
         VelocityLoop(

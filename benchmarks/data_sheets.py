@@ -1,15 +1,15 @@
-"""Which data sheets of servo drives can be used: `python -m benchmarks.data_sheets --eds DIR`.
+"""Measure the share of servo drives' data sheets that rid-daq can use.
 
-Every EDS and DCF file below a folder that is of a servo drive (CiA 402) is held against what this
-program needs of a drive: with a bundled profile, or with at most ten lines in the cell file, which
-are printed; or it is refused, with the reason, whether it concerns safety, and every object that is
-missing.
+`python -m benchmarks.data_sheets --eds DIR` compares every EDS and DCF file of a servo drive
+(CiA 402) below a folder with the requirements of rid-daq. A drive is accepted with a bundled
+profile, or with at most ten lines in the cell file, which are printed. Otherwise it is refused; the
+reason, its relevance for safety and the missing objects are printed.
 
-What is of no servo drive is counted apart, by what the sheet itself says: another device, one that
-neither tells torque or current nor calls itself a servo drive (a stepper), and one without a single
-object of its maker's (a sample, or a simulated drive). A sheet is a file; sheets of one vendor and
-product with the same verdict are one drive in `drives`. What is read is compared with what the
-`canopen` package reads, where that is installed. The last line is JSON.
+Other files are counted separately, by their own content: another device; a device without torque
+and current that does not call itself a servo drive (a stepper); a device without any
+manufacturer-specific object (a sample, or a simulated drive). In `sheets` each file counts; in
+`drives`, files with the same vendor, product and verdict count once. If the `canopen` package is
+installed, its reading of each file is compared with ours. The last line is JSON.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ from drivers.servo.eds_fit import EdsFit, fit_eds, torque_objects
 
 SERVO_DRIVE = 402
 WORDS: Final = ((0x6040, 0), (0x6041, 0))
-"""Without controlword and statusword nothing is a drive of CiA 402, whatever 1000h says."""
-MAKERS: Final = range(0x2000, 0x6000)
+"""Controlword and statusword; a CiA 402 drive has both, whatever its object 1000h says."""
+MANUFACTURER_INDICES: Final = range(0x2000, 0x6000)
 TORQUES: Final = (0x6077, 0x6078)
 TYPE_BIT, SEVERAL = 1 << 17, 0xFF
-"""Of 1000h: the bit that says servo drive; what a module of several axes says in its place."""
+"""In 1000h: the bit for "servo drive", and the drive type of a module with several axes."""
 
 Kind = Literal["servo drive", "other device", "stepper or without torque", "sample or simulated"]
 
 
 @dataclass(frozen=True)
 class EdsFile:
-    """A file, what it says, and what it needs."""
+    """A file, its content, the cell file's lines for it, and its differences from `canopen`."""
 
     path: Path
     eds: ElectronicDataSheet
@@ -50,7 +50,7 @@ class EdsFile:
     differences: tuple[str, ...]
 
     def as_json(self) -> dict[str, object]:
-        """Return it for the last line."""
+        """Return the entry for the last line."""
         return {
             "file": str(self.path),
             "base": self.fit.base,
@@ -66,29 +66,29 @@ class EdsFile:
 
     @property
     def drive(self) -> tuple[object, ...]:
-        """What two sheets of one drive have in common: maker, product and verdict."""
+        """Key of the drive: manufacturer, product and verdict."""
         lacks = tuple(finding.object_name for finding in self.fit.findings)
         maker = self.eds.vendor or self.eds.vendor_name
         return (maker, self.eds.product or self.eds.product_name, self.fit.base, lacks)
 
 
 def kind_of(eds: ElectronicDataSheet) -> Kind:
-    """Return what a data sheet is of, by what it says.
+    """Return the kind of device that a data sheet describes.
 
-    CiA 402-1 has the type of drive in 1000h, bits 16 to 23, of which a sheet need not tell the
-    default; then a drive that tells its torque or its current is a servo drive.
+    Bits 16 to 23 of object 1000h are the type of drive (CiA 402-1), but a data sheet need not state
+    their default. Without it, a drive with an object for torque or current is a servo drive.
     """
     default = _device_type(eds)
     drive = default is None or default & 0xFFFF in (0, SERVO_DRIVE)
     words = all(eds.get(*address) is not None for address in WORDS)
     if not (words and (drive or eds.get(0x6060, 0) is not None)):
         return "other device"
-    if not any(item.index in MAKERS for item in eds.objects):
+    if not any(item.index in MANUFACTURER_INDICES for item in eds.objects):
         return "sample or simulated"
-    told = any(item.index in TORQUES for item in eds.objects) or bool(torque_objects(eds))
+    torque = any(item.index in TORQUES for item in eds.objects) or bool(torque_objects(eds))
     several = default is not None and default >> 16 & SEVERAL == SEVERAL
     servo = default is not None and default & TYPE_BIT != 0 and not several
-    return "servo drive" if told or servo else "stepper or without torque"
+    return "servo drive" if torque or servo else "stepper or without torque"
 
 
 def _device_type(eds: ElectronicDataSheet) -> int | None:
@@ -98,7 +98,7 @@ def _device_type(eds: ElectronicDataSheet) -> int | None:
 
 
 def eds_files(folder: Path) -> Iterator[tuple[Path, ElectronicDataSheet | str]]:
-    """Yield every data sheet below a folder, or why it cannot be read."""
+    """Yield every data sheet below a folder, or the error of an unreadable one."""
     for path in sorted(folder.rglob("*")):
         if path.suffix.lower() in (".eds", ".dcf") and path.is_file():
             try:
@@ -108,12 +108,12 @@ def eds_files(folder: Path) -> Iterator[tuple[Path, ElectronicDataSheet | str]]:
 
 
 def differences(path: Path, eds: ElectronicDataSheet) -> tuple[str, ...]:
-    """Return where the `canopen` package reads another type, access or default of an object."""
+    """Return the objects that `canopen` reads with another type or default."""
     import canopen.objectdictionary
 
     try:
         other = canopen.objectdictionary.import_od(str(path), node_id=1)
-    except Exception as error:  # the package raises whatever its parts do
+    except Exception as error:  # canopen passes on errors of any type
         return (f"canopen cannot read it: {error}",)
     return tuple(
         f"{item.index:04X}h:{item.subindex:02X} {words}"
@@ -123,7 +123,7 @@ def differences(path: Path, eds: ElectronicDataSheet) -> tuple[str, ...]:
 
 
 def _of(other: Any, item: EdsObject) -> Any:
-    """Return what the package read of an object; None where it did not."""
+    """Return an object as the package read it, or None."""
     try:
         found = other[item.index]
         return found[item.subindex] if hasattr(found, "subindices") else found
@@ -146,8 +146,8 @@ def _differs(item: EdsObject, other: Any) -> Iterator[str]:
 def main() -> None:
     """Read the sheets of a folder and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--eds", type=Path, required=True, help="a folder with EDS and DCF files")
-    parser.add_argument("--json", action="store_true", help="the last line only")
+    parser.add_argument("--eds", type=Path, required=True, help="folder with EDS and DCF files")
+    parser.add_argument("--json", action="store_true", help="print the last line only")
     options = parser.parse_args()
     cell = load_cell("ir361").config
     profiles = {

@@ -1,4 +1,4 @@
-"""`JudgeSplit`: what of a real robot's recordings trains a model, and what judges it."""
+"""`JudgeSplit`: the recordings of a real robot for training and those for validation."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ Percents = tuple[Annotated[float, Field(gt=0.0)] | None, ...]
 
 
 class Piece(ConfigModel):
-    """A recording of the folder, or rows of it, as `rid-daq import --rows` counts them."""
+    """A recording in the folder, or a range of its rows as in `rid-daq import --rows`."""
 
     file: str
     rows: Annotated[str, Field(pattern=r"^\d+-\d+$")] | None = None
 
 
 class Bar(ConfigModel):
-    """Largest relative errors [%], one a joint, null where anything will do."""
+    """Largest relative error of each joint [%]; null for no limit."""
 
     moving_percent: Percents = ()
     all_percent: Percents = ()
 
 
 class JudgeSplit(ConfigModel):
-    """How one robot's recordings are used.
+    """Use of one robot's recordings.
 
-    `map` is a file of the folder or a bundled name; it names the robot file, likewise. What is
-    trained on `train` predicts each piece of `judge`, and the other way round. `bar` is for the
-    first way.
+    `map` is a file in the folder or a bundled name, and so is the robot file that it names. A model
+    of `train` predicts each piece of `judge`, and the other way round. `bar` applies to the first
+    direction.
     """
 
     map: str
@@ -46,10 +46,10 @@ class JudgeSplit(ConfigModel):
 
 
 def find_splits(folder: Path) -> dict[Path, JudgeSplit]:
-    """Return every folder below `folder` with a `judge.yaml`, or one shipped by its name.
+    """Return the folders below `folder` that have a `judge.yaml`, or a bundled split of their name.
 
     Raises:
-        ValueError: A file is not a split; the message names file and key.
+        ValueError: A file is not a valid split; the message names file and key.
     """
     found = {}
     for place in sorted(path for path in [folder, *folder.rglob("*")] if path.is_dir()):
@@ -65,5 +65,5 @@ def find_splits(folder: Path) -> dict[Path, JudgeSplit]:
         if all((place / piece.file).is_file() for piece in (*split.train, *split.judge)):
             found[place] = split
         else:
-            print(f"{place}: left out, a recording that {source.name} names is not there")
+            print(f"{place}: skipped, a recording that {source.name} names is missing")
     return found

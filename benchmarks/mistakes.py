@@ -1,13 +1,16 @@
-"""Which mistakes in files and wiring are told: `python -m benchmarks.mistakes`.
+"""Measure the share of file and wiring mistakes that rid-daq detects.
 
-Every mistake is made in a recording that the commands read and identify, as a user would: on
-invented three- and six-axis arms with effects that no model has and, where `RID_DAQ_DATA` names
-the recordings, on a real UR10e. A mistake is told where a command refuses it, or where `identify`
-names its kind and its joints. The data show a mistake at all where the truth explains them far
-better than what was stated; the others are listed. The sound recordings go through the commands
-first: nothing may be told of them, or any mistake in them would count as told. Then sound runs,
-half of them 4 to 9 s long, are searched for mistakes: none may be found. `--sound` and `--arms` set
-how much is tried; the last line is one JSON object.
+`python -m benchmarks.mistakes` injects each mistake into a correct recording, then imports and
+identifies it with the commands, as a user would. The robots are invented three- and six-axis arms
+with effects that no model has and, if `RID_DAQ_DATA` names the folder of recordings, a real UR10e.
+
+A mistake is detected if a command refuses the data, or if `identify` names its kind and its joints.
+A mistake is visible if the true description explains the data far better than the wrong one.
+Invisible mistakes that are not refused do not count; they are printed.
+
+False alarms: the correct recordings go through the same commands first, and must pass without a
+finding. Then correct runs, half as short as 4 to 9 s, are searched for mistakes; none may be found.
+`--sound` and `--arms` set the amount of work. The last line is one JSON object.
 """
 
 from __future__ import annotations
@@ -30,7 +33,7 @@ import numpy as np
 from acquisition.motion.samples import Phase
 from acquisition.processing.smoothing import smooth_nonperiodic
 from acquisition.recording.recording import Recording
-from benchmarks.mistakes_made import DEGREE, Stated, mistakes
+from benchmarks.mistakes_made import DEGREE, UserFiles, mistakes
 from benchmarks.plate_mistakes import SOUND, plate_outcomes
 from benchmarks.sound_robots import sound_run, sound_runs
 from config.errors import RidDaqError
@@ -44,7 +47,7 @@ from identification.wiring.signals import WiredSignals
 from identification.wiring.trial import CondensedEquations, WiringTrial
 from rid_daq.app import run
 
-TOLD_BAR: Final = 0.95
+DETECTED_BAR: Final = 0.95
 SHORT_S: Final = (4.0, 9.0)
 SOUND_RUNS: Final = 200
 PLATES: Final = 12
@@ -53,7 +56,14 @@ ARMS: Final = ("ir361", "kr15", "ur10e")
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a mistake: refused with an exit status, named by `identify`, or neither."""
+    """Result for one injected mistake.
+
+    Attributes:
+        arm, name: Robot and mistake.
+        refused: True if a command ended with an error and no mistake was named.
+        named: True if `identify` named its kind and its joints.
+        visible: True if the data show the mistake.
+    """
 
     arm: str
     name: str
@@ -62,8 +72,8 @@ class Outcome:
     visible: bool
 
 
-def sources(arms: tuple[str, ...], first_seed: int) -> Iterator[Stated]:
-    """Yield sound recordings of the arms; of a UR10e a real one, if there is one."""
+def sources(arms: tuple[str, ...], first_seed: int) -> Iterator[UserFiles]:
+    """Yield a correct recording of each arm; for seed 0, the UR10e's is real if it is available."""
     for arm in arms:
         robot = load_robot(arm)
         real = os.environ.get("RID_DAQ_DATA")
@@ -71,11 +81,11 @@ def sources(arms: tuple[str, ...], first_seed: int) -> Iterator[Stated]:
             yield _real(Path(real) / "ur10e")
             continue
         sound = sound_run(robot, np.random.default_rng([first_seed, ARMS.index(arm)]))
-        yield Stated.of(sound)
+        yield UserFiles.of(sound)
 
 
-def _real(folder: Path) -> Stated:
-    """Return a real UR10e's recording."""
+def _real(folder: Path) -> UserFiles:
+    """Return a recording of a real UR10e."""
     robot = load_robot("ur10e")
     table = np.loadtxt(folder / "ur-20_02_12-50sec_12harm.csv", delimiter=",")[354:5090]
     constants = np.array([joint.torque_constant_nm_per_a or 0.0 for joint in robot.joints])
@@ -83,15 +93,15 @@ def _real(folder: Path) -> Stated:
     model = RobotModel.from_description(robot, rotors=False, friction=False, spring=False)
     gravity_nm = regressor(model, q, np.zeros_like(q), np.zeros_like(q))
     gravity_nm = gravity_nm @ drawn_parameters(model, robot)
-    return Stated(robot, table[:, 0], q, table[:, 13:19] * constants, gravity_nm)
+    return UserFiles(robot, table[:, 0], q, table[:, 13:19] * constants, gravity_nm)
 
 
-def tell(stated: Stated, folder: Path) -> tuple[bool, set[tuple[str, tuple[str, ...]]]]:
-    """Import and identify a recording by the commands.
+def diagnose(stated: UserFiles, folder: Path) -> tuple[bool, set[tuple[str, tuple[str, ...]]]]:
+    """Import and identify a recording with the commands.
 
     Returns:
-        `refused`. Whether a command refused it, or called the fit bad.
-        `named`: Set of (kind, joints). What `identify` named, alternatives too.
+        `refused`: True if a command ended with an error, or the import reported a finding.
+        `named`: The (kind, joints) of each mistake that `identify` named, with its alternatives.
     """
     np.savetxt(folder / "rec.csv", stated.table, delimiter=",", fmt="%.9g")
     (folder / "robot.yaml").write_text(to_yaml(stated.robot))
@@ -105,8 +115,8 @@ def tell(stated: Stated, folder: Path) -> tuple[bool, set[tuple[str, tuple[str, 
     code, document = _run(["identify", str(imported["folder"]), *runs])
     estimate = document.get("estimate") or {}
     found = estimate.get("mistakes") or []
-    told = [each for mistake in found for each in (mistake, *mistake["alternatives"])]
-    return code != 0, {(each["kind"], tuple(each["joints"])) for each in told}
+    named = [each for mistake in found for each in (mistake, *mistake["alternatives"])]
+    return code != 0, {(each["kind"], tuple(each["joints"])) for each in named}
 
 
 def _run(words: list[str]) -> tuple[int, dict[str, Any]]:
@@ -116,13 +126,13 @@ def _run(words: list[str]) -> tuple[int, dict[str, Any]]:
     return code, json.loads(out.getvalue() or "{}")
 
 
-def outcomes(sound: Stated) -> Iterator[Outcome]:
-    """Yield what became of every mistake made in a sound recording."""
+def outcomes(sound: UserFiles) -> Iterator[Outcome]:
+    """Inject every mistake into a correct recording and yield the results."""
     truth = _trial(sound, sound.robot)
     assert truth is not None
     for made in mistakes(sound):
         with tempfile.TemporaryDirectory() as folder:
-            refused, named = tell(made.stated, Path(folder))
+            refused, named = diagnose(made.stated, Path(folder))
         joints = tuple(sound.robot.joint_names[j] for j in made.joints)
         right = any((kind, joints) in named for kind in made.kinds)
         stated = _trial(made.stated, made.stated.robot)
@@ -130,8 +140,8 @@ def outcomes(sound: Stated) -> Iterator[Outcome]:
         yield Outcome(sound.robot.name, made.name, refused and not named, right, visible)
 
 
-def _trial(stated: Stated, robot: RobotDescription) -> WiringTrial | None:
-    """Return how well a robot explains a recording; None where stamps of it leave nothing."""
+def _trial(stated: UserFiles, robot: RobotDescription) -> WiringTrial | None:
+    """Return how well a robot explains a recording; None if its time stamps make it unusable."""
     recording = recording_of(stated, DEGREE if stated.unit == "deg" else 1.0)
     try:
         signals = WiredSignals.of(robot, [smooth_nonperiodic(recording, BAND_HZ)])
@@ -140,8 +150,8 @@ def _trial(stated: Stated, robot: RobotDescription) -> WiringTrial | None:
     return CondensedEquations.of(signals).trial(np.eye(len(robot.joints)))
 
 
-def recording_of(stated: Stated, factor: float = 1.0) -> Recording:
-    """Return what is stated as a recording, its positions times a factor."""
+def recording_of(stated: UserFiles, factor: float = 1.0) -> Recording:
+    """Return the table as a `Recording`, its positions multiplied by a factor."""
     time_s, first = np.unique(stated.time_s, return_index=True)
     rows = len(first)
     return Recording(
@@ -159,7 +169,7 @@ def recording_of(stated: Stated, factor: float = 1.0) -> Recording:
 
 
 def false_alarms(count: int, first_seed: int) -> int:
-    """Return in how many sound runs, every second cut to a few seconds, anything is wrong."""
+    """Return the number of correct runs with a finding; every second run lasts a few seconds."""
     found = 0
     for number, sound in enumerate(sound_runs(count, first_seed), start=first_seed):
         rows = slice(None)
@@ -167,7 +177,7 @@ def false_alarms(count: int, first_seed: int) -> int:
             random = np.random.default_rng(number)
             start, length = random.uniform(0.0, 20.0), random.uniform(*SHORT_S)
             rows = slice(*np.searchsorted(sound.time_s, (start, start + length)).tolist())
-        stated = Stated.of(sound, rows)
+        stated = UserFiles.of(sound, rows)
         signals = WiredSignals.of(sound.robot, [smooth_nonperiodic(recording_of(stated), BAND_HZ)])
         driving, weight = find_impossibilities(signals)
         heavy = weight is not None and not weight.is_plausible
@@ -176,18 +186,18 @@ def false_alarms(count: int, first_seed: int) -> int:
 
 
 def main() -> int:
-    """Make the mistakes, search the sound runs, print both; 0 where the bars hold."""
+    """Inject the mistakes, search the correct runs and print both; return 0 if the bars hold."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--sound", type=int, default=SOUND_RUNS, help="sound runs to search")
+    parser.add_argument("--sound", type=int, default=SOUND_RUNS, help="correct runs to search")
     parser.add_argument("--plates", type=int, default=PLATES, help="force plates to try")
     parser.add_argument("--arms", nargs="*", default=ARMS, choices=ARMS, help="arms to try")
-    parser.add_argument("--seed", type=int, default=0, help="first seed; 0 has the real UR10e")
+    parser.add_argument("--seed", type=int, default=0, help="first seed; with 0 the UR10e is real")
     options = parser.parse_args()
     every: list[Outcome] = []
     alarms = 0
     for sound in sources(tuple(options.arms), options.seed):
         with tempfile.TemporaryDirectory() as folder:
-            alarms += tell(sound, Path(folder)) != (False, set())
+            alarms += diagnose(sound, Path(folder)) != (False, set())
         for outcome in outcomes(sound):
             every.append(outcome)
             _print(outcome)
@@ -200,29 +210,29 @@ def main() -> int:
         every.append(of_plate)
         _print(of_plate)
     shown = [each for each in every if each.visible or each.refused]
-    told = [each for each in shown if each.refused or each.named]
+    detected = [each for each in shown if each.refused or each.named]
     missed = Counter(each.name for each in shown if not (each.refused or each.named))
     alarms += false_alarms(options.sound, options.seed)
-    share = len(told) / max(len(shown), 1)
+    share = len(detected) / max(len(shown), 1)
     document = {
         "kinds": len({each.name for each in every}),
         "made": len(every),
         "shown_by_data": len(shown),
-        "told": len(told),
+        "told": len(detected),
         "share": round(share, 3),
-        "bar": TOLD_BAR,
+        "bar": DETECTED_BAR,
         "missed": dict(missed),
         "sound_runs": options.sound + options.plates + len(options.arms),
         "false_alarms": alarms,
     }
     print(json.dumps(document))
-    return 0 if share >= TOLD_BAR and alarms == 0 else 1
+    return 0 if share >= DETECTED_BAR and alarms == 0 else 1
 
 
 def _print(outcome: Outcome) -> None:
-    said = "refused" if outcome.refused else "named" if outcome.named else "-"
-    seen = "" if outcome.visible or said != "-" else "the data do not show it"
-    print(f"{outcome.arm:8} {outcome.name:45} {said:8} {seen}", flush=True)
+    result = "refused" if outcome.refused else "named" if outcome.named else "-"
+    note = "" if outcome.visible or result != "-" else "the data do not show it"
+    print(f"{outcome.arm:8} {outcome.name:45} {result:8} {note}", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The mistakes that `benchmarks.mistakes` makes, each in a copy of a sound recording."""
+"""The mistakes that `benchmarks.mistakes` injects, each into a copy of a correct recording."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from benchmarks.sound_robots import Sound
+from benchmarks.sound_robots import SoundRecording
 from config.arrays import FloatArray
 from config.load import load_robot
 from config.robot.robot import RobotDescription
@@ -21,17 +21,17 @@ OTHERS: Final = {"kr15": "ur10e", "ur10e": "kr15"}
 
 
 @dataclass(frozen=True, eq=False)
-class Stated:
-    """What an engineer hands over: a table of columns, and the robot's file.
+class UserFiles:
+    """Files of an engineer: a table of recorded columns, its column map and the robot file.
 
     Attributes:
-        robot: The robot's file.
+        robot: Content of the robot file.
         time_s: Shape (samples,). Time stamps [s].
         position, torque_nm: Shape (samples, n). Link side [rad, N m].
-        gravity_nm: Shape (samples, n). What of the torques is gravity, of the real arm or by its
-            drawings.
-        unit: What the map says that positions are in.
-        velocity: Shape (samples, n). Recorded velocities [rad/s], if there are columns of them.
+        gravity_nm: Shape (samples, n). Gravity torques contained in `torque_nm`; for a real arm,
+            from its CAD data.
+        unit: Unit of the positions according to the map.
+        velocity: Shape (samples, n). Recorded velocities [rad/s]; None without such columns.
     """
 
     robot: RobotDescription
@@ -43,8 +43,8 @@ class Stated:
     velocity: FloatArray | None = None
 
     @classmethod
-    def of(cls, sound: Sound, rows: slice = ALL_ROWS) -> Stated:
-        """Return rows of a recording, and its robot's file, as they are."""
+    def of(cls, sound: SoundRecording, rows: slice = ALL_ROWS) -> UserFiles:
+        """Return some rows of a recording and its robot file, without any mistake."""
         return cls(
             sound.robot,
             sound.time_s[rows],
@@ -55,13 +55,13 @@ class Stated:
 
     @property
     def table(self) -> FloatArray:
-        """The columns of the table that `map_text` reads."""
+        """Table of the columns that `map_text` describes."""
         columns = [self.time_s, self.position, self.torque_nm]
         return np.column_stack(columns if self.velocity is None else [*columns, self.velocity])
 
     @property
     def map_text(self) -> str:
-        """The map that reads the table."""
+        """Column map of the table."""
         n = len(self.robot.joints)
         lines = [
             "name: arm",
@@ -79,26 +79,26 @@ class Stated:
 
 
 @dataclass(frozen=True, eq=False)
-class Made:
-    """A mistake that was made.
+class InjectedMistake:
+    """An injected mistake.
 
     Attributes:
-        name: What was done.
-        kinds: As what it may be named: the keys to change are these kinds'.
-        joints: The joints that must be named, from 0; none where all are meant.
-        stated: What is handed over then.
-        shown: Whether the data show it though a robot explains them as well as the truth.
+        name: Description of the change.
+        kinds: The kinds that are a correct diagnosis.
+        joints: Indices of the joints that must be named; empty if the mistake concerns all joints.
+        stated: The files with the mistake.
+        shown: True if the data show the mistake although the wrong model fits as well as the truth.
     """
 
     name: str
     kinds: tuple[MistakeKind, ...]
     joints: tuple[int, ...]
-    stated: Stated
+    stated: UserFiles
     shown: bool = False
 
 
-def mistakes(sound: Stated) -> Iterator[Made]:
-    """Yield the mistakes, each made alone in a sound recording."""
+def mistakes(sound: UserFiles) -> Iterator[InjectedMistake]:
+    """Yield copies of a correct recording, each with one mistake."""
     n = len(sound.robot.joints)
     yield from _of_one_joint(sound, 1)
     yield from _of_one_joint(sound, n - 1)
@@ -122,56 +122,56 @@ def mistakes(sound: Stated) -> Iterator[Made]:
     yield from _of_the_robot(sound)
 
 
-def _of_one_joint(sound: Stated, j: int) -> Iterator[Made]:
+def _of_one_joint(sound: UserFiles, j: int) -> Iterator[InjectedMistake]:
     gear, one = abs(sound.robot.joints[j].gear_ratio), f"axis {j + 1}"
 
-    def moved(change: Callable[[FloatArray], FloatArray]) -> Stated:
+    def moved(change: Callable[[FloatArray], FloatArray]) -> UserFiles:
         position = sound.position.copy()
         position[:, j] = change(position[:, j])
         return replace(sound, position=position)
 
-    def driven(factor: float) -> Stated:
+    def driven(factor: float) -> UserFiles:
         torque_nm = sound.torque_nm.copy()
         torque_nm[:, j] *= factor
         return replace(sound, torque_nm=torque_nm)
 
     signs = (MistakeKind.POSITION_SIGN, MistakeKind.TORQUE_SIGN, MistakeKind.DIRECTION)
-    yield Made(f"{one}: position backwards", signs, (j,), moved(lambda q: -q))
-    yield Made(f"{one}: torque backwards", signs, (j,), driven(-1.0))
+    yield InjectedMistake(f"{one}: position backwards", signs, (j,), moved(lambda q: -q))
+    yield InjectedMistake(f"{one}: torque backwards", signs, (j,), driven(-1.0))
     both = replace(moved(lambda q: -q), torque_nm=driven(-1.0).torque_nm)
-    yield Made(f"{one}: turns the other way", signs, (j,), both)
+    yield InjectedMistake(f"{one}: turns the other way", signs, (j,), both)
     factors = (MistakeKind.POSITION_FACTOR,)
     for factor in (2.0, 0.5, 10.0, 0.1, DEGREE, 1.0 / DEGREE, gear, 1.0 / gear):
         stated = moved(lambda q, factor=factor: factor * q)  # type: ignore[misc]
-        yield Made(f"{one}: position times {factor:.4g}", factors, (j,), stated)
+        yield InjectedMistake(f"{one}: position times {factor:.4g}", factors, (j,), stated)
     for factor in (2.0, 0.5, 10.0, 0.1, 1000.0, 0.001, gear, 1.0 / gear):
         kinds = (MistakeKind.TORQUE_FACTOR,)
-        yield Made(f"{one}: torque times {factor:.4g}", kinds, (j,), driven(factor))
+        yield InjectedMistake(f"{one}: torque times {factor:.4g}", kinds, (j,), driven(factor))
     for degrees in (90.0, -90.0, 180.0, 30.0):
         stated = moved(lambda q, degrees=degrees: q + degrees * DEGREE)  # type: ignore[misc]
-        yield Made(
+        yield InjectedMistake(
             f"{one}: zero off by {degrees:g} degrees", (MistakeKind.POSITION_OFFSET,), (j,), stated
         )
 
 
 def _orders(
-    sound: Stated, name: str, joints: tuple[int, ...] | None, order: list[int]
-) -> Iterator[Made]:
+    sound: UserFiles, name: str, joints: tuple[int, ...] | None, order: list[int]
+) -> Iterator[InjectedMistake]:
     own = tuple(np.argsort(order).tolist()) if joints is None else joints
     moved = tuple(i for i, other in enumerate(order) if i != other)
     own = moved if len(moved) == 2 else own
     position, torque_nm = sound.position[:, order], sound.torque_nm[:, order]
     kind = MistakeKind.POSITION_ORDER
-    yield Made(f"positions: {name}", (kind,), own, replace(sound, position=position))
+    yield InjectedMistake(f"positions: {name}", (kind,), own, replace(sound, position=position))
     kind = MistakeKind.TORQUE_ORDER
-    yield Made(f"torques: {name}", (kind,), own, replace(sound, torque_nm=torque_nm))
+    yield InjectedMistake(f"torques: {name}", (kind,), own, replace(sound, torque_nm=torque_nm))
     both = replace(sound, position=position, torque_nm=torque_nm)
-    yield Made(f"columns: {name}", (MistakeKind.AXIS_ORDER,), own, both)
+    yield InjectedMistake(f"columns: {name}", (MistakeKind.AXIS_ORDER,), own, both)
 
 
-def _of_all(sound: Stated) -> Iterator[Made]:
+def _of_all(sound: UserFiles) -> Iterator[InjectedMistake]:
     in_degrees = replace(sound, position=sound.position / DEGREE)
-    yield Made("degrees read as radians", (MistakeKind.POSITION_FACTOR,), (), in_degrees)
+    yield InjectedMistake("degrees read as radians", (MistakeKind.POSITION_FACTOR,), (), in_degrees)
     gears = np.array([abs(joint.gear_ratio) for joint in sound.robot.joints])
     for name, factors in (
         ("in turns", np.full(len(gears), 0.5 / math.pi)),
@@ -180,9 +180,9 @@ def _of_all(sound: Stated) -> Iterator[Made]:
     ):
         if np.any(factors != 1.0):
             unit = replace(sound, position=sound.position * factors)
-            yield Made(f"positions {name}", (MistakeKind.POSITION_FACTOR,), (), unit)
+            yield InjectedMistake(f"positions {name}", (MistakeKind.POSITION_FACTOR,), (), unit)
     as_degrees = replace(sound, unit="deg")
-    yield Made("radians read as degrees", (MistakeKind.POSITION_FACTOR,), (), as_degrees)
+    yield InjectedMistake("radians read as degrees", (MistakeKind.POSITION_FACTOR,), (), as_degrees)
     for name, factor in (
         ("10 % fast", 1.0 / 0.9),
         ("10 % slow", 1.0 / 1.1),
@@ -190,8 +190,8 @@ def _of_all(sound: Stated) -> Iterator[Made]:
         ("in milliseconds", 1000.0),
     ):
         timed = replace(sound, time_s=factor * sound.time_s)
-        yield Made(f"clock: {name}", (MistakeKind.CLOCK,), (), timed)
-    yield Made(
+        yield InjectedMistake(f"clock: {name}", (MistakeKind.CLOCK,), (), timed)
+    yield InjectedMistake(
         "torques in mN m",
         (MistakeKind.TORQUE_UNIT, MistakeKind.TORQUE_FACTOR),
         (),
@@ -203,21 +203,21 @@ def _of_all(sound: Stated) -> Iterator[Made]:
         position=np.repeat(sound.position, 2, axis=0),
         torque_nm=np.repeat(sound.torque_nm, 2, axis=0),
     )
-    yield Made("every row twice", (), (), twice)
+    yield InjectedMistake("every row twice", (), (), twice)
     stuck = sound.torque_nm.copy()
     stuck[:, 1] = stuck[0, 1]
-    yield Made("axis 2: torque stuck", (), (1,), replace(sound, torque_nm=stuck))
+    yield InjectedMistake("axis 2: torque stuck", (), (1,), replace(sound, torque_nm=stuck))
 
 
-def _of_torques(sound: Stated) -> Iterator[Made]:
-    """Yield signs, units and quantities of several torques at once."""
+def _of_torques(sound: UserFiles) -> Iterator[InjectedMistake]:
+    """Yield mistakes in the sign, unit or quantity of several torques at once."""
     n = len(sound.robot.joints)
     joints = sound.robot.joints
 
     def made(
         name: str, kind: MistakeKind, torque_nm: FloatArray, own: tuple[int, ...] = ()
-    ) -> Made:
-        return Made(name, (kind,), own, replace(sound, torque_nm=torque_nm))
+    ) -> InjectedMistake:
+        return InjectedMistake(name, (kind,), own, replace(sound, torque_nm=torque_nm))
 
     yield made("all torques backwards", MistakeKind.TORQUE_SIGN, -sound.torque_nm)
     sets = [(1, 2), tuple(range(n - 1))] + ([(0, 1, 2)] if n > 3 else [])
@@ -248,8 +248,8 @@ def _of_torques(sound: Stated) -> Iterator[Made]:
     yield replace(without, shown=True)
 
 
-def _of_velocities(sound: Stated) -> Iterator[Made]:
-    """Yield wrong columns of velocities, which only the import compares with the positions."""
+def _of_velocities(sound: UserFiles) -> Iterator[InjectedMistake]:
+    """Yield wrong velocity columns; only the import checks them, against the positions."""
     right = np.gradient(sound.position, sound.time_s, axis=0)
     backwards, swapped = right.copy(), right.copy()
     backwards[:, 1] *= -1.0
@@ -263,23 +263,25 @@ def _of_velocities(sound: Stated) -> Iterator[Made]:
     ):
         if not np.array_equal(velocity, right):
             stated = replace(sound, velocity=velocity)
-            yield Made(f"velocities {name}", (), (), stated, shown=True)
+            yield InjectedMistake(f"velocities {name}", (), (), stated, shown=True)
 
 
-def _of_the_robot(sound: Stated) -> Iterator[Made]:
+def _of_the_robot(sound: UserFiles) -> Iterator[InjectedMistake]:
     robot, n = sound.robot, len(sound.robot.joints)
     table, joints = robot.kinematics, robot.joints
 
-    def of(**changes: object) -> Stated:
+    def of(**changes: object) -> UserFiles:
         return replace(sound, robot=robot.model_copy(update=changes))
 
     other = "standard_dh" if table.convention == "modified_dh" else "modified_dh"
     convention = table.model_copy(update={"convention": other})
-    yield Made("the other convention", (MistakeKind.CONVENTION,), (), of(kinematics=convention))
+    yield InjectedMistake(
+        "the other convention", (MistakeKind.CONVENTION,), (), of(kinematics=convention)
+    )
     matrix = np.eye(n)
     matrix[n - 1, n - 2] = 1.0
     coupled = tuple(tuple(row) for row in matrix.tolist())
-    yield Made(
+    yield InjectedMistake(
         "a coupling that is not there",
         (MistakeKind.COUPLING,),
         (n - 2, n - 1),
@@ -293,10 +295,12 @@ def _of_the_robot(sound: Stated) -> Iterator[Made]:
     ):
         rows = list(table.rows)
         rows[long] = rows[long].model_copy(update={key: value})
-        yield Made(name, (), (long,), of(kinematics=table.model_copy(update={"rows": tuple(rows)})))
-    yield Made("gravity in cm", (), (), of(gravity_m_s2=(0.0, 0.0, -981.0)))
+        yield InjectedMistake(
+            name, (), (long,), of(kinematics=table.model_copy(update={"rows": tuple(rows)}))
+        )
+    yield InjectedMistake("gravity in cm", (), (), of(gravity_m_s2=(0.0, 0.0, -981.0)))
     down = tuple(-each for each in robot.gravity_m_s2)
-    yield Made("mounted upside down", (MistakeKind.MOUNTING,), (), of(gravity_m_s2=down))
+    yield InjectedMistake("mounted upside down", (MistakeKind.MOUNTING,), (), of(gravity_m_s2=down))
     size, sign = float(np.linalg.norm(robot.gravity_m_s2)), math.copysign(1, robot.gravity_m_s2[2])
     for name, tilt_deg, azimuth_deg in (
         ("a tilt that is not there", 30.0, 90.0),
@@ -306,7 +310,7 @@ def _of_the_robot(sound: Stated) -> Iterator[Made]:
         tilt, turn = tilt_deg * DEGREE, azimuth_deg * DEGREE
         flat, along = size * math.sin(tilt), sign * size * math.cos(tilt)
         gravity = (flat * math.cos(turn), flat * math.sin(turn), along)
-        yield Made(name, (MistakeKind.MOUNTING,), (), of(gravity_m_s2=gravity))
+        yield InjectedMistake(name, (MistakeKind.MOUNTING,), (), of(gravity_m_s2=gravity))
     limits = [joint.limits for joint in joints]
     degrees = tuple(
         joint.model_copy(
@@ -321,10 +325,10 @@ def _of_the_robot(sound: Stated) -> Iterator[Made]:
         )
         for joint, own in zip(joints, limits, strict=True)
     )
-    yield Made("limits in degrees", (), (), of(joints=degrees))
+    yield InjectedMistake("limits in degrees", (), (), of(joints=degrees))
     if robot.name in OTHERS:
         file = in_place_of(robot, load_robot(OTHERS[robot.name]))
-        yield Made("the file of another robot", (), (), replace(sound, robot=file))
+        yield InjectedMistake("the file of another robot", (), (), replace(sound, robot=file))
 
 
 def in_place_of(right: RobotDescription, other: RobotDescription) -> RobotDescription:

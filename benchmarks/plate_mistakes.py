@@ -1,4 +1,4 @@
-"""The mistakes in a force plate's description that `benchmarks.mistakes` makes."""
+"""The mistakes that `benchmarks.mistakes` injects into a force plate's description."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ EXTERNAL: Final = EstimationOptions(model=ModelOptions(kind="external"))
 
 
 @dataclass(frozen=True, eq=False)
-class MadePlate:
-    """A mistake that was made.
+class InjectedPlateMistake:
+    """An injected mistake.
 
     Attributes:
-        name: What was done.
-        kinds: As what it may be named.
-        plate: The plate as stated.
-        channels: Shape (8, 8). What the recorded channels are of the real ones.
-        of_all: Whether all channels have it in common, so that only the arm's weight shows it.
+        name: Description of the change.
+        kinds: The kinds that are a correct diagnosis.
+        plate: The wrong description.
+        channels: Shape (8, 8). Matrix that maps the real channels to the recorded ones.
+        of_all: True if all channels share the mistake, so that only the arm's weight shows it.
     """
 
     name: str
@@ -51,7 +51,14 @@ class MadePlate:
 
 @dataclass(frozen=True, eq=False)
 class PlateOutcome:
-    """Whether a mistake was named with its kind, refused as a bad fit, and visible at all."""
+    """Result for one injected mistake.
+
+    Attributes:
+        arm, name: Robot and mistake.
+        named: True if the search named its kind.
+        refused: True if the fit of a wrench component is bad.
+        visible: True if the data show the mistake.
+    """
 
     arm: str
     name: str
@@ -61,7 +68,7 @@ class PlateOutcome:
 
 
 def plate_outcomes(count: int, first_seed: int) -> Iterator[PlateOutcome]:
-    """Yield what became of every mistake made under some arms, and of no mistake."""
+    """Yield the result for every mistake, and for the correct plate, under `count` arms."""
     for arm in weighed_arms(count, first_seed):
         equations, drawn = _condensed(arm)
         plausible = plausible_weight(arm.robot)
@@ -83,7 +90,7 @@ def plate_outcomes(count: int, first_seed: int) -> Iterator[PlateOutcome]:
 
 
 def _condensed(arm: WeighedArm) -> tuple[PlateEquations, FloatArray]:
-    """Return the equations of an arm's wrench, and the parameters by its drawings."""
+    """Return the equations of an arm's wrench, and the parameters from its CAD data."""
     equations, model, base = unsolved_equations(arm.robot, [arm.average], EXTERNAL)
     condensed = PlateEquations.of([arm.average], equations, [0.0])
     assert condensed is not None
@@ -91,22 +98,22 @@ def _condensed(arm: WeighedArm) -> tuple[PlateEquations, FloatArray]:
 
 
 def _far_better(truth: FloatArray, stated: FloatArray) -> bool:
-    """Return whether the truth halves the residual of a component while all together gain."""
+    """Return whether the truth halves a component's residual and lowers the sum of logarithms."""
     times = stated / truth
     return bool(np.any(times >= VISIBLE_TIMES)) and float(np.sum(np.log(times))) >= VISIBLE_GAIN
 
 
-def _mistakes(plate: PlateConfig) -> Iterator[MadePlate]:
-    """Yield the mistakes, each made alone in the description of a plate or in its channels."""
+def _mistakes(plate: PlateConfig) -> Iterator[InjectedPlateMistake]:
+    """Yield plates, each with one mistake in its description or in its channels."""
 
-    def stated(name: str, *kinds: PlateKind, **changes: object) -> MadePlate:
-        return MadePlate(name, kinds, plate.model_copy(update=changes))
+    def stated(name: str, *kinds: PlateKind, **changes: object) -> InjectedPlateMistake:
+        return InjectedPlateMistake(name, kinds, plate.model_copy(update=changes))
 
     size, place, turn = PlateKind.SIZE, PlateKind.POSITION, PlateKind.ROTATION
     yield stated("a_m a fifth too large", size, a_m=1.2 * plate.a_m)
     yield stated("b_m a quarter too small", size, b_m=0.75 * plate.b_m)
     yield stated("a_m and b_m swapped", size, a_m=plate.b_m, b_m=plate.a_m)
-    for deeper in (0.03, 0.1):  # az0 and the height of the place are one number
+    for deeper in (0.03, 0.1):  # az0 and the height of the position cannot be distinguished
         name = f"az0_m {deeper:g} m too low"
         yield stated(name, size, place, az0_m=plate.az0_m - deeper)
     for axis, shift in ((axis, shift) for axis in range(3) for shift in SHIFTS_M):
@@ -124,14 +131,14 @@ def _mistakes(plate: PlateConfig) -> Iterator[MadePlate]:
     yield from _of_channels(plate)
 
 
-def _of_channels(plate: PlateConfig) -> Iterator[MadePlate]:
+def _of_channels(plate: PlateConfig) -> Iterator[InjectedPlateMistake]:
     sensitivity, order = (PlateKind.SENSITIVITY,), (PlateKind.ORDER,)
 
-    def scaled(name: str, channels: tuple[int, ...], factor: float) -> MadePlate:
+    def scaled(name: str, channels: tuple[int, ...], factor: float) -> InjectedPlateMistake:
         scale = np.ones(CHANNELS)
         scale[list(channels)] = factor
         of_all = len(channels) == CHANNELS
-        return MadePlate(name, sensitivity, plate, np.diag(scale), of_all)
+        return InjectedPlateMistake(name, sensitivity, plate, np.diag(scale), of_all)
 
     for channel, factor in ((channel, f) for channel in range(CHANNELS) for f in FACTORS):
         yield scaled(f"{CHANNEL_NAMES[channel]} times {factor:g}", (channel,), factor)
@@ -158,4 +165,4 @@ def _of_channels(plate: PlateConfig) -> Iterator[MadePlate]:
         ("vertical before horizontal", (*every[4:], *every[:4])),
         ("three in a cycle", (0, 4, 2, 1, 3, 5, 6, 7)),
     ):
-        yield MadePlate(f"channels: {name}", order, plate, np.eye(CHANNELS)[list(own)])
+        yield InjectedPlateMistake(f"channels: {name}", order, plate, np.eye(CHANNELS)[list(own)])

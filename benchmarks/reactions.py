@@ -1,13 +1,14 @@
-"""How soon a fault becomes a quick stop, in real time: `python -m benchmarks.reactions`.
+"""Time from a fault to the quick stop, in real time: `python -m benchmarks.reactions`.
 
-A simulated cell with its hub, its drives and the whole program run on the computer's clock. Faults
-come again and again, at times that nobody in the program knows; what counts is what the hub's log
-saw on the wire: from the fault's own frame (or the SYNC that was not answered, or the interrupt)
-until the last axis's quick stop. Then emergency messages that stop nothing come 1,000 times a
-second, and how late the loop's cycles begin is compared with and without them (p99 of 2 s, of the
-calmer seconds).
+A simulated cell and the whole program run in real time. Faults occur repeatedly, at times that the
+program does not know. The reaction is measured in the hub's log: from the fault's own frame (or the
+unanswered SYNC, or the interrupt) until the last axis's quick stop.
 
-`--rounds N` sets how often each fault comes (25), `--quick` is 3 and a shorter flood.
+Then a flood of 1,000 emergency messages a second that stop nothing is sent, and the lateness of the
+loop's cycles is compared with and without the flood (p99 of windows of 2 s, lower quartile).
+
+`--rounds N` sets the number of occurrences of each fault (default: 25); `--quick` uses 3 and a
+shorter flood.
 """
 
 from __future__ import annotations
@@ -59,7 +60,7 @@ from mock_hw.host.device_process import request_exact_timing
 from mock_hw.simulation import CellSimulation
 
 EVERY_S: Final = 9.0
-"""Between two faults: a session must have begun to move in it."""
+"""Time between two faults; long enough for the next session to start its motion."""
 
 MOTION_S: Final = 60.0
 SHARE_BAR, FLOOD_BAR = 0.99, 1.2
@@ -74,7 +75,7 @@ FLOODED: Final = 2
 
 @dataclass(frozen=True)
 class Frame:
-    """What was on the wire, and when [s]."""
+    """A frame on the wire, with its time [s]."""
 
     time_s: float
     cob_id: int
@@ -82,19 +83,18 @@ class Frame:
 
 
 Mark = Callable[[list[Frame]], float]
-"""When a fault could first be known [s], by the frames of the last second before the quick stop."""
+"""Earliest time at which a fault is detectable [s], from the last second before the quick stop."""
 
 
 @dataclass(frozen=True)
 class Kind:
-    """A fault, how it is seen on the wire, and how soon the quick stop is due.
+    """A fault, its trace on the wire, and the time allowed until the quick stop.
 
     Attributes:
-        name: What goes wrong.
-        mark: When it could first be known.
-        cycles: What the last axis's quick stop may take from there, in cycle times (faults.md's
-            rows).
-        waits_s: What may pass besides, until it is noticed.
+        name: Description of the fault.
+        mark: Function for the earliest time at which the fault is detectable.
+        cycles: Time allowed from there until the last axis's quick stop [cycles]; docs/faults.md.
+        waits_s: Additional time allowed until the fault is detected [s].
     """
 
     name: str
@@ -108,7 +108,7 @@ def _last(cob_id: int) -> Mark:
 
 
 def _unanswered(cob_id: int) -> Mark:
-    """Return the first SYNC after a drive's last answer."""
+    """Return a function for the time of the first SYNC after a drive's last answer."""
     answered = _last(cob_id)
     return lambda frames: next(
         frame.time_s
@@ -147,7 +147,7 @@ def _script(rounds: int, names: tuple[str, ...]) -> FaultScript:
 
 @dataclass(frozen=True)
 class Session:
-    """A motion that was stopped: when by the log's clock [s], why, and the interrupt's time."""
+    """A stopped motion: its time span by the log's clock [s], its stop and the interrupt's time."""
 
     begun_s: float
     ended_s: float
@@ -157,7 +157,7 @@ class Session:
 
 
 class Bench:
-    """The cell, and the motion that is driven on it again and again."""
+    """The simulated cell and the motion that it repeats."""
 
     def __init__(self, loaded: LoadedCell, simulated: SimulatedCell, folder: Path) -> None:
         self._loaded, self._simulated, self._folder = loaded, simulated, folder
@@ -175,13 +175,13 @@ class Bench:
         self._samples: MotionSamples = motion.plan(robot, loaded.config.cycle_time_s)
 
     def move(self, on_progress: Callable[[TaskProgress], None] | None = None) -> RecordOutcome:
-        """Drive the motion until it ends or is stopped."""
+        """Run the motion until it ends or is stopped."""
         run = RunFolder.create(self._folder, "reactions")
         cell, robot = self._simulated.cell, self._loaded.robot
         return record_motion(cell, robot, self._samples, run, on_progress=on_progress)
 
     def session(self, interrupted_after_s: float | None = None) -> Session:
-        """Drive until something stops it; interrupt it where nothing else does."""
+        """Run the motion until a fault stops it, or interrupt it after a given time."""
         asked: list[float] = []
         main_s: list[float] = []
 
@@ -196,7 +196,7 @@ class Bench:
         begun_s = time.time()
         outcome = self.move(interrupt)
         if outcome.stop is None:
-            raise SystemExit(f"nothing stopped a motion of {MOTION_S:g} s: no fault came")
+            raise SystemExit(f"no fault stopped the motion of {MOTION_S:g} s")
         if outcome.interrupted_by is not None and not asked:
             raise SystemExit(128 + outcome.interrupted_by)
         with open_cell(self._simulated.cell, self._loaded.robot) as opened:
@@ -206,7 +206,7 @@ class Bench:
 
 
 def reactions(log: Path, sessions: list[Session], loaded: LoadedCell) -> dict[str, list[float]]:
-    """Return how late the last axis's quick stop was, over its budget, by the fault's name."""
+    """Return the reaction times as shares of the allowed time, for each fault."""
     kinds, cycle_s = _kinds(loaded), loaded.config.cycle_time_s
     commands = {rpdo_cob_id(axis.node_id) for axis in loaded.config.axes}
     found: dict[str, list[float]] = {}
@@ -234,7 +234,7 @@ def reactions(log: Path, sessions: list[Session], loaded: LoadedCell) -> dict[st
         else:
             continue
         if set(stops) != commands:
-            raise SystemExit(f"{name}: only {len(stops)} axes were told to stop")
+            raise SystemExit(f"{name}: only {len(stops)} axes received a quick stop")
         found.setdefault(name, []).append((max(stops.values()) - mark_s) / allowed_s)
     return found
 
@@ -245,7 +245,7 @@ def _logged(log: Path) -> Iterator[Frame]:
 
 
 def flood(channel: Path, pipe: Connection) -> None:
-    """Send emergency messages of no error while told to; the main function of a process."""
+    """Send "no error" emergency messages while the pipe says so; main function of a process."""
     client = HubClient(channel, HubRole.DEVICE)
     request_exact_timing(realtime=True)
     step_ns = 10**9 // FLOOD_PER_S
@@ -261,7 +261,7 @@ def flood(channel: Path, pipe: Connection) -> None:
             flooding = word
             pipe.send(None)
         time.sleep(max(0.0, 1e-9 * (next_ns - time.monotonic_ns())))
-        next_ns = max(next_ns, time.monotonic_ns())  # no more at once where it is behind
+        next_ns = max(next_ns, time.monotonic_ns())  # no burst after a delay
         for _ in range(10):
             next_ns += step_ns
             if flooding:
@@ -270,7 +270,7 @@ def flood(channel: Path, pipe: Connection) -> None:
 
 
 def lateness(bench: Bench, channel: Path, segment_s: float) -> tuple[NDArray[np.float64], ...]:
-    """Return how late cycles began [s] in seconds with the flood, and without."""
+    """Return the lateness of the cycles [s] with the flood and without it."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=flood, args=(channel, theirs), daemon=True)
@@ -343,16 +343,16 @@ def main() -> int:
     for name, shares_of in found.items():
         print(
             f"{name}, {len(shares_of)} times: quick stop of the last axis after"
-            f" {100 * np.median(shares_of):.0f} % of what is allowed in the median,"
+            f" {100 * np.median(shares_of):.0f} % of the allowed time in the median,"
             f" {100 * max(shares_of):.0f} % at most"
         )
     counted = set(found)
     own = Counter(s.code.name for s in sessions if s.code not in _kinds(loaded) and not s.asked_s)
     if own:
-        print(f"stopped besides, by this computer's own lateness: {dict(own)}")
+        print(f"other stops, caused by this computer's own delays: {dict(own)}")
     window = round(CALM_S / config.cycle_time_s)
     if min(len(flooded), len(quiet)) < window:
-        raise SystemExit("the motions with the flood were stopped too soon to compare anything")
+        raise SystemExit("the motions with the flood were stopped too early for a comparison")
     late, late_quiet = (1e6 * calm_p99(each, window) for each in (flooded, quiet))
     print(
         f"cycles begin late by {late:.0f} us (p99 of calm {CALM_S:g} s) with {FLOOD_PER_S}"

@@ -1,8 +1,8 @@
-"""How much of a damaged recording is read again, and that none of it is wrong.
+"""Measure the share of rows that `repair` recovers from damaged recordings.
 
-A recording made by the recorder's own main function is cut at a thousand places and has a thousand
-bits flipped, one at a time; each is repaired and compared with what was measured, row by row. Then
-a recorder is killed while it writes, a hundred times.
+The recorder writes one recording. A thousand copies are truncated at random places, and a thousand
+have one bit flipped. Each copy is repaired and compared with the original rows: a recovered row
+must not differ. Then a recorder is killed a hundred times while it writes.
 """
 
 from __future__ import annotations
@@ -58,15 +58,14 @@ for cycle in range(1 << 30):
 
 @dataclass
 class Tally:
-    """What became of damaged files.
+    """Counts over damaged files.
 
     Attributes:
-        files, refused: How many, and of how many nothing was readable.
-        there, kept: Rows that stood wholly before the damage (cuts) or in the file (flips), and
+        files, refused: Number of files, and number in which nothing was readable.
+        there, kept: Complete rows before the cut (or in the whole file, for flipped bits), and
             rows read.
-        wrong: Files with a wrong row, or with a loss that nobody was told.
-        longest_s: The longest processor time that one took [s]; what else the computer does is no
-            matter.
+        wrong: Files with a wrong row or an unreported loss.
+        longest_s: Longest processor time of one repair [s].
     """
 
     files: int = 0
@@ -78,12 +77,12 @@ class Tally:
 
     @property
     def fraction(self) -> float:
-        """Rows read, of those that were there."""
+        """Share of the undamaged rows that were read."""
         return self.kept / max(self.there, 1)
 
 
 def invented_rows(count: int) -> NDArray[Any]:
-    """Return rows of noise, numbered."""
+    """Return rows of random values with consecutive cycle numbers."""
     rng = np.random.default_rng(1)
     rows = np.zeros(count, dtype=row_dtype(3))
     rows["time_s"] = 5.0 + np.arange(count) * 0.008
@@ -94,8 +93,8 @@ def invented_rows(count: int) -> NDArray[Any]:
     return rows
 
 
-def made_by_the_recorder(path: Path) -> NDArray[Any]:
-    """Have the recorder write a file; return its rows."""
+def write_recording(path: Path) -> NDArray[Any]:
+    """Write a file with the recorder's main function; return its rows."""
     rows = invented_rows(ROWS)
     ring, control = Ring.create(3, ROWS), ControlBlock.create()
     layout = row_struct(3)
@@ -106,8 +105,8 @@ def made_by_the_recorder(path: Path) -> NDArray[Any]:
     return rows
 
 
-def repaired(damaged: Iterable[tuple[bytes, int]], rows: NDArray[Any], folder: Path) -> Tally:
-    """Repair files one after the other; each comes with the rows that stand in it undamaged."""
+def repair_all(damaged: Iterable[tuple[bytes, int]], rows: NDArray[Any], folder: Path) -> Tally:
+    """Repair files one after the other; each comes with its number of undamaged rows."""
     tally = Tally()
     old, new = folder / "old.mcap", folder / "new.mcap"
     for data, there in damaged:
@@ -126,21 +125,21 @@ def repaired(damaged: Iterable[tuple[bytes, int]], rows: NDArray[Any], folder: P
         journal = read_journal(new)
         kept = journal.rows["cycle"].astype(np.int64)
         tally.kept += len(kept)
-        told = not repair.damage.finished or len(kept) + repair.lost_rows == ROWS
+        reported = not repair.damage.finished or len(kept) + repair.lost_rows == ROWS
         same = journal.rows.tobytes() == rows[kept].tobytes() and journal.header == HEADER
-        tally.wrong += not (told and same and old.read_bytes() == data)
+        tally.wrong += not (reported and same and old.read_bytes() == data)
     return tally
 
 
 def cuts(whole: bytes, rows: NDArray[Any], count: int) -> Iterable[tuple[bytes, int]]:
-    """Yield the file cut at random places."""
+    """Yield copies of the file that are truncated at random places."""
     ends = [whole.index(row.tobytes()) + row.nbytes for row in rows]
     for cut in random.Random(3).sample(range(len(whole)), count):
         yield whole[:cut], int(np.searchsorted(ends, cut, side="right"))
 
 
 def flips(whole: bytes, count: int) -> Iterable[tuple[bytes, int]]:
-    """Yield the file with one bit flipped."""
+    """Yield copies of the file with one random bit flipped."""
     for bit in random.Random(4).sample(range(8 * len(whole)), count):
         data = bytearray(whole)
         data[bit // 8] ^= 1 << bit % 8
@@ -148,16 +147,16 @@ def flips(whole: bytes, count: int) -> Iterable[tuple[bytes, int]]:
 
 
 def kills(folder: Path, count: int) -> tuple[int, int]:
-    """Kill a writer while it writes, so many times; return flushed rows lost, and wrong files."""
+    """Kill `count` writers while they write; return the flushed rows lost and the wrong files."""
     lost = wrong = 0
-    moments = random.Random(5)
+    generator = random.Random(5)
     for number in range(count):
         path, new = folder / f"killed{number}.mcap", folder / f"killed{number}-new.mcap"
         words = [sys.executable, "-c", KILLED, str(path), HEADER.model_dump_json()]
         with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as writer:
             if writer.stdout is None:
                 raise RuntimeError("no pipe to the writer")
-            for _ in range(moments.randrange(1, 300)):
+            for _ in range(generator.randrange(1, 300)):
                 writer.stdout.readline()
             writer.send_signal(signal.SIGKILL)
             flushed = int([*writer.stdout, "12\n"][-2:][0])
@@ -178,18 +177,19 @@ def main() -> int:
     count, killed = (60, 5) if quick else (1000, 100)
     with TemporaryDirectory(prefix="rid-recover-") as name:
         folder = Path(name)
-        rows = made_by_the_recorder(folder / "whole.mcap")
+        rows = write_recording(folder / "whole.mcap")
         whole = (folder / "whole.mcap").read_bytes()
-        cut = repaired(cuts(whole, rows, count), rows, folder)
-        flipped = repaired(flips(whole, count), rows, folder)
+        cut = repair_all(cuts(whole, rows, count), rows, folder)
+        flipped = repair_all(flips(whole, count), rows, folder)
         lost, wrong_kills = kills(folder, killed)
-    print(f"{len(whole)} bytes, {ROWS} rows by the recorder")
-    for what, tally in (("cut", cut), ("one bit flipped", flipped)):
+    print(f"recording of {len(whole)} bytes, {ROWS} rows")
+    for damage, tally in (("truncated", cut), ("with one bit flipped", flipped)):
         print(
-            f"{what} {tally.files} times: {tally.fraction:.3%} of the rows read, {tally.wrong}"
-            f" wrong, {tally.refused} with nothing readable, {tally.longest_s:.2f} s at most"
+            f"{tally.files} copies {damage}: {tally.fraction:.3%} of the undamaged rows read,"
+            f" {tally.wrong} files wrong, {tally.refused} unreadable,"
+            f" {tally.longest_s:.2f} s at most"
         )
-    print(f"killed while writing {killed} times: {lost} flushed rows lost, {wrong_kills} wrong")
+    print(f"{killed} writers killed: {lost} flushed rows lost, {wrong_kills} files wrong")
     worst = min(cut.fraction, flipped.fraction)
     silent = cut.wrong + flipped.wrong + wrong_kills
     slowest_s = max(cut.longest_s, flipped.longest_s)

@@ -1,7 +1,7 @@
-"""How long a stop takes: until the cyclic task sees it, and until every axis was told on the bus.
+"""Stop latency: until the cyclic task reacts, and until every axis has its quick stop on the bus.
 
-A listener on the simulated bus sees the frames as the drives do. It is there before STOP is
-pressed, takes what comes while it waits for the stop, and is gone afterwards.
+A listener on the simulated bus receives the same frames as the drives. It connects before STOP is
+pressed and disconnects after the stop.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ PATIENCE_S: Final = 300.0
 CELL: Final = "ir361"
 _LOOK_S: Final = 0.0002
 _STOPPING: Final = 0x86
-"""The bits of a controlword that tell a quick stop from all else (CiA 402-2, 7.4.1.2)."""
+"""Bits of the controlword that identify a quick stop (CiA 402-2, 7.4.1.2)."""
 
 
 class BusListener:
-    """Listens to the controlwords on the simulated bus of a cell.
+    """Listener for the controlwords on the simulated bus of a cell.
 
     Args:
         client: An observer of the bus.
@@ -51,7 +51,7 @@ class BusListener:
     @classmethod
     @contextlib.contextmanager
     def on_the_bus(cls, folder: Path) -> Iterator[BusListener]:
-        """Listen to the one simulated bus below a runtime folder."""
+        """Connect to the only simulated bus below a runtime folder."""
         (path,) = (folder / "rid-daq").glob(f"*/{CELL}.sock")
         client = HubClient(path, HubRole.OBSERVER)
         try:
@@ -60,7 +60,7 @@ class BusListener:
             client.close()
 
     def is_stopped(self, wait_s: float) -> bool:
-        """Take what has come, waiting at most `wait_s`; return whether every axis was told."""
+        """Read frames for at most `wait_s`; return whether every axis has had its quick stop."""
         for _, can_id, length, _, data in self._client.take_all(wait_s):
             node = self._axis.get(can_id)
             if node is None or length < 2 or length == 4:  # a velocity alone
@@ -72,14 +72,14 @@ class BusListener:
 
 @dataclass(frozen=True)
 class Moving:
-    """A motion that is under way, and whom to ask for its stop.
+    """A running motion and the server that can stop it.
 
     Attributes:
-        control: The motion's words.
-        folder: The runtime folder that its simulated bus is in.
-        port: Where the server listens.
-        server: The server's process.
-        path: What is posted to.
+        control: The motion's control block.
+        folder: The runtime folder with its simulated bus.
+        port: TCP port of the server.
+        server: Process id of the server.
+        path: URL path of the stop.
     """
 
     control: ControlBlock
@@ -89,7 +89,7 @@ class Moving:
     path: str = "/stop"
 
     def post_stop(self) -> tuple[float, float]:
-        """Ask the server for the stop; return when the task and the last axis were told [s]."""
+        """Post the stop to the server; return the latency of the task and of the last axis [s]."""
         request = (
             f"POST {self.path} HTTP/1.1\r\nHost: 127.0.0.1:{self.port}\r\nX-Rid-Daq: stop\r\n"
             "Content-Type: application/json\r\nContent-Length: 2\r\n\r\n{}"
@@ -98,27 +98,27 @@ class Moving:
             began_s = time.monotonic()
             with socket.create_connection(("127.0.0.1", self.port), timeout=PATIENCE_S) as line:
                 line.sendall(request)
-                seen_s, _, stopped_s = self._told(bus)
+                seen_s, _, stopped_s = self._wait_for_stop(bus)
         return seen_s - began_s, stopped_s - began_s
 
     def stop_by_memory(self) -> tuple[float, int]:
-        """Write the stop's word; return when the last axis was told [s].
+        """Request the stop in shared memory.
 
         Returns:
-            That, and the cycles until the task saw the word.
+            Latency until the last axis's quick stop [s], and the cycles until the task reacted.
         """
         with BusListener.on_the_bus(self.folder) as bus:
             began_s, began = time.monotonic(), self.control.task.cycles
             self.control.program.request_stop(StopCode.STOP_COMMAND)
-            _, cycle, stopped_s = self._told(bus)
+            _, cycle, stopped_s = self._wait_for_stop(bus)
         return stopped_s - began_s, cycle - began
 
     def end(self) -> None:
-        """Write the stop's word."""
+        """Request the stop in shared memory and do not wait."""
         self.control.program.request_stop(StopCode.STOP_COMMAND)
 
-    def _told(self, bus: BusListener) -> tuple[float, int, float]:
-        """Wait for the stop; return when the task saw it, in which cycle, and its last frame."""
+    def _wait_for_stop(self, bus: BusListener) -> tuple[float, int, float]:
+        """Wait for the stop; return time and cycle of the task's reaction, and the last frame."""
         task, until_s = self.control.task, time.monotonic() + PATIENCE_S
         seen: tuple[float, int] | None = None
         while True:
@@ -129,18 +129,18 @@ class Moving:
             if stopped and seen is not None:
                 return *seen, now_s
             if now_s > until_s:
-                raise SystemExit("the stop was not seen")
+                raise SystemExit(f"no stop within {PATIENCE_S:g} s")
 
 
 @dataclass(frozen=True)
 class Stops:
-    """Stops that were pressed: those by the server, and those over shared memory.
+    """Latencies of the stops: by the server, and over shared memory.
 
     Attributes:
-        task_ms, bus_ms: How long each by the server took until the task saw it, and until the last
-            axis's quick stop was on the bus [ms].
-        memory_ms: The latter of those over shared memory [ms].
-        cycles: Within how many cycles those over shared memory were seen.
+        task_ms, bus_ms: Stops by the server: time until the task reacted, and until the last axis's
+            quick stop was on the bus [ms].
+        memory_ms: Stops over shared memory: time until the last axis's quick stop [ms].
+        cycles: Stops over shared memory: cycles until the task reacted.
     """
 
     task_ms: list[float] = field(default_factory=list)
@@ -149,18 +149,18 @@ class Stops:
     cycles: list[int] = field(default_factory=list)
 
     def press(self, moving: Moving) -> None:
-        """Stop a motion by the server."""
+        """Stop a motion through the server."""
         time.sleep(random.uniform(1.0, 2.0))
         for times, took_s in zip((self.task_ms, self.bus_ms), moving.post_stop(), strict=True):
             times.append(1e3 * took_s)
         print(
-            f"stop {len(self.bus_ms)}: seen {self.task_ms[-1]:.1f} ms, on the bus"
+            f"stop {len(self.bus_ms)}: task after {self.task_ms[-1]:.1f} ms, bus after"
             f" {self.bus_ms[-1]:.1f} ms",
             flush=True,
         )
 
     def press_frozen(self, moving: Moving) -> None:
-        """Stop a motion over shared memory, its server frozen."""
+        """Stop a motion over shared memory while its server is frozen."""
         os.kill(moving.server, signal.SIGSTOP)
         try:
             time.sleep(random.uniform(0.1, 0.3))

@@ -26,7 +26,7 @@ MOST_OF_LIMIT: Final = 0.9
 
 
 @dataclass(frozen=True, eq=False)
-class Sound:
+class SoundRecording:
     """A robot's recording, in which nothing is mistaken.
 
     Attributes:
@@ -45,7 +45,7 @@ class Sound:
     gravity_nm: FloatArray
 
 
-def sound_runs(count: int, first_seed: int = 0) -> Iterator[Sound]:
+def sound_runs(count: int, first_seed: int = 0) -> Iterator[SoundRecording]:
     """Yield recordings of invented robots: other bodies and other friction each time.
 
     Friction falls at low speed (Stribeck), grows with the cube root of the speed, and differs by
@@ -56,7 +56,7 @@ def sound_runs(count: int, first_seed: int = 0) -> Iterator[Sound]:
         yield sound_run(load_robot(ROBOTS[seed % len(ROBOTS)]), random)
 
 
-def sound_run(robot: RobotDescription, random: np.random.Generator) -> Sound:
+def sound_run(robot: RobotDescription, random: np.random.Generator) -> SoundRecording:
     """Return a recording of 30 to 60 s of a robot with invented bodies and friction."""
     duration_s = float(random.uniform(30.0, 60.0))
     q, v, a = _motion(robot, duration_s, random)
@@ -82,7 +82,7 @@ def sound_run(robot: RobotDescription, random: np.random.Generator) -> Sound:
     torque_nm += 0.02 * size * random.standard_normal(q.shape)
     share = _share_of_limits(robot, torque_nm)
     time_s = STEP_S * np.arange(len(q), dtype=np.float64)
-    return Sound(robot, time_s, *joints, share * torque_nm, share * gravity_nm)
+    return SoundRecording(robot, time_s, *joints, share * torque_nm, share * gravity_nm)
 
 
 def _share_of_limits(robot: RobotDescription, torque_nm: FloatArray) -> float:

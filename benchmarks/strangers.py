@@ -1,12 +1,13 @@
-"""Strangers' robots from a URDF to a validated model: `python -m benchmarks.strangers --urdf DIR`.
+"""Third-party robots from URDF to validated model: `python -m benchmarks.strangers --urdf DIR`.
 
-Every URDF below DIR goes through the commands with defaults, one robot at a time, each command in a
-process of its own: `init --urdf`, `check`, `design`, `record` of the excitation and of the
-validation motion on the simulated cell that init wrote, `identify`, `validate`. Where a tree has
-several tips, the first that init names is taken. `--only NAME`, given once or more, takes the files
-whose names contain NAME; `--json` leaves the table out. The last line is one JSON object; its
-medians are of the robots that passed: of wall time, and of processor time. The bar is for the
-processor time, since a busy computer changes it little.
+Every URDF below DIR goes through the commands with default options, each in a new process:
+`init --urdf`, `check`, `design`, `record` of the excitation and of the validation motion on the
+simulated cell that init wrote, `identify`, `validate`. If a tree has several tips, the benchmark
+uses the first that init names. `--only NAME` (repeatable) selects the files whose names contain
+NAME; `--json` omits the table.
+
+The last line is one JSON object with the median wall time and processor time of the robots that
+passed. The bar applies to the processor time, which depends little on other load.
 """
 
 from __future__ import annotations
@@ -33,14 +34,13 @@ STEPS: Final = ("init", "check", "design", "excitation", "validation", "identify
 
 @dataclass
 class Stranger:
-    """How far a robot came: the wall time of each step that was taken, and what stopped it.
+    """Result for one robot: the time of each step, and the error that ended it.
 
     Attributes:
-        name: The file, below the folder.
+        name: Path of the file below the folder.
         took_s: Step to wall time [s].
-        cpu_s: What all of them took of the processors [s]: more than the wall time says on a busy
-            computer, less where two processors worked.
-        stopped_by: What the failing command said last; empty where all passed.
+        cpu_s: Processor time of all steps [s].
+        stopped_by: Last line of the failing command's output; empty if all steps passed.
     """
 
     name: str
@@ -50,22 +50,22 @@ class Stranger:
 
     @property
     def initialised(self) -> bool:
-        """Whether init wrote a cell."""
+        """True if init wrote a cell."""
         return len(self.took_s) > 1 or not self.stopped_by
 
     @property
     def validated(self) -> bool:
-        """Whether the model passed its validation."""
+        """True if the model passed its validation."""
         return not self.stopped_by
 
     @property
     def total_s(self) -> float:
-        """The time from the URDF to wherever it came [s]."""
+        """Wall time of all steps together [s]."""
         return sum(self.took_s.values())
 
 
 def drive(name: str, urdf: Path, folder: Path) -> Stranger:
-    """Take one robot through the commands, as far as it goes."""
+    """Run the commands for one robot until one of them fails."""
     stranger = Stranger(name)
     cell, runs = str(folder / "cell.yaml"), ["--runs", str(folder / "runs")]
     init = ["init", str(folder), "--urdf", str(urdf)]
@@ -85,12 +85,12 @@ def drive(name: str, urdf: Path, folder: Path) -> Stranger:
             model = str(models[0]) if models else "no model"
             words[step] = ["validate", model, "validation", *runs]
         began_s = time.perf_counter()
-        code, said = _run(words[step])
-        if step == "init" and code and (tip := re.search(r"--tip[ =](?!LINK)([\w.\-/]+)", said)):
-            code, said = _run([*init, "--tip", tip[1]])
+        code, output = _run(words[step])
+        if step == "init" and code and (tip := re.search(r"--tip[ =](?!LINK)([\w.\-/]+)", output)):
+            code, output = _run([*init, "--tip", tip[1]])
         stranger.took_s[step] = time.perf_counter() - began_s
         if code:
-            lines = [line for line in said.splitlines() if line.strip()]
+            lines = [line for line in output.splitlines() if line.strip()]
             reason = next(
                 (line for line in reversed(lines) if not line.startswith(("Report:", "Kept:"))), ""
             )
@@ -107,7 +107,7 @@ def _children_s() -> float:
 
 
 def _run(words: list[str]) -> tuple[int, str]:
-    """Run a command; return its exit status and everything that it said."""
+    """Run a command; return its exit status and its output."""
     try:
         done = subprocess.run(
             [sys.executable, "-m", "rid_daq", *words],
@@ -117,18 +117,18 @@ def _run(words: list[str]) -> tuple[int, str]:
             check=False,
         )
     except subprocess.TimeoutExpired:
-        return 124, f"no end after {LONGEST_STEP_S:g} s"
+        return 124, f"still running after {LONGEST_STEP_S:g} s"
     return done.returncode, done.stdout + done.stderr
 
 
 def urdfs(folder: Path, only: list[str]) -> list[Path]:
-    """Return the URDFs below a folder, those whose names contain one of `only`."""
+    """Return the URDFs below a folder; with `only`, those whose names contain one of its words."""
     found = sorted(folder.rglob("*.urdf"))
     return [path for path in found if not only or any(word in path.name for word in only)]
 
 
 def main() -> int:
-    """Drive every robot and print; the last line is one JSON object."""
+    """Test every robot and print; the last line is one JSON object."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--urdf", type=Path, required=True, metavar="DIR")
     parser.add_argument("--only", action="append", default=[], metavar="NAME")

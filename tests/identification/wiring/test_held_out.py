@@ -9,8 +9,8 @@ import pytest
 
 from acquisition.processing.smoothing import smooth_nonperiodic
 from benchmarks.mistakes import recording_of
-from benchmarks.mistakes_made import Stated
-from benchmarks.sound_robots import Sound, sound_run
+from benchmarks.mistakes_made import UserFiles
+from benchmarks.sound_robots import SoundRecording, sound_run
 from config.load import load_robot
 from identification.regression.fit_grade import BAD_SHARE, Grade, grade_fit
 from identification.wiring.held_out import held_out_share
@@ -20,24 +20,26 @@ from identification.wiring.trial import CondensedEquations
 PERIOD = 1000  # rows of the motion's period
 
 
-def signals_of(sound: Sound, rows: int | None = None) -> WiredSignals:
-    stated = Stated.of(sound, slice(rows))
+def signals_of(sound: SoundRecording, rows: int | None = None) -> WiredSignals:
+    stated = UserFiles.of(sound, slice(rows))
     return WiredSignals.of(sound.robot, [smooth_nonperiodic(recording_of(stated), 10.0)])
 
 
 @pytest.fixture(scope="module", params=["kr15", "ur10e"])
-def sound(request: pytest.FixtureRequest) -> Sound:
+def sound(request: pytest.FixtureRequest) -> SoundRecording:
     return sound_run(load_robot(request.param), np.random.default_rng(11))
 
 
 @pytest.mark.parametrize("rows", [PERIOD, None])
-def test_a_sound_robot_holds_on_parts_that_were_left_out(sound: Sound, rows: int | None) -> None:
+def test_a_sound_robot_holds_on_parts_that_were_left_out(
+    sound: SoundRecording, rows: int | None
+) -> None:
     assert held_out_share(signals_of(sound, rows)).max() < 0.5 * BAD_SHARE
 
 
 @pytest.mark.parametrize("rows", [PERIOD, None])
 def test_another_robots_file_does_not_even_where_the_motion_repeats(
-    sound: Sound, rows: int | None
+    sound: SoundRecording, rows: int | None
 ) -> None:
     other = load_robot({"kr15": "ur10e", "ur10e": "kr15"}[sound.robot.name])
     signals = replace(signals_of(sound, rows), robot=other)

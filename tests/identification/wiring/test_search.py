@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.sound_robots import Sound, sound_run, sound_runs
+from benchmarks.sound_robots import SoundRecording, sound_run, sound_runs
 from config.load import load_robot
 from identification.wiring.common_mistakes import common_mistakes
 from identification.wiring.mistakes import Mistake, MistakeKind, zero_mistake
@@ -18,7 +18,7 @@ from identification.wiring.signals import WiredSignals
 COUPLING = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 1.0))
 
 
-def wired(sound: Sound) -> WiredSignals:
+def wired(sound: SoundRecording) -> WiredSignals:
     """Return all of the motors, as their drives measure it."""
     coupling = np.eye(len(sound.robot.joints))
     if sound.robot.coupling is not None:

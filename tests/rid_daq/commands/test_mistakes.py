@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.mistakes import tell
-from benchmarks.mistakes_made import Stated, mistakes
-from benchmarks.sound_robots import Sound, sound_run
+from benchmarks.mistakes import diagnose
+from benchmarks.mistakes_made import UserFiles, mistakes
+from benchmarks.sound_robots import SoundRecording, sound_run
 from config.load import load_robot, to_yaml
 from rid_daq.app import run
 
@@ -32,12 +32,12 @@ Identify = Callable[..., tuple[int, dict[str, Any]]]
 
 
 @pytest.fixture(scope="module")
-def sound() -> Sound:
+def sound() -> SoundRecording:
     return sound_run(load_robot("ir361"), np.random.default_rng(1))
 
 
 @pytest.fixture
-def identify(tmp_path: Path, sound: Sound, capsys: pytest.CaptureFixture[str]) -> Identify:
+def identify(tmp_path: Path, sound: SoundRecording, capsys: pytest.CaptureFixture[str]) -> Identify:
     """Import a sound recording by a map of these columns, and identify it."""
     table = np.column_stack([sound.time_s, sound.position, sound.torque_nm])
     np.savetxt(tmp_path / "rec.csv", table, delimiter=",", fmt="%.9g")
@@ -62,7 +62,9 @@ def test_a_sound_recording_is_good_and_nothing_is_wrong(identify: Identify) -> N
     assert all(axis["percent"] < 10.0 for axis in document["estimate"]["axes"])
 
 
-def test_a_few_seconds_give_wide_intervals_and_it_is_said(identify: Identify, sound: Sound) -> None:
+def test_a_few_seconds_give_wide_intervals_and_it_is_said(
+    identify: Identify, sound: SoundRecording
+) -> None:
     rate = 1.0 / float(np.median(np.diff(sound.time_s)))
     code, document = identify(RIGHT, "--rows", f"1-{round(8.5 * rate)}")
     assert code in (0, 6)
@@ -154,10 +156,10 @@ def test_a_model_of_another_robot_is_refused(
 
 
 def test_nothing_is_told_of_the_recording_that_mistakes_are_made_in(
-    sound: Sound, tmp_path: Path
+    sound: SoundRecording, tmp_path: Path
 ) -> None:
-    right = Stated(sound.robot, sound.time_s, sound.position, sound.torque_nm, sound.gravity_nm)
-    assert tell(right, tmp_path) == (False, set())
+    right = UserFiles(sound.robot, sound.time_s, sound.position, sound.torque_nm, sound.gravity_nm)
+    assert diagnose(right, tmp_path) == (False, set())
 
 
 @pytest.mark.slow
@@ -186,16 +188,16 @@ def test_nothing_is_told_of_the_recording_that_mistakes_are_made_in(
         "limits in degrees",
     ],
 )
-def test_a_mistake_is_refused_or_named(name: str, sound: Sound, tmp_path: Path) -> None:
-    right = Stated(sound.robot, sound.time_s, sound.position, sound.torque_nm, sound.gravity_nm)
+def test_a_mistake_is_refused_or_named(name: str, sound: SoundRecording, tmp_path: Path) -> None:
+    right = UserFiles(sound.robot, sound.time_s, sound.position, sound.torque_nm, sound.gravity_nm)
     made = next(each for each in mistakes(right) if each.name == name)
-    refused, named = tell(made.stated, tmp_path)
+    refused, named = diagnose(made.stated, tmp_path)
     joints = tuple(sound.robot.joint_names[j] for j in made.joints)
     assert refused or any((kind, joints) in named for kind in made.kinds)
 
 
 def test_what_no_robot_does_ends_with_exit_code_6_though_it_fits(
-    tmp_path: Path, sound: Sound, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, sound: SoundRecording, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """All torques reversed fit an arm of negative mass, driven by its friction."""
     table = np.column_stack([sound.time_s, sound.position, -sound.torque_nm])

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.mistakes_made import Stated
+from benchmarks.mistakes_made import UserFiles
 from benchmarks.sound_robots import sound_run
 from config.load import load_robot, to_yaml
 from config.robot.nominal_links import nominal_links
@@ -186,16 +186,16 @@ Engineer = Callable[..., SimpleNamespace]
 
 
 @pytest.fixture(scope="module")
-def sound() -> Stated:
+def sound() -> UserFiles:
     made = sound_run(load_robot("ir361"), np.random.default_rng(1))
-    return Stated.of(made)
+    return UserFiles.of(made)
 
 
 @pytest.fixture
 def engineer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Engineer:
     """Import a recording as an engineer states it, and identify it with options."""
 
-    def works(stated: Stated, *options: str, map_text: str | None = None) -> SimpleNamespace:
+    def works(stated: UserFiles, *options: str, map_text: str | None = None) -> SimpleNamespace:
         table = np.column_stack([stated.time_s, stated.position, stated.torque_nm])
         np.savetxt(tmp_path / "rec.csv", table, delimiter=",", fmt="%.9g")
         (tmp_path / "robot.yaml").write_text(to_yaml(stated.robot))
@@ -214,7 +214,7 @@ def engineer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Engineer:
 
 
 def test_a_file_of_another_robot_is_told_by_the_residuals(
-    engineer: Engineer, sound: Stated
+    engineer: Engineer, sound: UserFiles
 ) -> None:
     rows = load_robot("kr15").kinematics.rows[:3]
     kinematics = sound.robot.kinematics.model_copy(update={"rows": rows})
@@ -225,7 +225,7 @@ def test_a_file_of_another_robot_is_told_by_the_residuals(
 
 
 def test_consistent_is_not_said_as_right(
-    engineer: Engineer, sound: Stated, capsys: pytest.CaptureFixture[str]
+    engineer: Engineer, sound: UserFiles, capsys: pytest.CaptureFixture[str]
 ) -> None:
     found = engineer(sound)
     assert found.code == 0
@@ -246,7 +246,7 @@ def drawn(robot: RobotDescription, inertia: tuple[float, ...]) -> RobotDescripti
     return robot.model_copy(update={"cad": tuple(links)})
 
 
-def test_zeros_of_drawings_do_not_become_knowledge(engineer: Engineer, sound: Stated) -> None:
+def test_zeros_of_drawings_do_not_become_knowledge(engineer: Engineer, sound: UserFiles) -> None:
     values = {}
     for name, options in (("data", ()), ("drawn", ("--cad-prior",))):
         stated = replace(sound, robot=drawn(sound.robot, (0.0,) * 6))
@@ -259,7 +259,7 @@ def test_zeros_of_drawings_do_not_become_knowledge(engineer: Engineer, sound: St
 
 
 def test_no_term_is_chosen_that_the_data_do_not_tell_from_zero(
-    engineer: Engineer, sound: Stated
+    engineer: Engineer, sound: UserFiles
 ) -> None:
     """Nine seconds, and no joint whose friction grows with its load."""
     short = sound.time_s < 9.0
@@ -323,7 +323,7 @@ def test_a_clock_of_a_real_recording_is_told_with_its_factor(
 
 
 def test_rows_without_stamps_and_a_zero_of_its_own_are_read_by_the_map(
-    engineer: Engineer, sound: Stated
+    engineer: Engineer, sound: UserFiles
 ) -> None:
     turned = sound.position + np.array([0.0, 0.5, 0.0])
     text = sound.map_text.replace("time: {column: 0}", "rate_hz: 100.0")
@@ -336,7 +336,7 @@ def test_rows_without_stamps_and_a_zero_of_its_own_are_read_by_the_map(
 
 
 def test_rows_behind_a_jump_of_the_clock_are_believed_again(
-    engineer: Engineer, sound: Stated
+    engineer: Engineer, sound: UserFiles
 ) -> None:
     """A stamp comes late, those behind it are in time: thousands of rows were left out once."""
     time_s = sound.time_s.copy()
