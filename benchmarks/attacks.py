@@ -1,9 +1,9 @@
 """Latency of STOP while a service is attacked: `python -m benchmarks.attacks`.
 
-One `rid-daq serve` has two simulated cells; one of them records a motion in real time. The attacks
-run at the same time, on this computer only: bodies of 17 MB without a token (S8), a viewer that
+One `rid-daq serve` has two simulated cells; one cell records a motion in real time. All attacks run
+at the same time and on this computer. They are bodies of 17 MB without a token (S8), a viewer that
 opens every WebSocket and sends nonsense (S13), another program that locks the database (S14), a
-viewer's slow requests, a thousand slow clients, and a busy process on every core.
+viewer's slow requests, and a thousand slow clients. A busy process runs on every core.
 
 STOP is pressed for the other cell, alternately by a new HTTP connection and over a
 `/api/v1/stop-line` that was open before. As often, a process that only echoes is measured; its

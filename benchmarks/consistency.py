@@ -1,16 +1,16 @@
 """Physical consistency: power of the test, and semidefinite programme against log-Cholesky.
 
-`python -m benchmarks.consistency [--quick]`. Estimates of a six-axis arm with 52 base parameters
-are drawn from robots inside the cone of consistent ones and on its border (a wrist without rotor
-inertia and viscous friction, links without thickness, an arm without any friction): how often does
-the test refuse them at p = 0.05? Then one parameter that cannot be negative is set to -5 sigma: how
-often does the test refuse that? The time is the processor's.
+`python -m benchmarks.consistency [--quick]` draws estimates of a six-axis arm with 52 base
+parameters. The true robots are inside the cone of consistent parameters or on its border: a wrist
+without rotor inertia and viscous friction, links without thickness, or an arm without any friction.
+The first figure is the share that the test refuses at p = 0.05. Then one parameter that cannot be
+negative is set to -5 sigma; the second figure is the refused share. Times are processor times.
 
-Then estimates with noise are made consistent by the programme (Clarabel), and by the other known
-way: bodies that are consistent by construction, P = floor + L L^T with exponentials on L's
-diagonal, and a general minimiser with exact derivatives (Gauss-Newton in a trust region). Both
-minimise the same cost under the same constraints; the programme must be at least as low and ten
-times faster.
+Afterwards the programme (Clarabel) makes noisy estimates consistent. The peer parametrises bodies
+that are consistent by construction, P = floor + L L^T with exponentials on L's diagonal. It uses a
+general minimiser with exact derivatives (Gauss-Newton in a trust region). Both minimise the same
+cost under the same constraints. The programme's cost must not be higher, and it must be ten times
+faster.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def with_noise(
     noise_nm: float,
     random: np.random.Generator,
 ) -> Estimate:
-    """Return base parameters with the errors that noise on the torques of `phi` leaves."""
+    """Return base parameters with errors from torque noise, for the regressor `phi`."""
     n = len(robot.joint_names)
     covariance: FloatArray = np.asarray(noise_nm**2 * np.linalg.inv(phi.T @ phi), dtype=float)
     error = np.linalg.cholesky(covariance) @ random.normal(size=len(base))
@@ -89,7 +89,7 @@ def with_noise(
 
 
 def noisy_estimate(seed: int, noise_nm: float = NOISE_NM) -> Estimate:
-    """Return a UR10e's nominal base parameters with the errors that noise leaves."""
+    """Return a UR10e's nominal base parameters with errors from torque noise."""
     robot, options = load_robot("ur10e"), ModelOptions(friction_terms=("coulomb", "viscous"))
     model = options.build(robot)
     base = base_parameters(model)
@@ -101,7 +101,7 @@ def noisy_estimate(seed: int, noise_nm: float = NOISE_NM) -> Estimate:
 
 
 def sound_robot(estimate: Estimate, random: np.random.Generator | None = None) -> FloatArray:
-    """Return standard parameters of a robot inside the cone: nominal, or of random bodies."""
+    """Return standard parameters inside the cone: nominal ones, or those of random bodies."""
     return _sound(estimate.model, estimate.robot, random)
 
 
@@ -144,7 +144,7 @@ def border_robots(estimate: Estimate) -> list[tuple[str, FloatArray]]:
 
 @dataclass
 class Refusals:
-    """Refused draws, of how many, and the longest time of one test [s]."""
+    """Counts of refused draws and of all draws, and the longest time of one test [s]."""
 
     refused: int = 0
     draws: int = 0
@@ -173,7 +173,7 @@ def drawn(estimate: Estimate, values: FloatArray, random: np.random.Generator) -
 
 
 def false_refusals(draws: int) -> dict[str, Refusals]:
-    """Return the refusals of sound robots, inside the cone and on its border."""
+    """Return the refusals of consistent robots, inside the cone and on its border."""
     found: dict[str, Refusals] = {}
     for seed, noise_nm in enumerate(NOISES_NM):
         estimate = noisy_estimate(100 + seed, noise_nm)
@@ -204,7 +204,7 @@ def power(draws: int) -> Refusals:
 
 
 def log_cholesky(task: ConsistencyProgramme, target: FloatArray) -> FloatArray:
-    """Return the standard parameters that the peer finds."""
+    """Return the standard parameters found by the peer."""
     p = len(task.centre)
     to_body = np.linalg.pinv(BASIS.reshape(len(BASIS), -1).T)
     roots = [np.linalg.cholesky(floor) for floor in task.floors]
@@ -252,7 +252,7 @@ def log_cholesky(task: ConsistencyProgramme, target: FloatArray) -> FloatArray:
 
 
 def against_log_cholesky(count: int) -> tuple[bool, float, float]:
-    """Print and return whether the programme holds its bar, its time [ms], and how much faster."""
+    """Print the comparison; return whether the bar holds, the time [ms], and the speed-up."""
     spent, cost = np.zeros((2, count)), np.zeros((2, count))
     for seed in range(count):
         estimate = noisy_estimate(seed)

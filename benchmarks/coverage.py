@@ -1,4 +1,4 @@
-"""How often intervals hold the truth where the model lacks something: 200 simulated experiments.
+"""Coverage of confidence intervals with an incomplete model, in 200 simulated experiments.
 
 `python -m benchmarks.coverage [--quick]`. A three-axis arm runs a periodic excitation. Besides
 white noise, every experiment has model errors of its own that repeat in each period, so that
@@ -49,7 +49,7 @@ class Coverage:
 
 
 def coverage(experiments: int) -> Coverage:
-    """Simulate and identify many experiments, and count."""
+    """Simulate and identify experiments; return the shares of intervals that hold the truth."""
     robot = load_robot("ir361")
     motion = design_two_harmonic(robot, TwoHarmonicOptions(PERIOD_S, tries=50), CYCLE_S)
     trajectory = motion.trajectory(robot, CYCLE_S)
@@ -116,7 +116,7 @@ def main() -> int:
     found = coverage(experiments)
     print(f"{experiments} experiments with model error, two standard deviations hold the truth:")
     print(f"  cluster-robust interval (jackknife)  {100 * found.clustered:.1f} %")
-    print(f"  residuals taken for white            {100 * found.white:.1f} %")
+    print(f"  residuals assumed white              {100 * found.white:.1f} %")
     print(f"  measured noise alone                 {100 * found.noise:.1f} %")
     holds = LOW <= found.clustered <= HIGH
     print(

@@ -1,19 +1,20 @@
-"""The cyclic exchange in real time over the simulated bus, with its wire time: frames, times, CPU.
+"""The cyclic exchange in real time on a simulated bus with wire time: frames, times and CPU.
 
-Four axes at 1 kHz (trimmed frames, 80 % of 1 Mbit/s) and six at 500 Hz (full ones). The drives are
-played by a process that answers every SYNC; the hub gives every frame its time on the wire. The
-`canopen` package does the same in turn with us: SYNC, wait for all answers, read every value, set
-every value, send. So does the barest loop in C: what it takes is what the kernel takes for waking
-up and for handing over packets. CPU is compared with that taken off, since no program can do
-without it; the ratio with it in is printed too. C sleeps until a cycle's time and no better; our
-clock makes up for what waking up takes. Deep CPU idle states are disabled under all of them.
+Four axes run at 1 kHz (trimmed frames, 80 % of 1 Mbit/s) and six at 500 Hz (full frames). A process
+answers every SYNC for the drives; the hub delays every frame by its time on the wire. Three
+programs do the same exchange: rid-daq, the `canopen` package, and a minimal loop in C. Each sends
+SYNC, waits for all answers, reads every value, sets every value and sends.
 
-The three run by turns; of CPU the median of the turns is compared. Of how late cycles begin it is
-the p99 within a second that a quarter of the seconds do not exceed: a computer's own stalls, which
-come in storms and hit whoever runs, are in many of the others. The p99 of all cycles, storms and
-all, is printed beside it.
+The CPU time of the C loop is the kernel's cost of wake-ups and packets, which every program has.
+CPU times are therefore compared after subtraction of the C loop's; the plain ratio is printed too.
+The C loop sleeps until each cycle's time; our clock also compensates the wake-up latency. Deep CPU
+idle states are disabled for all three.
 
-The exchange time is from SYNC until the last answer has been decoded; most of it is on the wire.
+The three programs take turns. CPU times are compared by their median over the turns. Lateness is
+compared by `calm_p99` in windows of one second, since a computer's own stalls come in bursts and
+hit every process. The p99 of all cycles is printed as well.
+
+The exchange time runs from SYNC until the last answer is decoded; it is mostly wire time.
 
 Run it with ``python -m benchmarks.cyclic [--quick]``.
 """
@@ -64,12 +65,12 @@ SCENARIOS = (Scenario(4, 0.001, trimmed=True), Scenario(6, 0.002, trimmed=False)
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one program's run of a scenario showed.
+    """Result of one program's run of a scenario.
 
     Attributes:
-        late_s, exchange_s: How late each cycle began, and how long its exchange took [s].
-        cpu, cpu_per_cycle_s: Processor time over time, and over cycles [s]: who is late does fewer
-            in a second.
+        late_s, exchange_s: Lateness and exchange time of each cycle [s].
+        cpu, cpu_per_cycle_s: Processor time per wall time, and per cycle [s]; they differ for a
+            program that skips cycles.
         sent, received: Set-points sent, answers received.
     """
 
@@ -82,14 +83,14 @@ class Outcome:
 
 
 Cycle = Callable[[], tuple[float, int]]
-"""Does one exchange; returns when it was complete [s] and how many answers came."""
+"""Function that does one exchange and returns its end [s] and the number of answers."""
 
 Sleep = Callable[[float], None]
-"""Sleeps until a time [s]."""
+"""Function that sleeps until a time [s]."""
 
 
 def our_cycle(scenario: Scenario, path: Path) -> tuple[Cycle, Callable[[], int], Sleep]:
-    """Return a cycle of our driver, how many answers came at other times, and its sleep."""
+    """Return a cycle of our driver, a count of late and extra answers, and its sleep function."""
     nodes = list(range(1, scenario.axes + 1))
     safety = DriveSafety(quick_stop_deceleration_rad_s2=10.0, following_error_rad=0.1)
     watch = DriveWatch([f"axis{node}" for node in nodes], nodes, safety)
@@ -115,7 +116,7 @@ def our_cycle(scenario: Scenario, path: Path) -> tuple[Cycle, Callable[[], int],
 
     def surplus() -> int:
         nonlocal after
-        exchange.collect(time.monotonic())  # what came after the last cycle
+        exchange.collect(time.monotonic())  # answers after the last cycle
         after += int(np.count_nonzero(exchange.answers.received))
         return exchange.answers.late_frames + exchange.duplicate_frames + after
 
@@ -123,7 +124,7 @@ def our_cycle(scenario: Scenario, path: Path) -> tuple[Cycle, Callable[[], int],
 
 
 def canopen_cycle(scenario: Scenario, path: Path) -> tuple[Cycle, Callable[[], int], Sleep]:
-    """Return the same cycle with the canopen package, as its own examples have it."""
+    """Return the same cycle with the canopen package, written as in its examples."""
     import canopen
     from canopen.objectdictionary import ODRecord, ODVariable
 
@@ -201,7 +202,7 @@ def canopen_cycle(scenario: Scenario, path: Path) -> tuple[Cycle, Callable[[], i
 
 
 def run_loop(scenario: Scenario, path: Path, ours: bool, seconds: float, pipe: Connection) -> None:
-    """Run cycles at absolute deadlines, the main function of the loop's process."""
+    """Run cycles at absolute deadlines, as the main function of the loop's process."""
     request_realtime()
     cycle, late_frames, sleep_until = (our_cycle if ours else canopen_cycle)(scenario, path)
     cycle()
@@ -259,7 +260,7 @@ def run_bare(
 
 
 def measure(scenario: Scenario, who: str, seconds: float, bare: Path | None) -> tuple[Outcome, int]:
-    """Return a program's outcome, and how many frames were lost."""
+    """Return a program's outcome and the number of lost frames."""
     context = multiprocessing.get_context("spawn")
     with served(scenario) as (path, drives):
         start_ns = time.monotonic_ns() + 2_500_000_000
@@ -307,7 +308,7 @@ def main() -> int:
     """Measure and print; the last line is one JSON object."""
     quick = "--quick" in sys.argv
     rounds, seconds = (3, 3.0) if quick else (ROUNDS, ROUND_S)
-    ctypes.CDLL(None)  # found now, not in a loop
+    ctypes.CDLL(None)  # loads the library before the measurement
     ratios: dict[str, float] = {}
     holds, lost_frames, worst_s = True, 0, 0.0
     with compiled() as bare:
@@ -347,7 +348,7 @@ def main() -> int:
             holds = holds and cpu >= CPU_RATIO
     holds = holds and lost_frames == 0
     if bare is None:
-        print("no C compiler: CPU is compared with the kernel's share in, lateness not at all")
+        print("no C compiler: CPU is compared without subtraction, lateness is not compared")
     result = {
         "name": "cyclic",
         "value": round(1e6 * worst_s),

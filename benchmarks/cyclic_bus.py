@@ -26,33 +26,33 @@ BITRATE = 1_000_000
 HEARTBEAT_S, DRIVE_HEARTBEAT_S, STATUS_S = 0.025, 0.05, 0.1
 STATUS_ENABLED = 0x1637
 ANSWER_NS = 20_000
-"""How long a drive takes to answer."""
+"""Response time of a drive [ns]."""
 
 FULL, TRIMMED = struct.Struct("<Hih"), struct.Struct("<ih")
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """So many axes at a cycle time, in full or trimmed frames."""
+    """Number of axes, cycle time, and full or trimmed frames."""
 
     axes: int
     cycle_time_s: float
     trimmed: bool
 
     def __str__(self) -> str:
-        """Return it in words."""
+        """Return a short description."""
         frames = "trimmed" if self.trimmed else "full"
         return f"{self.axes} axes, {1 / self.cycle_time_s:.0f} Hz, {frames} frames"
 
     @property
     def burst_s(self) -> float:
-        """How long SYNC and all answers take at least [s]."""
+        """Shortest time of SYNC and all answers on the wire [s]."""
         bits = (self.axes + 1) * 47 + 8 * (6 if self.trimmed else 8) * self.axes
         return bits / BITRATE
 
     @property
     def load(self) -> float:
-        """The share of the bus that it takes."""
+        """Bus load, as a share of the bandwidth."""
         return cyclic_load(
             self.axes,
             self.cycle_time_s,
@@ -64,7 +64,7 @@ class Scenario:
 
 
 def play_drives(path: Path, pipe: Connection) -> None:
-    """Answer every SYNC until told to end; tell how many SYNCs and set-points came when asked."""
+    """Answer every SYNC until the pipe has a message; then send the counts of SYNCs and targets."""
     scenario: Scenario = pipe.recv()
     client = HubClient(path, HubRole.DEVICE)
     gc.freeze()
@@ -100,7 +100,7 @@ def play_drives(path: Path, pipe: Connection) -> None:
 
 @contextmanager
 def served(scenario: Scenario) -> Iterator[tuple[Path, Connection]]:
-    """Serve the bus and its drives; yield the bus and how to talk to the drives."""
+    """Run the bus and its drives; yield the path of the bus and the pipe to the drives."""
     context = multiprocessing.get_context("spawn")
     folder = Path(tempfile.mkdtemp(prefix="cyclic-"))
     path = folder / "bus.sock"

@@ -1,7 +1,7 @@
-"""CPU time of one cycle of the CAN driver, beside the barest loop that moves the same frames.
+"""CPU time of one cycle of the CAN driver, compared with a minimal loop with the same frames.
 
-Three drives are played by a process of their own over a local socket. A cycle is SYNC, three
-answers decoded into the arrays, three set-points.
+A separate process simulates three drives over a local socket. A cycle is SYNC, three answers that
+are decoded into arrays, and three set-points.
 
 Run it with ``python -m benchmarks.cyclic_exchange [--quick]``.
 """
@@ -36,7 +36,7 @@ ANSWERS = [
 
 
 def play_drives(bus: socket.socket) -> None:
-    """Answer every SYNC with all TPDOs, until the other end is closed."""
+    """Answer every SYNC with all TPDOs until the other end closes."""
     while data := bus.recv(16):
         if CAN_FRAME.unpack(data)[0] == 0x80:
             for answer in ANSWERS:
@@ -44,7 +44,7 @@ def play_drives(bus: socket.socket) -> None:
 
 
 class SocketBus(can.BusABC):
-    """The plainest python-can bus on a socket of 16-byte frames."""
+    """Minimal python-can bus on a socket with 16-byte frames."""
 
     channel_info = "local socket"
 
@@ -96,7 +96,7 @@ def bare_cycle(bus: socket.socket) -> Callable[[], None]:
 
 
 def cpu_us(cycle: Callable[[], None], cycles: int, pause_s: float) -> float:
-    """Return the least CPU time a cycle took, averaged over `cycles`, of five rounds [us]."""
+    """Return the CPU time per cycle, averaged over `cycles`; the lowest of five rounds [us]."""
     rounds = []
     for _ in range(5):
         began_s = time.process_time()

@@ -1,8 +1,8 @@
-"""The demo as a user runs it: wall time against its bar and against the motions' own duration.
+"""Wall time of the demo as a user runs it, compared with its bar and its motions' duration.
 
-`python -m benchmarks.demo [--quick]`; the last line is one JSON object. The limit measured in the
-same run is a bare ping-pong of packets between processes, as many as the lock-step buses need: what
-the simulation would cost if nothing computed anything.
+`python -m benchmarks.demo [--quick]`; the last line is one JSON object. The lower limit, measured
+in the same run, is a plain exchange of packets between processes, as many as the lock-step buses
+need: the time of the simulation without any computation.
 """
 
 from __future__ import annotations

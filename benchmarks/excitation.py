@@ -1,14 +1,14 @@
-"""Experiment design: the condition number reached for a UR10e-like arm in a stated time.
+"""Experiment design: condition number for a UR10e-like arm after a given computing time.
 
-`python -m benchmarks.excitation [--quick]`. All columns count: rigid bodies, rotors, viscous and
-Coulomb friction, offsets. Limits on position, speed, acceleration, torque (drawings), a floor, a
-wall and self-collision are verified on the dense grid before a motion counts.
+`python -m benchmarks.excitation [--quick]`. The regressor has columns for rigid bodies, rotors,
+viscous and Coulomb friction and offsets. A motion counts only if it respects all limits on a dense
+time grid: position, speed, acceleration, torque (from CAD data), floor, wall and self-collision.
 
-The condition number is the one that the published tools quote: of the base regressor in SI units as
-it stands, rotors at the link side, rows and columns as they are. That of the same motion by (2.25,
-2.26), with rows over the torque limits and columns of length one, does not depend on units and is
-printed beside it. The peer is the two-harmonic heuristic (3.22) with as many draws as fit into the
-same time on the same cores; it minds neither torque nor obstacles.
+The condition number is defined as in the published tools: of the base regressor in SI units,
+without scaling, with rotors at the link side. For the same motion, the condition number of (2.25,
+2.26) is printed too; its rows are divided by the torque limits and its columns have length one, so
+that it does not depend on units. The peer is the two-harmonic heuristic (3.22) with as many draws
+as fit into the same time on the same cores; it ignores torque limits and obstacles.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def main() -> int:
             best = candidate
             print(f"{elapsed_s:6.1f} s  best condition number {candidate.check.objective:.2f}")
     stream.close()
-    print(f"{found} starts; {broken} ended in a motion that breaks a limit and does not count")
+    print(f"{found} starts; {broken} motions exceed a limit and do not count")
     if best is not None:
         torque = np.array([joint.limits.torque for joint in problem.robot.joints])
         scaled = replace(problem, expected_noise_nm=torque, criterion=Condition())

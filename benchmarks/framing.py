@@ -1,11 +1,13 @@
 """Random and mutated byte streams at a service: `python -m benchmarks.framing --minutes 10`.
 
-Eight senders open connections to one `rid-daq serve` of a simulated cell and send HTTP and
-WebSocket frames, right ones and mutated (`benchmarks/framing_streams.py`); some send all at once,
-some in small parts, some leave, some stay silent. Meanwhile STOP is pressed, by new connections and
-over one `/api/v1/stop-line`. Bars: no process of the service ends or writes a traceback; no STOP
-is lost, p99 50 ms; at the end the memory of both processes is at most 5 % above that after the
-first fifth of the time, with all connections closed.
+Eight senders open connections to one `rid-daq serve` of a simulated cell and send correct and
+mutated HTTP requests and WebSocket frames (`benchmarks/framing_streams.py`), at once or in small
+parts. Some disconnect early and some stay silent. At the same time STOP is pressed, by new
+connections and over one `/api/v1/stop-line`.
+
+Bars: no process of the service ends or writes a traceback. No STOP is lost, and the p99 latency is
+at most 50 ms. With all connections closed, the memory of both processes at the end is at most 5 %
+above that after the first fifth of the time.
 
 `--seed` repeats the streams. The last line is one JSON object.
 """
@@ -45,13 +47,13 @@ PRESS_S: Final = 0.1
 
 @dataclass(frozen=True)
 class Served:
-    """A service.
+    """A running service.
 
     Attributes:
-        process: It.
-        port: Where it listens.
-        token: The secret of a viewer.
-        log: What it writes.
+        process: Process of the service.
+        port: TCP port.
+        token: Secret of a viewer's token.
+        log: File with its output.
     """
 
     process: subprocess.Popen[bytes]
@@ -60,7 +62,7 @@ class Served:
     log: Path
 
     def processes(self) -> dict[int, str]:
-        """Return the service's process and the one in front of it, by number."""
+        """Return the process ids of the service and of its front process, with their names."""
         pid = self.process.pid
         found = {pid: "service"}
         for child in map(int, Path(f"/proc/{pid}/task/{pid}/children").read_text().split()):
@@ -71,7 +73,7 @@ class Served:
         return found
 
     def memory_kb(self) -> dict[str, int]:
-        """Return the resident memory of each [kB]."""
+        """Return the resident memory of each process [kB]."""
         return {
             name: int(re.findall(r"VmRSS:\s+(\d+)", Path(f"/proc/{pid}/status").read_text())[0])
             for pid, name in self.processes().items()
@@ -80,21 +82,23 @@ class Served:
 
 @contextlib.contextmanager
 def serving(folder: Path) -> Iterator[Served]:
-    """Yield a service with a viewer's token."""
+    """Start a service and yield it with a viewer's token; end it afterwards."""
     os.environ["XDG_RUNTIME_DIR"] = str(folder)
     words = [sys.executable, "-m", "rid_daq", "serve", CELL, "--folder", str(folder)]
     log = folder / "said"
-    with log.open("wb") as said:
-        process = subprocess.Popen([*words, "--listen", "127.0.0.1:0"], stdout=said, stderr=said)
+    with log.open("wb") as output:
+        process = subprocess.Popen(
+            [*words, "--listen", "127.0.0.1:0"], stdout=output, stderr=output
+        )
     try:
         until_s = time.monotonic() + PATIENCE_S
         while not (found := re.search(r"127\.0\.0\.1:(\d+)/", log.read_text())):
             if process.poll() is not None or time.monotonic() > until_s:
-                raise SystemExit(f"no service: {log.read_text()}")
+                raise SystemExit(f"the service did not start: {log.read_text()}")
             time.sleep(0.05)
         with ServiceClient.at(str(socket_path_of(folder))) as client:
-            wanted = {"name": "viewer", "role": "viewer", "person": False}
-            token = str(client.ask("POST", "/tokens", wanted)["secret"])
+            body = {"name": "viewer", "role": "viewer", "person": False}
+            token = str(client.ask("POST", "/tokens", body)["secret"])
         yield Served(process, int(found[1]), token, log)
     finally:
         process.terminate()
@@ -104,7 +108,7 @@ def serving(folder: Path) -> Iterator[Served]:
 def send_streams(
     port: int, token: str, seed: int, until_s: float, sent: multiprocessing.Queue[int]
 ) -> None:
-    """Send streams until a time; the main function of a sender's process."""
+    """Send streams until a time, as the main function of a sender's process."""
     os.nice(10)
     chance = random.Random(seed)
     streams, count = Streams(chance, port, token), 0
@@ -116,7 +120,7 @@ def send_streams(
 
 
 def send(port: int, stream: bytes, chance: random.Random) -> None:
-    """Send one stream over a connection of its own, in one of several ways."""
+    """Send one stream over a new connection, in one of several ways."""
     with socket.create_connection(("127.0.0.1", port), timeout=5.0) as line:
         line.settimeout(0.2)
         step = chance.choice((len(stream) or 1, 1000, 7))
@@ -144,7 +148,7 @@ def press(served: Served, until_s: float) -> dict[str, Pressed]:
 
 
 def fuzz(served: Served, seed: int, seconds: float) -> tuple[dict[str, Pressed], int]:
-    """Send streams for so long; return the STOPs, and how many streams there were."""
+    """Send streams for a time; return the STOPs and the number of streams."""
     context = multiprocessing.get_context("spawn")
     sent: multiprocessing.Queue[int] = context.Queue()
     until_s = time.monotonic() + seconds

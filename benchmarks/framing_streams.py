@@ -1,4 +1,4 @@
-"""Byte streams that a service may be sent: requests and WebSocket frames, some mutated."""
+"""Byte streams for a service: HTTP requests and WebSocket frames, some of which are mutated."""
 
 from __future__ import annotations
 
@@ -50,12 +50,12 @@ _WEBSOCKET: Final = (
 
 @dataclass(frozen=True)
 class Streams:
-    """Makes streams, the same for the same seed.
+    """Generator of streams.
 
     Args:
-        random: Where chance comes from.
-        port: The service's, for the header Host.
-        token: A viewer's secret, which some of the streams show.
+        random: Random generator; the same seed gives the same streams.
+        port: Port of the service, for the header Host.
+        token: Secret of a viewer's token, which some streams contain.
     """
 
     random: random.Random
@@ -116,7 +116,7 @@ class Streams:
         return self.random.randbytes(self.random.randrange(most))
 
     def _mutated(self, made: bytes) -> bytes:
-        """Return a stream after up to four small accidents."""
+        """Return a stream with up to four random changes."""
         found = bytearray(made)
         accidents: tuple[Callable[[bytearray], None], ...] = (
             self._flip,

@@ -6,10 +6,10 @@ recordings, at 100 to 1000 Hz, are low-passed and identified as `rid-daq identif
 
 1. Without noise, every Coulomb and viscous coefficient is within 0.02 % of the truth from 200 Hz up
    and within 0.08 % at 100 Hz, at the usual band and at 3 Hz.
-2. With encoders of 19 bits and torque noise of 1 % (white, or white and half as much below 3 Hz),
-   the 2-sigma intervals hold 93 to 97 % of friction and of rigid parameters, and at least 94 % of
-   the parameters of two recordings of one arm agree within 2 sigma.
-3. If the encoder's steps are the only noise, the intervals hold as much, or a finding warns.
+2. The second test has encoders of 19 bits and torque noise of 1 %, with or without additional noise
+   of 0.5 % below 3 Hz. The 2-sigma intervals hold 93 to 97 % of the true friction and rigid
+   parameters. At least 94 % of the parameters of two recordings of one arm agree within 2 sigma.
+3. If the encoder's steps are the only noise, the same limits hold, or a finding warns.
 
 The last line is one JSON object. `--quick` takes less than a minute: a few recordings and wider
 limits, which it prints.
@@ -58,8 +58,8 @@ class Plan:
     """Numbers of recordings.
 
     Attributes:
-        arms: Which arms.
-        trajectories, draws: Motions of each kind for each arm, and draws of noise on each of them.
+        arms: Names of the arms.
+        trajectories, draws: Motions of each kind for each arm, and draws of noise for each motion.
         rates_hz, bias_rates_hz: Rates for intervals and for the bias.
         slack: Percentage points by which coverage and agreement may miss their limits.
     """

@@ -1,10 +1,10 @@
 """Held keys over bad links: `python -m benchmarks.held_key [--quick]`.
 
-Three hundred links that stall, are late, reorder, repeat or break, by 0.1 to 10 s in both
-directions, and processes that hang as long, in simulated time; a handful over sockets in real time.
-No motion may go on later than 0.3 s after the release plus the stop ramp, and none may begin
-without a new press after a gap. Then false releases are counted: at 20 ms each way with 1 % packet
-loss at most one a minute, on loopback none in 10 minutes of real time.
+Three hundred simulated links stall, delay, reorder, repeat or lose messages for 0.1 to 10 s, or the
+service or worker hangs for as long. A few links run over sockets in real time. The robot must stop
+within 0.3 s after the release plus the stop ramp, and must not move again after a gap without a new
+press. Then false releases are counted: at most one a minute with a latency of 20 ms each way and
+1 % packet loss, and none on loopback in 10 minutes of real time.
 
 It uses 127.0.0.0/8 only. The last line is one JSON object; the exit code is 1 if a bar fails.
 """
@@ -35,13 +35,13 @@ FALSE_A_MINUTE_BAR: Final = 1.0
 
 @dataclass
 class Outcome:
-    """What became of the motion over one link.
+    """Result for one link.
 
     Attributes:
-        moved: Whether the robot moved at all.
-        late_s: How long it still moved after the release, beyond what is allowed [s]; negative if
-            less.
-        restarts: How often it began to move again within one press, or without any.
+        moved: True if the robot moved at all.
+        late_s: Time from the latest allowed stop to the end of the motion [s]; negative if the
+            motion ended earlier.
+        restarts: Number of times that it moved again during the same press or without a press.
     """
 
     moved: bool
@@ -50,14 +50,14 @@ class Outcome:
 
 
 def ramp_s() -> float:
-    """Return how long the stop ramp from a jog's speed takes, the cycle that begins it included."""
+    """Return the duration of the stop ramp from a jog's speed, including its first cycle."""
     limits = [joint.limits for joint in LOADED.robot.joints]
     slowest = max(SPEED_SHARE * each.velocity / (0.3 * each.acceleration) for each in limits)
     return slowest + 2.0 * LOADED.config.cycle_time_s
 
 
 def disturbed(kind: str, chance: random.Random, from_s: float, size_s: float) -> Way:
-    """Return a way that is disturbed from a time on."""
+    """Return a one-way link that is disturbed from a given time."""
     base_s = chance.uniform(0.0005, 0.03)
 
     def arrival_s(sent_s: float) -> float:
@@ -75,7 +75,7 @@ def disturbed(kind: str, chance: random.Random, from_s: float, size_s: float) ->
 
 
 def over_link(seed: int) -> Outcome:
-    """Hold a key three times over one link, and return what moved when."""
+    """Hold a key three times over one link; return the result."""
     chance = random.Random(seed)
     kind = KINDS[seed % len(KINDS)]
     size_s = math.exp(chance.uniform(math.log(SHORTEST_S), math.log(LONGEST_S)))
@@ -96,7 +96,7 @@ def over_link(seed: int) -> Outcome:
 
 
 def _hold(jog: SimulatedJog, chance: random.Random, until_s: float, reconnects_s: float) -> Outcome:
-    press = 0  # of the person; 0 while none is held
+    press = 0  # number of the current press; 0 without one
     presses = 0
     changes_s = jog.clock.now_s + chance.uniform(0.6, 1.2)
     released_s = -math.inf
@@ -133,7 +133,7 @@ def _hold(jog: SimulatedJog, chance: random.Random, until_s: float, reconnects_s
 
 
 def lossy(later: int) -> tuple[Way, Way]:
-    """Return both ways of a link of 20 ms each way that loses 1 % of its packets."""
+    """Return both directions of a link with 20 ms latency and 1 % packet loss."""
     chance = random.Random(1)
     return (
         LossyWay(LATENCY_S, LOSS, chance, later),
@@ -142,12 +142,12 @@ def lossy(later: int) -> tuple[Way, Way]:
 
 
 def narrow() -> tuple[Way, Way]:
-    """Return both ways of a link that takes 2 kB/s of what a page sends."""
+    """Return both directions of a link that passes 2 kB/s from the page."""
     return NarrowWay(MESSAGE_BYTES / 2000.0), DisturbedWay(lambda sent_s: sent_s + 0.001)
 
 
 def false_releases(minutes: float, there: Way, back: Way) -> float:
-    """Return how often a minute a held key was lost."""
+    """Return the number of false releases per minute."""
     page = Page(there, careless=False)
     found = 0
     with SimulatedJog(page, back) as jog:
@@ -179,14 +179,14 @@ def report(links: int, minutes: float, loopback_s: float) -> bool:
     restarts = sum(each.restarts for each in outcomes)
     moved = sum(each.moved for each in outcomes)
     print(
-        f"{links} links in simulated time, {moved} of which moved: the latest motion ended"
-        f" {-1e3 * late_s:.0f} ms before its limit; {restarts} began without a new press"
+        f"{links} simulated links, {moved} with motion: the latest motion ended"
+        f" {-1e3 * late_s:.0f} ms before its limit; {restarts} restarts without a new press"
     )
     lost, older = (false_releases(minutes, *lossy(later)) for later in (1, 3))
     filled = false_releases(minutes / 10.0, *narrow())
     print(
-        f"20 ms each way, 1 % of packets lost: {lost:.2f} false releases a minute (TCP of RFC 8985,"
-        f" as Linux has it), {older:.2f} with fast retransmit after three packets; 2 kB/s from the"
+        f"20 ms each way, 1 % of packets lost: {lost:.2f} false releases a minute with TCP as in"
+        f" Linux (RFC 8985), {older:.2f} with fast retransmit after three packets; 2 kB/s from the"
         f" page: {filled:.2f}"
     )
     real: RealLinks = real_links(loopback_s, ramp_s())
@@ -219,7 +219,7 @@ def report(links: int, minutes: float, loopback_s: float) -> bool:
 
 
 def main() -> int:
-    """Measure; the exit code says whether all bars hold."""
+    """Measure and print; return 0 if all bars hold."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="fewer links, seconds for minutes")
     quick = parser.parse_args().quick

@@ -1,8 +1,8 @@
-"""From the service's challenges to the set-points of the cyclic task, in simulated time.
+"""Path from the service's challenges to the set-points of the cyclic task, in simulated time.
 
-Everything is the program's own but the clock, the processes and the ways between them: the check
-of the service, the orders as lines of JSON, the worker's judge, the pilot, the dead-man in shared
-memory, and the set-points of each cycle.
+Only the clock, the processes and the links are simulated. The service's check, the orders as lines
+of JSON, the worker's check, the dead-man thread, the dead-man in shared memory and the set-points
+are those of the program.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ START: Final = np.array(LOADED.config.home)
 
 
 class Connection:
-    """A connection of a page: its challenges, and the way back.
+    """Connection of a page: its challenges and the direction to the page.
 
     Args:
-        back: Leads to the page.
+        back: Direction to the page.
         clock: The simulated time.
     """
 
@@ -54,7 +54,7 @@ class Connection:
             self._next_s = now_s + self.challenges.pause_s
 
     def order(self, told: Told) -> str | None:
-        """Return what the service writes to the worker of a page's message."""
+        """Return the order that the service sends to the worker for a page's message, if any."""
         message = self.challenges.parse_key_message(JOB, "lease", told)
         return None if message is None else json.dumps(message.to_order())
 
@@ -66,13 +66,13 @@ class Clock:
     now_s: float = 1000.0
 
     def __call__(self) -> float:
-        """Return it [s]."""
+        """Return the time [s]."""
         return self.now_s
 
 
 @dataclass
 class Stall:
-    """A time in which a process does nothing, and what waits for it is dealt with afterwards."""
+    """Time span in which a process is suspended; pending messages are handled afterwards."""
 
     begin_s: float = 0.0
     end_s: float = 0.0
@@ -82,10 +82,11 @@ class Stall:
 
 
 class SimulatedJog:
-    """A jog that one page holds keys for, for as long as the `with` lasts.
+    """A jog whose keys one page holds, as a context manager.
 
     Args:
-        back: The way from the service to the page.
+        page: The page.
+        back: Direction from the service to the page.
     """
 
     def __init__(self, page: Page, back: Way) -> None:
@@ -122,12 +123,12 @@ class SimulatedJog:
         self._stack.close()
 
     def connect(self, there: Way, back: Way) -> None:
-        """Have the page come by another connection; what is on the way on the old one is lost."""
+        """Reconnect the page; messages in transit on the old connection are lost."""
         self.connection = Connection(back, self.clock)
         self.page.connect(there)
 
     def tick(self) -> None:
-        """Let `TICK_S` pass."""
+        """Advance the time by `TICK_S`."""
         now_s = self.clock.now_s = self.clock.now_s + TICK_S
         for told in self.connection.back.arrived(now_s):
             self.page.take(told, now_s)

@@ -1,4 +1,4 @@
-"""Links between a page and a service in simulated time, and the page that holds a key over them."""
+"""Simulated links between a page and a service, and a page that holds a key."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Any, Final, Protocol
 Told = dict[str, Any]
 
 RTO_S: Final = 0.2
-"""Least time after which TCP sends again what was not acknowledged [s] (Linux)."""
+"""Shortest retransmission timeout of TCP in Linux [s]."""
 
 LIMIT_S: Final = 0.3  # LIMIT_MS of held_key.js
 
@@ -26,17 +26,17 @@ class Way(Protocol):
         ...
 
     def arrived(self, now_s: float) -> list[Told]:
-        """Return the messages that have arrived since the last look."""
+        """Return the messages that have arrived since the last call."""
         ...
 
 
 class DisturbedWay:
-    """A way with any delay a message, in order or not, and with messages that come again.
+    """A direction with an arbitrary delay per message, reordering and repetition.
 
     Args:
-        arrival_s: Returns when a message arrives that is sent at a time [s].
-        ordered: Whether a message waits for those that were sent before it.
-        again_s: How long after its arrival each message comes again [s].
+        arrival_s: Function from the time of sending to the time of arrival [s].
+        ordered: True if a message cannot overtake earlier ones.
+        again_s: Time from the arrival of each message to its repetition [s]; None for none.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class DisturbedWay:
             heapq.heappush(self._waiting, again)
 
     def arrived(self, now_s: float) -> list[Told]:
-        """Return the messages that have arrived since the last look."""
+        """Return the messages that have arrived since the last call."""
         found = []
         while self._waiting and self._waiting[0][0] <= now_s:
             found.append(heapq.heappop(self._waiting)[2])
@@ -80,17 +80,17 @@ class _Packet:
 
 
 class LossyWay:
-    """A way of TCP that loses packets: a lost one holds up those after it until it came again.
+    """A direction of a TCP connection with packet loss; a lost packet delays the following ones.
 
-    A packet counts as lost once so many packets that were sent after it, or after it was sent
-    again, are known to have arrived, or after its timeout. One message is one packet.
+    A packet is sent again after its timeout, or when `later` packets that were sent after it are
+    known to have arrived. Each message is one packet.
 
     Args:
-        latency_s: One way [s]; the same for acknowledgements, which are not lost.
-        loss: Share of packets.
-        chance: Decides which.
-        later: 1 as Linux and Windows do (RACK, RFC 8985, which also waits for a quarter of the
-            round trip); 3 as older systems (fast retransmit, RFC 5681).
+        latency_s: One-way latency [s], also of acknowledgements, which are never lost.
+        loss: Share of lost packets.
+        chance: Random generator that selects the lost packets.
+        later: 1 as in Linux and Windows (RACK, RFC 8985, which also waits for a quarter of the
+            round trip); 3 as in older systems (fast retransmit, RFC 5681).
     """
 
     def __init__(self, latency_s: float, loss: float, chance: random.Random, later: int) -> None:
@@ -106,7 +106,7 @@ class LossyWay:
         self._packets.append(_Packet(told, now_s, self._try(now_s), timeout_s))
 
     def arrived(self, now_s: float) -> list[Told]:
-        """Return the messages that have arrived since the last look."""
+        """Return the messages that have arrived since the last call."""
         for packet in self._packets:
             if packet.arrives_s is None:
                 self._look_after(packet, now_s)
@@ -119,7 +119,7 @@ class LossyWay:
         return found
 
     def _look_after(self, packet: _Packet, now_s: float) -> None:
-        """Send a lost packet again if that is known by now."""
+        """Send a lost packet again if its loss has been detected."""
         waited_s = now_s - packet.sent_s
         if waited_s < 2.5 * self._latency_s:
             return
@@ -140,10 +140,10 @@ class LossyWay:
 
 
 class NarrowWay:
-    """A way that takes a time for each message.
+    """A direction with a limited bandwidth.
 
     Args:
-        each_s: That time [s].
+        each_s: Transmission time of a message [s].
     """
 
     def __init__(self, each_s: float) -> None:
@@ -157,22 +157,21 @@ class NarrowWay:
         self._way.send(now_s, told)
 
     def arrived(self, now_s: float) -> list[Told]:
-        """Return the messages that have arrived since the last look."""
+        """Return the messages that have arrived since the last call."""
         return self._way.arrived(now_s)
 
 
 class Page:
-    """What `held_key.js` does; or, if careless, a program that answers whatever comes.
+    """A page with `held_key.js`; or, if careless, a program that answers every challenge.
 
     Args:
-        there: Leads to the service.
-        careless: Whether it goes on with a press after a gap, and after its connection was
-            replaced.
+        there: Direction to the service.
+        careless: True if a press continues after a gap and after a reconnection.
     """
 
     def __init__(self, there: Way, *, careless: bool) -> None:
         self.there = there
-        self.ended = 0  # presses that it has ended itself
+        self.ended = 0  # presses that the page itself has ended
         self._careless = careless
         self._sequence = 0
         self._newest: tuple[Any, float] | None = None
@@ -187,12 +186,12 @@ class Page:
             self._say(now_s, held=key)
 
     def let_go(self, now_s: float) -> None:
-        """Let the button go."""
+        """Release the button."""
         self._press = None
         self._say(now_s, held="")
 
     def take(self, told: Told, now_s: float) -> None:
-        """Take a challenge."""
+        """Receive a challenge and answer it while a button is pressed."""
         self.watch(now_s)
         self._newest = told["value"], now_s
         if self._press is not None and self._counts:
@@ -207,7 +206,7 @@ class Page:
             self.ended += 1
 
     def connect(self, there: Way) -> None:
-        """Go over to another connection."""
+        """Switch to another connection."""
         self.there, self._newest = there, None
         self._counts = self._counts and self._careless
 

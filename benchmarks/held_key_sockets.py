@@ -1,4 +1,4 @@
-"""Held keys over real sockets: a served simulated cell, a program that answers, a bad proxy."""
+"""Held keys over real sockets: a service with a simulated cell, a client and a disturbing proxy."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ NEAR, FAR = "127.0.0.1", "127.0.0.2"
 LEASE_S: Final = 3600.0
 PRESS_S: Final = 8.0
 SEEN_S: Final = 0.15
-"""How late a sample may be seen here [s]."""
+"""Largest delay of the samples that this benchmark receives [s]."""
 
 MOVING: Final = 0.005
-"""Share of a joint's velocity limit from which it moves."""
+"""Share of a joint's velocity limit above which the joint counts as moving."""
 
 
 @dataclass
 class Proxy:
-    """A link in both directions that can be held up; `stalled`: there, back."""
+    """A TCP proxy with a delay; `stalled` stops it to the service and from the service."""
 
     port: int
     delay_s: float = 0.0
@@ -40,7 +40,7 @@ class Proxy:
 
     @contextlib.asynccontextmanager
     async def listening(self) -> AsyncIterator[None]:
-        """Pass connections on for as long as the `with` lasts."""
+        """Forward connections while the context is active."""
         passing: set[asyncio.Task[None]] = set()
 
         async def take(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -82,7 +82,7 @@ class Proxy:
 
 
 class Holder:
-    """A program that holds a key over a connection and answers each challenge at once."""
+    """A client that holds a key and answers each challenge at once."""
 
     def __init__(self, socket: ClientConnection, job: str, lease: str) -> None:
         self._socket, self._job, self._lease = socket, job, lease
@@ -100,7 +100,7 @@ class Holder:
                     await self._say(self._key)
 
     async def hold(self, key: str) -> None:
-        """Press a key, or let it go if it is empty."""
+        """Press a key; an empty string releases it."""
         await self._say("")
         self._key = key
         if key:
@@ -114,7 +114,7 @@ class Holder:
 
 
 class Watcher:
-    """Sees over a direct connection when the robot moves, and which keys are refused."""
+    """Observer of the robot's motion and of refused keys, over a direct connection."""
 
     def __init__(self, socket: ClientConnection) -> None:
         self._socket = socket
@@ -122,7 +122,7 @@ class Watcher:
         self.refused: list[str] = []
 
     async def look(self) -> None:
-        """Look until the connection ends."""
+        """Receive messages until the connection ends."""
         async for text in self._socket:
             told = json.loads(text)
             if told["type"] == "samples":
@@ -134,19 +134,20 @@ class Watcher:
                 self.refused.append(told["event"]["text"])
 
     def moved(self, from_s: float, to_s: float = float("inf")) -> bool:
-        """Return whether it moved in a time."""
+        """Return whether the robot moved in a time span."""
         return any(from_s <= each < to_s for each in self.moving_s)
 
 
 @dataclass
 class RealLinks:
-    """What was seen over sockets.
+    """Results over sockets.
 
     Attributes:
-        links, late, restarts, unmoved: Links; on how many the robot moved too late, began again,
-            and did not move at first.
-        loopback_s: How long keys were held on loopback [s].
-        lost: What was said of presses that were lost there.
+        links: Number of links.
+        late, restarts, unmoved: Number of links on which the robot moved too late, moved again
+            without a new press, or did not move before the disturbance.
+        loopback_s: Duration of the test on loopback [s].
+        lost: Messages about presses that were lost on loopback.
     """
 
     links: int
@@ -158,21 +159,21 @@ class RealLinks:
 
     @property
     def sentence(self) -> str:
-        """What was seen, in words."""
+        """Sentence with the figures."""
         return (
             f"{self.links} links over sockets: {self.late} with motion too late, {self.restarts}"
-            f" where it began again, {self.unmoved} without motion before the disturbance;"
+            f" with a restart, {self.unmoved} without motion before the disturbance;"
             f" loopback for {self.loopback_s:.0f} s: {len(self.lost)} false releases"
             + "".join(f"\n  {each}" for each in self.lost)
         )
 
     @property
     def holds(self) -> bool:
-        """Whether all bars hold."""
+        """True if all bars hold."""
         return not (self.late or self.restarts or self.unmoved or self.lost)
 
     def document(self) -> dict[str, Any]:
-        """Return it for programs."""
+        """Return the figures for the JSON line."""
         return {
             "socket_links": self.links,
             "socket_late": self.late,
@@ -191,11 +192,11 @@ LINKS: Final = (
     ((True, True), 2.0, 0.0),
     ((False, False), 3.0, 1.0),
 )
-"""Which ways stall, for how long [s], or by how much both are late [s]."""
+"""Stalled directions (to and from the service), duration [s], and delay of both [s]."""
 
 
 def real_links(loopback_s: float, ramp_s: float) -> RealLinks:
-    """Hold keys of a served simulated cell over sockets."""
+    """Hold keys of a service's simulated cell over sockets."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         with serving(folder) as process:
@@ -210,12 +211,12 @@ async def _measure(
     found = re.search(r"http://[^\s/]*:(\d+)/", (folder / "said").read_text())
     assert found is not None
     port = int(found[1])
-    wanted = {"name": "holder", "role": "operator", "person": True}
-    secret = (await asyncio.to_thread(client.ask, "POST", "/tokens", wanted))["secret"]
-    taken = await asyncio.to_thread(
+    token = {"name": "holder", "role": "operator", "person": True}
+    secret = (await asyncio.to_thread(client.ask, "POST", "/tokens", token))["secret"]
+    lease = await asyncio.to_thread(
         client.ask, "POST", f"/cells/{CELL}/lease", {"seconds": LEASE_S}
     )
-    key = str(taken["key"])
+    key = str(lease["key"])
     await asyncio.to_thread(lambda: client.run(CELL, "check", {"seconds": 0.2}, lease=key))
 
     @contextlib.asynccontextmanager
@@ -239,7 +240,7 @@ async def _measure(
                 begun_s = time.monotonic()
                 result.unmoved += not watcher.moved(begun_s - 1.0)
                 proxy.stalled, proxy.delay_s = stalled, delay_s
-                await asyncio.sleep(1.5)  # longer than a key counts
+                await asyncio.sleep(1.5)  # longer than the validity of a challenge
                 still_s = time.monotonic()
                 releasing = asyncio.create_task(holder.hold(""))
                 await asyncio.sleep(time_s)
@@ -275,18 +276,18 @@ async def _jog(
     host: str,
     watcher: Watcher,
 ) -> AsyncIterator[Holder]:
-    """Begin a jog and hold its keys over a new connection; end it."""
-    wanted = {"kind": "jog", "request": {}}
-    job = await asyncio.to_thread(client.ask, "POST", f"/cells/{CELL}/jobs", wanted, lease)
+    """Start a jog and yield a client that holds its keys; end it afterwards."""
+    body = {"kind": "jog", "request": {}}
+    job = await asyncio.to_thread(client.ask, "POST", f"/cells/{CELL}/jobs", body, lease)
 
-    async def said(words: str) -> None:
+    async def wait_for_event(words: str) -> None:
         while True:
             events = await asyncio.to_thread(client.ask, "GET", f"/jobs/{job['id']}/events")
             if any(words in each.get("text", "") for each in events):
                 return
             await asyncio.sleep(0.1)
 
-    await asyncio.wait_for(said("Ready"), 120.0)
+    await asyncio.wait_for(wait_for_event("Ready"), 120.0)
     watcher.moving_s.clear()
     async with connected(host) as socket:
         holder = Holder(socket, job["id"], lease)

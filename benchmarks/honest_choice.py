@@ -1,9 +1,9 @@
 """Choose torque channel and friction terms of simulated arms whose truth is known.
 
-`python -m benchmarks.honest_choice` judges 84 cases of arms of three, six and seven axes; `--quick`
-judges a few of the three-axis arm. `--tuning` takes the seeds that thresholds were set with. The
-judging seeds contain none of them, nor 201 to 205, whose failures led to changes. Pinocchio
-simulates the arms (`benchmarks.known_arms`).
+`python -m benchmarks.honest_choice` judges 84 cases of arms with three, six and seven axes;
+`--quick` judges a few of the three-axis arm. `--tuning` uses the seeds with which the thresholds
+were chosen. The judging seeds are different ones; they also exclude 201 to 205, whose failures led
+to changes. Pinocchio simulates the arms (`benchmarks.known_arms`).
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ KIND_OF: Final[dict[Effect, ChannelKind]] = {
     "repeats": "none",
 }
 AWAY_S: Final = 0.1
-"""Time before and after standstill that is not judged: a period of the band."""
+"""Time before and after standstill that is not judged [s]; one period of the band."""
 SAME_KIND_LIMIT: Final = 1.02
 OTHER_KIND_LIMIT: Final = 1.10
 
@@ -86,7 +86,7 @@ class Case:
 
     @property
     def true_terms(self) -> set[FrictionTerm]:
-        """The friction terms beside Coulomb and viscous friction."""
+        """Friction terms in addition to Coulomb and viscous friction."""
         own = FRICTIONS[self.friction]
         found: set[FrictionTerm] = {"stribeck"} if own.stribeck else set()
         return found | ({"load"} if own.load else set())
@@ -119,7 +119,7 @@ class Tally:
     worse_other: int = 0
 
     def add(self, case: Case, chosen: ModelChoice, ratios: tuple[FloatArray, FloatArray]) -> str:
-        """Count a case; return what is wrong with it."""
+        """Count a case; return a sentence about its errors."""
         robot = chosen.robot(ARMS[case.arm].description())
         wrong = []
         for joint in robot.joints:
@@ -173,7 +173,7 @@ class Tally:
 
 
 def recorded_torque(case: Case, torque_nm: FloatArray) -> FloatArray:
-    """Return torques after the case's channel, at the same instants."""
+    """Return the torques with the effect of the case's channel, at the same times."""
     if case.effect in ("lag8", "lag5", "zero5"):
         omega = 2.0 * np.pi * float(case.effect[-1])
         b, a = bilinear([omega], [1.0, omega], 1.0 / STEP_S)
@@ -193,9 +193,9 @@ def recorded_torque(case: Case, torque_nm: FloatArray) -> FloatArray:
 def recording(
     case: Case, driven: Driven, number: int, robot: RobotDescription
 ) -> tuple[Recording, bool]:
-    """Return what a logger writes, and True if its clock is known.
+    """Return a logger's recording, and True if its clock is known.
 
-    250 Hz, encoder steps and noise, and the case's effect; a clock with repeated rows is judged.
+    It has 250 Hz, encoder steps, noise and the case's effect. A clock with repeated rows is judged.
     """
     known = True
     random = np.random.default_rng([case.seed, 4, number])
@@ -229,7 +229,7 @@ def recording(
 
 
 def judge(case: Case, tally: Tally) -> str:
-    """Choose a model from two recordings, and predict two others with it and with the plain one."""
+    """Choose a model on two recordings; predict two others with it and with the plain model."""
     robot, friction = ARMS[case.arm].description(), FRICTIONS[case.friction]
     first: MotionKind = "points" if case.seed % 2 else "sines"
     kinds: tuple[MotionKind, ...] = (first, "points", "points", "sines")
@@ -252,10 +252,10 @@ def judge(case: Case, tally: Tally) -> str:
 
 
 def _ratio(model: Estimate, plain: Estimate, run: Recording) -> FloatArray:
-    """Return each joint's prediction error with a model over that with the plain one.
+    """Return each joint's prediction error with a model over that with the plain model.
 
-    Both count on the rows that count for both, away from standstill: what a joint's friction is
-    while it sticks depends on the torque that is applied, and no model predicts that.
+    Both errors use the same rows, away from standstill: the friction of a sticking joint depends on
+    the applied torque, and no model predicts it.
     """
     found = [validate_torques(each, run, cutoff_hz=BAND_HZ) for each in (model, plain)]
     counted = found[0].counted & found[1].counted
@@ -270,7 +270,7 @@ def _ratio(model: Estimate, plain: Estimate, run: Recording) -> FloatArray:
 
 
 def cases(seeds: Sequence[int], quick: bool) -> Iterator[Case]:
-    """Yield the cases: all frictions and effects on three axes, some of them on six and seven."""
+    """Yield the cases: all frictions and effects on three axes, a selection on six and seven."""
     effects: tuple[Effect, ...] = ("none", "delay", "lag8", "lag5", "zero5", "repeats")
     if quick:
         yield Case("three", "both", "none", seeds[0])
@@ -292,8 +292,8 @@ def main() -> int:
     """Judge and print; the last line is one JSON object."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.honest_choice")
     parser.add_argument("--quick", action="store_true", help="three cases of the three-axis arm")
-    parser.add_argument("--tuning", action="store_true", help="the seeds that were tuned with")
-    parser.add_argument("--only", default="", help="cases whose text contains this")
+    parser.add_argument("--tuning", action="store_true", help="use the seeds of the tuning")
+    parser.add_argument("--only", default="", help="judge only cases whose name contains this")
     options = parser.parse_args()
     tally = Tally()
     for case in cases(TUNING_SEEDS if options.tuning else JUDGING_SEEDS, options.quick):

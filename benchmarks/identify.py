@@ -1,9 +1,9 @@
 """Identification: 45,000 samples of a six-axis arm with a coupled wrist, arrays to estimate.
 
-`python -m benchmarks.identify [--quick] [--peer-python PYTHON]`. Timed is everything between arrays
-of q, v, a, tau and an `Estimate` with its covariances: base parameters, regressor, QR, weights,
-residuals, intervals. Memory and time for 1, 2, 4 and 8 times the data are those of a process each.
-`--peer-python` names a Python that has figaroh; it identifies the same data there, side by side.
+`python -m benchmarks.identify [--quick] [--peer-python PYTHON]`. The time includes every step from
+arrays of q, v, a, tau to an `Estimate` with covariances: base parameters, regressor, QR, weights,
+residuals and intervals. Memory and time for 1, 2, 4 and 8 times the data are measured in separate
+processes. `--peer-python` names a Python with figaroh, which identifies the same data.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def recording(robot: RobotDescription, samples: int) -> SmoothedSignals:
 
 
 def seconds(robot: RobotDescription, signals: SmoothedSignals, rounds: int) -> float:
-    """Return the least time of some rounds [s]; the first compiles and is not counted."""
+    """Return the shortest time of some rounds [s]; the first round compiles and does not count."""
     fit_smoothed(robot, [signals]).estimate()
     times = []
     for _ in range(rounds):
@@ -89,7 +89,7 @@ def seconds(robot: RobotDescription, signals: SmoothedSignals, rounds: int) -> f
 
 
 def grown(times: int) -> tuple[float, float]:
-    """Return time [s] and memory beyond the data's own [MB] of `times` the data, in a process."""
+    """Return time [s] and additional memory [MB] for `times` the data, in a separate process."""
     command = [sys.executable, "-m", "benchmarks.identify", "--one", str(times)]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     spent_s, memory_mb = done.stdout.split()
@@ -97,7 +97,7 @@ def grown(times: int) -> tuple[float, float]:
 
 
 def one(times: int) -> None:
-    """Measure `times` the data in this process, and print time and memory."""
+    """Measure time and memory for `times` the data in this process, and print them."""
     robot = arm()
     signals = recording(robot, SAMPLES * times)
     fit_smoothed(robot, [recording(robot, 5000)]).estimate()
@@ -110,7 +110,7 @@ def one(times: int) -> None:
 
 
 def peer_seconds(python: str, signals: SmoothedSignals) -> float | None:
-    """Return how long figaroh takes for the same arrays [s], or None where it cannot run."""
+    """Return the time of figaroh for the same arrays [s], or None if it cannot run."""
     with tempfile.TemporaryDirectory() as folder:
         data = Path(folder, "data.npz")
         arrays = {

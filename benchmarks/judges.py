@@ -1,11 +1,11 @@
-"""Real robots that nobody here recorded: `python -m benchmarks.judges --data DIR`.
+"""Published recordings of real robots: `python -m benchmarks.judges --data DIR`.
 
-Every folder below DIR with a `judge.yaml` (benchmarks.judge_split: recordings, their map, what
-trains and what judges), or of a name that one is shipped for, goes through the commands as a user
-would: `import`, `identify`, `identify --choose`, `validate`, one way and the other. Beside the
-errors stand how many rigid base parameters of the two ways' models lie inside each other's 95 %
-intervals, and whether the models are physically consistent. `--peer-python` names a Python that has
-figaroh, which identifies the same arrays. The last line is one JSON object.
+A folder below DIR is used if it has a `judge.yaml` or if a bundled split has its name
+(`benchmarks.judge_split`: recordings, their map, training and validation sets). Its data go through
+the commands `import`, `identify`, `identify --choose` and `validate`, in both directions. The
+output has the errors, the number of rigid base parameters of both directions that agree within 95 %
+intervals, and the physical consistency of the models. `--peer-python` names a Python with figaroh,
+which identifies the same arrays. The last line is one JSON object.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ TWO_SIGMA: Final = 1.96
 
 
 class CommandError(Exception):
-    """A command that ended with an error; its last line says why."""
+    """A command that ended with an error; the message is the last line of its output."""
 
 
 @dataclass
@@ -155,7 +155,7 @@ def arrays(runs: Sequence[str], to: Path) -> Path:
 
 
 def peer_percent(python: str, train: Sequence[str], judge: Sequence[str]) -> list[float]:
-    """Return figaroh's largest error of each joint [%]; empty where it fails."""
+    """Return figaroh's largest error of each joint [%]; empty if it fails."""
     given = arrays(train, Path("train.npz"))
     tables = []
     for run in judge:
@@ -248,7 +248,7 @@ def main() -> int:
                 "value": held,
                 "unit": f"of {len(robots)} robots within their bars",
                 "robots": robots,
-                "bar": "every robot within the bar of its split, where it names one",
+                "bar": "every robot within the bar of its split, if it has one",
                 "holds": held == len(robots),
             }
         )

@@ -1,8 +1,9 @@
 """Arms of three, six and seven axes whose parameters are known, driven in closed loop.
 
-Pinocchio gives masses and forces; nothing of the project's dynamics is used. The integrator is a
-leapfrog: a row's position, velocity, acceleration and torque belong to one instant to second order
-in the step. Coulomb friction is exact: a joint whose friction can hold it stands still.
+Pinocchio computes masses and forces; the project's dynamics are not used. The integrator is a
+leapfrog: position, velocity, acceleration and torque of a row belong to the same time, with an
+error of second order in the step. Coulomb friction is exact: a joint that friction can hold does
+not move.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ Vector = tuple[float, ...]
 
 @dataclass(frozen=True)
 class Friction:
-    """Friction beside Coulomb and viscous friction, the same on every joint.
+    """Friction in addition to Coulomb and viscous friction, the same for every joint.
 
     Attributes:
         stribeck: Additional friction at standstill, as a share of the Coulomb friction.
@@ -58,8 +59,8 @@ class Arm:
 
     Attributes:
         links: Base to flange.
-        rotor, coulomb, viscous: Of each joint [kg m^2, N m, N m s/rad].
-        reach_rad, speed_rad_s: Largest angle to both sides, and largest speed.
+        rotor, coulomb, viscous: Rotor inertia and friction of each joint [kg m^2, N m, N m s/rad].
+        reach_rad, speed_rad_s: Largest angle in both directions, and largest speed.
     """
 
     name: str
@@ -176,7 +177,7 @@ ARMS: Final[dict[str, Arm]] = {
 
 @dataclass(frozen=True, eq=False)
 class Driven:
-    """What an arm did, every `STEP_S`.
+    """Motion of an arm, in steps of `STEP_S`.
 
     Attributes:
         time_s: Shape (samples,). Time [s].
@@ -266,7 +267,7 @@ def _step(inertia, motion, loop, force, friction):  # type: ignore[no-untyped-de
 
 
 def _points(arm: Arm, duration_s: float, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return moves from rest to rest between random poses, a third of them with a pause."""
+    """Return moves from rest to rest between random poses; a third have a pause."""
     random = np.random.default_rng([seed, 1])
     reach, speed = np.array(arm.reach_rad), np.array(arm.speed_rad_s)
     t = STEP_S * np.arange(round(duration_s / STEP_S))

@@ -1,10 +1,10 @@
-"""What the live page costs the cyclic task, and how fast its stop button is; in real time.
+"""Effect of the live page on the cyclic task, and latency of its stop button, in real time.
 
-Rows 22 and 23 of docs/faults.md. One motion runs while a thousand clients come to the page and go
-again, every few seconds: lateness of the cycles with them is compared with that without, in the
-same run. Then motions are stopped by the button, with a thousand clients at the page and a busy
-process on every core: from the click (before the connection is opened) to the end of the last
-axis's quick-stop frame on the bus.
+Rows 22 and 23 of docs/faults.md. During one motion a thousand clients connect to the page and
+disconnect again every few seconds. The lateness of the cycles with clients is compared with that
+without, in the same run. Then motions are stopped by the button, with a thousand clients connected
+and a busy process on every core. The time is measured from the click, before the connection is
+opened, to the end of the last axis's quick-stop frame on the bus.
 
 Run it with ``python -m benchmarks.live [--quick]``; the last line is one JSON object.
 """
@@ -51,8 +51,8 @@ QUICK_STOP = b"\x02\x00"
 
 
 def crowd(access: Access, line: Connection) -> None:
-    """Come to the page with `CLIENTS` connections when told, hold them, leave when told."""
-    os.nice(10)  # they stand for other programs, which do not belong to this one
+    """Open and close `CLIENTS` connections to the page on command."""
+    os.nice(10)  # they represent other programs
     hanging = (
         f"GET /events HTTP/1.1\r\nHost: 127.0.0.1:{access.port}\r\n"
         f"Authorization: Bearer {access.token}\r\n\r\n"
@@ -81,7 +81,7 @@ def burn() -> None:
 
 @dataclass
 class Bench:
-    """The cell, the page and the crowd."""
+    """The cell, the live page and the clients."""
 
     loaded: LoadedCell
     simulated: SimulatedCell
@@ -91,7 +91,7 @@ class Bench:
     marks: list[tuple[float, float, bool]] = field(default_factory=list)
 
     def record(self, samples: MotionSamples, on_progress: object) -> RecordOutcome:
-        """Record a motion under a cell file that lets a loaded computer go on."""
+        """Record a motion with supervision limits that a busy computer does not exceed."""
         cell = self.simulated.cell
         patient = cell.supervision.model_copy(
             update={
@@ -116,7 +116,7 @@ class Bench:
 
 @contextlib.contextmanager
 def bench() -> Iterator[Bench]:
-    """Start everything, in real time."""
+    """Start the cell, the page and the process of the clients."""
     loaded = load_cell("ir361")
     plant = loaded.plant
     assert plant is not None
@@ -140,12 +140,12 @@ def bench() -> Iterator[Bench]:
 
 
 def motion(bench: Bench, seconds: float) -> MotionSamples:
-    """Return a motion of about so many seconds."""
+    """Return a motion of about the given duration."""
     robot = bench.loaded.robot
     joints = tuple(
         FourierJoint(joint=name, sine=(0.05,), cosine=(0.02,)) for name in robot.joint_names
     )
-    asked = FourierMotion(
+    description = FourierMotion(
         kind="fourier",
         robot=robot.name,
         period_s=2.0,
@@ -153,11 +153,11 @@ def motion(bench: Bench, seconds: float) -> MotionSamples:
         ramp_s=1.0,
         joints=joints,
     )
-    return asked.plan(robot, bench.loaded.config.cycle_time_s)
+    return description.plan(robot, bench.loaded.config.cycle_time_s)
 
 
 def lateness(bench: Bench, seconds: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return how late cycles were with and without the crowd [s], and the cycle time [s]."""
+    """Return the lateness of cycles with and without clients [s], and the cycle time [s]."""
     spans: list[tuple[float, float, bool]] = []
     state = {"since": 0.0, "there": False, "busy": False}
 
@@ -193,7 +193,7 @@ def lateness(bench: Bench, seconds: float) -> tuple[np.ndarray, np.ndarray, floa
 
 
 def click(bench: Bench, samples: MotionSamples) -> float:
-    """Return how long a click takes to become the last axis's quick-stop frame [s]."""
+    """Return the time from a click to the last axis's quick-stop frame [s]."""
     set_points = {0x200 + axis.node_id for axis in bench.simulated.cell.axes}
     clicked: list[float] = []
     seen: list[float] = []
@@ -235,33 +235,33 @@ def click(bench: Bench, samples: MotionSamples) -> float:
     finished.set()
     observer.join()
     if not seen or outcome.stop is None:
-        raise SystemExit(f"the click was not seen on the bus: {outcome.stop}")
+        raise SystemExit(f"the click caused no quick stop on the bus: {outcome.stop}")
     return seen[0] - clicked[0]
 
 
 def main() -> int:
     """Measure and print; the last line is one JSON object."""
     quick = "--quick" in sys.argv
-    with bench() as made:
-        there, away, period_s = lateness(made, 14.0 if quick else 60.0)
+    with bench() as setup:
+        there, away, period_s = lateness(setup, 14.0 if quick else 60.0)
         p99_there, p99_away = np.quantile(there, 0.99), np.quantile(away, 0.99)
         added = float(p99_there - p99_away) / period_s
         print(
             f"lateness p99: {p99_there * 1e3:.3f} ms with {CLIENTS} clients ({len(there)} cycles),"
             f" {p99_away * 1e3:.3f} ms without ({len(away)}): {added:+.1%} of a cycle"
         )
-        made.crowd.send("come")
+        setup.crowd.send("come")
         burners = [
             multiprocessing.get_context("spawn").Process(target=burn, daemon=True)
             for _ in range(os.cpu_count() or 1)
         ]
         for burner in burners:
             burner.start()
-        samples = motion(made, 20.0)
-        clicks_ms = [1e3 * click(made, samples) for _ in range(2 if quick else 20)]
+        samples = motion(setup, 20.0)
+        clicks_ms = [1e3 * click(setup, samples) for _ in range(2 if quick else 20)]
         for burner in burners:
             burner.kill()
-        made.crowd.recv()
+        setup.crowd.recv()
     p99_ms = float(np.quantile(clicks_ms, 0.99))
     print(
         f"click to the last quick-stop frame under full load, {len(clicks_ms)} times: median"

@@ -1,11 +1,13 @@
-"""What a payload does to paths and predictions, with and without the payload in the model.
+"""Effect of a payload on path errors and predictions, with and without the payload in the model.
 
-Run it with ``python -m benchmarks.loaded [--quick]``. On the simulated bus:
+Run it with ``python -m benchmarks.loaded [--quick]``. It uses the simulated bus.
 
-- ir361 with 4 kg: circles streamed empty; loaded, with the payload in the model (identified
-  together with the robot); and loaded, with the model of the robot alone.
-- kr15 with 9.6 kg: a model of the robot alone and a payload file; torque errors on other motions of
-  the empty and of the loaded robot.
+ir361 with 4 kg streams circles in three ways. First it is empty. Then it is loaded, and the payload
+is in the model, identified together with the robot. Last it is loaded, with the model of the robot
+alone.
+
+kr15 with 9.6 kg uses a model of the robot alone and a payload file. The torque errors are measured
+on other motions of the empty and of the loaded robot.
 """
 
 from __future__ import annotations

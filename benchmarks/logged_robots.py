@@ -1,4 +1,4 @@
-"""Arms simulated with Pinocchio, as loggers with good and bad clocks write them."""
+"""Recordings of arms simulated with Pinocchio, from loggers with good and bad clocks."""
 
 from __future__ import annotations
 
@@ -101,12 +101,12 @@ class Arm:
 
 @dataclass(frozen=True, eq=False)
 class Logged:
-    """A recording, and when its rows were sampled.
+    """A logger's recording and the true times of its rows.
 
     Attributes:
-        case: What the logger did.
-        samples: What it wrote.
-        true_s: Shape (rows,). When each row was sampled [s].
+        case: Behaviour of the logger.
+        samples: Content of the recording.
+        true_s: Shape (rows,). True time of each row [s].
     """
 
     case: str
@@ -184,7 +184,7 @@ def logged(
 
 
 def _rows(case: str, fine: int, random: np.random.Generator) -> tuple[FloatArray, IntArray]:
-    """Return the stamps of a logger's rows, and which samples at 1 kHz they hold."""
+    """Return the time stamps of a logger's rows, and the indices of their samples at 1 kHz."""
     n = int(fine * FINE_S / PERIOD_S) - 2
     true_s = stamps = np.arange(n) * PERIOD_S
     if case == "sound, uneven stamps":

@@ -1,7 +1,7 @@
-"""How far the errors of paths are reduced on line: five circles and a path, on the simulated bus.
+"""Reduction of path errors by compensation on line: five circles and a path, on the simulated bus.
 
-Model and velocity loops are identified in the same session; no motion is used for tuning. Each one
-is recorded plainly, then streamed with the compensation computed in the cyclic task.
+Model and velocity loops are identified in the same session; no motion is used for tuning. Each
+motion is recorded without compensation, then streamed with compensation in the cyclic task.
 
 Run it with ``python -m benchmarks.path_error [--quick]``.
 """
@@ -20,11 +20,11 @@ FIRST_BAR, PATH_BAR, OTHERS_BAR = (8.0, 5.0), (10.0, 8.0), (6.0, 4.0)
 
 
 def live(workshop: JobRunner, label: str, text: str) -> dict[str, Any]:
-    """Drive a motion plainly and streamed; return how closely it was followed."""
+    """Record a motion without compensation and stream it with; return its tracking errors."""
     motion = Path(workshop.path(f"{label}.yaml"))
     motion.write_text(text)
     workshop("record", workshop.cell, str(motion), "--label", f"{label}-plain")
-    workshop("stream", workshop.cell, str(motion), *workshop.made_by(), "--label", label)
+    workshop("stream", workshop.cell, str(motion), *workshop.model_options(), "--label", label)
     found: dict[str, Any] = workshop("tracking", label, "--against", f"{label}-plain")
     motion_found: dict[str, Any] = found["motions"][0]
     return motion_found

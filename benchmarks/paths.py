@@ -1,7 +1,8 @@
-"""How far the errors of paths are reduced: four circles and a path, on the simulated bus.
+"""Reduction of path errors by compensation: five circles and a path, on the simulated bus.
 
-Model and velocity loops are identified in the same session. One circle without compensation tunes
-scale and delay; the others, and the path, are never used. The first circle is then refined.
+Model and velocity loops are identified in the same session. The first circle, recorded without
+compensation, tunes scale and delay; the other circles and the path are not used for tuning.
+Afterwards the first circle is refined.
 
 Run it with ``python -m benchmarks.paths [--quick]``.
 """
@@ -60,12 +61,12 @@ segments:
 """
 REFINEMENTS = 2
 BARS = {FIRST: (10.0, 6.0), "refined": (20.0, 10.0), SPLINE: (6.0, 3.0), "others": (6.0, 4.0)}
-# From rest, a joint's first way depends on how it came to rest, which is not known ahead: on line,
-# where it is seen, the bar is 10 and 8 (`benchmarks.path_error`).
+# The presliding state after rest depends on the motion before it, which is unknown in advance.
+# Compensation on line measures it; its bar is 10 and 8 (`benchmarks.path_error`).
 
 
 def circle_text(own: dict[str, Any], periods: int) -> str:
-    """Return a circle's motion file: the first circle's fields, and those that are its own."""
+    """Return a circle's motion file: the first circle's fields, overridden by `own`."""
     fields = {
         "kind": "circle",
         "robot": "ir361",
@@ -79,7 +80,7 @@ def circle_text(own: dict[str, Any], periods: int) -> str:
 
 
 def is_held(title: str, motion: dict[str, Any], bar: tuple[float, float]) -> bool:
-    """Print how far a motion's error is reduced; return whether mean and worst reach the bar."""
+    """Print the reduction of a motion's error; return whether mean and maximum reach the bar."""
     mean, most = bar
     held: bool = motion["mean_ratio"] >= mean and motion["max_ratio"] >= most
     print(
@@ -92,7 +93,7 @@ def is_held(title: str, motion: dict[str, Any], bar: tuple[float, float]) -> boo
 
 
 def ratios(found: dict[str, dict[str, Any]]) -> dict[str, list[float]]:
-    """Return how many times each motion's error is reduced, in the mean and at worst."""
+    """Return the factors by which the mean and the largest error of each motion are reduced."""
     return {
         title: [round(motion["mean_ratio"], 1), round(motion["max_ratio"], 1)]
         for title, motion in found.items()
@@ -100,7 +101,7 @@ def ratios(found: dict[str, dict[str, Any]]) -> dict[str, list[float]]:
 
 
 class JobRunner:
-    """A folder with a cell, runs in it, and the program."""
+    """Runner of commands in a folder with a cell and its runs."""
 
     def __init__(self, folder: Path, quick: bool) -> None:
         self._folder = folder
@@ -111,13 +112,13 @@ class JobRunner:
 
     def __call__(self, *words: str, runs: bool = True) -> dict[str, Any]:
         """Run a command and return its document; a failure ends the benchmark."""
-        told = io.StringIO()
+        output = io.StringIO()
         more = ["--runs", str(self._folder / "runs")] if runs else []
-        with contextlib.redirect_stdout(told):
+        with contextlib.redirect_stdout(output):
             code = run([*words, "--json", *more])
         if code != 0:
             raise SystemExit(f"rid-daq {' '.join(words)}: exit code {code}")
-        document: dict[str, Any] = json.loads(told.getvalue())
+        document: dict[str, Any] = json.loads(output.getvalue())
         return document
 
     def path(self, name: str) -> str:
@@ -143,19 +144,19 @@ class JobRunner:
         self("loop", "multisine", "-o", self.path("loops.json"))
 
     def compare(self, label: str, text: str, reference: str) -> dict[str, Any]:
-        """Drive a motion without and with compensation; return how closely it was followed."""
+        """Run a motion without and with compensation; return its tracking errors."""
         motion = Path(self.path(f"{label}.yaml"))
         motion.write_text(text)
         self("record", self.cell, str(motion), "--label", f"{label}-plain")
         ahead = self.path(f"{label}.json")
-        words = ("compensate", self.cell, str(motion), *self.made_by(), "-o", ahead)
+        words = ("compensate", self.cell, str(motion), *self.model_options(), "-o", ahead)
         self(*words, "--reference", reference)
         self("record", self.cell, str(motion), "--feedforward", ahead, "--label", label)
         found: dict[str, Any] = self("tracking", label, "--against", f"{label}-plain")["motions"][0]
         return found
 
-    def made_by(self) -> tuple[str, ...]:
-        """Return the options that say model and loops."""
+    def model_options(self) -> tuple[str, ...]:
+        """Return the options for model and velocity loops."""
         return "--model", self.path("model.json"), "--loop", self.path("loops.json")
 
 
@@ -176,7 +177,7 @@ def main() -> int:
         last = "c0"
         for number in range(1 if quick else REFINEMENTS):
             ahead = workshop.path(f"r{number}.json")
-            workshop("refine", last, *workshop.made_by(), "-o", ahead)
+            workshop("refine", last, *workshop.model_options(), "-o", ahead)
             last = f"r{number}"
             words = ("record", workshop.cell, workshop.path("c0.yaml"), "--feedforward", ahead)
             workshop(*words, "--label", last)

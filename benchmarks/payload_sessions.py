@@ -1,12 +1,14 @@
-"""Payload sessions on the simulated six-axis cell, held against the truth: 30 of them.
+"""Accuracy of 30 payload sessions on the simulated six-axis cell.
 
-`python -m benchmarks.payload_sessions [--quick] [--jobs N]`. Each is `rid-daq payload kr15` as a
-user would run it, unattended: cold motors, preflight, rehearsal, warm-up, the run without payload,
-the run with it, all over the simulated buses; with a seed of its own for motion and cell. Of each
-of the three reference payloads ten: mass within 40 g, centre of gravity within 2 mm, the truth
-inside two cluster-robust standard deviations in at least 90 % of all values, and scatter between
-sessions over the quoted standard deviation from 0.7 to 1.4. `--quick` does one short session of one
-payload, and holds it against its own intervals alone. `--jobs 2` runs two sessions side by side.
+`python -m benchmarks.payload_sessions [--quick] [--jobs N]`. Each session is an unattended
+`rid-daq payload kr15` on the simulated buses, with a different seed for motion and cell: cold
+motors, preflight, rehearsal, warm-up, the run without payload and the run with it. Each of the
+three reference payloads has ten sessions.
+
+Bars: mass within 40 g and centre of gravity within 2 mm. At least 90 % of the true values are
+inside two cluster-robust standard deviations. The scatter between sessions is 0.7 to 1.4 times the
+quoted standard deviation. `--quick` runs one short session and checks its intervals only.
+`--jobs 2` runs two sessions in parallel.
 """
 
 from __future__ import annotations
@@ -40,7 +42,7 @@ SHORT = ("--periods", "4", "--rehearsal", "0", "--warm-up", "50", "--warm-up-per
 
 @dataclass(frozen=True)
 class Session:
-    """One session: what it found, less the truth, and what it promised, (10,) each."""
+    """One session: errors of the ten parameters and quoted standard deviations, (10,) each."""
 
     payload: str
     seed: int
@@ -51,12 +53,12 @@ class Session:
 
     @property
     def accurate(self) -> bool:
-        """Whether mass and centre of gravity are as near as they must be."""
+        """True if mass and centre of gravity are within their limits."""
         return bool(abs(self.off[0]) <= MASS_KG and np.abs(self.off[1:4]).max() <= CENTRE_M)
 
 
 def session(payload: str, seed: int, short: bool) -> Session:
-    """Run one session in a process of its own, its buses in a folder of its own."""
+    """Run one session in a separate process, with its buses in a separate folder."""
     with tempfile.TemporaryDirectory(prefix="pls") as place:
         runtime = Path(place) / "x"
         runtime.mkdir(mode=0o700)
@@ -92,7 +94,7 @@ def session(payload: str, seed: int, short: bool) -> Session:
 
 
 def scatter_ratio(sessions: list[Session]) -> float:
-    """Return scatter between sessions over what they quoted, payload by payload about its mean."""
+    """Return the scatter between sessions of each payload over the quoted standard deviation."""
     squares, freedom = 0.0, 0
     for payload in {each.payload for each in sessions}:
         own = [each for each in sessions if each.payload == payload]
@@ -108,10 +110,10 @@ def main() -> int:
     jobs = int(sys.argv[sys.argv.index("--jobs") + 1]) if "--jobs" in sys.argv else 1
     count = 1 if quick else SESSIONS
     names = ("medium",) if quick else PAYLOADS
-    asked = [(name, 100 * k + seed) for k, name in enumerate(names) for seed in range(count)]
+    pairs = [(name, 100 * k + seed) for k, name in enumerate(names) for seed in range(count)]
     sessions: list[Session] = []
     with ThreadPoolExecutor(jobs) as pool:
-        for each in pool.map(lambda pair: session(pair[0], pair[1], quick), asked):
+        for each in pool.map(lambda pair: session(pair[0], pair[1], quick), pairs):
             sessions.append(each)
             centre = ", ".join(f"{1e3 * value:+.2f}" for value in each.off[1:4])
             print(

@@ -1,9 +1,9 @@
-"""What an hour of motion costs against six minutes of the same: `python -m benchmarks.recording`.
+"""Time and memory of recording an hour of motion and six minutes: `python -m benchmarks.recording`.
 
-The starter cell and its periodic motion are recorded in lock-step, once short and once ten times as
-long, by the command line as a user runs it. Time must grow no faster than the motion, and the peak
-memory of none of the processes may grow with it. Then the long run is averaged and identified.
-`--long-s` and `--short-s` set the lengths; the last line is one JSON object.
+The command line records the starter cell's periodic motion in lock-step, once short and once ten
+times as long. The time must not grow faster than the motion, and the peak memory of the processes
+must not grow with it. Then the long run is averaged and identified. `--long-s` and `--short-s` set
+the durations; the last line is one JSON object.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ LOOK_S: Final = 0.05
 
 @dataclass(frozen=True)
 class Cost:
-    """What a command took.
+    """Time and memory of a command.
 
     Attributes:
-        time_s: From its start to its end [s].
+        time_s: Wall time [s].
         peak_mb: Peak resident memory of each of its processes, by name [MB].
     """
 
@@ -46,7 +46,7 @@ class Cost:
 
 
 def measured(folder: Path, *arguments: str) -> Cost:
-    """Run `rid-daq` in a folder; return what it took.
+    """Run `rid-daq` in a folder; return its time and memory.
 
     Raises:
         CalledProcessError: It failed.
@@ -80,7 +80,7 @@ def measured(folder: Path, *arguments: str) -> Cost:
 
 
 def _descendants(pid: int) -> list[int]:
-    """Return the processes that a process has started, and those that they have."""
+    """Return all descendants of a process."""
     found: list[int] = []
     for task in Path(f"/proc/{pid}/task").glob("*/children"):
         with contextlib.suppress(OSError):
@@ -90,7 +90,7 @@ def _descendants(pid: int) -> list[int]:
 
 
 def _peak(pid: int) -> tuple[str, float] | None:
-    """Return a process's name and its peak resident memory [MB]; None where it has ended."""
+    """Return a process's name and its peak resident memory [MB]; None if it has ended."""
     with contextlib.suppress(OSError):
         status = Path(f"/proc/{pid}/status").read_text()
         peak = re.search(r"^VmHWM:\s+(\d+) kB", status, re.MULTILINE)
@@ -101,12 +101,12 @@ def _peak(pid: int) -> tuple[str, float] | None:
 
 
 def recorded(folder: Path, label: str, seconds: float) -> Cost:
-    """Record about so many seconds of the starter's motion into a run."""
+    """Record about `seconds` of the starter's motion."""
     starter = (folder / "motion.yaml").read_text()
     periods = max(2, round(seconds / PERIOD_S))
     text, count = re.subn(r"(?m)^periods: \d+", f"periods: {periods}", starter)
     if count != 1:
-        raise RuntimeError("the starter's motion says how many periods it has")
+        raise RuntimeError("the starter's motion file has no number of periods")
     (folder / f"{label}.yaml").write_text(text)
     return measured(folder, "record", "cell.yaml", f"{label}.yaml", "--label", label)
 
@@ -140,7 +140,7 @@ def main() -> int:
             f" {ratio:.3f} times"
         )
     for command, peak_mb in reads.items():
-        print(f"{command} of the long one: {peak_mb:.0f} MB")
+        print(f"{command} of the long run: {peak_mb:.0f} MB")
     holds = (
         time_ratio <= time_bar
         and max(ratios.values()) <= MEMORY_BAR

@@ -1,9 +1,9 @@
-"""Time of the regressor, beside writing its memory and beside a loop over Pinocchio's.
+"""Time of the regressor, compared with writing its memory and with a loop over Pinocchio's.
 
 The bars hold for the joint torques of six revolute axes, 10,000 samples, links only, from q, v, a
-to a fresh array. The limit is `np.full` of a fresh array of the same size; the peer is a Python
-loop over `pinocchio.computeJointTorqueRegressor` that stores each result in an array made before.
-All are the best of several rounds, taken in turn, in one run.
+to a new array. The lower limit is `np.full` of a new array of the same size. The peer is a Python
+loop over `pinocchio.computeJointTorqueRegressor` that stores each result in an existing array. Each
+time is the best of several rounds, in which all programs take turns.
 
 Run it with ``python -m benchmarks.regressor [--quick]``.
 """
@@ -32,7 +32,7 @@ PINOCCHIO_ORDER = [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]  # Ixx Ixy Iyy Ixz Iyz Izz -> I
 
 
 def random_arm(axes: int) -> RobotModel:
-    """Return the links of an arm of revolute axes anywhere."""
+    """Return the links of an arm with revolute axes at random places."""
     rng = np.random.default_rng(axes)
     rows = rng.uniform(-1.0, 1.0, (axes, 5)) * [np.pi, 0.1, np.pi, 0.5, 0.5]
     gravity = np.array([0.0, 0.0, -9.81])
@@ -52,7 +52,7 @@ def pinocchio_arm(chain: Chain) -> pin.Model:
 
 
 def pinocchio_loop(model: pin.Model, motion: FloatArray) -> Callable[[], FloatArray]:
-    """Return the peer: one call a sample, stored."""
+    """Return the peer's result: one call per sample, stored in an array."""
     data = model.createData()
     q, v, a = motion
     out = np.empty((len(q), model.nv, 10 * model.nv))
@@ -79,14 +79,14 @@ def best_us(rounds: int, *calls: Callable[[], object]) -> list[float]:
 
 
 def check(ours: FloatArray, theirs: FloatArray) -> None:
-    """Raise where the two do not compute the same."""
+    """Raise an error if the two results differ."""
     samples, axes, _ = ours.shape
     ordered = theirs.reshape(samples, axes, axes, 10)[..., PINOCCHIO_ORDER].reshape(ours.shape)
     np.testing.assert_allclose(ours, ordered, rtol=0, atol=1e-9)
 
 
 def on_one_core(call: Callable[[], object]) -> Callable[[], object]:
-    """Return the same call with this process held to one core."""
+    """Return a call that runs with this process restricted to one core."""
 
     def run() -> None:
         cores = os.sched_getaffinity(0)
@@ -129,7 +129,7 @@ def measure(axes: int, rounds: int) -> tuple[float, float, float]:
 
 
 def measure_the_rest(rounds: int) -> None:
-    """Print what else is computed for six axes."""
+    """Print the times of the other computations for six axes."""
     model = random_arm(6)
     rng = np.random.default_rng(0)
     q, v, a = rng.uniform(-2.0, 2.0, (3, SAMPLES, 6))

@@ -1,15 +1,15 @@
 """Random splines on six axes, timed to their torques: violations, time and processor time.
 
-The bundled UR10e with its drawings' inertias, plain armatures and friction (Coulomb, viscous,
-offset); 100 splines through six random poses, 1,000 intervals, rows every 2 ms. The judge is
-Pinocchio's `rnea` with armatures, and friction computed here; it looks at every row that is given
-back. The optimum is the same problem on a grid eight times as fine, not averaged and not resampled.
-Processor time is the best of some rounds for the whole call: the model along the path, scans, rows,
+The robot is the bundled UR10e with inertias from CAD data, armatures, and Coulomb, viscous and
+offset friction. It follows 100 splines through six random poses, with 1,000 intervals and rows
+every 2 ms. Pinocchio's `rnea` with armatures, and friction computed here, check every row. The
+optimum solves the same problem on a grid eight times as fine, without averaging or resampling.
+Processor time is the best of some rounds for the whole call: model along the path, scans, rows and
 their verification.
 
-toppra (https://pypi.org/project/toppra) runs beside it where it can be imported (PYTHONPATH), with
-the same path, grid, limits, and Pinocchio for its torques: as it is by default, and with its
-interpolating scheme and output of constant acceleration. It has Coulomb friction, but no viscous.
+If toppra (https://pypi.org/project/toppra) can be imported, it solves the same problems, with the
+same path, grid and limits, and torques by Pinocchio. It runs with its default settings, and again
+with its interpolating scheme and constant acceleration. It has Coulomb but no viscous friction.
 
 Run it with ``python -m benchmarks.retime [--quick]``.
 """
@@ -59,13 +59,13 @@ ACCELERATION = 40.0
 
 @dataclass(frozen=True, eq=False)
 class SixAxes:
-    """A robot with friction: for the timer, and as a judge sees it.
+    """A robot with friction, in the form of the project and in that of Pinocchio.
 
     Attributes:
         robot: Its description, with armatures.
-        torque: Its model.
-        limits: What is kept to.
-        judge: Its links and armatures.
+        torque: Its torque model.
+        limits: Limits of the timing.
+        judge: Pinocchio's model of links and armatures.
     """
 
     robot: RobotDescription
@@ -96,18 +96,18 @@ class SixAxes:
         return cls(robot, SampleTorque.of(model, theta), limits, judge)
 
     def rigid(self, path: JointTrajectory) -> FloatArray:
-        """Return Pinocchio's torques of rows of a motion."""
+        """Return the torques of a motion's rows by Pinocchio."""
         data = self.judge.createData()
         return np.array([pin.rnea(self.judge, data, *row) for row in zip(*path, strict=True)])
 
     def judged(self, path: JointTrajectory) -> FloatArray:
-        """Return the torques of rows, friction in them, as shares of their limits."""
+        """Return the torques of rows, including friction, as shares of their limits."""
         v = path.velocity
         friction = COULOMB * np.sign(v) + VISCOUS * v + OFFSET
         return np.asarray(np.abs(self.rigid(path) + friction) / self.limits.torque)
 
     def spline(self, seed: int) -> tuple[JointCurve, FloatArray]:
-        """Return a random path and the poses that it goes through."""
+        """Return a random path and its poses."""
         poses = np.random.default_rng(seed).uniform(-1.2, 1.2, (POINTS, len(self.robot.joints)))
         return JointCurve.through(poses, self.limits.speed), poses
 
@@ -141,7 +141,7 @@ def optimum_s(six: SixAxes, curve: JointCurve) -> float:
 
 
 def cpu_ms(call: Callable[[], object], rounds: int) -> float:
-    """Return the least processor time of a call in some rounds [ms]."""
+    """Return the lowest processor time of a call in some rounds [ms]."""
     spent = []
     for _ in range(rounds):
         began = time.process_time()
@@ -151,9 +151,9 @@ def cpu_ms(call: Callable[[], object], rounds: int) -> float:
 
 
 def ours(six: SixAxes, seeds: range, rounds: int) -> dict[str, Any]:
-    """Time every path, judge every row."""
+    """Time every path and check every row."""
     timer = PathTimer(six.robot, six.torque, six.limits, CYCLE_S, intervals=INTERVALS)
-    timer.timed(six.spline(10_000)[0])  # kernels warm
+    timer.timed(six.spline(10_000)[0])  # compiles the kernels
     peaks, over, spent, rows, scans = [], [], [], 0, []
     for seed in seeds:
         curve, _ = six.spline(seed)
@@ -187,7 +187,7 @@ def ours(six: SixAxes, seeds: range, rounds: int) -> dict[str, Any]:
 
 
 def theirs(six: SixAxes, seeds: range, rounds: int) -> dict[str, Any]:
-    """Time every path with toppra; empty where it cannot be imported."""
+    """Time every path with toppra; return an empty result if it cannot be imported."""
     try:
         import toppra  # type: ignore[import-not-found]  # pyright: ignore[reportMissingImports]
     except ImportError:
@@ -256,17 +256,17 @@ def theirs(six: SixAxes, seeds: range, rounds: int) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Measure, print, and tell by the exit code whether every bar held."""
+    """Measure and print; return 0 if every bar holds."""
     quick = "--quick" in sys.argv
     seeds, rounds = range(10 if quick else 100), 2 if quick else 5
     six = SixAxes.ur10e()
     own = ours(six, seeds, rounds)
     print(
-        f"{own['paths']} paths, {own['rows']} rows: {own['rows_above']} above a limit, the largest"
-        f" at {own['peak']:.4f} of it; {100 * own['over_optimum_median']:.2f} % over the optimum in"
-        f" the median, {100 * own['over_optimum_worst']:.2f} % at worst;"
-        f" {own['cpu_ms_median']:.1f} ms of processor time a path, {own['cpu_ms_worst']:.1f} ms at"
-        " worst"
+        f"{own['paths']} paths, {own['rows']} rows: {own['rows_above']} above a limit, largest"
+        f" share of a limit {own['peak']:.4f}; time over the optimum: median"
+        f" {100 * own['over_optimum_median']:.2f} %, worst {100 * own['over_optimum_worst']:.2f} %;"
+        f" processor time per path: median {own['cpu_ms_median']:.1f} ms, worst"
+        f" {own['cpu_ms_worst']:.1f} ms"
     )
     peer = theirs(six, seeds, rounds)
     for name, values in peer.items():
@@ -277,7 +277,7 @@ def main() -> int:
             f" {values['cpu_ms_median']:.1f} ms a path; {values['failed']} failed"
         )
     if not peer:
-        print("toppra is not installed: nothing beside it")
+        print("toppra is not installed: no comparison")
     held = {
         "rows_above": own["rows_above"] == 0,
         "over_optimum": own["over_optimum_worst"] <= BAR_OVER_OPTIMUM,

@@ -1,19 +1,19 @@
-"""How fast a stop is with a thousand slow clients at the server: `python -m benchmarks.service`.
+"""Latency of a stop with a thousand slow clients at the server: `python -m benchmarks.service`.
 
-A simulated cell's motions run at the wall clock's pace, by one `rid-daq serve` (with `--live` each
-by a `record --pace 1 --live`). A thousand clients dribble their requests, a byte every half second,
-and come again when they are turned away; a busy process sits on every core. Then a program presses
-STOP: from before its connection is opened to the last axis's quick stop on the simulated bus, as a
-listener on it has it (`benchmarks/service_stops.py`). One stop ends one motion.
+One `rid-daq serve` runs the motions of a simulated cell in real time; with `--live`, each motion is
+a `record --pace 1 --live`. A thousand clients send their requests slowly, one byte every half
+second, and reconnect when they are disconnected. A busy process runs on every core. Then STOP is
+pressed. The time is measured from before the connection is opened until the last axis's quick stop
+is on the simulated bus (`benchmarks/service_stops.py`). Each stop ends one motion.
 
-Every other motion is stopped with the server frozen by SIGSTOP, over shared memory, as `rid-daq
-stop` does it: that has to be seen within one cycle.
+Every second motion is stopped over shared memory, as `rid-daq stop` does it, while the server is
+frozen by SIGSTOP. The task must react within one cycle.
 
-At last one motion runs in real time, and 20 viewers come and go (`benchmarks/service_viewers.py`):
-its cycles may begin with them at most 1.1 times as late as without.
+Finally 20 viewers connect and disconnect during one motion (`benchmarks/service_viewers.py`). The
+lateness of its cycles with viewers may be at most 1.1 times that without.
 
-`--stops N` presses N times on each way; on a computer that does nothing else 20 take some 5
-minutes. The last line is one JSON object.
+`--stops N` sets the number of stops of each kind; 20 take about 5 minutes on an idle computer. The
+last line is one JSON object.
 """
 
 from __future__ import annotations
@@ -66,11 +66,11 @@ joints:
 
 @contextlib.contextmanager
 def recording(folder: Path) -> Iterator[Moving]:
-    """Yield a motion of `record --pace 1 --live` that is well under way; wait for its end."""
-    motion, said = folder / "motion.yaml", folder / "said"
+    """Yield a motion of `record --pace 1 --live` in its main phase; wait for its end."""
+    motion, log = folder / "motion.yaml", folder / "said"
     motion.write_text(MOTION)
     words = ["record", "ir361", str(motion), "--runs", str(folder / "runs"), "--pace", "1"]
-    with said.open("w") as output:
+    with log.open("w") as output:
         program = subprocess.Popen(
             [sys.executable, "-m", "rid_daq", *words, "--live", "--listen", "127.0.0.1:0"],
             stdout=output,
@@ -81,9 +81,9 @@ def recording(folder: Path) -> Iterator[Moving]:
         until_s = time.monotonic() + PATIENCE_S
         while (control := _moving(program.pid)) is None:
             if program.poll() is not None or time.monotonic() > until_s:
-                raise SystemExit(f"no motion: {said.read_text()}")
+                raise SystemExit(f"the motion did not start: {log.read_text()}")
             time.sleep(0.05)
-        found = re.search(r"Live page: http://127\.0\.0\.1:(\d+)/", said.read_text())
+        found = re.search(r"Live page: http://127\.0\.0\.1:(\d+)/", log.read_text())
         assert found is not None
         port = int(found[1])
         yield Moving(control, folder, port, _server(program.pid, port))
@@ -96,7 +96,7 @@ def recording(folder: Path) -> Iterator[Moving]:
 
 @contextlib.contextmanager
 def serving(folder: Path) -> Iterator[Served]:
-    """Yield a service of a cell that is taken and checked; end it."""
+    """Yield a service whose cell is leased and checked; end the service afterwards."""
     (folder / "motion.yaml").write_text(MOTION)
     os.environ["XDG_RUNTIME_DIR"] = str(folder)
     words = ["serve", "ir361", "--folder", str(folder), "--listen", "127.0.0.1:0", "--pace", "1"]
@@ -108,7 +108,7 @@ def serving(folder: Path) -> Iterator[Served]:
         until_s = time.monotonic() + PATIENCE_S
         while not (found := re.search(r"127\.0\.0\.1:(\d+)/", (folder / "said").read_text())):
             if program.poll() is not None or time.monotonic() > until_s:
-                raise SystemExit(f"no service: {(folder / 'said').read_text()}")
+                raise SystemExit(f"the service did not start: {(folder / 'said').read_text()}")
             time.sleep(0.05)
         with ServiceClient.at(str(socket_path_of(folder))) as client:
             key = client.ask("POST", "/cells/ir361/lease", {"seconds": 3600.0})["key"]
@@ -124,10 +124,10 @@ class Served:
     """A service whose cell is ready.
 
     Attributes:
-        client: Asks it.
-        folder: Its own, and that of the simulated bus.
-        lease: The key of the cell's lease.
-        port, server: Where it listens, and its process.
+        client: Client of the service.
+        folder: Folder of the service and of the simulated bus.
+        lease: Key of the cell's lease.
+        port, server: TCP port and process id.
     """
 
     client: ServiceClient
@@ -138,16 +138,15 @@ class Served:
 
     @contextlib.contextmanager
     def motion(self, **simulation: object) -> Iterator[tuple[Moving, Job]]:
-        """Yield a motion that is well under way, and its job; wait for its end."""
+        """Yield a motion in its main phase and its job; wait for its end."""
         request = {"motion": "motion.yaml", "simulation": simulation}
-        wanted = {"kind": "record", "request": request}
-        told = self.client.ask("POST", "/cells/ir361/jobs", wanted, self.lease)
-        job = Job.model_validate(told)
+        body = {"kind": "record", "request": request}
+        job = Job.model_validate(self.client.ask("POST", "/cells/ir361/jobs", body, self.lease))
         assert job.pid is not None
         until_s = time.monotonic() + PATIENCE_S
         while (control := _moving(job.pid)) is None:
             if time.monotonic() > until_s or self.client.job(job.id).state.is_over:
-                raise SystemExit(f"no motion: {self.client.job(job.id).reason}")
+                raise SystemExit(f"the motion did not start: {self.client.job(job.id).reason}")
             time.sleep(0.02)
         path = "/api/v1/cells/ir361/stop"
         yield Moving(control, self.folder, self.port, self.server, path), job
@@ -162,7 +161,7 @@ def _moving(pid: int) -> ControlBlock | None:
 
 
 def _server(program: int, port: int) -> int:
-    """Return which child of a program listens on a port."""
+    """Return the child process of a program that listens on a port."""
     lines = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
     nodes = {f"socket:[{line[9]}]" for line in lines if line[1] == f"0100007F:{port:04X}"}
     for child in Path(f"/proc/{program}/task/{program}/children").read_text().split():
@@ -174,8 +173,8 @@ def _server(program: int, port: int) -> int:
 
 
 def crowd(port: int) -> None:
-    """Be the slow clients; the main function of their process."""
-    os.nice(10)  # they stand for other computers, which take no time of this one
+    """Run the slow clients, as the main function of their process."""
+    os.nice(10)  # they represent other computers, which use no time of this one
     _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (min(4096, hard), hard))
     asyncio.run(_all_slow(port))
@@ -200,19 +199,19 @@ async def _slow(port: int) -> None:
 
 @contextlib.contextmanager
 def load(port: int) -> Iterator[Callable[[bool], None]]:
-    """Have the slow clients at a port, and a busy process on every core; yield what holds them."""
+    """Run the slow clients and a busy process on every core; yield a function that pauses them."""
     context = multiprocessing.get_context("spawn")
     crowded = context.Process(target=crowd, args=(port,), daemon=True)
     busy = [context.Process(target=burn, daemon=True) for _ in range(os.cpu_count() or 1)]
     for process in (crowded, *busy):
         process.start()
 
-    def press(wanted: bool) -> None:
+    def press(is_on: bool) -> None:
         for process in (crowded, *busy):
             assert process.pid is not None
-            os.kill(process.pid, signal.SIGCONT if wanted else signal.SIGSTOP)
+            os.kill(process.pid, signal.SIGCONT if is_on else signal.SIGSTOP)
         until_s = time.monotonic() + PATIENCE_S
-        while wanted and _connections(port) < CLIENTS // 10 and time.monotonic() < until_s:
+        while is_on and _connections(port) < CLIENTS // 10 and time.monotonic() < until_s:
             time.sleep(0.1)
 
     try:
@@ -229,7 +228,7 @@ def _connections(port: int) -> int:
     return sum(line.split()[1] == f"0100007F:{port:04X}" for line in lines)
 
 
-def of_live_page(stops: int) -> tuple[Stops, None]:
+def stop_recordings(stops: int) -> tuple[Stops, None]:
     """Stop motions of `record --live`."""
     found = Stops()
     for _ in range(stops):
@@ -244,8 +243,8 @@ def of_live_page(stops: int) -> tuple[Stops, None]:
     return found, None
 
 
-def of_service(stops: int, seconds: float) -> tuple[Stops, Lateness | None]:
-    """Stop motions of one service; then have viewers come and go beside one in real time."""
+def stop_jobs(stops: int, seconds: float) -> tuple[Stops, Lateness | None]:
+    """Stop motions of one service; then measure the lateness of one with and without viewers."""
     found = Stops()
     with tempfile.TemporaryDirectory() as name, serving(Path(name)) as served:
         with load(served.port) as press:
@@ -269,21 +268,28 @@ def main() -> int:
     """Measure and print; the last line is one JSON object."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--stops", type=int, default=20, metavar="N")
-    parser.add_argument("--seconds", type=float, default=60.0, help="of lateness; 0: none")
-    parser.add_argument("--live", action="store_true", help="the live page in place of a service")
+    parser.add_argument(
+        "--seconds",
+        type=float,
+        default=60.0,
+        help="duration of the lateness measurement; 0 omits it",
+    )
+    parser.add_argument(
+        "--live", action="store_true", help="measure the live page instead of a service"
+    )
     options = parser.parse_args()
     if options.live:
-        stops, late = of_live_page(options.stops)
+        stops, late = stop_recordings(options.stops)
     else:
-        stops, late = of_service(options.stops, options.seconds)
+        stops, late = stop_jobs(options.stops, options.seconds)
     p50_ms, p99_ms = (float(np.quantile(stops.bus_ms, q)) for q in (0.5, 0.99))
     task_p99_ms = float(np.quantile(stops.task_ms, 0.99))
     frozen_p99_ms, cycles = float(np.quantile(stops.memory_ms, 0.99)), max(stops.cycles)
     print(
-        f"stop with {CLIENTS} slow clients and every core busy: the last axis's frame p50"
-        f" {p50_ms:.1f} ms, p99 {p99_ms:.1f} ms, {p99_ms / STOP_BAR_MS:.2f} of the bar; seen by the"
-        f" task p99 {task_p99_ms:.1f} ms\nstop with the server frozen: seen after {cycles} cycles"
-        f" at most, the last axis's frame p99 {frozen_p99_ms:.1f} ms"
+        f"stop with {CLIENTS} slow clients and every core busy: last axis's frame p50"
+        f" {p50_ms:.1f} ms, p99 {p99_ms:.1f} ms, {p99_ms / STOP_BAR_MS:.2f} of the bar; task p99"
+        f" {task_p99_ms:.1f} ms\nstop with the server frozen: task after at most {cycles} cycles,"
+        f" last axis's frame p99 {frozen_p99_ms:.1f} ms"
     )
     holds = p99_ms <= STOP_BAR_MS and cycles <= 1
     if late is not None:

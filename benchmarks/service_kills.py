@@ -1,14 +1,14 @@
-"""What `kill -9` of the service leaves: `python -m benchmarks.service_kills --kills N`.
+"""State after `kill -9` of the service: `python -m benchmarks.service_kills --kills N`.
 
-The simulated drives are another program's (`rid-daq mock`) and outlive everything. One service
-after the other is killed at a random moment: while it starts, while it journals a job that it was
-just asked for, while the job prepares, moves, and writes what it measured. The next one is started
-at once, as systemd does. Before it is asked for anything the worker of the one before must have
-ended by itself, and no drive may be enabled. `--lanes` such rows go on beside each other, each with
-a cell and a folder of its own; after `--minutes` no more are killed, and it says how many were.
+The simulated drives run in another program (`rid-daq mock`) and are never killed. One service after
+the other is killed at a random time: while it starts, while it stores a new job, or while the job
+prepares, moves or writes its result. The next service starts at once, as with systemd. Before it
+gets a request, the worker of the killed service must have ended by itself, and no drive may be
+enabled. `--lanes` sets the number of services that are tested in parallel, each with a separate
+cell and folder. After `--minutes` the test ends early and reports the number of kills.
 
-At the end the service must know every job that was accepted, none of them running, none of them
-done twice. The computer may be busy meanwhile. The last line is one JSON object.
+At the end the service must know every accepted job; no job may be running, and none may have run
+twice. Other load on the computer does not matter. The last line is one JSON object.
 """
 
 from __future__ import annotations
@@ -55,10 +55,10 @@ STATE: Final = 0x6F
 LEASE_S: Final = 3600.0
 REST_S: Final = 180.0
 STARTING: Final = 0.15
-"""The share of kills that fall on a service's start."""
+"""Share of the kills that happen during a service's start."""
 
 ASKING: Final = 0.25
-"""The share of the others that fall within `ASKING_S` of the request."""
+"""Share of the other kills that happen within `ASKING_S` after the request."""
 
 ASKING_S: Final = 0.1
 MOTION: Final = """kind: fourier
@@ -75,12 +75,12 @@ joints:
 
 @dataclass
 class Tally:
-    """What the kills have left, so far.
+    """Results of the kills so far.
 
     Attributes:
-        fell: How many kills fell on what.
-        accepted: The jobs that the service has said it accepted.
-        enabled, still: Drives that were enabled, and workers that were there, when neither may be.
+        fell: Activity during the kill to number of kills.
+        accepted: Jobs that the service has accepted.
+        enabled, still: Enabled drives and running workers found after a kill; both must be 0.
     """
 
     fell: Counter[str] = field(default_factory=Counter)
@@ -91,10 +91,10 @@ class Tally:
 
 @contextlib.contextmanager
 def program(*words: str, folder: Path) -> Iterator[subprocess.Popen[bytes]]:
-    """Yield a program of rid-daq that runs; end it."""
-    with (folder / "said").open("ab") as said:
+    """Start a rid-daq command and yield its process; end it afterwards."""
+    with (folder / "said").open("ab") as log:
         process = subprocess.Popen(
-            [sys.executable, "-m", "rid_daq", *words], stdout=said, stderr=said
+            [sys.executable, "-m", "rid_daq", *words], stdout=log, stderr=log
         )
     try:
         yield process
@@ -105,7 +105,7 @@ def program(*words: str, folder: Path) -> Iterator[subprocess.Popen[bytes]]:
 
 
 def until(condition: Callable[[], bool], patience_s: float = PATIENCE_S) -> bool:
-    """Wait for a condition; return whether it came true."""
+    """Wait for a condition; return False after a timeout."""
     end_s = time.monotonic() + patience_s
     while not condition():
         if time.monotonic() > end_s:
@@ -116,7 +116,7 @@ def until(condition: Callable[[], bool], patience_s: float = PATIENCE_S) -> bool
 
 @contextlib.contextmanager
 def serving(folder: Path) -> Iterator[subprocess.Popen[bytes]]:
-    """Yield a service of the cell that has just been started."""
+    """Start a service of the cell and yield its process."""
     words = ("serve", CELL, "--folder", str(folder), "--listen", "127.0.0.1:0")
     with program(*words, folder=folder) as process:
         yield process
@@ -132,13 +132,13 @@ def require_answer(folder: Path, process: subprocess.Popen[bytes]) -> None:
     """Wait until a service answers.
 
     Raises:
-        SystemExit: It has ended, or does not in `PATIENCE_S`.
+        SystemExit: It has ended, or does not answer within `PATIENCE_S`.
     """
     if (
         not until(lambda: answers(folder) or process.poll() is not None)
         or process.poll() is not None
     ):
-        raise SystemExit(f"no service: {(folder / 'said').read_text()[-2000:]}")
+        raise SystemExit(f"the service does not answer: {(folder / 'said').read_text()[-2000:]}")
 
 
 def answers(folder: Path) -> bool:
@@ -150,7 +150,7 @@ def answers(folder: Path) -> bool:
 
 
 def is_worker(pid: int) -> bool:
-    """Return whether a process is there and a worker."""
+    """Return whether a process exists and is a worker."""
     with contextlib.suppress(OSError):
         return b"rid_daq.worker" in Path(f"/proc/{pid}/cmdline").read_bytes()
     return False
@@ -165,23 +165,23 @@ def has_drives() -> bool:
 
 
 def enabled_drives() -> int:
-    """Return how many of the cell's drives are switched on, by their statuswords (6041h)."""
+    """Return the number of enabled drives of the cell, from their statuswords (6041h)."""
     cell = load_cell(CELL).config
     count = 0
     with can.Bus(interface=cell.can.interface, channel=cell.can.channel) as bus:
         for axis in cell.axes:
             read = bytes((0x40, 0x41, 0x60, 0, 0, 0, 0, 0))
-            asked = can.Message(
+            request = can.Message(
                 arbitration_id=0x600 + axis.node_id, data=read, is_extended_id=False
             )
             for _ in range(10):
-                bus.send(asked)
+                bus.send(request)
                 word = _answer(bus, 0x580 + axis.node_id)
                 if word is not None:
                     count += word & STATE == ENABLED
                     break
             else:
-                raise SystemExit(f"node {axis.node_id} does not answer: nobody knows its state")
+                raise SystemExit(f"node {axis.node_id} does not answer: its state is unknown")
     return count
 
 
@@ -195,14 +195,14 @@ def _answer(bus: can.BusABC, identifier: int) -> int | None:
 
 
 class Attacker:
-    """Starts services of one folder and kills them.
+    """Starter and killer of the services of one folder.
 
     Args:
-        folder: Theirs.
-        chance: When they are killed.
+        folder: Folder of the services.
+        chance: Random generator of the times of the kills.
 
     Attributes:
-        tally: What that has left.
+        tally: Results so far.
     """
 
     def __init__(self, folder: Path, chance: random.Random) -> None:
@@ -214,7 +214,7 @@ class Attacker:
         self._job_s = 10.0
 
     def kill_one(self) -> None:
-        """Start a service, and kill it at a random moment."""
+        """Start a service and kill it at a random time."""
         with serving(self.folder) as process:
             if self._chance.random() < STARTING:
                 time.sleep(self._chance.uniform(0.0, self._start_s))
@@ -230,7 +230,7 @@ class Attacker:
                 self._strike(client, process)
 
     def look_at_rest(self, client: ServiceClient) -> None:
-        """Have the worker of the service before end by itself, and look at the drives."""
+        """Wait for the previous service's worker to end, and count the enabled drives."""
         newest = client.ask("GET", "/jobs?limit=1")
         pid = newest[0]["pid"] if newest else None
         if pid is not None and not until(lambda: not is_worker(pid), REST_S):
@@ -248,14 +248,14 @@ class Attacker:
             client.run(CELL, "check", {"seconds": 0.2}, lease=self._lease)
 
     def _strike(self, client: ServiceClient, process: subprocess.Popen[bytes]) -> None:
-        """Ask for a recording, and kill the service at a random moment of the job's life."""
-        said: list[Job] = []
-        wanted = {"kind": "record", "request": {"motion": "motion.yaml"}}
+        """Request a recording, and kill the service at a random time during the job."""
+        accepted: list[Job] = []
+        body = {"kind": "record", "request": {"motion": "motion.yaml"}}
 
         def ask() -> None:
             with contextlib.suppress(RidDaqError):  # killed before it answered
-                told = client.ask("POST", f"/cells/{CELL}/jobs", wanted, self._lease)
-                said.append(Job.model_validate(told))
+                job = client.ask("POST", f"/cells/{CELL}/jobs", body, self._lease)
+                accepted.append(Job.model_validate(job))
 
         asking = threading.Thread(target=ask)
         began_s = time.monotonic()
@@ -263,18 +263,19 @@ class Attacker:
         if self._chance.random() < ASKING:
             time.sleep(self._chance.uniform(0.0, ASKING_S))
         elif until(
-            lambda: bool(said) and self._is_over(said[0]), self._chance.uniform(0, self._job_s)
+            lambda: bool(accepted) and self._is_over(accepted[0]),
+            self._chance.uniform(0, self._job_s),
         ):
             self._job_s = time.monotonic() - began_s
         else:
-            self._job_s *= 1.02  # a computer that others have made slow
+            self._job_s *= 1.02  # adapts to a computer that has become slower
         kill(process)
         asking.join()
-        self.tally.accepted += [job.id for job in said]
-        self.tally.fell[self._where(said[0]) if said else "the request"] += 1
+        self.tally.accepted += [job.id for job in accepted]
+        self.tally.fell[self._activity(accepted[0]) if accepted else "the request"] += 1
 
-    def _where(self, job: Job) -> str:
-        """Return what a job was at, just after the kill."""
+    def _activity(self, job: Job) -> str:
+        """Return the activity of a job just after the kill."""
         if self._is_over(job):
             return "its end"
         motions = "motion" in self._kinds(job.id)
@@ -294,7 +295,7 @@ class Attacker:
         return Counter(event.kind for event in EventTail(path).read_new())
 
     def left(self) -> dict[str, Any]:
-        """Return what all that has left, once a last service has been there."""
+        """Return the final results, after a last service has started."""
         with serving(self.folder) as process:
             require_answer(self.folder, process)
             with ServiceClient.at(str(socket_path_of(self.folder))) as client:
@@ -302,8 +303,8 @@ class Attacker:
         with contextlib.closing(open_database(self.folder / STATE_FOLDER / "service.db")) as base:
             jobs = JobStore(base).newest(limit=1_000_000)
         recordings = [job for job in jobs if job.kind == JobKind("record")]
-        told = [self._kinds(job.id) for job in jobs]
-        twice = sum(each["ended"] > 1 or each["motion"] > 1 for each in told)
+        events = [self._kinds(job.id) for job in jobs]
+        twice = sum(each["ended"] > 1 or each["motion"] > 1 for each in events)
         runs = len(list_runs(self.folder / "runs"))
         return {
             "accepted": len(self.tally.accepted),
@@ -326,14 +327,16 @@ def _control(pid: int) -> ControlBlock | None:
 
 
 def attack(kills: int, seed: int, until_s: float) -> dict[str, Any]:
-    """Kill so many services of a cell of their own; return what that has left."""
+    """Kill `kills` services of a separate cell; return the results."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         os.environ["XDG_RUNTIME_DIR"] = name
         (folder / "motion.yaml").write_text(MOTION)
         with program("mock", CELL, folder=folder):
             if not until(has_drives):
-                raise SystemExit(f"no drives: {(folder / 'said').read_text()[-2000:]}")
+                raise SystemExit(
+                    f"the drives did not start: {(folder / 'said').read_text()[-2000:]}"
+                )
             attacker = Attacker(folder, random.Random(seed))
             done = 0
             while done < kills and time.time() < until_s:
@@ -342,12 +345,12 @@ def attack(kills: int, seed: int, until_s: float) -> dict[str, Any]:
                 if done % 20 == 0:
                     tally = attacker.tally
                     bad = f"{tally.enabled} drives enabled, {tally.still} workers left"
-                    print(f"row {seed}: {done} kills, {bad}, {dict(tally.fell)}", flush=True)
+                    print(f"lane {seed}: {done} kills, {bad}, {dict(tally.fell)}", flush=True)
             return {"kills": done, **attacker.left()}
 
 
 def main() -> int:
-    """Kill, look, and print; the last line is one JSON object."""
+    """Measure and print; the last line is one JSON object."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kills", type=int, default=20, metavar="N")
     parser.add_argument("--lanes", type=int, default=2)

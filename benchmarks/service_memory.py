@@ -1,10 +1,10 @@
-"""Whether a service's memory stays as it is: `python -m benchmarks.service_memory`.
+"""Memory growth of a service: `python -m benchmarks.service_memory`.
 
-10,000 requests are made of a served cell. Then a simulated cell records 30 simulated minutes after
-30 simulated minutes, as fast as the computer can, 8 hours in all, while somebody looks on. The
-service's memory after the first tenth of the requests, and after the first half hour, is compared
-with that at the end; so is what a recording's own processes have at its beginning and at its end.
-The last line is one JSON object.
+The service first gets 10,000 requests. Then a simulated cell makes recordings of 30 simulated
+minutes, as fast as the computer can, for 8 simulated hours, with one viewer connected. The memory
+of the service after the first tenth of the requests, and after the first recording, is compared
+with that at the end. The memory of each recording's own processes is compared in the same way
+between its beginning and its end. The last line is one JSON object.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ BAR: Final = 1.05
 
 
 def memory_bytes(pid: int) -> int:
-    """Return how much memory of its own a process has in RAM, shared memory by its share.
+    """Return the private memory of a process in RAM plus its share of shared memory.
 
-    Pages of files are left out: a library's count by how many programs of the computer use it, so
-    that a service would grow when others end.
+    Mapped files are excluded: their share depends on the number of programs that use them, so that
+    a service would seem to grow when another program ends.
     """
     total = 0
     with contextlib.suppress(OSError):
@@ -51,7 +51,7 @@ def memory_bytes(pid: int) -> int:
 
 
 def tree(pid: int) -> list[int]:
-    """Return a process and all that descend from it."""
+    """Return a process and all its descendants."""
     found = [pid]
     with contextlib.suppress(OSError):
         for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
@@ -60,22 +60,22 @@ def tree(pid: int) -> list[int]:
 
 
 @contextlib.contextmanager
-def somebody_looks_on(folder: Path) -> Iterator[list[int]]:
-    """Have a viewer at the service; yield how many messages it has got."""
-    got = [0]
+def viewer_connected(folder: Path) -> Iterator[list[int]]:
+    """Connect a viewer to the service; yield the number of its messages."""
+    count = [0]
     with unix_connect(str(socket_path_of(folder)), "ws://localhost/api/v1/ws") as socket:
 
         def read() -> None:
             for _ in socket:
-                got[0] += 1
+                count[0] += 1
 
         reading = threading.Thread(target=read, daemon=True)
         reading.start()
-        yield got
+        yield count
 
 
-def ask_often(served: Served) -> float:
-    """Make the requests; return the memory at the end over that after a tenth of them."""
+def send_requests(served: Served) -> float:
+    """Send the requests; return the memory at the end over that after the first tenth."""
     paths = ("/cells/ir361", "/jobs?limit=5", "/runs?limit=5", "/cells/ir361/preflight")
     before = 0
     for number in range(REQUESTS):
@@ -86,14 +86,13 @@ def ask_often(served: Served) -> float:
 
 
 def record_half_an_hour(served: Served) -> float:
-    """Record; return what its processes have at nine tenths, over what they had at one tenth."""
-    wanted = {
+    """Record for half an hour; return the memory after nine tenths over that after one tenth."""
+    body = {
         "kind": "record",
         "request": {"motion": "motion.yaml", "simulation": {"pace": None}},
         "on_lost_client": "finish",
     }
-    told = served.client.ask("POST", "/cells/ir361/jobs", wanted, served.lease)
-    job = Job.model_validate(told)
+    job = Job.model_validate(served.client.ask("POST", "/cells/ir361/jobs", body, served.lease))
     assert job.pid is not None
     sizes = []
     for share in (0.1, 0.9):
@@ -101,7 +100,7 @@ def record_half_an_hour(served: Served) -> float:
         while _cycles(job.pid) < share * EACH_S / CYCLE_S:
             over = served.client.job(job.id)
             if over.state.is_over or time.monotonic() > until_s:
-                raise SystemExit(f"the recording does not go on: {over.state.value} {over.reason}")
+                raise SystemExit(f"the recording has ended: {over.state.value} {over.reason}")
             time.sleep(0.2)
         sizes.append(sum(memory_bytes(each) for each in tree(job.pid)))
     served.client.follow(job).require_done()
@@ -118,7 +117,7 @@ def _cycles(pid: int) -> int:
 def main() -> int:
     """Measure and print; the last line is one JSON object."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--hours", type=float, default=HOURS, help="simulated")
+    parser.add_argument("--hours", type=float, default=HOURS, help="simulated time [h]")
     hours: float = parser.parse_args().hours
     began_s, own = time.monotonic(), []
     with tempfile.TemporaryDirectory() as name, serving(Path(name)) as served:
@@ -126,9 +125,9 @@ def main() -> int:
         (folder / "motion.yaml").write_text(
             MOTION.replace("periods: 1000", f"periods: {round(EACH_S / 2.0)}")
         )
-        by_requests = ask_often(served)
+        by_requests = send_requests(served)
         first = now = 0
-        with somebody_looks_on(folder) as got:
+        with viewer_connected(folder) as count:
             for number in range(max(2, round(3600.0 * hours / EACH_S))):
                 served.client.ask("PUT", "/cells/ir361/lease", {"seconds": 3600.0}, served.lease)
                 if served.client.cell("ir361").state != "ready":
@@ -138,12 +137,12 @@ def main() -> int:
                 first = first or now
                 print(
                     f"{(number + 1) * EACH_S / 3600.0:.1f} h: service {now / 1e6:.1f} MB,"
-                    f" the recording's own {own[-1]:.3f} times",
+                    f" growth of the recording's processes {own[-1]:.3f} times",
                     flush=True,
                 )
         by_hours = now / first
-        seen = got[0]
-    holds = max(by_requests, by_hours, *own) <= BAR and seen > 0
+        messages = count[0]
+    holds = max(by_requests, by_hours, *own) <= BAR and messages > 0
     result = {
         "name": "service_memory",
         "requests": REQUESTS,
@@ -151,7 +150,7 @@ def main() -> int:
         "simulated_hours": len(own) * EACH_S / 3600.0,
         "hours_ratio": round(by_hours, 3),
         "recordings_ratio": round(max(own), 3),
-        "messages_seen": seen,
+        "messages_seen": messages,
         "minutes": round((time.monotonic() - began_s) / 60.0, 1),
         "load": round(os.getloadavg()[0], 1),
         "bar": f"at most {BAR:g} times",

@@ -1,4 +1,4 @@
-"""Twenty viewers at a served cell's WebSocket, who come and go; how late cycles begin meanwhile."""
+"""Lateness of cycles while twenty viewers connect to a cell's WebSocket and disconnect again."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ class Segment:
     """Cycles of a motion, with viewers or without.
 
     Attributes:
-        first, last: The cycles.
-        viewers: How many looked on, by the service's own word.
-        messages: How many they have got meanwhile, all together.
+        first, last: First and last cycle.
+        viewers: Number of viewers that the service reports.
+        messages: Total number of messages that the viewers received.
     """
 
     first: int
@@ -51,12 +51,12 @@ class Segment:
 
 @dataclass(frozen=True)
 class Lateness:
-    """How late cycles began, without viewers and with them: p99 of calm windows, and of all [us].
+    """Lateness of cycles without viewers and with them, p99 [us].
 
     Attributes:
-        without_us, with_us: Of calm windows: `calm_p99`.
+        without_us, with_us: Of calm windows, by `calm_p99`.
         all_without_us, all_with_us: Of all cycles.
-        cycles: How many each of the two has.
+        cycles: Smaller number of cycles of the two.
     """
 
     without_us: float
@@ -67,12 +67,12 @@ class Lateness:
 
     @property
     def ratio(self) -> float:
-        """With them over without."""
+        """Lateness with viewers over that without."""
         return self.with_us / self.without_us
 
     @property
     def sentence(self) -> str:
-        """All of it in words."""
+        """Sentence with the figures."""
         return (
             f"lateness p99 with {VIEWERS} viewers {self.with_us:.0f} us, without"
             f" {self.without_us:.0f} us: {self.ratio:.2f} times (calm windows; of all"
@@ -80,7 +80,7 @@ class Lateness:
         )
 
     def document(self) -> dict[str, float]:
-        """Return it for programs."""
+        """Return the figures for the JSON line."""
         return {
             "lateness_ratio": round(self.ratio, 3),
             "lateness_with_us": round(self.with_us, 1),
@@ -90,9 +90,9 @@ class Lateness:
         }
 
 
-def stream_to_viewer(path: str, line: Connection) -> None:
-    """Be the viewers: come when told, go when told, say how much was seen; for their process."""
-    os.nice(10)  # they stand for other computers, which take no time of this one
+def run_viewers(path: str, line: Connection) -> None:
+    """Connect and disconnect viewers on command, and count messages; main function of a process."""
+    os.nice(10)  # they represent other computers, which use no time of this one
     asyncio.run(_look_on(path, line))
 
 
@@ -117,11 +117,11 @@ async def _read(socket: ClientConnection, seen: list[int]) -> None:
 
 
 def watch(folder: Path, control: ControlBlock, seconds: float) -> Sequence[Segment]:
-    """Have viewers come and go for so long; return which cycles had them and which had not."""
+    """Connect and disconnect viewers for a time; return the segments with and without them."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(
-        target=stream_to_viewer, args=(str(socket_path_of(folder)), theirs), daemon=True
+        target=run_viewers, args=(str(socket_path_of(folder)), theirs), daemon=True
     )
     process.start()
     segments = []
@@ -150,20 +150,20 @@ def watch(folder: Path, control: ControlBlock, seconds: float) -> Sequence[Segme
 
 
 def _viewers(folder: Path) -> int:
-    """Return how many look on, by the service's own word."""
+    """Return the number of viewers that the service reports."""
     transport = httpx.HTTPTransport(uds=str(socket_path_of(folder)))
     with httpx.Client(transport=transport, base_url="http://localhost") as http:
         found = re.search(r"^rid_daq_viewers (\d+)", http.get("/metrics").text, re.MULTILINE)
     if found is None:
-        raise SystemExit("the service does not say how many look on")
+        raise SystemExit("the service does not report the number of viewers")
     return int(found[1])
 
 
 def lateness(folder: Path, job: Job, segments: Sequence[Segment]) -> Lateness:
-    """Return how late the cycles of a recording began, with viewers and without.
+    """Return the lateness of a recording's cycles with and without viewers.
 
     Raises:
-        SystemExit: Viewers were there when none should be, or saw nothing.
+        SystemExit: The number of viewers was wrong, or viewers received nothing.
     """
     if job.run is None:
         raise SystemExit(f"no run: {job.reason}")
@@ -173,7 +173,7 @@ def lateness(folder: Path, job: Job, segments: Sequence[Segment]) -> Lateness:
     for number, each in enumerate(segments):
         on = number % 2 == 1
         if each.viewers != (VIEWERS if on else 0) or (on and each.messages < VIEWERS):
-            raise SystemExit(f"{each.viewers} viewers, who saw {each.messages} pictures")
+            raise SystemExit(f"{each.viewers} viewers, which received {each.messages} messages")
         inside = (rows["cycle"] >= each.first) & (rows["cycle"] < each.last)
         parts[on].append(rows["lateness_s"][inside])
     without, having = (1e6 * np.concatenate(parts[on]) for on in (False, True))

@@ -1,9 +1,9 @@
 """Serial arms in closed loop whose rigid bodies Pinocchio computes, with exact Coulomb friction.
 
-Nothing here is the project's plant or its kernels. A step in time goes from the middle of one row
-to the middle of the next (leapfrog), so that position, velocity and torque of a row are of the same
-instant. Friction is set-valued: a joint slides at its Coulomb friction or is held by less,
-whichever satisfies the equations of all joints (projected Gauss-Seidel).
+The project's plant and kernels are not used. A time step goes from the middle of one row to the
+middle of the next (leapfrog), so that position, velocity and torque of a row belong to the same
+time. Friction is set-valued: a joint slides at its Coulomb friction or sticks with less, whichever
+satisfies the equations of all joints (projected Gauss-Seidel).
 """
 
 from __future__ import annotations
@@ -124,7 +124,7 @@ class SimulatedArm:
 
 
 def _body(mass_kg: float, random: np.random.Generator) -> Any:
-    """Return a lopsided body."""
+    """Return an asymmetric body."""
     size = random.uniform(0.1, 0.35, 3)
     turn = pin.exp3(random.normal(size=3))
     around = np.diag(mass_kg / 12.0 * (np.sum(size**2) - size**2))
@@ -132,7 +132,7 @@ def _body(mass_kg: float, random: np.random.Generator) -> Any:
 
 
 def rest_to_rest(arm: SimulatedArm, duration_s: float, random: np.random.Generator) -> Motion:
-    """Return ways of all joints at once from pose to pose, quintic in time, with rests."""
+    """Return quintic moves of all joints from pose to pose, with rests."""
     n = len(arm.reach)
     poses, starts, ways = [np.zeros(n)], [0.5], []
     while starts[-1] < duration_s:

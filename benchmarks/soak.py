@@ -1,11 +1,11 @@
 """Hours of simulated motion in lock-step with a fault every minute: `python -m benchmarks.soak`.
 
-One simulated cell and one program live through all of it. Every minute of simulated time something
-goes wrong: on the bus, in a drive, in a process of the program, by the operator. The reaction must
-be the right one, the axes must be at rest after it, the recording must be readable, and the next
-motion must go as if nothing had been, once a person has reset the drives that are in fault. Memory
-and descriptors of program, hub and drives must not grow. `--hours H` sets the simulated time (8),
-`--every S` the time between faults (60).
+The same simulated cell and program run for the whole time. Every simulated minute a fault occurs on
+the bus, in a drive, in a process of the program or by the operator. After each fault, the reaction
+must be correct, the axes must be at rest and the recording must be readable. After a reset of the
+faulty drives, the next motion must run normally. Memory and descriptors of program, hub and drives
+must not grow. `--hours H` sets the simulated time (default: 8), `--every S` the time between faults
+(default: 60 s).
 """
 
 from __future__ import annotations
@@ -48,19 +48,20 @@ WARM_UP: Final = 3
 PERIOD_S: Final = 2.0
 RAMP_S: Final = 1.0
 AFTER_S: Final = 3.0  # of motion after the fault
-LEAST_S: Final = 6.0  # from a motion's beginning to its fault
+LEAST_S: Final = 6.0  # from the start of a motion to its fault
 REST_PATIENCE_S: Final = 60.0
 
 
 @dataclass
 class Soak:
-    """What was seen.
+    """Results of a soak test.
 
     Attributes:
-        wrong: Reactions that were not right.
-        faults, rows: Faults so far, rows recorded.
-        hours: Simulated time after each fault.
-        memory_b, descriptors: What each process held then, by its name.
+        wrong: Messages about wrong reactions.
+        faults, rows: Numbers of faults and of recorded rows.
+        hours: Simulated time after each fault [h].
+        memory_b, descriptors: Memory [bytes] and descriptors of each process after each fault, by
+            the process's name.
     """
 
     wrong: list[str] = field(default_factory=list)
@@ -71,7 +72,7 @@ class Soak:
     descriptors: list[dict[str, int]] = field(default_factory=list)
 
     def measure(self, time_s: float) -> None:
-        """Note what the processes hold."""
+        """Add the memory and descriptors of the processes."""
         gc.collect()
         processes = {"program": os.getpid()}
         for process in multiprocessing.active_children():
@@ -86,7 +87,7 @@ class Soak:
         return min(WARM_UP, len(self.hours) // 2)
 
     def growth(self) -> dict[str, tuple[float, float]]:
-        """Return each process's growth after the warm-up: percent an hour, percent in all."""
+        """Return each process's memory growth after the warm-up: percent per hour, and in all."""
         found = {}
         hours = np.array(self.hours[self._settled :])
         for name in self.memory_b[-1]:
@@ -97,7 +98,7 @@ class Soak:
         return found
 
     def leaks(self) -> dict[str, int]:
-        """Return each process's descriptors at the end, less those after the warm-up."""
+        """Return the increase of each process's descriptors after the warm-up."""
         first, last = self.descriptors[self._settled], self.descriptors[-1]
         return {name: last[name] - first.get(name, 0) for name in last}
 
@@ -110,14 +111,14 @@ def soak(
     say: Callable[[str], None] = lambda _text: None,
     faults: tuple[Fault, ...] = FAULTS,
 ) -> Soak:
-    """Run for so many simulated hours with a fault every so many seconds.
+    """Run a soak test.
 
     Args:
-        hours, every_s: Simulated time, and between two faults [h, s].
-        seed: Of the noise and the order of the faults.
-        folder: For run folders; each is removed once it was looked at.
-        say: Told of every fault.
-        faults: What goes wrong, each about as often.
+        hours, every_s: Simulated time, and time between two faults [h, s].
+        seed: Seed of the noise and of the order of the faults.
+        folder: Parent of the run folders; each is removed after its check.
+        say: Function that prints a line for every fault.
+        faults: Faults to use, each about as often.
     """
     loaded = load_cell("ir361")
     plan = _plan(faults, round(hours * 3600.0 / every_s), seed)
@@ -149,7 +150,7 @@ def soak(
 
 
 def _plan(faults: tuple[Fault, ...], count: int, seed: int) -> list[Fault]:
-    """Return faults in an order of their own, all of them before any comes again."""
+    """Return faults in random order; each fault is used once before any is repeated."""
     shuffled = random.Random(seed)
     order: list[Fault] = []
     while len(order) < count:
@@ -168,10 +169,10 @@ def _script(plan: list[Fault], times_s: list[float], seed: int) -> FaultScript:
 def _live_through(
     cell: SimulatedCell, loaded: LoadedCell, fault: Fault, at_s: float, folder: Path
 ) -> tuple[str, int]:
-    """Move until a fault has come and gone; return what was wrong, and the rows recorded."""
+    """Run a motion with a fault; return an error message, if any, and the number of rows."""
     left_s = at_s - cell.axes().time_s
     if left_s < LEAST_S:
-        return f"only {left_s:.1f} s are left to move before it: the faults are too close", 0
+        return f"only {left_s:.1f} s of motion before the fault: the faults are too close", 0
     motion = _motion(loaded, left_s + AFTER_S)
     samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
     run = RunFolder.create(folder, "soak")
@@ -202,7 +203,7 @@ def _motion(loaded: LoadedCell, duration_s: float) -> FourierMotion:
 
 
 def _judge(fault: Fault, outcome: RecordOutcome, cell: SimulatedCell) -> str:
-    """Return what is wrong with a reaction; empty where it is right."""
+    """Return the error in a reaction; empty if the reaction is correct."""
     stop = None if outcome.stop is None else outcome.stop.code
     if stop is None and fault.stops:
         return "the motion went on"
@@ -219,7 +220,7 @@ def _judge(fault: Fault, outcome: RecordOutcome, cell: SimulatedCell) -> str:
 
 
 def _reset(cell: SimulatedCell, loaded: LoadedCell) -> str:
-    """Reset the drives' faults as a person does; return which of them stay in fault."""
+    """Reset the drives' faults; return a message about drives that stay in fault."""
     with open_cell(cell.cell, loaded.robot) as opened:
         drives = opened.axes.service.reset_faults()
     left = [drive.joint for drive in drives if drive.is_faulty or drive.refusal]
@@ -227,7 +228,7 @@ def _reset(cell: SimulatedCell, loaded: LoadedCell) -> str:
 
 
 def _comes_to_rest(cell: SimulatedCell) -> bool:
-    """Wait, for as long as a computer may need for it, until no axis moves or has power."""
+    """Wait until no axis moves or has power; return False after a timeout."""
     until_s = time.monotonic() + REST_PATIENCE_S
     while time.monotonic() < until_s:
         axes = cell.axes()
@@ -267,14 +268,14 @@ def _say(text: str) -> None:
 
 def main() -> int:
     """Measure and print; the last line is one JSON object."""
-    given = _arguments()
-    hours, every_s = given.hours, given.every
+    options = _arguments()
+    hours, every_s = options.hours, options.every
     faults: tuple[Fault, ...] = FAULTS
-    if given.quick:
+    if options.quick:
         every_s, faults = 20.0, QUICK
         hours = len(QUICK) * every_s / 3600.0
     with TemporaryDirectory(prefix="rid-soak-") as folder:
-        found = soak(hours, every_s, given.seed, Path(folder), _say, faults)
+        found = soak(hours, every_s, options.seed, Path(folder), _say, faults)
     growth, leaks = found.growth(), found.leaks()
     for name, (per_hour, whole) in growth.items():
         print(f"{name}: memory {whole:+.2f} % in all, {per_hour:+.2f} % an hour")

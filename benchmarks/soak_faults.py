@@ -1,4 +1,4 @@
-"""`Fault`: what goes wrong in a soak, and the reactions that are right."""
+"""Faults of a soak test and the correct reactions."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from acquisition.supervision.stop_reason import StopCode
 
 @dataclass(frozen=True)
 class Fault:
-    """Something that goes wrong, and the reactions that are right.
+    """A fault and the correct reactions.
 
     Attributes:
-        name: What goes wrong.
-        part: Where.
-        keys: As in a fault script.
-        stops: Any of these; empty where the motion goes on.
-        tears_the_file: Whether the recording may be left unfinished.
+        name: Description.
+        part: Section of the fault script.
+        keys: Keys in the fault script.
+        stops: Correct stop codes; empty if the motion must continue.
+        tears_the_file: True if the recording may be left unfinished.
     """
 
     name: str

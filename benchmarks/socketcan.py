@@ -1,9 +1,9 @@
-"""Processor time of a cycle's frames on SocketCAN: the driver's raw socket beside python-can's bus.
+"""Processor time of a cycle's frames on SocketCAN: the driver's raw socket against python-can.
 
-A cycle is SYNC and six set-points out, six answers in, which a second socket has put on the bus.
+A cycle sends SYNC and six set-points and receives six answers, which a second socket sends.
 
-Run it with ``python -m benchmarks.socketcan [--quick] --interface vcan0``; on a machine whose
-kernel has no CAN, in the guest that tests/socketcan boots.
+Run it with ``python -m benchmarks.socketcan [--quick] --interface vcan0``. If the kernel has no
+CAN, run it in the virtual machine of tests/socketcan.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def cpu_us(cycle: Callable[[], float], cycles: int) -> float:
 def main() -> int:
     """Measure and print; the last line is one JSON object."""
     if "--interface" not in sys.argv[:-1]:
-        print("say --interface vcan0, or another one that is up and unused")
+        print("missing option --interface: use vcan0 or another interface that is up and unused")
         return 2
     channel = sys.argv[sys.argv.index("--interface") + 1]
     cycles = 100 if "--quick" in sys.argv else 1000

@@ -1,7 +1,8 @@
-"""Force plates under invented arms that Pinocchio moves, and the wrench that they measure.
+"""Invented arms on force plates, simulated with Pinocchio, and the wrench that the plates measure.
 
-Nothing of the project's dynamics is used. The arms' axes lie slightly beside the robot file's, the
-plates' channels have a gain error and noise: no model here explains such a wrench exactly.
+The simulation does not use the project's dynamics. The arms' axes differ slightly from the robot
+file, and the plates' channels have a gain error and noise, so that no model explains the wrench
+exactly.
 """
 
 from __future__ import annotations
@@ -39,11 +40,12 @@ ANGLE_ERROR_RAD: Final = 2e-3
 
 @dataclass(frozen=True, eq=False)
 class WeighedArm:
-    """A periodic recording of an arm on a force plate, and the plate as it is.
+    """A periodic recording of an arm on a force plate, and the plate's correct description.
 
     Attributes:
-        robot: The robot as its file says it is.
+        robot: Description of the robot in its file.
         average: The mean period.
+        plate: The correct description.
     """
 
     robot: RobotDescription
@@ -52,7 +54,7 @@ class WeighedArm:
 
 
 def weighed_arms(count: int, first_seed: int = 0) -> Iterator[WeighedArm]:
-    """Yield arms on plates: other bodies, another motion and another plate each time."""
+    """Yield arms on plates, each with different bodies, motion and plate."""
     for seed in range(first_seed, first_seed + count):
         random = np.random.default_rng(seed)
         yield weighed_arm(load_robot(ROBOTS[seed % len(ROBOTS)]), random)
@@ -93,7 +95,7 @@ def weighed_arm(robot: RobotDescription, random: np.random.Generator) -> Weighed
 
 
 def _plate(random: np.random.Generator) -> PlateConfig:
-    """Return a plate of a usual size, somewhere under the arm."""
+    """Return a plate of a usual size at a random position under the arm."""
     a_m, b_m = random.uniform(0.1, 0.35, 2).tolist()
     x, y, z = random.uniform(-0.08, 0.08, 3).tolist()
     return PlateConfig(
@@ -138,7 +140,7 @@ def _motion(
 
 
 def _arm(robot: RobotDescription, random: np.random.Generator) -> pin.Model:
-    """Return bodies as drawn, or cylinders, of other densities, on axes that lie elsewhere."""
+    """Return the CAD bodies, or cylinders, with random densities, on slightly displaced axes."""
     chain = Chain.from_description(robot)
     n = len(robot.joints)
     rows = chain.rows + random.normal(0.0, 1.0, (n, 5)) * np.repeat(
@@ -160,7 +162,7 @@ def _arm(robot: RobotDescription, random: np.random.Generator) -> pin.Model:
 def _reaction(
     model: pin.Model, q: FloatArray, v: FloatArray, a: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return what the base exerts on the arm, about the base frame's origin, and the torques."""
+    """Return the wrench of the base on the arm about the base origin, and the torques."""
     data = model.createData()
     wrench, torque_nm = np.empty((len(q), 6)), np.empty_like(q)
     for k in range(len(q)):

@@ -1,4 +1,4 @@
-"""Invented robots and recordings of them, with effects that no model here has."""
+"""Correct recordings of invented robots, with effects that no model of the project has."""
 
 from __future__ import annotations
 
@@ -27,13 +27,14 @@ MOST_OF_LIMIT: Final = 0.9
 
 @dataclass(frozen=True, eq=False)
 class SoundRecording:
-    """A robot's recording, in which nothing is mistaken.
+    """A robot's recording without any mistake.
 
     Attributes:
+        robot: Content of the robot file.
         time_s: Shape (samples,). Time [s].
-        position, velocity, acceleration, torque_nm: Shape (samples, n). As measured at the joints,
-            low-passed already.
-        gravity_nm: Shape (samples, n). What of the torques is gravity.
+        position, velocity, acceleration, torque_nm: Shape (samples, n). Low-passed values at the
+            joints.
+        gravity_nm: Shape (samples, n). Gravity torques contained in `torque_nm`.
     """
 
     robot: RobotDescription
@@ -46,7 +47,7 @@ class SoundRecording:
 
 
 def sound_runs(count: int, first_seed: int = 0) -> Iterator[SoundRecording]:
-    """Yield recordings of invented robots: other bodies and other friction each time.
+    """Yield recordings of invented robots, each with different bodies and friction.
 
     Friction falls at low speed (Stribeck), grows with the cube root of the speed, and differs by
     direction; gears ripple; torque sensors have an offset, 1 % of gain error and noise.
@@ -86,7 +87,7 @@ def sound_run(robot: RobotDescription, random: np.random.Generator) -> SoundReco
 
 
 def _share_of_limits(robot: RobotDescription, torque_nm: FloatArray) -> float:
-    """Return what makes an arm, all its bodies and friction, light enough for its motors."""
+    """Return a factor that makes an arm's bodies and friction light enough for its motors."""
     limits = np.array([joint.limits.torque for joint in robot.joints])
     return min(1.0, float(np.min(MOST_OF_LIMIT * limits / np.abs(torque_nm).max(axis=0))))
 
@@ -121,7 +122,7 @@ def _motion(
 
 
 def _bodies(robot: RobotDescription, model: RobotModel, random: np.random.Generator) -> FloatArray:
-    """Return parameters of links like cylinders, each of another density and centre."""
+    """Return parameters of cylindrical links with random densities and centres."""
     chain = Chain.from_description(robot)
     links = tuple(
         link.model_copy(

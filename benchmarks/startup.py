@@ -1,8 +1,8 @@
-"""How long the program takes to say something, beside `python -c 'import numpy, scipy'`.
+"""Start-up time of the program, compared with `python -c 'import numpy, scipy'`.
 
-Processor time of whole processes, the least of some starts: the version, the list of a hundred
-runs, the help of every command. Of `check` on a simulated cell it is the time by the clock until
-its first line.
+The processor time of whole processes, the lowest of some starts, is measured for the version, the
+list of a hundred runs, and the help of every command. For `check` on a simulated cell, the wall
+time until its first line is measured.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ PROGRAM: Final = (sys.executable, "-m", "rid_daq")
 RUNS: Final = 100
 ROUNDS: Final = 7
 PEER_S: Final = 0.09
-"""What the peer took on the calm computer on which the bars were set."""
+"""Time of the peer on the idle computer on which the bars were set [s]."""
 
 BARS_S: Final = {"--version": 0.1, "runs": 0.3, "--help": 0.3, "check": 1.0}
 
@@ -40,7 +40,7 @@ def processor_s(command: Sequence[str]) -> float:
 
 
 def first_line_s(folder: Path) -> float:
-    """Return how long `check` takes until its first line, by the clock [s]."""
+    """Return the wall time until the first line of `check` [s]."""
     began_s = time.monotonic()
     with subprocess.Popen(
         [*PROGRAM, "check", "ir361", "--seconds", "0.1", "--runs", str(folder)],
@@ -64,7 +64,7 @@ def main() -> int:
         runs = Path(name) / "runs"
         for number in range(RUNS):
             RunFolder.create(runs, f"run {number}")
-        # turn by turn, so that how busy the computer is concerns all of them alike
+        # in turns, so that other load on the computer affects all measurements alike
         rounds = [
             {
                 "peer": processor_s(PEER),
@@ -82,10 +82,10 @@ def main() -> int:
     for what, bar_s in BARS_S.items():
         ratios[what] = taken[what] / peer_s
         held.append(ratios[what] <= bar_s / PEER_S)
-        more = {"--help": f", the slowest: {slowest}", "check": " by the clock, first line"}
+        more = {"--help": f", the slowest: {slowest}", "check": ", wall time to the first line"}
         print(
-            f"{what}{more.get(what, '')}: {taken[what]:.3f} s, {ratios[what]:.2f} of it (at most"
-            f" {bar_s / PEER_S:.2f})"
+            f"{what}{more.get(what, '')}: {taken[what]:.3f} s, {ratios[what]:.2f} times the peer"
+            f" (at most {bar_s / PEER_S:.2f})"
         )
     result = {
         "name": "startup",
@@ -94,7 +94,7 @@ def main() -> int:
         "ratios": {what: round(ratio, 2) for what, ratio in ratios.items()},
         "seconds": {what: round(each, 3) for what, each in taken.items()},
         "bar": ", ".join(f"{what} {bar_s:g} s" for what, bar_s in BARS_S.items())
-        + f" where numpy and scipy take {PEER_S:g} s",
+        + f" if numpy and scipy take {PEER_S:g} s",
         "holds": all(held),
     }
     print(json.dumps(result))

@@ -1,6 +1,6 @@
-"""Presses STOP as a browser does, over bare sockets: its own time must not count.
+"""Press STOP as a browser does, over plain sockets, which need little time themselves.
 
-It stands for another computer. Where the system allows it, it therefore goes before all others.
+The presser represents another computer; it therefore has a high priority, if the system permits it.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ _FLOOR_SIZE: Final = 64
 
 
 class Pressed:
-    """STOPs of one way: how long each took until its answer, and how many had none."""
+    """Response times of STOP over one connection type, and the number of lost STOPs."""
 
     def __init__(self) -> None:
         self.took_ms: list[float] = []
         self.lost = 0
 
     def add(self, began_s: float, answered: bool) -> None:
-        """Count one."""
+        """Add one press."""
         if answered:
             self.took_ms.append(1e3 * (time.monotonic() - began_s))
         else:
@@ -42,14 +42,14 @@ class Pressed:
 
     @property
     def words(self) -> str:
-        """All of it in words."""
+        """Text with the figures."""
         p50, p99, worst = map(self.quantile, (0.5, 0.99, 1.0))
         n = len(self.took_ms) + self.lost
         return f"p50 {p50:.1f} ms, p99 {p99:.1f} ms, worst {worst:.1f} ms, {self.lost} of {n} lost"
 
 
 def press_http(port: int, cell: str, pressed: Pressed) -> None:
-    """Press STOP by a new connection."""
+    """Press STOP over a new connection."""
     request = (
         f"POST /api/v1/cells/{cell}/stop HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n"
         "X-Rid-Daq: stop\r\nContent-Type: application/json\r\nContent-Length: 2\r\n\r\n{}"
@@ -65,10 +65,10 @@ def press_http(port: int, cell: str, pressed: Pressed) -> None:
 
 
 class StopLineClient:
-    """A `/api/v1/stop-line` that is open.
+    """An open `/api/v1/stop-line`.
 
     Args:
-        line: After the handshake.
+        line: Socket after the handshake.
     """
 
     def __init__(self, line: socket.socket) -> None:
@@ -78,7 +78,7 @@ class StopLineClient:
     @classmethod
     @contextlib.contextmanager
     def at(cls, port: int) -> Iterator[StopLineClient]:
-        """Open one for as long as the `with` lasts."""
+        """Open a stop line and close it at the end of the context."""
         key = base64.b64encode(os.urandom(16)).decode()
         request = (
             f"GET /api/v1/stop-line HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\n"
@@ -92,7 +92,7 @@ class StopLineClient:
                 client._received += line.recv(4096)
             head, _, client._received = client._received.partition(b"\r\n\r\n")
             if b" 101 " not in head[:20]:
-                raise SystemExit(f"no stop line: {head!r}")
+                raise SystemExit(f"the stop line was refused: {head!r}")
             yield client
 
     def press(self, cell: str, number: int, pressed: Pressed) -> None:
@@ -104,8 +104,8 @@ class StopLineClient:
         with contextlib.suppress(TimeoutError, ConnectionError):
             self._line.sendall(struct.pack("BB", 0x81, 0x80 | len(message)) + mask + masked)
             while not answered:
-                told = json.loads(self._message())
-                answered = told["type"] == "stopped" and told["number"] == number
+                message_in = json.loads(self._message())
+                answered = message_in["type"] == "stopped" and message_in["number"] == number
         pressed.add(began_s, answered)
 
     def _message(self) -> bytes:
@@ -125,7 +125,7 @@ class StopLineClient:
 
 
 def echo(listener: socket.socket) -> None:
-    """Answer what comes, at once; the main function of a process that does nothing else."""
+    """Echo every message at once, as the main function of a process."""
     with contextlib.suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, 0, -10)  # as the process that answers STOP
     line, _ = listener.accept()
@@ -134,13 +134,13 @@ def echo(listener: socket.socket) -> None:
 
 
 def press_echo(line: socket.socket, pressed: Pressed) -> None:
-    """Ask a process that only echoes: what the computer itself takes."""
+    """Measure a round trip to a process that only echoes."""
     began_s = time.monotonic()
     line.sendall(b"x" * _FLOOR_SIZE)
     pressed.add(began_s, bool(line.recv(_FLOOR_SIZE)))
 
 
 def go_first() -> None:
-    """Go before all others, where the system allows it."""
+    """Raise this process's priority, if the system permits it."""
     with contextlib.suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, 0, NICENESS)

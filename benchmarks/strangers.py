@@ -65,7 +65,7 @@ class Stranger:
 
 
 def drive(name: str, urdf: Path, folder: Path) -> Stranger:
-    """Run the commands for one robot until one of them fails."""
+    """Run the commands for one robot until a command fails."""
     stranger = Stranger(name)
     cell, runs = str(folder / "cell.yaml"), ["--runs", str(folder / "runs")]
     init = ["init", str(folder), "--urdf", str(urdf)]

@@ -1,11 +1,13 @@
-"""Processor time of the on-line compensation, beside a Pinocchio-based loop in Python.
+"""Processor time of the on-line compensation, compared with a Pinocchio-based loop in Python.
 
-Six axes, all with friction that remembers: the compiled stage takes points in, judges them, paces
-the path, follows what joints remember, computes the model's torque and the speeds to send. The same
-without memory stands beside it. The peer does the same in Python with numpy and Pinocchio's `rnea`:
-five-point differences, limits, torque, inverse of the velocity loops, look-ahead. Both follow the
-same path. Then three axes at 1 kHz: stage, position loop, supervisor and the exchange with drives
-that are played by another process, as a share of one core.
+The compiled stage reads points, checks them, controls the path speed, follows the presliding state,
+and computes the model's torque and the commanded speeds, for six axes with presliding hysteresis.
+It is also measured without presliding. The peer does the same in Python with numpy and Pinocchio's
+`rnea`: five-point differences, limits, torque, inverse of the velocity loops, look-ahead. Both
+follow the same path.
+
+Then the share of one core is measured for three axes at 1 kHz: stage, position loop, supervisor and
+the exchange with drives that another process simulates.
 
 Run it with ``python -m benchmarks.stream [--quick]``.
 """
@@ -46,8 +48,8 @@ LONGEST_US = 10.0
 Points = NDArray[np.float64]
 
 
-def remembering(robot: RobotDescription) -> RobotDescription:
-    """Return a robot whose joints' friction remembers their way."""
+def with_presliding(robot: RobotDescription) -> RobotDescription:
+    """Return a robot with presliding hysteresis in every joint."""
     joints = (
         joint.model_copy(update={"friction": (*joint.friction, "presliding")})
         for joint in robot.joints
@@ -56,7 +58,7 @@ def remembering(robot: RobotDescription) -> RobotDescription:
 
 
 def feedforward_of(cell: LoadedCell) -> OnlineFeedforward:
-    """Return model and loops for a robot, with invented numbers of a likely size."""
+    """Return model and velocity loops for a robot, with plausible invented values."""
     model = RobotModel.from_description(cell.robot)
     parameters = np.random.default_rng(1).uniform(0.01, 0.02, len(model.parameter_names))
     parameters[33:36] = 5e-4
@@ -89,7 +91,7 @@ def path_of(cell: LoadedCell, count: int) -> Points:
 
 
 def stage_of(cell: LoadedCell, points: Points) -> Callable[[int], object]:
-    """Return the stage, which answers with the set-point of a row."""
+    """Return the stage as a function from a row to its set-point."""
     ring = PointRing.create(points.shape[1], len(points))
     ring.write(points)
     source = PointSource(feedforward_of(cell), ring)
@@ -99,7 +101,7 @@ def stage_of(cell: LoadedCell, points: Points) -> Callable[[int], object]:
 
 
 def peer_of(cell: LoadedCell, points: Points) -> Callable[[int], object]:
-    """Return the same in Python, with Pinocchio for the torque."""
+    """Return the same function in Python, with Pinocchio for the torque."""
     n, step_s = points.shape[1], cell.config.cycle_time_s
     model = pin.Model()
     for j in range(n):
@@ -147,7 +149,7 @@ def peer_of(cell: LoadedCell, points: Points) -> Callable[[int], object]:
 
 
 def cpu_us(at: Callable[[int], object], rows: int) -> float:
-    """Return the least processor time a cycle took, averaged over a round, of five [us]."""
+    """Return the processor time per cycle, the lowest average of five rounds [us]."""
     rounds, size = [], rows // 5
     for part in range(5):
         began_s = time.process_time()
@@ -158,7 +160,7 @@ def cpu_us(at: Callable[[int], object], rows: int) -> float:
 
 
 def share_of_core(cycles: int) -> tuple[float, float]:
-    """Return the share of a core at 1 kHz of three axes with their bus, and the stage's alone."""
+    """Return the share of a core at 1 kHz for three axes with bus, and for the stage alone."""
     cell = load_cell("ir361")
     cell = LoadedCell(
         cell.config.model_copy(update={"cycle_time_ms": 1}), cell.robot, cell.plant, cell.files
@@ -227,21 +229,21 @@ def main() -> int:
     cell = replace(cell, robot=cell.robot.model_copy(update={"coupling": None}))
     points = path_of(cell, rows + 10)
     plain, peer = stage_of(cell, points), peer_of(cell, points)
-    stage = stage_of(replace(cell, robot=remembering(cell.robot)), points)
+    stage = stage_of(replace(cell, robot=with_presliding(cell.robot)), points)
     gc.collect()
     gc.freeze()
     gc.disable()
     value, without, theirs = cpu_us(stage, rows), cpu_us(plain, rows), cpu_us(peer, rows)
     share, alone = share_of_core(2_000 if quick else 10_000)
     print(f"six axes: {value:.1f} us a cycle, {1e6 / value:.0f} cycles a second")
-    print(f"the same without memory: {without:.1f} us; limit {LONGEST_US:g} us")
+    print(f"the same without presliding: {without:.1f} us; limit {LONGEST_US:g} us")
     print(f"Pinocchio in Python: {theirs:.1f} us a cycle")
     print(f"three axes at 1 kHz with their bus: {share:.1%} of a core, the stage alone {alone:.1%}")
     holds = share <= LARGEST_SHARE and value < theirs and value <= LONGEST_US
     result = {
         "name": "stream",
         "value": round(value, 2),
-        "unit": "us CPU per cycle of six axes with friction that remembers",
+        "unit": "us CPU per cycle of six axes with presliding hysteresis",
         "ratios": {
             "limit of 10 us": round(LONGEST_US / value, 2),
             "over the same without memory": round(value / without, 2),

@@ -1,11 +1,11 @@
-"""How well velocity loops are found, and how often two sigma hold the truth: 50 simulated drives.
+"""Accuracy of identified velocity loops and coverage of two sigma, for 50 simulated cells.
 
-`python -m benchmarks.velocity_loop [--quick]`. The bundled three-axis arm with all effects that no
-model has: current loops of 300 Hz, tachometer ripple, cogging, Stribeck friction, the bus's cycle
-of delay, encoder, torque and set-points rounded as the drives round them, torque noise behind the
-anti-alias filter. Each seed has gains and integral times of its own, up to a third off, and the
-multisine that `rid-daq design` would make. The peer is the plain estimate without the multisine as
-instrument: cross spectrum of torque and error over the error's, fitted without weights.
+`python -m benchmarks.velocity_loop [--quick]`. The bundled three-axis arm has effects that no model
+has: current loops of 300 Hz, tachometer ripple, cogging, Stribeck friction, one cycle of bus delay,
+rounded encoder, torque and set-point values, and torque noise behind the anti-alias filter. Each
+seed has other gains and integral times, up to a third off, and the multisine that `rid-daq design`
+makes. The peer is the plain estimate without the multisine as instrument: the cross spectrum of
+torque and error over the error's spectrum, fitted without weights.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ SPREAD = 1.0 / 3.0
 
 @dataclass(frozen=True, eq=False)
 class Proof:
-    """What came of many drives.
+    """Results for many drives.
 
     Attributes:
         error: Shape (drives, 2). Relative errors of K_p and T_i.
-        deviation: Shape (drives, 2). The same over their standard deviations.
+        deviation: Shape (drives, 2). Errors divided by their standard deviations.
         peer_error: Shape (drives, 2). Relative errors of the peer.
-        p_values: Shape (drives,). Of the fits.
-        lag_s: Shape (drives,). Delay and lag found together, less the current loop's lag.
+        p_values: Shape (drives,). p-values of the fits.
+        lag_s: Shape (drives,). Error of the sum of delay and lag [s].
     """
 
     error: FloatArray
@@ -54,12 +54,12 @@ class Proof:
 
     @property
     def held(self) -> FloatArray:
-        """Share of drives whose truth is inside two sigma, of K_p and T_i."""
+        """Share of drives whose true K_p and T_i are inside two sigma."""
         return np.asarray(np.mean(np.abs(self.deviation) < 2.0, axis=0))
 
 
 def drawn_plant(cell: LoadedCell, seed: int) -> PlantConfig:
-    """Return the cell's plant with velocity loops of its own."""
+    """Return the cell's plant with random velocity loops."""
     assert cell.plant is not None
     random = np.random.default_rng([seed, 7])
     factors = (1.0 + SPREAD) ** random.uniform(-1.0, 1.0, (len(cell.plant.axes), 2))
@@ -76,7 +76,7 @@ def drawn_plant(cell: LoadedCell, seed: int) -> PlantConfig:
 
 
 def prove(seeds: int, period_s: float | None = None) -> Proof:
-    """Measure and fit the drives of many seeds, with multisines of that period [s]."""
+    """Measure and fit the drives of many seeds, with multisines of a period [s]."""
     cell = load_cell("ir361")
     error, deviation, peer_error, p_values, lag_s = [], [], [], [], []
     for seed in range(seeds):
@@ -123,7 +123,7 @@ def main() -> int:
     typical = np.sqrt(np.mean(found.error**2, axis=0))
     peer = np.sqrt(np.mean(found.peer_error**2, axis=0))
     within = float(np.mean((np.abs(found.error) <= LARGEST_ERROR).all(axis=1)))
-    print(f"{seeds} seeds, {len(found.error)} drives, all effects that no model has:")
+    print(f"{seeds} seeds, {len(found.error)} drives, with effects that no model has:")
     for k, name in enumerate(("K_p", "T_i")):
         print(
             f"  {name}: error {100 * typical[k]:.3f} % RMS, {100 * worst[k]:.3f} % at most; inside"

@@ -24,6 +24,7 @@ HITS_PER_1000_WORDS = {
     "compensation": 1.0,
     "mock_hw": 0.5,
     "rid_daq": 0.5,
+    "benchmarks": 0.7,
 }
 """Goal: 0.5 everywhere. These numbers only fall."""
 
