@@ -21,7 +21,7 @@ COUNTS_PER_RAD = 100_000.0
 
 
 class SteppedClock:
-    """Time that passes only where somebody sleeps; `oversleep_s` makes it pass too far."""
+    """Clock that advances only during a sleep; `oversleep_s` lengthens each sleep."""
 
     def __init__(self) -> None:
         self.time_s = 0.0

@@ -201,7 +201,7 @@ def whole_result() -> dict[str, Any]:
         },
         "curves": {
             "torque": {
-                "sentence": "Grey: standstill, where the error does not count.",
+                "sentence": "Grey: standstill, whose errors do not count.",
                 "time_s": time_s,
                 "axes": [
                     {

@@ -17,7 +17,7 @@ from identification.validation.robot_terms import with_friction
 
 CLASSICAL: tuple[FrictionTerm, ...] = ("coulomb", "viscous")
 FOUND_M = (2.8e-4, 2.8e-4, 3.4e-4)
-"""Presliding distances by which the model comes closest to what the plant's joints give way."""
+"""Presliding distances with which the model is closest to the plant's presliding displacement."""
 MOTION = FourierMotion(
     kind="fourier",
     robot="ir361",

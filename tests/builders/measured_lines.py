@@ -49,7 +49,7 @@ def measure_lines(folder: Path) -> Callable[[], None]:
     ImportManager(counter, FileMatcher([ROOT / name for name in FLOORS], omitted)).__enter__()
 
     def write() -> None:
-        with contextlib.chdir(ROOT):  # names of files are told from there
+        with contextlib.chdir(ROOT):  # SlipCover reports file names relative to this folder
             counts = json.dumps(counter.get_coverage())
         (folder / f"{os.getpid()}.json").write_text(counts, encoding="utf-8")
 
@@ -130,7 +130,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 write_lines = measure_lines(Path(folder)) if (folder := os.environ.get("RID_DAQ_LINES")) else None
-"""Leaves the counts of this process in the folder; None where nothing is counted."""
+"""Function that writes the counts of this process to the folder; None without counting."""
 
 if __name__ == "__main__":
     sys.exit(main(sys.argv[1:]))

@@ -21,9 +21,9 @@ from compensation.online.point_codec import PROTOCOL
 def sending(
     path: Path, batches: Sequence[NDArray[np.float64]], *, end: bool = True
 ) -> Iterator[list[dict[str, Any]]]:
-    """Send batches as soon as somebody listens; gives what was heard, hangs up early if not `end`.
+    """Send batches to a listening socket; yield the received messages.
 
-    It has gone when the block is left.
+    The client disconnects at the end of the block; without `end` it disconnects early.
     """
     heard: list[dict[str, Any]] = []
 

@@ -1,4 +1,4 @@
-"""Streams of points for the bundled arm, and what must hold of the set-points made of them."""
+"""Streams of points for the bundled arm, and requirements on the resulting set-points."""
 
 from __future__ import annotations
 

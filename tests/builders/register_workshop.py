@@ -1,4 +1,4 @@
-"""Simulated registers on sockets and serial ports, and the driver's pause beside them."""
+"""Simulated registers on sockets and serial ports, and the driver's pause."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from mock_hw.registers.server import RegisterService, RegisterSettings, ServerCe
 PROFILE = load_bundled_or_path("servo_registers", "profiles", DriveProfile)
 UNITS = (1, 2, 9)
 PATIENCE_S = 10.0  # of an answer that comes, however busy the computer is
-TIMEOUT_S = 4.0  # where one may not come, and is waited for
+TIMEOUT_S = 4.0  # for answers that may never arrive
 
 
 def registers(unit: int) -> dict[int, int] | None:

@@ -3,8 +3,8 @@
 `python -m tests.builders.sentence_assertions` prints the number for each test folder, and the sum;
 `--list` prints each place. It counts `match=` of `pytest.raises`, assertions with a literal of two
 or more words about an error's text or a command's stderr, and details of three or more words of
-`raises_code` and `raises_invalid`. A text that a variable, a loop or `parametrize` holds counts as
-if it stood in the assertion.
+`raises_code` and `raises_invalid`. Texts in a variable, a loop or `parametrize` count like literals
+in the assertion.
 """
 
 from __future__ import annotations

@@ -64,4 +64,4 @@ def where_time_runs(attempt: Callable[[], T], stall_s: float) -> T:
         except Exception:
             if seen.longest_s < stall_s:
                 raise
-    pytest.fail(f"in {ATTEMPTS} attempts the computer stood still for {stall_s} s each time")
+    pytest.fail(f"in {ATTEMPTS} attempts the computer stalled for {stall_s} s each time")

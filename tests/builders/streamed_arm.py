@@ -24,10 +24,10 @@ def streamed(
     start: FloatArray,
     compensated: bool = True,
 ) -> TrackingError:
-    """Lead the arm from a pose to a motion's start, stream the motion; return its errors.
+    """Move the arm from a pose to a motion's start, stream the motion, and return its errors.
 
-    Speeds that are sent act from the next SYNC on, positions are told a cycle late, and both are
-    rounded as drives round them.
+    A commanded speed acts from the next SYNC on, positions arrive one cycle late, and both are
+    rounded as by the drives.
     """
     assert cell.plant is not None
     samples = samples.whole()

@@ -30,7 +30,7 @@ def shift(x: float, y: float, z: float) -> pin.SE3:
 class Judge:
     """A Pinocchio model of an arm; with rotors, each is a body on a joint of its own.
 
-    Torques are the joints', even where a coupling lets a rotor spin with several of them.
+    Torques are those of the joints, even if a rotor is coupled to several joints.
     """
 
     model: Any

@@ -78,7 +78,7 @@ def parse_log(text: str) -> list[Logged]:
 
 
 class Truth:
-    """What the simulated axes did, by time; the rack takes it for its snapshot."""
+    """Motion of the simulated axes over time; the rack uses it as its snapshot."""
 
     def __init__(self) -> None:
         self.payload = 0
@@ -118,7 +118,7 @@ class Truth:
 
 @dataclass
 class Run:
-    """What became of one motion."""
+    """Outcome of one motion."""
 
     reason: StopReason | None
     rows: NDArray[Any]
@@ -285,13 +285,13 @@ def loaded() -> LoadedCell:
 
 @pytest.fixture(scope="session")
 def motion(loaded: LoadedCell) -> MotionSamples:
-    """A second and a half, in which every axis goes to and fro from where it stands."""
+    """Return a motion of 1.5 s in which every axis moves back and forth from its start."""
     return fourier(loaded, periods=1)
 
 
 @pytest.fixture(scope="session")
 def motion_of(loaded: LoadedCell) -> Callable[[str, int], FourierMotion]:
-    """Return the same motion of so many periods as a file says it, for a robot of this name."""
+    """Return a function for the same motion with other periods and another robot's name."""
     return lambda robot, periods: plan_of(loaded, robot, periods)
 
 
@@ -301,7 +301,7 @@ def fourier(loaded: LoadedCell, periods: int) -> MotionSamples:
 
 
 def plan_of(loaded: LoadedCell, robot: str, periods: int) -> FourierMotion:
-    sizes = ((0.2, 0.0), (0.0, 0.2), (0.15, 0.15))  # never do all of them stand
+    sizes = ((0.2, 0.0), (0.0, 0.2), (0.15, 0.15))  # at least one joint moves at any time
     joints = tuple(
         FourierJoint(joint=name, offset=0.0, sine=(sine,), cosine=(cosine,))
         for name, (sine, cosine) in zip(loaded.robot.joint_names, sizes, strict=True)

@@ -1,4 +1,4 @@
-"""Drives that reset, fail, fall silent, lose power or do not do as they are told: rows 8 to 15."""
+"""Drives that reset, fail, fall silent, lose power or ignore commands: rows 8 to 15."""
 
 from __future__ import annotations
 
@@ -185,7 +185,7 @@ def test_nothing_moves_when_power_returns_after_an_emergency_stop(
 
 
 def first_set_point_counts(run: Any) -> float:
-    """Return how far the first set-point is from where the axes last were, in counts at most."""
+    """Return the largest distance of the first set-point from the last positions [counts]."""
     rows = run.rows
     far = []
     for axis in range(3):
@@ -205,7 +205,7 @@ def first_set_point_counts(run: Any) -> float:
 def test_set_points_of_a_lost_supply_do_not_wait_for_its_return(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
-    """All drives off, nobody acknowledges: what the adapter keeps goes out when power returns."""
+    """With all drives off, the adapter's frames are queued and sent when power returns."""
     away = {"at_cycle": AT, "duration_s": 1.5}
     rig = serve(
         drives=[{"kind": "supply_lost", **away}],
@@ -224,7 +224,7 @@ def test_set_points_of_a_lost_supply_do_not_wait_for_its_return(
     assert moving == []
     assert rig.truth.speed_after(back_s) < 1e-6
     assert not any(rig.truth.powered[-1])
-    measured(f"{len(released)} kept commands came out with the power, 0 of them motion")
+    measured(f"{len(released)} queued commands were sent after power return, 0 with motion")
 
 
 @pytest.mark.fault(14)
@@ -280,7 +280,7 @@ def test_an_axis_that_runs_the_wrong_way_does_not_get_far(
 def test_an_axis_that_ignores_the_quick_stop_loses_its_power(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
-    """One stop path: quick stop, then power off, then NMT; each where the one before fails."""
+    """One stop path: quick stop, then power off, then NMT; each if the previous one fails."""
     deaf = {"kind": "ignores_quick_stop", "joint": "axis1", "at_cycle": AT}
     fault = {"kind": "emergency", "joint": "axis2", "at_cycle": AT}
     run = serve(drives=[deaf, fault]).move(motion)

@@ -1,4 +1,4 @@
-"""Frames that are lost, late, doubled, damaged or nobody's: rows 1 to 7."""
+"""Frames that are lost, late, doubled, damaged or of unknown senders: rows 1 to 7."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ Measured = Callable[[str], None]
 
 
 class Recorded(NamedTuple):
-    """What the program said of a recording."""
+    """Output of the program about a recording."""
 
     code: int
     said: dict[str, Any]

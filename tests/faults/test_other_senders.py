@@ -47,7 +47,7 @@ def test_a_node_that_answers_first_every_cycle_stops_the_motion(
     streamed = run.rows[run.rows["sample_index"] >= 0]
     lied_in = streamed[-cycles:]
     believed = int(lied_in["valid"][:, node - 1].sum())
-    assert believed <= 1, "only where the drive answered after all others had"
+    assert believed <= 1, "only if the drive answered after all others"
     steered = np.abs(np.diff(streamed["velocity_command"][:-1, node - 1])[-cycles:]).max()
     assert steered < 0.05, "a false position steered the axis"
     assert any(f"{joint}: node {node} answered twice" in note for note in run.notes)
@@ -58,7 +58,7 @@ def test_a_node_that_answers_first_every_cycle_stops_the_motion(
 def test_a_position_that_creeps_away_leads_the_axis_nowhere(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
-    """No step of it is a jump: without the second answers the axis would follow it."""
+    """The false positions have no jump: without this guard the axis would follow them."""
     creeping = [
         {"kind": "spoof", "joint": "axis2", "at_cycle": AT + k, "position_counts": 40 * (k + 1)}
         for k in range(60)

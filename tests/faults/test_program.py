@@ -1,6 +1,6 @@
-"""What the operating system does to `rid-daq record`, by a fault script: its processes, its disk.
+"""Faults of processes and disk during `rid-daq record`, caused by a fault script.
 
-The faults are real ones: signals, a limit on file sizes, a file system without room.
+The faults are real: signals, a limit on file sizes, a full file system.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Measured = Callable[[str], None]
 
 
 class Recorded(NamedTuple):
-    """What became of a recording."""
+    """Outcome of a recording."""
 
     code: int
     told: dict[str, Any]
@@ -89,7 +89,7 @@ def test_a_killed_task_is_told_and_its_rows_are_recorded_up_to_that_cycle(record
 def test_an_operator_who_does_not_let_go_of_ctrl_c_gets_the_report(
     record: Record, measured: Measured
 ) -> None:
-    """A hundred of them, over all of the clean-up: the recording's, the drives', the report's."""
+    """A hundred signals during the clean-up of recording, drives and report."""
     keys = "kind: signal, signal: INT, count: 1000, period_s: 0.005"
     done = record(f"{{{keys}, at_cycle: {AT}}}")
     assert done.code == 130
@@ -183,7 +183,7 @@ def test_a_disk_that_is_really_full_is_exit_7_and_the_file_is_whole(
 def test_a_task_that_the_computer_holds_up_stops_before_it_goes_on(
     workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], measured: Measured
 ) -> None:
-    """SIGSTOP for 0.6 s, in real time, where nothing but that is too late."""
+    """SIGSTOP for 0.6 s in real time, with limits that only this delay could exceed."""
     patient = {
         "late_cycles_limit: 3": "late_cycles_limit: 10000\n  late_answers_limit: 100\n"
         "  late_by_cycles_limit: 60",

@@ -30,7 +30,7 @@ LITTLE = 200 << 20  # bytes: a command with all that it imports, and no file
 
 @pytest.fixture
 def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder with a gigabyte under many names, none of it on the disk, and other non-files."""
+    """Return a folder with huge sparse files, a named pipe, a folder and a circular link."""
     monkeypatch.chdir(tmp_path)
     for name in ("big.yaml", "big.json", "big.csv", "big.urdf", "big.mcap"):
         with open(name, "wb") as file:

@@ -1,4 +1,4 @@
-"""Every number that a stop rests on: where the preflight is green, every axis stops. Row 39."""
+"""Every setting that a stop depends on: if the preflight is green, every axis stops. Row 39."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A stop that is none is refused before motion, by name, with its time and distance. Row 37."""
+"""An insufficient stop is refused before motion, by name, with its time and distance. Row 37."""
 
 from __future__ import annotations
 

@@ -68,9 +68,9 @@ def test_a_babbling_node_that_takes_the_bus_away_stops_the_motion(
 
 
 class FullQueue:
-    """A port that refuses the set-points of one cycle, as a kernel's full queue does: ENOBUFS.
+    """A port that refuses the set-points of one cycle with ENOBUFS, like a full kernel queue.
 
-    It has room again at once: whoever kept a set-point, or tries again, is seen on the wire.
+    It accepts frames again at once, so that a stored or repeated set-point is visible on the wire.
     """
 
     def __init__(self, port: Any, clock: Any) -> None:
@@ -181,7 +181,7 @@ def test_a_set_point_that_cannot_be_meant_is_not_sent(
 def test_an_order_to_stop_is_a_quick_stop_within_two_cycles(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
-    """What a signal does in the program: it asks for a stop through the control block."""
+    """Request a stop through the control block, as the program does on a signal."""
     rig = serve(bus=[{"kind": "strange", "identifier": 0x3F1, "at_cycle": AT}])
     asked: list[float] = []
 

@@ -1,4 +1,4 @@
-"""What a terminal does to a program that moves a robot: Ctrl-Z, closed, its processes killed."""
+"""Effects of a terminal on a program that moves a robot: Ctrl-Z, closing, killed processes."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Shell:
     def __init__(self, words: list[str], environment: dict[str, str]) -> None:
         self.terminal, inside = pty.openpty()
         modes = termios.tcgetattr(inside)
-        modes[3] |= termios.TOSTOP  # whoever writes in the background is suspended
+        modes[3] |= termios.TOSTOP  # a background process that writes is suspended
         termios.tcsetattr(inside, termios.TCSANOW, modes)
         self._leader = subprocess.Popen(
             [sys.executable, "-c", LEADER, sys.executable, "-m", "rid_daq", *words],

@@ -1,8 +1,8 @@
-"""Data sheets that were changed by chance: read, or refused with a file and a line, in little time.
+"""Randomly changed data sheets are read, or refused with file and line, within a short time.
 
-Changed sheets, 10,000 of them or, by hand, 100,000: bytes flipped, cut, doubled and replaced by
-what has broken parsers before, lines deleted, doubled, moved. Then files of the largest size that
-there may be.
+The test changes 10,000 sheets (100,000 if run by hand). Bytes are flipped, cut, doubled, or
+replaced by text that has broken parsers before; lines are deleted, doubled or moved. Then files of
+the largest allowed size are read.
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ def test_sheets_changed_anywhere_are_read_or_refused_with_their_line(sheets: int
     assert counts.total() - counts["read"] > 0.2 * sheets
     assert len(counts) > (
         50 if sheets == 100_000 else 40
-    )  # as many kinds of faults were found, and all were told
+    )  # this many kinds of faults occurred, and all were reported
 
 
 def test_a_whole_drives_sheet_changed_anywhere() -> None:

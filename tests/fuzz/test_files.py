@@ -1,7 +1,7 @@
-"""Files that were changed by nobody who knew what he did: read, or refused with one of our errors.
+"""Randomly changed files are read, or refused with an error of the error tree.
 
-Real files of every kind are mutated from a seed: bytes flipped, cut, doubled, and replaced by what
-has broken parsers before. No other exception may come out, and none may take long.
+Real files of every kind are changed with a seed: bytes are flipped, cut, doubled, or replaced by
+text that has broken parsers before. Other exceptions and long run times are failures.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def survive(read: Callable[[Path], Any], path: Path, data: bytes, count: int) ->
         except RidDaqError as error:
             messages.append(str(error))
         assert time.process_time() - begun_s < LONGEST_S
-    assert len(messages) >= len(NOTHING) - 1  # to some readers one of them is an empty file
+    assert len(messages) >= len(NOTHING) - 1  # for some readers, one text is an empty file
     assert all(messages)
     return len(messages) - len(NOTHING)
 

@@ -26,9 +26,9 @@ HEAD = {"title", "robot", "verdict", "software"}
 
 
 def report_of(data: bytes) -> str:
-    """Return what became of a report: done, or what was said.
+    """Return the outcome of a report: done, or the error message.
 
-    A section's page and drawings are its own: what has not changed is not drawn again.
+    Each section has a separate page and drawings; unchanged sections are not drawn again.
     """
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # figures of absurd numbers

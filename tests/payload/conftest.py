@@ -44,7 +44,7 @@ MEDIUM = PayloadBody.of_reported(
 class PayloadPlant:
     """The arm in Pinocchio: links as drawn, no rotors, friction at the motors.
 
-    `tool` is where the flange's frame sits in the last link's.
+    `tool` is the position of the flange frame in the last link's frame.
     """
 
     robot: RobotDescription
@@ -174,7 +174,7 @@ def averaged(*arguments: object, **options: object) -> PeriodAverage:
 
 @pytest.fixture(scope="session")
 def lab() -> SimpleNamespace:
-    """What the tests of this folder measure with."""
+    """Builders and checks for the tests of this folder."""
     return SimpleNamespace(
         six_axes=six_axes,
         motion_of=motion_of,

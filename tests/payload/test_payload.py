@@ -79,7 +79,7 @@ def test_apart_tells_what_the_payload_makes_of_each_axis_torque(
     with_payload = lab.averaged(robot, motion, lab.medium, seed=3, noise_nm=0.0)
     without = lab.averaged(robot, motion, None, seed=3, noise_nm=0.0)
     made = np.sqrt(np.mean((with_payload.torque_nm - without.torque_nm) ** 2, axis=0))
-    # Where a joint turns round its friction is free, and takes a little of this.
+    # At a reversal the joint's friction is undetermined, and absorbs a little of this.
     np.testing.assert_allclose(found.payload_nm, made, rtol=0.08)
 
 

@@ -68,7 +68,7 @@ def test_a_real_payload_is_weighed_within_two_percent_and_inside_its_interval(
     assert mass["std"] > 3.0 * mass["std_noise"]
     assert document["verdict"]["passed"] is True
     assert "poorly determined; moving" in " ".join(document["payload"]["findings"])
-    # The payload stands in the run too, and in its report.
+    # The run and its report contain the payload too.
     report = Path(document["report"]).read_text(encoding="utf-8")
     assert "Torque" in report or "torque of the payload" in report
     assert (Path(document["report"]).parent / "payload.json").exists()
@@ -233,7 +233,7 @@ def test_every_export_is_read_back_and_a_changed_one_is_caught(
     assert run(["payload", "read-back", payload, str(file), "--from", form.value]) == 1
     said = re.search(r"differs from the payload by ([\d.]+) %", capsys.readouterr().out)
     assert said is not None
-    assert float(said[1]) == pytest.approx(1.0, abs=0.05)  # what rounding leaves of it
+    assert float(said[1]) == pytest.approx(1.0, abs=0.05)  # after rounding
     measured("a mass changed by 1 % is red in every format")
 
 
@@ -342,7 +342,7 @@ def imported(lab: SimpleNamespace, tmp_path_factory: pytest.TempPathFactory) -> 
 def test_repeated_periodic_runs_from_another_makers_csv(
     lab: SimpleNamespace, imported: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Three with the payload, one without; scatter is told."""
+    """Three runs with the payload, one without; the scatter is reported."""
     capsys.readouterr()
     words = ["payload", "identify", "--unloaded", "empty", "--no-rotors", "--json"]
     for label in ("first", "second", "third"):

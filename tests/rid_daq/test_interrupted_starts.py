@@ -1,4 +1,4 @@
-"""Ctrl-C just as a process starts: its owner hears of it, and leaves no process behind."""
+"""Ctrl-C while a process starts: its owner is interrupted and leaves no process behind."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What commands show that go on until somebody ends them, at 80 and at 120 columns."""
+"""Output of commands that run until the user ends them, at 80 and at 120 columns."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Packages and files of our names that are somebody else's: in the folder, in the environment."""
+"""Foreign packages and files with our names, in the folder and in the environment."""
 
 from __future__ import annotations
 

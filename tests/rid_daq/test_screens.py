@@ -1,4 +1,4 @@
-"""What commands show fits the terminal: help and output, at 80 and 120 columns."""
+"""Help and output of commands fit the terminal at 80 and 120 columns."""
 
 from __future__ import annotations
 

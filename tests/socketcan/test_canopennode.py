@@ -1,8 +1,8 @@
 """CANopenNode, a third party's stack in C, on SocketCAN: as a device of ours, and as a master.
 
 Its program for Linux is `canopend`, with the dictionary of its own example (CiA 301 and no more).
-Run where RID_DAQ_SOCKETCAN names an interface that is up, and `canopend` is on the path or named by
-RID_DAQ_CANOPEND: no registry has it, so whoever wants this judge builds it.
+It runs if RID_DAQ_SOCKETCAN names an interface that is up, and `canopend` is on the path or named
+by RID_DAQ_CANOPEND. No registry has `canopend`; it must be built from source.
 """
 
 from __future__ import annotations

@@ -304,7 +304,7 @@ def drive(
     enable: bool = True,
     after_sync: Callable[[], None] = lambda: None,
 ) -> int:
-    """Move for so many cycles, as far as the bus goes."""
+    """Exchange `cycles` cycles over the bus as in a motion."""
     next_s = cell.axes.enable() if enable else cell.clock.now_s()
     for _ in range(cycles):
         next_s = max(next_s + cell.config.cycle_time_s, cell.clock.now_s())

@@ -1,4 +1,4 @@
-"""Who looks at the keys: what a held key means is asked once, and a press is one line."""
+"""The thread that reads the keys: it looks up a key's meaning once, and a press is one line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which key counts as held, whatever becomes of the messages about it on their way."""
+"""The key that counts as held, if its messages are late, lost, repeated or reordered."""
 
 from __future__ import annotations
 
@@ -196,7 +196,7 @@ CHALLENGE_MS = 30
 
 @dataclass(frozen=True)
 class Sent:
-    """A message on its way to the worker, and the person's press that it tells of."""
+    """A message in transit to the worker, and the number of the press that it reports."""
 
     message: KeyMessage
     press: int

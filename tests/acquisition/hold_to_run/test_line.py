@@ -1,4 +1,4 @@
-"""Lines that a key leads along: as far as limits and bodies allow, at a reduced speed."""
+"""Straight motion under a held key: within limits, without collision, at a reduced speed."""
 
 from __future__ import annotations
 

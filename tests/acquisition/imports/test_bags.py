@@ -77,7 +77,7 @@ def test_it_becomes_a_table_and_the_map_that_reads_it(
     np.testing.assert_array_equal(recording.torque_nm, EFFORT)
     np.testing.assert_allclose(recording.time_s, T, atol=1e-9)
     assert report.velocity_ratio == pytest.approx((1.0, 1.0), abs=1e-3)
-    assert report.rows_read == len(T)  # the gripper's messages are none of the arm's
+    assert report.rows_read == len(T)  # the gripper's messages do not count
 
 
 def test_joints_come_in_the_robots_order_whatever_the_messages(tmp_path: Path) -> None:

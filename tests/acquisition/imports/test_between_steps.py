@@ -35,7 +35,7 @@ def creeping() -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def rounded(values: FloatArray, step: float, seed: int = 1) -> FloatArray:
-    """Return values in steps, as an encoder that flickers between two of them shows them."""
+    """Return values rounded to steps, like those of an encoder that flickers between two steps."""
     noise = np.random.default_rng(seed).normal(0.0, 0.1 * step, len(values))
     return np.asarray(step * np.round((values + noise) / step), dtype=np.float64)
 

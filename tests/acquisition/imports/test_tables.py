@@ -1,4 +1,4 @@
-"""Import: a rate in place of stamps, and signals that stand in several files."""
+"""Import: a sampling rate instead of time stamps, and signals in several files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A journal is read in pieces, from where the reader stopped; also while it is written."""
+"""A journal is read in pieces, each from the end of the last one, also while it is written."""
 
 from __future__ import annotations
 

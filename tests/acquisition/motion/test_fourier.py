@@ -93,5 +93,5 @@ class TestSamplesOfPeriod:
     )
     def test_accepts_every_whole_number_of_cycles(self, samples: int, cycle_ms: int) -> None:
         sample_period_s = cycle_ms / 1000.0
-        period_s = float(f"{samples * sample_period_s:.9g}")  # as somebody types it
+        period_s = float(f"{samples * sample_period_s:.9g}")  # as a user types it
         assert samples_of_period(period_s, sample_period_s) == samples

@@ -97,7 +97,7 @@ def read(keys: dict[str, Any]) -> Motion:
 
 
 def numbers(tree: Any) -> Iterator[tuple[Any, Any]]:
-    """Where the numbers in a file are: what holds each of them, and under which key."""
+    """Yield the container and the key of every number in a file."""
     for key, value in list(tree.items()) if isinstance(tree, dict) else list(enumerate(tree)):
         if isinstance(value, dict | list):
             yield from numbers(value)

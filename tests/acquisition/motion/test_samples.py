@@ -50,7 +50,7 @@ def multipoint(**changes: object) -> MultipointMotion:
 
 
 def largest_mismatch(samples: MotionSamples) -> tuple[float, float]:
-    """How far velocity and acceleration are from the differences of position and velocity."""
+    """Return the largest errors of velocity and acceleration against finite differences."""
     by_position = np.diff(samples.position, axis=0) / T
     by_velocity = np.diff(samples.velocity, axis=0) / T
     mean_velocity = (samples.velocity[1:] + samples.velocity[:-1]) / 2.0

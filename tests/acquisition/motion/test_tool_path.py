@@ -1,4 +1,4 @@
-"""Paths of lines, arcs, circles and splines: where they lead, how fast, and what is refused."""
+"""Paths of lines, arcs, circles and splines: positions, speeds and refused files."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def rates(points: FloatArray) -> tuple[float, float, float]:
 
 
 def away_from(points: FloatArray, others: FloatArray) -> float:
-    """How far the farthest of the points is from the nearest of the others."""
+    """Return the largest distance of a point from the nearest of the others."""
     return max(float(np.linalg.norm(others - p, axis=1).min()) for p in points)
 
 
@@ -148,7 +148,7 @@ def test_a_circle_segment_closes_after_a_whole_turn() -> None:
 @pytest.mark.parametrize("speed", [0.5, 5.0])
 @pytest.mark.parametrize("seed", [1, 2])
 def test_whatever_speed_is_asked_for_every_limit_holds(seed: int, speed: float) -> None:
-    """Splines through random points; joints bound the speed where the path does not."""
+    """Splines through random points; the joints limit the speed if the path does not."""
     random = np.random.default_rng(seed)
     box = np.array([(0.5, 0.8), (-0.3, 0.3), (-1.8, -1.4)])
     points = tuple(tuple(p) for p in random.uniform(box[:, 0], box[:, 1], (6, 3)).tolist())

@@ -43,7 +43,7 @@ def about(axis: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
 
 
 def measure(turn: ZeroTurn, noise_n: float = 0.3, seed: int = 0) -> PlateOffset:
-    """What is found from readings with a known offset at the end, drift and moment."""
+    """Return the zero found from readings with a known final offset, drift and moment."""
     random = np.random.default_rng(seed)
     samples, readings = turn_samples(ROBOT, turn, 1.0, 5.0, CYCLE_S)
     time_s = 100.0 + CYCLE_S * np.arange(len(samples), dtype=np.float64)

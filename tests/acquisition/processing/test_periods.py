@@ -205,7 +205,7 @@ class TestLostRows:
 
 
 class TestLostAnswers:
-    """Each drive's answers are judged alone: the more joints, the more rows miss one of them."""
+    """Each drive's answers are judged separately: with more joints, more rows lack an answer."""
 
     @settings(max_examples=25)
     @given(seed=st.integers(0, 1000))

@@ -1,7 +1,7 @@
-"""What a bad disk does to a motion under way: rows of faults 21 and 24.
+"""Effects of a bad disk on a running motion: faults 21 and 24.
 
-The disk is played at the lowest level, by the file object that the journal is written through; time
-is that of the test, so nothing here depends on how fast the computer is.
+The disk is simulated by the file object that the journal writes to. The test controls the time, so
+that nothing depends on the speed of the computer.
 """
 
 from __future__ import annotations
@@ -184,7 +184,7 @@ def test_a_disk_that_fails_stops_the_motion_and_keeps_what_was_written(
 
 
 class Recording:
-    """The recorder alone, in a time that passes only where it waits; rows come with the time."""
+    """The recorder alone, with a clock that advances only while it waits; rows follow the clock."""
 
     def __init__(self, ring: Ring, period_s: float, rows: int) -> None:
         self.ring, self.period_s, self.rows = ring, period_s, rows

@@ -59,7 +59,7 @@ class Bench:
         return next(self.answers)
 
     def come_to(self, row: int) -> None:
-        """Write so many rows, and let the task be at the last of them until that is judged."""
+        """Write rows up to `row`, and keep the task at the last row until it is judged."""
         self._writer.append(rows()[self._written : row].tobytes())
         self._writer.flush()
         self._written = row

@@ -1,4 +1,4 @@
-"""How a motion ended: what comes once it is over is kept, what nobody saw is not claimed."""
+"""Outcome of a motion: later events are kept, and unconfirmed states are not claimed."""
 
 from __future__ import annotations
 

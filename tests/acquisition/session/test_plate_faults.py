@@ -190,7 +190,7 @@ def test_row_30_damage_costs_at_most_two_rows_more_than_it_hits(
     both = zip(rows.sequence.tolist(), rows.rows["counts"], strict=True)
     same = [np.array_equal(by_number[k], counts) for k, counts in both if k in by_number]
     assert all(same), "a row that came is the row that was sent"
-    measured(f"{len(lost)} rows lost, {sum(hit.values())} of them hit; 0 wrong")
+    measured(f"{len(lost)} rows lost, including {sum(hit.values())} hit; 0 wrong")
 
 
 @pytest.mark.fault(30)

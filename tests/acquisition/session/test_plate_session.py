@@ -1,4 +1,4 @@
-"""A motion recorded with the force plate beside it, on the simulated cell in lock-step."""
+"""A motion recorded together with the force plate, on the simulated cell in lock-step."""
 
 from __future__ import annotations
 

@@ -102,7 +102,7 @@ def test_a_sum_of_motion_and_feedforward_beyond_the_limits(
 
 
 def test_a_motion_that_comes_too_close(attempt: Try, samples: MotionSamples) -> None:
-    """A wall stands where the tool point is farthest from where the motion begins."""
+    """A wall is at the point of the path that is farthest from its start."""
     chain = Chain.from_description(ROBOT)
     links = link_transforms(chain, samples.position)[:, -1]
     x = links[:, 0, :3] @ chain.tool_m + links[:, 0, 3]

@@ -65,7 +65,7 @@ class Damaged:
     rows: np.ndarray
 
     def repair(self, data: bytes) -> tuple[int, int]:
-        """Return the rows kept and the rows told to be lost; 0, 0 where nothing is readable."""
+        """Return the numbers of kept and of reported lost rows; (0, 0) if nothing is readable."""
         source, target = self.folder / "old.mcap", self.folder / "new.mcap"
         target.unlink(missing_ok=True)
         source.write_bytes(data)
@@ -93,7 +93,7 @@ def damaged(tmp_path: Path, rows: np.ndarray) -> Damaged:
 
 
 def read_only(path: Path, data: bytes) -> int:
-    """Return how many rows are read of a damaged file, 0 where none is."""
+    """Return the number of rows that are read from a damaged file."""
     path.write_bytes(data)
     try:
         return examine_journal(path).kept_rows

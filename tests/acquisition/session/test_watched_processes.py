@@ -44,7 +44,7 @@ Make = Callable[[int], Process]
 
 @pytest.fixture
 def make(monkeypatch: pytest.MonkeyPatch) -> Iterator[Make]:
-    """Return what makes processes on which nobody waits."""
+    """Return a function that starts processes without a parent that waits for them."""
     monkeypatch.setattr("acquisition.session.record.WATCH_S", 0.0)
     made: list[Process] = []
 

@@ -1,7 +1,7 @@
-"""The sum of a motion and its feedforward: computed as drives are commanded, held against limits.
+"""The sum of a motion and its feedforward, computed as for the drives, respects the limits.
 
-A feedforward within the speed limits row by row can still command any acceleration, and lead a
-joint anywhere: what is held against the limits is what the drives are told in total.
+A feedforward within the speed limits of every row can still command any acceleration and position.
+Therefore the total command is compared with the limits.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ pytestmark = pytest.mark.promise("sum-verified")
 
 
 def motion(periods: int = 3, offset: float = 0.0) -> MotionSamples:
-    """Return a slow motion of all joints, every row of it held."""
+    """Return a slow motion of all joints."""
     joints = tuple(
         FourierJoint(
             joint=name, offset=offset if name == "axis1" else 0.1, sine=(0.1,), cosine=(0.0,)

@@ -71,7 +71,7 @@ def test_a_position_that_is_known_in_between_begins_the_count_anew(watch: Watch)
 
 
 def test_a_jump_in_between_does_not(watch: Watch) -> None:
-    """What came was no position either."""
+    """The received value was not a position either."""
 
     def fault(cycle: Cycle) -> None:
         if cycle.number in (10, 12, 13):
@@ -88,7 +88,7 @@ def test_a_jump_in_between_does_not(watch: Watch) -> None:
 def test_a_motor_that_stands_is_seen_although_its_joint_is_moved_by_another(
     watch: Watch,
 ) -> None:
-    """Motor 3 stands at alpha3 = const; joint 3 turns backwards with motor 2."""
+    """Motor 3 does not move (alpha3 = const); joint 3 turns backwards with motor 2."""
 
     def fault(cycle: Cycle) -> None:
         if cycle.number >= 10:

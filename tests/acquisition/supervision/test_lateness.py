@@ -1,4 +1,4 @@
-"""How late cycles may begin (faults: row 27)."""
+"""Limits of the lateness of cycles (faults: row 27)."""
 
 from __future__ import annotations
 

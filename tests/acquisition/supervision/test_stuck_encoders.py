@@ -1,4 +1,4 @@
-"""What tells an encoder that stands still from a joint in stiction (faults: row 14)."""
+"""Distinction between a stuck encoder and a joint in stiction (faults: row 14)."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def braked(encoders: StuckEncoders, strain_nm: float, after_nm: float) -> int | 
 def test_the_end_of_hard_braking_is_no_strain(
     encoders: StuckEncoders, robot: RobotDescription
 ) -> None:
-    """A joint that is stopped hard, and stands in stiction while the loop settles."""
+    """A joint that stops abruptly and sticks while the loop settles."""
     strain_nm = RULES.stuck_encoder_torque_fraction * robot.joints[1].limits.torque
     assert braked(encoders, strain_nm, 0.0) is None
 

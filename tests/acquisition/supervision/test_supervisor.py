@@ -27,7 +27,7 @@ Fault = Callable[[Cycle], None]
 
 
 def cycle_at(number: int, where: float, speed: float = SPEED) -> Cycle:
-    """Return a cycle of three joints that are where they should be, all is well."""
+    """Return a fault-free cycle of three joints at their set-points."""
     return Cycle(
         number=number,
         periods=1,
@@ -152,7 +152,7 @@ def compensated_to_nothing(cycle: Cycle) -> None:
 def test_what_pre_compensation_commands_at_rest_is_no_wish_to_move(
     cell: CellConfig, robot: RobotDescription
 ) -> None:
-    """It holds a torque; a joint that stands is where it should be."""
+    """The joint holds a torque at rest, at its set-point."""
     at_rest = Watch(cell, robot, SPEED * T)
     assert at_rest.run(at_rest_in_stiction(0.4)) == (None, None)
 
@@ -184,7 +184,7 @@ def runaway(joint: int, since: int) -> Fault:
 
 
 def doubled(at: Callable[[int], bool], *, differs: bool = False) -> Fault:
-    """The second joint's identifier answers twice; where the two differ, neither is received."""
+    """Send two answers for the second joint; if they differ, neither is used."""
 
     def fault(cycle: Cycle) -> None:
         cycle.second_answers[1] = sum(map(at, range(1, cycle.number + 1)))
@@ -254,7 +254,7 @@ GOES_ON: dict[str, Fault] = {
     "49: a second answer in every sixth cycle": doubled(lambda k: k % 6 == 0),
     "49: two answers that differ, twice in a row": doubled(lambda k: k in (10, 11), differs=True),
     "an emergency is cleared": told(lambda k: k == 10, event(EventKind.EMERGENCY_CLEARED)),
-    "a frame that nobody expects": told(lambda k: k == 10, event(EventKind.UNEXPECTED_FRAME)),
+    "an unexpected frame": told(lambda k: k == 10, event(EventKind.UNEXPECTED_FRAME)),
 }
 
 
@@ -380,7 +380,7 @@ def test_the_text_names_joint_value_limit_and_what_to_check(watch: Watch) -> Non
 def test_a_feedforward_that_jumps_or_is_no_number_is_never_sent(
     cell: CellConfig, robot: RobotDescription, joint: int, ahead: float
 ) -> None:
-    """The last guard, in the cycle itself: for sources that nobody could check in advance."""
+    """The last guard, in the cycle itself, for sources that cannot be checked in advance."""
     number, reason = at_speed(cell, robot).run(
         set_at("target.feedforward", lambda k: k == 5, joint, ahead)
     )

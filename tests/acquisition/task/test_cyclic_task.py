@@ -31,7 +31,7 @@ T = 0.008
 
 
 class Axes(Protocol):
-    """What these tests touch of the fixture `axes`."""
+    """Part of the fixture `axes` that these tests use."""
 
     script: Callable[[Any, int], None]
     answers: Answers
@@ -107,7 +107,7 @@ def test_the_first_set_point_is_where_the_robot_stands(bench: Bench, motion: Mot
 
 @dataclass(frozen=True)
 class Watching(PlannedMotion):
-    """A motion that keeps what it was told of the robot."""
+    """A motion that stores the data that it receives about the robot."""
 
     seen: list[NDArray[np.float64]] = field(default_factory=list)
 

@@ -1,4 +1,4 @@
-"""Guards of the cyclic task that stand behind others: what happens if the one before failed."""
+"""Guards of the cyclic task that act if a previous guard has failed."""
 
 from __future__ import annotations
 

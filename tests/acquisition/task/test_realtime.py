@@ -1,4 +1,4 @@
-"""What the cyclic task's process asks of the operating system."""
+"""Requests of the cyclic task's process to the operating system."""
 
 import multiprocessing
 import os

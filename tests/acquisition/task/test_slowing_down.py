@@ -1,4 +1,4 @@
-"""An axis on its quick stop slows down at half the rate that it was told at least, or is found."""
+"""An axis in a quick stop that decelerates with less than half its set rate is reported."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a motion ends: a quick stop, a look at whether the axes rest, power off."""
+"""End of a motion: quick stop, check of standstill, power off."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SPEED = 0.4
 
 
 class Ending:
-    """Axes that move at `SPEED` when they are told to stop."""
+    """Axes that move at `SPEED` when they receive the stop."""
 
     def __init__(self, cell: CellConfig, robot: RobotDescription, axes: Any, clock: Any) -> None:
         self.axes, self.clock = axes, clock

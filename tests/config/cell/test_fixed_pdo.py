@@ -1,4 +1,4 @@
-"""PDOs that a drive does not let be mapped: what a profile may say of them."""
+"""PDOs with a fixed mapping: what a profile can state about them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a cell file says of its drives' family, and how files, cell and axis go together."""
+"""The drive family in a cell file, and keys of profile, cell and axis in combination."""
 
 from __future__ import annotations
 

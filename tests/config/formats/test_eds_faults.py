@@ -1,4 +1,4 @@
-"""Faulty data sheets: every fault is told with its line."""
+"""Faulty data sheets: every fault is reported with its line."""
 
 from __future__ import annotations
 

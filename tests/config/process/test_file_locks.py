@@ -1,4 +1,4 @@
-"""A lock file has one holder, whom the kernel names; looking at it touches nothing."""
+"""A lock file has one holder, which the kernel reports; reading it changes nothing."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def test_the_kernels_own_name_of_the_file_is_meant(tmp_path: Path) -> None:
         info = Path(f"/proc/self/fdinfo/{file.fileno()}").read_text()
         assert f" {os.getpid()} {file_locks._inode(file.fileno())} 0 EOF" in info
         fcntl.flock(file, fcntl.LOCK_SH)
-        assert file_holder(tmp_path / "lock") is None, "somebody who only looks is no holder"
+        assert file_holder(tmp_path / "lock") is None, "a reader is not a holder"
 
 
 def test_a_lock_that_moved_while_a_long_list_was_read_is_found(

@@ -1,4 +1,4 @@
-"""What a computer lacks is said by its name; a mistake of the program stays one."""
+"""A shortage of the computer is named in the error; a programming error is not disguised as one."""
 
 from __future__ import annotations
 

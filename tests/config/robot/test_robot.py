@@ -1,4 +1,4 @@
-"""Robot files: every term of the model can be chosen, contradictions are named where they stand."""
+"""Robot files: every model term can be chosen; contradictions are reported with their key."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which chain of a URDF is the robot: arms, grippers, linkages beside the arm, several arms."""
+"""Selection of the robot's chain in a URDF with grippers, linkages or several arms."""
 
 from __future__ import annotations
 

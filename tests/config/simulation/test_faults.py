@@ -1,4 +1,4 @@
-"""Fault scripts: what can be said, and where the error is when it cannot be meant."""
+"""Fault scripts: allowed content, and the position of the error in impossible ones."""
 
 from __future__ import annotations
 

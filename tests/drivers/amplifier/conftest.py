@@ -34,7 +34,7 @@ SENSITIVITIES = (-7.5,) * 4 + (-3.8,) * 4
 
 @dataclass
 class Script:
-    """What the device is, and how it misbehaves."""
+    """Identity and faults of the simulated device."""
 
     baud_rate: int = 460800
     form: str = "binary"
@@ -59,7 +59,7 @@ class Device(threading.Thread):
         self._ours, theirs = os.openpty()
         tty.setraw(theirs)
         self.address = os.ttyname(theirs)
-        self._theirs = theirs  # kept open, so that the port stays while nobody has it
+        self._theirs = theirs  # kept open, so that the port exists without a client
         self._wake, self._woken = os.pipe()
         self._lines = LineSplitter()
         self.config = config_for(self.address, script)
@@ -169,7 +169,7 @@ def config_for(address: str, script: Script) -> AmplifierConfig:
 
 @pytest.fixture(autouse=True)
 def patience(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Answers come, however slow the machine; where none does, a test says so."""
+    """Set long timeouts for a slow machine; tests without answers set their own."""
     monkeypatch.setattr("drivers.amplifier.dialogue.ANSWER_TIMEOUT_S", ENOUGH_S)
     monkeypatch.setattr("drivers.amplifier.dialogue.PROBE_TIMEOUT_S", ENOUGH_S)
     monkeypatch.setattr("drivers.amplifier.dialogue.BAUD_RATES", ())

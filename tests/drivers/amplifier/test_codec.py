@@ -1,4 +1,4 @@
-"""Commands and answers of an amplifier, word by word; which of them were seen on a real one."""
+"""Commands and answers of an amplifier, word by word; some were recorded from a real one."""
 
 from __future__ import annotations
 

@@ -102,7 +102,7 @@ class TestHeartbeat:
         consumer.heard(5, 100.0)
         assert not consumer.expired(100.1)
         assert consumer.expired(100.101)
-        assert not consumer.expired(100.2), "a loss is told once"
+        assert not consumer.expired(100.2), "a loss is reported once"
         assert consumer.lost
         consumer.heard(5, 100.3)
         assert not consumer.lost
@@ -116,7 +116,7 @@ class TestHeartbeat:
             consumer.heard(5, time_s, 0x80 * (number % 2))
             assert not consumer.expired(time_s + 0.09)
         consumer.heard(5, 1.2, 0x80)
-        assert consumer.expired(1.251), "an answer that is repeated is none"
+        assert consumer.expired(1.251), "a repeated answer does not count"
 
 
 class TestEmergency:

@@ -151,7 +151,7 @@ def local(
 
 
 def no_others(frame: Frame, time_s: float) -> None:
-    """Take frames of nobody's interest."""
+    """Ignore a frame."""
 
 
 class TestCanopenAsServer:

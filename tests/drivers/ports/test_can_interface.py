@@ -1,4 +1,4 @@
-"""What `ip` says of a SocketCAN interface, held against the cell file before any motion."""
+"""The output of `ip` for a SocketCAN interface is compared with the cell file before any motion."""
 
 from __future__ import annotations
 

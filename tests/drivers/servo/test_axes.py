@@ -291,7 +291,7 @@ class TestEvents:
         assert bench.bus.now_s - stopped_s <= 0.1 + 2 * 0.008
         for _ in range(20):
             bench.cycle(STILL)
-        assert bench.axes.take_events() == (), "a loss is told once"
+        assert bench.axes.take_events() == (), "a loss is reported once"
 
     def test_a_drive_that_leaves_the_exchange(self, bench: Bench) -> None:
         bench.enabled()

@@ -1,4 +1,4 @@
-"""Signals of a drive in several frames: where they lie, and answers joined of parts."""
+"""Signals of a drive in several frames: their positions, and answers assembled from parts."""
 
 from __future__ import annotations
 

@@ -132,7 +132,7 @@ class TestRefusals:
     def test_a_drive_without_heartbeat_consumer(
         self, bench: Bench, measured: Callable[[str], None]
     ) -> None:
-        """What would keep running when the laptop dies cannot be enabled."""
+        """A drive that would keep running after a crash of the laptop cannot be enabled."""
         del bench.drives[2].objects[0x1016, 1]
         with raises_code(PreflightError, "RID-PREFLIGHT-RED", "1016h:01"):
             bench.axes.bring_up()

@@ -1,4 +1,4 @@
-"""What a drive's data sheet must say, and what is told where it does not."""
+"""Required content of a drive's data sheet, and the findings if it is missing."""
 
 from __future__ import annotations
 

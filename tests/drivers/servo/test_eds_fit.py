@@ -1,4 +1,4 @@
-"""What a data sheet is of, and which of the objects that it lacks protect people."""
+"""Kind of device of a data sheet, and missing objects that are relevant for safety."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Two answers with one identifier in a cycle: counted, and not used where they differ."""
+"""Two answers with one identifier in a cycle: counted, and not used if they differ."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far an axis gets until it rests, by what its drive holds, and which numbers are refused."""
+"""Stopping distance of an axis from its drive's settings, and refused settings."""
 
 from __future__ import annotations
 

@@ -181,7 +181,7 @@ class TestWristOfTheThesis:
 
 
 def test_the_joints_inertia_is_that_of_all_bodies(random_arm, judge, random_links) -> None:
-    """What Pinocchio says that each joint's unit acceleration takes from rest."""
+    """The reference is Pinocchio's torque for a unit acceleration of each joint from rest."""
     robot = coupled(random_arm(4, 9, "RRPR"), 9)
     links, polar = random_links(4, 9), np.array([0.1, 0.02, 0.05, 0.03])
     bodies, lumped = real_rotors(robot, links, polar)

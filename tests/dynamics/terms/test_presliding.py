@@ -1,4 +1,4 @@
-"""Friction with memory: what its state must do whatever the path, and what the terms make of it."""
+"""Presliding hysteresis: properties of its state on any path, and the resulting model terms."""
 
 from __future__ import annotations
 
@@ -154,7 +154,7 @@ def test_the_slopes_by_distance_and_share_are_those_of_the_torque(efficiency: fl
         "dp_axis3",
     ]
     assert {"sp_axis2", "sp_axis3"} <= set(model.nonlinear_names)
-    assert "sp_axis1" not in model.nonlinear_names, "all of its friction gives way"
+    assert "sp_axis1" not in model.nonlinear_names, "all friction of axis 1 is presliding"
 
     def conditions(of: RobotModel) -> Conditions:
         followed = with_presliding_history(of, q, warm)

@@ -77,7 +77,7 @@ def test_a_spring_that_cannot_be_meant_is_refused(ir361) -> None:
 
 
 class TestFourierForm:
-    """(3.37): the distances need not be known; three harmonics of the angle stand for all."""
+    """(3.37): the distances need not be known; three harmonics of the angle represent them."""
 
     @pytest.fixture
     def model(self, ir361) -> RobotModel:

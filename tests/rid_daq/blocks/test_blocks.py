@@ -1,4 +1,4 @@
-"""Blocks: what a table and a plot hold, and that every renderer draws all of it."""
+"""Blocks: content of tables and plots, and its complete output by every renderer."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`friction` and `loop` end with exit code 6 where no model explains a joint."""
+"""`friction` and `loop` end with exit code 6 if no model explains a joint."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A joint that moves while its torque column always says the same: nothing is learnt of it."""
+"""A joint that moves with a constant torque column is not identified."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ BOUNDS: dict[str, tuple[float, float, int]] = {
 
 
 def numbers_at(value: Any, place: str) -> list[float]:
-    """Return the numbers of a document at a place, of which `*` stands for each of a list."""
+    """Return the numbers of a document at a place; `*` means every element of a list."""
     key, _, rest = place.partition(".")
     parts = value if key == "*" else [value[key]]
     return [n for part in parts for n in (numbers_at(part, rest) if rest else [part])]

@@ -1,4 +1,4 @@
-"""`rid-daq design`: the motion that it writes, what it says of it, and what it refuses."""
+"""`rid-daq design`: the motion file, its description on the terminal, and refused requests."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ class Workplace:
         return path
 
     def held(self) -> tuple[SavedDrive, ...]:
-        """What every drive holds now, object by object."""
+        """Current objects of every drive."""
         return DriveBackup.read(self.backup()).drives
 
     def set(self, node: int, name: str, value: str) -> None:

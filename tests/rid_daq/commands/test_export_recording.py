@@ -1,4 +1,4 @@
-"""A run's recording as CSV, Parquet, MAT and MDF 4, each read by somebody else."""
+"""A run's recording as CSV, Parquet, MAT and MDF 4, each read by a third-party library."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`rid-daq import`: mistakes with somebody else's recording, made through the command."""
+"""`rid-daq import`: mistakes with another program's recording, made through the command."""
 
 from __future__ import annotations
 

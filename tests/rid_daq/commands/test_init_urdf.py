@@ -1,4 +1,4 @@
-"""`rid-daq init --urdf`: a URDF becomes a cell that runs, simulated where its masses are known."""
+"""`rid-daq init --urdf`: a URDF becomes a working cell, simulated if its masses are known."""
 
 from __future__ import annotations
 

@@ -132,7 +132,7 @@ def loaded() -> LoadedCell:
 
 @pytest.fixture(scope="module")
 def wrist(loaded: LoadedCell) -> RobotDescription:
-    """The robot with a wrist coupled so much that nobody can overlook it: a fifth and more."""
+    """The robot with a strong wrist coupling of a fifth and more."""
     coupling = np.eye(6)
     coupling[4, 3], coupling[5, 3], coupling[5, 4] = 0.25, -0.20, -0.35
     rows = tuple(tuple(row) for row in coupling.tolist())

@@ -129,7 +129,7 @@ def test_a_crowd_at_the_page_and_its_death_change_no_bit_of_the_recording(
     assert [note for note in beside.notes if "live page died" in note]
     assert rows.tobytes() == rows_beside.tobytes()
     measured(
-        f"{len(rows)} rows bit-identical with {CLIENTS} clients, 20 of them hanging, and the page"
+        f"{len(rows)} rows bit-identical with {CLIENTS} clients, including 20 hanging, and the page"
         " killed"
     )
 

@@ -1,4 +1,4 @@
-"""Mistakes in a map are told by `identify`, and their models are not let out."""
+"""`identify` reports mistakes in a map, and does not write a model for them."""
 
 from __future__ import annotations
 

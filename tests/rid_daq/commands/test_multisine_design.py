@@ -1,4 +1,4 @@
-"""`rid-daq design --kind multisine`, and what `rid-daq loop` makes of a run of it."""
+"""`rid-daq design --kind multisine`, and `rid-daq loop` on a run of its motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Friction that remembers, found by `identify` from the mean period of a periodic recording."""
+"""Presliding hysteresis, identified from the mean period of a periodic recording."""
 
 from __future__ import annotations
 

@@ -221,7 +221,7 @@ def test_a_plate_whose_mistake_shows_before_its_delay_is_named_by_its_key(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """The delay of 0.07 ms that this fit finds stands for one that is too long to be believed."""
+    """The delay of 0.07 ms that this fit finds represents an implausibly long one."""
     monkeypatch.setattr("identification.estimation.fitted_periods.LONGEST_DELAY_S", 1e-6)
     copy = tmp_path / "runs" / "excitation"
     shutil.copytree(find_run(workshop / "runs", "excitation").path, copy)

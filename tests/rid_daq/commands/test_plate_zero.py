@@ -95,13 +95,13 @@ def lasting(cell: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Si
 
 @pytest.fixture(scope="module")
 def discharged_at() -> list[Any]:
-    """Where the arm truly was when the amplifier was discharged [rad]: the brakes held it."""
+    """True position of the arm, held by its brakes, when the amplifier was discharged [rad]."""
     return []
 
 
 @pytest.fixture(scope="module")
 def zeroed(cell: Path, lasting: SimulatedCell, discharged_at: list[Any]) -> dict[str, Any]:
-    """What the command says in JSON, having written the zero."""
+    """JSON document of the command, which has written the zero."""
     runs = ["--runs", str(cell.parent / "runs")]
 
     def discharge(*plate: Any) -> Any:
@@ -137,10 +137,10 @@ def test_the_drift_is_found_within_its_uncertainty(zeroed: dict[str, Any], cell:
 def test_the_offset_is_found_within_its_uncertainty(
     zeroed: dict[str, Any], cell: Path, discharged_at: list[Any]
 ) -> None:
-    """The channels' jump and drift since operate, and what half of both poses' load adds.
+    """The zero is the channels' jump and drift since "operate", plus half of both poses' load.
 
-    When it was put into operation does not stand in the recording: one number, which the eight
-    channels must agree on.
+    The recording does not contain the time of "operate"; it is one unknown, and the eight channels
+    must agree on its value.
     """
     loaded = load_cell(str(cell))
     plate, plant = loaded.config.plate, loaded.plant

@@ -1,4 +1,4 @@
-"""`mock CELL --as OTHER`: files that are wrong against the devices are told by the commands."""
+"""`mock CELL --as OTHER`: the commands report differences between the files and the devices."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Serve = Callable[[str], AbstractContextManager[None]]
 
 @pytest.fixture
 def files(tmp_path: Path) -> Path:
-    """The files of whoever practises: a new cell, on a bus of its own."""
+    """Files of a new cell for practice, with a separate bus."""
     assert run(["init", str(tmp_path / "mine")]) == 0
     cell = tmp_path / "mine" / "cell.yaml"
     change(cell, "channel: my_cell", f"channel: {tmp_path.name[-40:]}")

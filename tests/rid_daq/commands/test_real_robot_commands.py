@@ -47,7 +47,7 @@ def test_a_model_chosen_by_the_training_runs_alone_predicts_another_motion(
     words = ["validate", model, "points", "--band", "9.4", "--limits", limits, *runs]
     assert run([*words, "--json"]) == 0
     axes = json.loads(capsys.readouterr().out)["validation"]["axes"]
-    # Joint 6 stands still for half of the time, held by friction that remembers.
+    # Joint 6 rests for half of the time, held by presliding friction.
     assert [axis["all_samples_percent"] < 9.5 for axis in axes] == [True] * 5 + [False]
     assert axes[5]["all_samples_percent"] < 22.0
     for label in ("long", "points"):

@@ -1,4 +1,4 @@
-"""`rid-daq retime`: a motion file becomes a faster one, with its page; mistakes are told."""
+"""`rid-daq retime`: a motion file becomes a faster one, with its page; mistakes are reported."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def test_what_is_written_is_held_with_what_it_carries(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """A search that forgets the payload does not get as far as a file."""
+    """A search that forgets the payload does not write a file."""
     empty = read_estimate(folder / "model.json")
     monkeypatch.setattr(
         "rid_daq.operations.path.retiming.retime_path",
@@ -245,7 +245,7 @@ def test_turns_of_a_circle_become_one_way(folder: Path, capsys: pytest.CaptureFi
 
 
 def tool_at(samples: MotionSamples) -> FloatArray:
-    """Return where the tool point is, x and y [m]."""
+    """Return the x and y positions of the tool point [m]."""
     chain = Chain.from_description(load_cell("ir361").robot)
     return np.asarray(forward(chain, samples.position)[:, :2])
 

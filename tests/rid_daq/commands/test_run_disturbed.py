@@ -1,4 +1,4 @@
-"""Somebody works in the run folder while the robot moves: strays, files deleted or replaced."""
+"""Changes in the run folder while the robot moves: foreign files, deleted or replaced files."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.builders.told import document
 pytestmark = pytest.mark.slow
 
 INTO = 100
-"""Rows of the motion that have been commanded when somebody comes."""
+"""Number of commanded rows at the time of the change."""
 
 Disturb = Callable[[RunFolder], None]
 Meddle = Callable[[Disturb], None]
@@ -32,7 +32,7 @@ Meddle = Callable[[Disturb], None]
 
 @pytest.fixture
 def meddle(monkeypatch: pytest.MonkeyPatch) -> Meddle:
-    """Return what lets somebody do something to the run folder while the robot moves."""
+    """Return a function that sets the change of the run folder during the motion."""
     whole = record_motion
 
     def meddled(disturb: Disturb) -> None:

@@ -1,4 +1,4 @@
-"""`rid-daq stop`, from another process, on a session that is in mid-motion; and where none is."""
+"""`rid-daq stop` from another process, during a motion and without a session."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`rid-daq token`: the owner of a service's folder lets somebody in, without a token."""
+"""`rid-daq token`: the owner of a service's folder creates tokens and needs no token for it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A robot that warms up, from somebody's table to a model that is validated, by its commands."""
+"""A robot that warms up: the commands from another program's table to a validated model."""
 
 from __future__ import annotations
 

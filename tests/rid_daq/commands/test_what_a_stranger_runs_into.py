@@ -1,4 +1,4 @@
-"""What strangers ran into, each held by a test that makes it through a command."""
+"""Problems that external testers found, each reproduced through a command."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ HELD: dict[str, tuple[str, ...]] = {
         HERE + "test_the_guide_says_whose_friction_that_of_a_coupled_wrist_is",
     ),
 }
-"""Twenty-six ways to be wrong without being told, ten of somebody else's recording: their tests."""
+"""Tests of 26 silent mistakes, and of ten mistakes with another program's recording."""
 
 
 @pytest.mark.parametrize("found", HELD)

@@ -1,4 +1,4 @@
-"""Drives of another family from the command line: what the preflight says of them."""
+"""Drives of another family on the command line, and the preflight's lines about them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was seen of an axis against what it was told: the mistake, and the line to change."""
+"""Comparison of an axis's measured and commanded motion: the mistake, and the line to change."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which way a joint will turn, in words that a person can hold against what moves."""
+"""Direction of a joint in words that a person can compare with the visible motion."""
 
 from __future__ import annotations
 

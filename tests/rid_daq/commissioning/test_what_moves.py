@@ -1,4 +1,4 @@
-"""What a held key moves, how far, and what the drive's own counts say of it afterwards."""
+"""Motion under a held key: axis, distance, and the check of the drive's own counts afterwards."""
 
 from __future__ import annotations
 

@@ -293,7 +293,7 @@ def test_scripts_are_files_of_this_computer() -> None:
 
 
 def test_a_drag_zooms_since_every_panel_says_so(figures: dict[str, UIElement]) -> None:
-    """Where a panel's own toolbar does not, BokehJS pans, whatever the figure's toolbar says."""
+    """Without it in the panel's toolbar, BokehJS pans, whatever the figure's toolbar says."""
     panels = [each for each in figures["fit"].references() if isinstance(each, Plot)]
     assert {type(each.toolbar.active_drag).__name__ for each in panels} == {"BoxZoomTool"}
 

@@ -1,4 +1,4 @@
-"""Who may stop a motion from a browser, and who may look: the stop asks for less."""
+"""Permissions to stop a motion from a browser and to view it; the stop requires less."""
 
 from __future__ import annotations
 

@@ -144,7 +144,7 @@ def served() -> Iterator[Served]:
 
 @pytest.fixture
 def unstopped(served: Served) -> Served:
-    """The page of a motion that nobody has told to stop yet."""
+    """The page of a motion without a stop request."""
     served.control.program._stop_code = 0
     return served
 

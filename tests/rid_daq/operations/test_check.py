@@ -1,4 +1,4 @@
-"""What `rid-daq check` asks a person before drives are switched on."""
+"""Questions of `rid-daq check` before drives are switched on."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def real_cell(*, with_power: bool) -> LoadedCell:
 
 @pytest.fixture
 def looks() -> list[bool]:
-    """Whether the cell was said to be clear, of each look at the drives."""
+    """One entry for each look at the drives: True if the user has confirmed a clear cell."""
     return []
 
 

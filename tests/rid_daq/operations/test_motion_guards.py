@@ -37,12 +37,12 @@ MOVING = pytest.mark.parametrize("name", [*HELD, *BY_ITSELF])
 
 
 class OpenedError(Exception):
-    """Raised in place of a session on the cell: all guards before it have agreed."""
+    """Raised instead of opening a session on the cell: all previous guards have passed."""
 
 
 @dataclass(frozen=True)
 class Person(Console):
-    """A person with a keyboard, who types an answer; nobody if there is none."""
+    """A user who types an answer; without an answer, a console without a user."""
 
     answer: str = ""
     said: list[str] = field(default_factory=list)

@@ -1,4 +1,4 @@
-"""An option without effect, or a file that nobody meant to replace, is refused at once."""
+"""An option without effect and an unintended replacement of a file are refused at once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `reset` says of drives: a fault that remains is shown, then ends the command."""
+"""Output of `reset` about drives: a remaining fault is shown and ends the command."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a person reads of a preflight: a line a device, red lines with what to do, all at wish."""
+"""Text of a preflight: one line per device, red lines with advice, and all lines on request."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the preflight says of this computer."""
+"""Preflight lines about this computer."""
 
 import multiprocessing
 import shutil

@@ -1,4 +1,4 @@
-"""What a person is told to do about a drive's object that is red."""
+"""Advice for a red object of a drive."""
 
 from __future__ import annotations
 

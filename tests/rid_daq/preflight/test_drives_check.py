@@ -1,4 +1,4 @@
-"""What `check` says of the drives' answers: each lost one is red, and what was found is kept."""
+"""Output of `check` about the drives' answers: lost answers are red, and results are stored."""
 
 from __future__ import annotations
 

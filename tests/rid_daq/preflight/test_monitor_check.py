@@ -1,4 +1,4 @@
-"""What the preflight says of motors that are hot, silent or not those of the robot file."""
+"""Preflight lines about motors that are hot, silent, or different from the robot file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is driven is what was approved: every file is read once, before a person is asked."""
+"""The executed motion is the approved one: every file is read once, before the user is asked."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ pytestmark = pytest.mark.promise("driven-as-approved")
 
 
 class DrivenError(Exception):
-    """Raised in place of a motion: it carries what would have been driven."""
+    """Raised instead of a motion, with the motion that would have been executed."""
 
     def __init__(self, asked: RunRequest, loaded: LoadedCell) -> None:
         super().__init__("driven")
@@ -57,7 +57,7 @@ def driven(session: RunSession, asked: RunRequest) -> None:
 
 
 class Person(Console):
-    """Somebody who is asked whether the cell is clear, and who does something before the answer."""
+    """A user who changes something before confirming that the cell is clear."""
 
     def __init__(self, meanwhile: Callable[[], None]) -> None:
         super().__init__()
@@ -213,7 +213,7 @@ def test_a_feedforward_beyond_the_limits_is_refused_before_anybody_is_asked(fold
     (folder / "ahead.json").write_text(json.dumps(file))
 
     def never() -> None:
-        raise AssertionError("nobody is asked about what cannot be driven")
+        raise AssertionError("no question about a motion that cannot be executed")
 
     request = RecordRequest(
         cell=str(folder / "cell.yaml"),
@@ -250,7 +250,7 @@ def test_a_feedforward_alone_beyond_a_speed_limit_is_refused(folder: Path) -> No
 def test_the_planned_motion_is_held_against_torque_limits_too(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Not only what the position loop makes of it."""
+    """Check the motion itself, and not only the output of the position loop."""
     robot = (folder / "robot.yaml").read_text()
     (folder / "robot.yaml").write_text(robot.replace("torque: 450.0}", "torque: 1.0}"))
 

@@ -35,7 +35,7 @@ Lead = Callable[..., tuple[str, RecordedRun] | None]
 
 
 class Person(Console):
-    """Somebody at the terminal who answers yes, but to some questions."""
+    """A user who answers yes, except to some questions."""
 
     asked: list[str]
 

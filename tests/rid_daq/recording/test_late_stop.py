@@ -46,7 +46,7 @@ LATE = StopReason(StopCode.STOP_BUTTON, "stopped once the motion was over; no ot
 
 @pytest.fixture
 def driven(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
-    """What is driven: every motion comes to its end, and is stopped a moment too late."""
+    """Names of the executed motions; each reaches its end and is stopped slightly too late."""
     roles: list[str] = []
 
     @contextlib.contextmanager

@@ -1,4 +1,4 @@
-"""What a payload session keeps between two starts of the program."""
+"""State of a payload session between two starts of the program."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def test_what_a_person_says_anew_counts_be_it_the_usual(folder: RunFolder) -> No
         limits=VerdictLimits(mass_percent=20.0, centre_mm=30.0),
     )
     again = PayloadSessionRequest(cell="kr15", runs=folder.path.parent, resume="latest")
-    usual = VerdictLimits(**VerdictLimits().model_dump())  # each of them is given
+    usual = VerdictLimits(**VerdictLimits().model_dump())  # each limit is given
     taken_back = {"known": (), "model": None, "repeats": 1, "limits": usual}
     kept = again.model_copy(update=taken_back).with_original_options(begun.choices)
     assert (kept.known, kept.model, kept.repeats) == ((), None, 1)

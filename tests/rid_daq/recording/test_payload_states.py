@@ -1,4 +1,4 @@
-"""The states of a payload session: their table, what may follow, and where a session goes on."""
+"""States of a payload session: their table, transitions, and the state after a restart."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def test_a_session_that_is_not_interrupted_goes_through_its_states_once() -> Non
         (State.WARM_UP_WITHOUT, 1, State.WARM_UP_WITHOUT),
         (State.RECORD_WITHOUT, 2, State.WARM_UP_WITHOUT),  # the motors have cooled down
         (State.ATTACH, 3, State.ATTACH),
-        (State.WARM_UP_WITH, 3, State.ATTACH),  # somebody may have taken it off
+        (State.WARM_UP_WITH, 3, State.ATTACH),  # the payload may have been removed
         (State.RECORD_WITH, 3, State.ATTACH),
         (State.IDENTIFY, 4, State.IDENTIFY),
         (State.DONE, 4, State.IDENTIFY),  # with other limits

@@ -1,4 +1,4 @@
-"""How a recorded motion ended, in words, in a verdict and in an exit code."""
+"""Outcome of a recorded motion as text, verdict and exit code."""
 
 from __future__ import annotations
 

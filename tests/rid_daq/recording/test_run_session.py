@@ -1,4 +1,4 @@
-"""How a motion ended, and what to look after, is told whatever becomes of its run folder."""
+"""The outcome of a motion and its warnings are reported even if the run folder is unusable."""
 
 from __future__ import annotations
 

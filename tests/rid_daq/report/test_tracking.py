@@ -1,4 +1,4 @@
-"""What the verdict says of two runs of the same motion."""
+"""Verdict on two runs of the same motion."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_no_verdict_stands_without_what_the_encoders_do_not_see() -> None:
 
 
 def bent_run(*stiffness: float | None) -> TrackingSection:
-    """Return the section of a run that stood 0.1 mm off its path, its gears being loaded."""
+    """Return the section of a run with a path error of 0.1 mm due to loaded gears."""
     robot = load_robot("ir361")
     joints = tuple(
         joint.model_copy(update={"stiffness_nm_rad": each})

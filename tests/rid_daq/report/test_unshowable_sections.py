@@ -1,4 +1,4 @@
-"""Sections that are hard to draw have a page; where one cannot be drawn, nothing is written."""
+"""Sections that are hard to draw have a page; if one cannot be drawn, nothing is written."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ def periodic(periods: int) -> str:
 
 @pytest.fixture
 def service(tmp_path: Path) -> CellService:
-    """A service of one simulated cell, whose workers nobody starts."""
+    """A service of one simulated cell that starts no workers."""
     return CellService(tmp_path, [ServedCell("ir361", 20.0)])
 
 
@@ -93,7 +93,7 @@ def as_worker(process: Worker) -> WorkerProcess:
 
 @pytest.fixture
 def worker(monkeypatch: pytest.MonkeyPatch) -> Worker:
-    """The next worker, which is there once somebody asks for it a second time."""
+    """The next worker, which is ready at the second request for it."""
     worker = Worker()
 
     async def take(_warm: ReadyWorker) -> Any:
@@ -130,7 +130,7 @@ class ServedProcess:
         return self.process.wait(PATIENCE_S)
 
     def leave_nothing(self) -> None:
-        """End it whatever became of a test: what it holds must not spoil the tests after it."""
+        """End it after any outcome of a test, so that it does not disturb the following tests."""
         if self.process.poll() is None:
             try:
                 self.end()

@@ -1,4 +1,4 @@
-"""What tests of a served cell have in common: the cell is taken, a motion is begun."""
+"""Steps that tests of a served cell share: to lease the cell and to start a motion."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def served_port(served: ServedProcess) -> int:
 
 
 def front_process(served: ServedProcess) -> int | None:
-    """Return the process in front of a service, None if there is none now."""
+    """Return the front process of a service, or None."""
     task = Path(f"/proc/{served.process.pid}/task/{served.process.pid}/children")
     for child in map(int, task.read_text().split()):
         words = Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0")

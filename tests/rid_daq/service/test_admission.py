@@ -1,4 +1,4 @@
-"""Bodies: nobody sends one before it is known who asks, and nobody more than they may."""
+"""Admission of request bodies: after authentication only, and within each client's limits."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ PAIRING = "/api/v1/pairing/state"
 
 
 class Asked:
-    """Requests of everybody, as an admission decides about them."""
+    """Requests of all clients, with the admission's decisions."""
 
     def __init__(self, service: CellService) -> None:
         access = Access("127.0.0.1", 8642, "")

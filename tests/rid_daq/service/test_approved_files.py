@@ -1,4 +1,4 @@
-"""A job is told what it was accepted with, and does not move with anything else."""
+"""A job receives the files with which it was accepted, and does not move with other ones."""
 
 from __future__ import annotations
 

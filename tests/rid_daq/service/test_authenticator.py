@@ -1,4 +1,4 @@
-"""Who is let in: tokens, the address from the terminal, pairing."""
+"""Authentication by tokens, by the address from the terminal, and by pairing."""
 
 from __future__ import annotations
 

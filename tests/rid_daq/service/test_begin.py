@@ -1,4 +1,4 @@
-"""What keeps a service from beginning a motion or answering for one, and what ends it."""
+"""Conditions under which a service does not start a motion, does not report one, or ends."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a request may say, how long it may be, and what lies in the folder: bad ones hurt nobody."""
+"""Limits on the content and length of requests and on files in the folder; bad ones do no harm."""
 
 from __future__ import annotations
 

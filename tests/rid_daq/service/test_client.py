@@ -1,4 +1,4 @@
-"""What a program is told by `ServiceClient` where a service does not answer, or breaks off."""
+"""Errors of `ServiceClient` if a service does not answer or closes the connection."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.rid_daq.service.conftest import job
 def listening(
     folder: Path, told: Callable[[socket.socket], None] = lambda _: None
 ) -> Iterator[ServiceClient]:
-    """Listen where a service would, and do with each connection what is told."""
+    """Listen at a service's address, and handle each connection with the given function."""
     kept = []
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(str(folder / "s"))

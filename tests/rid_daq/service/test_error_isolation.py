@@ -1,4 +1,4 @@
-"""What goes wrong with one cell, job or worker does not end the service."""
+"""An error of one cell, job or worker does not end the service."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from rid_daq.terminal.job_events import AnyEvent
 
 
 class Worker:
-    """The process of a job, as far as the job runner sees it."""
+    """The part of a job's process that the job runner uses."""
 
     pid = 1
     returncode: int | None = None

@@ -1,4 +1,4 @@
-"""What a job has said, asked for again and again while STOP and leases are to be heard."""
+"""Repeated requests for a job's events do not delay STOP and leases."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_a_viewer_gets_what_it_does_not_know_and_the_rest_is_not_read_again(
     say(events, "one", "two")
     assert told(service, 0) == ["one", "two"]
     content = events.read_bytes()
-    events.write_bytes(b"?" * (len(content) - 1) + b"\n")  # whoever reads it again knows nothing
+    events.write_bytes(b"?" * (len(content) - 1) + b"\n")  # a second read would find no events
     say(events, "three")
     assert told(service, 0) == ["one", "two", "three"]
     assert told(service, 2) == ["three"]

@@ -1,4 +1,4 @@
-"""What ends a motion and must be looked at by a person: a fault in it, and a process that died."""
+"""Faults and crashed processes end a motion and require a check by a person."""
 
 from __future__ import annotations
 

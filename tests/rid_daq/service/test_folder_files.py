@@ -1,4 +1,4 @@
-"""What the pages offer to choose from: files by what they are, not by what they are called."""
+"""Files that the pages offer: selected by content and not by name."""
 
 from __future__ import annotations
 

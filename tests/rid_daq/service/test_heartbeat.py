@@ -1,4 +1,4 @@
-"""The service's signs of life, a service that stood still, and stops in a job's first moments."""
+"""The service's heartbeat, a service that was frozen, and stops right after a job's start."""
 
 from __future__ import annotations
 

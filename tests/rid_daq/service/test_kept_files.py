@@ -1,4 +1,4 @@
-"""What no request reads or writes: hidden files, and those of a cell."""
+"""Hidden files and those of a cell, which no request can read or write."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The WebSocket of somebody whose token is revoked: it ends, and moves nothing any more."""
+"""The WebSocket of a revoked token ends and cannot move anything."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def app(service: CellService) -> FastAPI:
 
 
 class Keys:
-    """What the service has passed on to the worker of a job that wants a key to be held."""
+    """Messages that the service has passed on to the worker of a hold-to-run job."""
 
     def __init__(self, service: CellService, monkeypatch: pytest.MonkeyPatch) -> None:
         self.passed_on: list[KeyMessage] = []

@@ -1,4 +1,4 @@
-"""What the API promises is frozen; what programs would stumble over is not done by luck."""
+"""The API's schema is frozen, and pitfalls for client programs are excluded by tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What lets a cell move: a preflight of this service, not too old, that lacks nothing needed."""
+"""Condition for a motion: a recent and complete preflight by this service."""
 
 from __future__ import annotations
 

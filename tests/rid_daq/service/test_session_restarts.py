@@ -24,11 +24,11 @@ SHORT = {"rehearsal_percent": 80.0, "warm_up_percent": 50.0, "warm_up_periods": 
 
 
 class Operator:
-    """Somebody who has the cell, answers what a job asks, and reads its states.
+    """A user who has leased the cell, answers a job's questions and reads its states.
 
     Args:
         client: The service.
-        key: That of a lease which has survived a restart of the service.
+        key: Key of a lease that has survived a restart of the service.
     """
 
     def __init__(self, client: ServiceClient, key: str = "") -> None:

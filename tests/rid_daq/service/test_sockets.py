@@ -1,4 +1,4 @@
-"""Where a service is reached by programs on this computer."""
+"""Addresses of a service for programs on this computer."""
 
 from __future__ import annotations
 

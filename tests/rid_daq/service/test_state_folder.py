@@ -1,4 +1,4 @@
-"""A service believes its state folder only if nobody else could have made or changed it."""
+"""A service trusts its state folder only if no other user could have made or changed it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Nobody else commands the robot: a second session is refused, a foreign master stops the first."""
+"""Exclusive control: a second session is refused, and a foreign master stops the first."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Somebody looks at locks all the time: nobody who takes one fails for it."""
+"""Continuous reading of locks does not make a session fail that takes one."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_looking_never_keeps_a_session_from_starting(
 
 
 def freeze_at_every_step(patch: pytest.MonkeyPatch, start: Callable[[], None]) -> None:
-    """Let somebody start before and after everything that a look does with a descriptor."""
+    """Call `start` before and after every operation of a look on a descriptor."""
     busy = False
 
     def at_this_moment(call: Callable[..., Any]) -> Callable[..., Any]:

@@ -42,7 +42,7 @@ def people() -> Iterator[People]:
 
 @pytest.fixture
 def locks(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A folder that everybody may write to, as /run/lock, which these tests have to themselves."""
+    """A separate folder that all users can write to, like /run/lock."""
     with tempfile.TemporaryDirectory(dir="/tmp") as folder:
         os.chmod(folder, 0o777 | stat.S_ISVTX)
         monkeypatch.setenv("RID_DAQ_LOCKS", folder)
@@ -98,7 +98,7 @@ def test_no_lie_leads_to_a_stranger_or_keeps_a_session_from_being_stopped(
     liars = hold_lies(people, locks, innocent.pid)
     (locks / "rid-daq-left-over.0.session").write_text("process 1: rid-daq\ncell x\n")
     session = people.session()
-    assert run(["stop", "--json"]) == 4, "what holds a lock and is no session is told"
+    assert run(["stop", "--json"]) == 4, "a lock holder that is not a session is reported"
     told = json.loads(capsys.readouterr().out)["sessions"]
     assert session.wait(120.0) == 143
     strangers = [innocent, *liars]
@@ -107,7 +107,7 @@ def test_no_lie_leads_to_a_stranger_or_keeps_a_session_from_being_stopped(
     assert [(entry["process"], entry["cell"]) for entry in stopped] == [(session.pid, "ir361")]
     left_alone = [entry for entry in told if not entry["stopped"]]
     assert {entry["process"] for entry in left_alone} <= {liar.pid for liar in liars}
-    assert len(left_alone) == len(lies(innocent.pid)) - 1 - (ME != 0), "nobody can hold a link"
+    assert len(left_alone) == len(lies(innocent.pid)) - 1 - (ME != 0), "a link cannot be locked"
     assert all("not stopped; `ps -fp" in entry["text"] for entry in left_alone)
     measured(f"{len(liars)} lies: 0 signals to {len(strangers)} strangers, the session stopped")
 
@@ -272,7 +272,7 @@ def test_a_lock_that_another_user_left_is_taken_over_and_stopped_by_who_has_it_n
     assert [(entry["process"], entry["stopped"]) for entry in told] == [(session.pid, True)]
     assert session.wait(120.0) == 143
     again = people.session(user=COLLEAGUE)
-    assert people.stop(user=0)[0] == 0, "root stops everybody's"
+    assert people.stop(user=0)[0] == 0, "root stops the sessions of all users"
     assert again.wait(120.0) == 143
     measured("a dead colleague's lock: taken over; `stop` by its new holder and by root: no other")
 

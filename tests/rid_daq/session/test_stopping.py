@@ -21,7 +21,7 @@ LIMIT = StopReason(StopCode.POSITION_LIMIT, "axis2 is beyond its limit")
 
 
 class Told:
-    """A session of which a test says what it does; it counts what it is told."""
+    """A session with a behaviour that the test sets; it counts the stops that it receives."""
 
     def __init__(
         self,
@@ -50,14 +50,14 @@ class Told:
 
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nobody is waited for: what a session does is done already, or never."""
+    """Set all waiting times to 0: a session has reacted already, or never reacts."""
     for name in ("STOP_PATIENCE_S", "REST_PATIENCE_S", "END_PATIENCE_S"):
         monkeypatch.setattr(stopping, name, 0.0)
 
 
 @pytest.fixture
 def stopped(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[SessionStop]]:
-    """Return what stops such sessions and says what became of each."""
+    """Return a function that stops such sessions and returns each outcome."""
 
     def stop(*sessions: Told) -> list[SessionStop]:
         found = cast("Sequence[RunningSession]", sessions)
@@ -74,7 +74,7 @@ def moving(
     cycles: int = 100,
     power_off: bool = True,
 ) -> ControlBlock:
-    """Return the words of a motion as they stand once it was told."""
+    """Return the control block of a motion after the stop request."""
     control = ControlBlock.create()
     control.task.state = state
     control.task.set_progress(10, 3, cycles)

@@ -1,4 +1,4 @@
-"""Which key is held, by the repeats that a terminal sends of it."""
+"""Detection of a held key by its repetitions from the terminal."""
 
 from __future__ import annotations
 

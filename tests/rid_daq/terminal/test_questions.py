@@ -60,7 +60,7 @@ def test_a_cell_is_cleared_by_one_question_each(
 
 
 def test_a_real_cell_is_asked_about_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without a terminal nobody can be asked: nothing moves unless that was said before."""
+    """Without a terminal no question is possible: nothing moves without `--yes`."""
     real = load_cell("ir361").config.model_copy(update={"simulated": False})
     monkeypatch.setattr("sys.stdin", io.StringIO("ir361\ny\n"))
     with raises_code(PreflightError, "RID-ANSWER-NOBODY"):

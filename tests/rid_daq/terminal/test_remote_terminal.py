@@ -62,7 +62,7 @@ FROM_HERE = [(80, "foot", 1), (81, "bash", 80), (82, "tmux: client", 81)]
         (IN_TMUX + FROM_AFAR, {}, "sshd: anna (x) "),
         (IN_TMUX + FROM_HERE + FROM_AFAR, {}, "sshd: anna (x) "),
         (IN_TMUX, OF_SSH, "SSH_CONNECTION"),
-        (LOCAL + FROM_AFAR, {}, ""),  # somebody else's
+        (LOCAL + FROM_AFAR, {}, ""),  # another user's
     ],
 )
 def test_a_remote_terminal_is_known_by_variables_and_by_the_processes_above(

@@ -1,4 +1,4 @@
-"""Tables on a terminal: every letter of the head, values whole, in parts where it is narrow."""
+"""Tables on a terminal: complete headings and values, in parts if the terminal is narrow."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who may ask the live page for what: rules on addresses, names, origins and tokens."""
+"""Access rules of the live page: addresses, names, origins and tokens."""
 
 from __future__ import annotations
 

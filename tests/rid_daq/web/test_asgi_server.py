@@ -90,7 +90,7 @@ class Place:
         return await asyncio.open_connection("127.0.0.1", self.port)
 
     async def ask(self, sent: bytes, local: bool = False) -> tuple[int, bytes, bytes]:
-        """Return status, head and body of the whole answer; 0 where there is none."""
+        """Return status, head and body of the whole answer; status 0 without an answer."""
         reader, writer = await self.open(local)
         writer.write(sent)
         received = await rest(reader)

@@ -1,4 +1,4 @@
-"""Places and scheduler: nobody takes those of all."""
+"""Connection limits and scheduler: no client can occupy all places."""
 
 from __future__ import annotations
 

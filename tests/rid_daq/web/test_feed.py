@@ -1,4 +1,4 @@
-"""What each viewer of a feed gets, at its own pace."""
+"""Messages of a feed to viewers of different speed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the guard refuses, and what it lets through."""
+"""Requests that the guard refuses, and those that it accepts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What uvicorn must be for the server that is built on parts of it."""
+"""Properties of uvicorn that the server, which uses its parts, depends on."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ OpenPage = Callable[..., Page]
 
 @pytest.fixture
 def problems() -> list[str]:
-    """What browsers' consoles complain of; a test that expects complaints clears it."""
+    """Errors on the browsers' consoles; a test that expects errors clears the list."""
     return []
 
 
@@ -132,7 +132,7 @@ def go_to(page: Page, tab: str) -> None:
 
 @pytest.fixture(scope="session")
 def screenshots() -> Path:
-    """Where pictures are kept for people: RID_DAQ_SCREENSHOTS, or build/screenshots."""
+    """Folder of the screenshots: RID_DAQ_SCREENSHOTS, or build/screenshots."""
     root = Path(__file__).parents[3]
     folder = Path(os.environ.get("RID_DAQ_SCREENSHOTS") or root / "build" / "screenshots")
     folder.mkdir(parents=True, exist_ok=True)
@@ -160,7 +160,7 @@ def checked(page: Page) -> None:
 
 
 def ready(page: Page, served: ServedProcess) -> None:
-    """Have the cell checked where a test before has not left it ready to move."""
+    """Check the cell, unless the previous test has left it ready to move."""
     with served.client as client:
         known = client.cell("ir361").state is CellState.READY
     if not known:
@@ -168,7 +168,7 @@ def ready(page: Page, served: ServedProcess) -> None:
 
 
 def estimated(root: Path, label: str, value: float, robot: str = "ir361") -> str:
-    """Write a run that tells of one estimate, and return its id."""
+    """Write a run with one estimate, and return its id."""
     folder = RunFolder.create(root, label)
     folder.finish(RunStatus.COMPLETE, {"robot": robot})
     parameter = {"name": "fc1", "words": "Coulomb friction of axis1", "unit": "N m"}

@@ -1,4 +1,4 @@
-"""A motion under way, and the time at which the process that drives is told to stop."""
+"""A running motion, and the time at which its process receives the stop."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ SOON_S = 0.5
 
 @dataclass
 class StoppedMotion:
-    """A motion, and when its drives were told to stop [s of `time.monotonic`]."""
+    """A motion, and the time at which its drives received the stop [s of `time.monotonic`]."""
 
     stopped: threading.Event
     stopped_s: float = 0.0
 
     def require_stopped(self, pressed_s: float, within_s: float = SOON_S) -> None:
-        """Require that the drives were told to stop within a time of the press."""
+        """Require that the drives received the stop within a time after the press."""
         assert self.stopped.wait(60.0), "the stop did not arrive"
         assert 0.0 < self.stopped_s - pressed_s <= within_s
 

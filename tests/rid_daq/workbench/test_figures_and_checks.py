@@ -1,4 +1,4 @@
-"""Which blocks a run has, whether runs fit together, what a motion is: without a browser."""
+"""Blocks of a run, compatibility of runs, and the kind of a motion, without a browser."""
 
 from __future__ import annotations
 

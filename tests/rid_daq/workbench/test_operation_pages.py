@@ -91,7 +91,7 @@ def test_a_form_begins_its_job_and_shows_the_result(
     page = open_page()
     page.get_by_role("link", name="All operations").click()
     page.get_by_role("link", name="Recover a recording").click()
-    expect(page.locator("#runs option")).to_have_count(2)  # offered while somebody types
+    expect(page.locator("#runs option")).to_have_count(2)  # offered while the user types
     page.goto(f"{page.url}?what={first}")
     expect(page.locator("[name=what]")).to_have_value(first)
     page.locator("#begin").click()

@@ -25,7 +25,7 @@ BEGIN = """async (pace) => {
   const request = { motion: "motion.yaml", simulation: { pace } };
   void panel.begin("record", request, { moves: true });
 }"""
-"""A motion by the page's own panel, which asks what is to happen where the page is out of reach."""
+"""A motion by the page's own panel, which asks for the reaction to a lost page."""
 
 TIMERS_STAND = "window.setInterval = () => 0;"
 """What browsers do to the timers of a page in the background, and further than any goes."""
@@ -108,7 +108,7 @@ def test_a_tab_that_is_frozen_ends_its_motion_as_it_was_told(
 ) -> None:
     """Its process is stopped, as by a debugger or a tablet that is out of memory.
 
-    The connection stays open, and nobody is there any more who could let go of anything.
+    The connection stays open, but no process remains that could release a key.
     """
     (served_pages.folder / "motion.yaml").write_text(long_motion)
     page = open_page()

@@ -43,7 +43,7 @@ def session(served_pages: ServedProcess) -> str:
 
 @pytest.fixture
 def page(open_page: OpenPage, served_pages: ServedProcess) -> Iterator[Page]:
-    """The Payload page of somebody who has the cell, ready to move."""
+    """The Payload page of a user who has leased the cell, ready to move."""
     opened = open_page()
     take_cell(opened)
     opened.get_by_role("link", name="Payload", exact=True).click()

@@ -46,7 +46,7 @@ def free_port() -> int:
 def served_two(
     tmp_path_factory: pytest.TempPathFactory, certificate: Path
 ) -> Iterator[ServedProcess]:
-    """A service of two cells by TLS, one of them too warm to move."""
+    """A service of two cells over TLS; one cell is too warm to move."""
     folder = tmp_path_factory.mktemp("two")
     arm, warm = cell_file(folder, "ir361", ARM), cell_file(folder, "kr15", WARM, TOO_WARM)
     with serving(folder, warm, "--certificate", str(certificate), cell=arm) as running:
@@ -66,7 +66,7 @@ def administrator(browser: Browser, served_two: ServedProcess) -> Iterator[Page]
 
 @pytest.fixture
 def tablet(browser: Browser) -> Iterator[BrowserContext]:
-    """A browser that nobody knows."""
+    """A browser without a token."""
     context = browser.new_context(ignore_https_errors=True)
     context.set_default_timeout(PATIENCE_MS)
     yield context

@@ -1,4 +1,4 @@
-"""What pages tell of files and of the past, without a browser."""
+"""Data of the pages about files and past jobs, without a browser."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a browser sends to other programs on this computer lets nobody in."""
+"""Cookies that a browser sends to other programs on this computer give no access."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a job says becomes events, and shown again they are what the command would have said."""
+"""A job's output becomes events; printed again, they equal the output of the command."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One declaration of ranges: a number outside of it enters nowhere, whichever way it comes."""
+"""Each range is declared once; every entry point refuses a number outside it."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def least_document(schema: Schema, whole: Schema) -> Any:
 
 
 def document_with(kind: JobKind, place: Place, value: object) -> dict[str, Any]:
-    """Return a document of a kind in which a value stands in a place."""
+    """Return a document of a kind with a value at a place."""
     whole = SCHEMAS[kind]
 
     def put(schema: Schema, place: Place, document: Any) -> Any:
@@ -237,7 +237,7 @@ def paths_in(value: object) -> Iterator[Path]:
 
 @pytest.mark.parametrize("kind", JobKind)
 def test_a_random_document_is_a_request_or_is_refused(kind: JobKind, tmp_path: Path) -> None:
-    """Nothing else comes of it, and what is accepted names nothing outside the service's folder."""
+    """No other outcome occurs, and an accepted request names no file outside the folder."""
 
     @settings(
         max_examples=20,

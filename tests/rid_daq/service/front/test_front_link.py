@@ -1,4 +1,4 @@
-"""`FrontLink`: what a process in front is told when it begins."""
+"""`FrontLink`: messages to a front process at its start."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ def test_the_front_stops_what_it_was_told_of_and_tells_the_service() -> None:
     control.program.declare_task_gone()
     found.note_jobs({"b": 0})
     assert not found.stop("a", "").told
-    assert found.stop("b", "").told, "its worker is on its way: the service is told"
+    assert found.stop("b", "").told, "its worker is starting: the service gets the stop"
     with raises_code(UnknownError, "RID-CELL-UNKNOWN", "'c'"):
         found.stop("c", "")
     assert told == [("a", ""), ("*", "key"), ("a", ""), ("b", "")]
