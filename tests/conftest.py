@@ -1,4 +1,4 @@
-"""What a test worker has to itself: one thread of BLAS, simulated buses; and an amplifier."""
+"""Resources of each test worker: one BLAS thread, separate simulated buses, and an amplifier."""
 
 import os
 import tempfile
@@ -63,7 +63,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--fault-page",
         action="store_true",
-        help="write docs/faults.md anew where it tells of the tests that run",
+        help="rewrite the rows of docs/faults.md that belong to the tests that run",
     )
 
 
@@ -89,7 +89,7 @@ def end_by_signals() -> None:
 
 @pytest.fixture(autouse=True)
 def signals() -> Iterator[None]:
-    """Undo that a command which was told to end ignores all that comes afterwards."""
+    """Restore the signal handlers, since a command that is ending ignores further signals."""
     yield
     end_by_signals()
 
@@ -159,10 +159,10 @@ def real_robot() -> Path:
 
 
 class ServedAmplifier(threading.Thread):
-    """The simulated amplifier at a pseudo-terminal, alone: its time runs while rows are streamed.
+    """The simulated amplifier alone at a pseudo-terminal; its time advances while rows stream.
 
-    Nothing here depends on how fast it runs: what it sends is a function of its seed and of what it
-    is told. After `stream_s` of streaming its time stands, and `on_end` is called once.
+    Its output is a function of its seed and its commands, and does not depend on speed. After
+    `stream_s` of streaming its time stops, and `on_end` is called once.
     """
 
     def __init__(self, settings: PlateSettings) -> None:

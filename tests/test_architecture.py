@@ -1,4 +1,4 @@
-"""docs/architecture.md: its picture is what the imports say, its walks go where the code goes."""
+"""docs/architecture.md: its picture agrees with the imports, its walks with the code's calls."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def source_of(path: str, function: str) -> str:
     """Return the text of a function or method.
 
     Raises:
-        AssertionError: There is none.
+        AssertionError: The file has no such function.
     """
     text = (ROOT / path).read_text()
     if path.endswith(".js"):
@@ -81,7 +81,7 @@ def test_every_file_that_a_page_names_is_there(page: str) -> None:
     named = re.findall(r"`((?:\w+/)+\w+\.(?:py|md|html|yaml))`", text)
     written = set(re.findall(r"^`([\w/.]+)`:$", text, re.MULTILINE))  # by the reader
     gone = sorted({name for name in named if not (ROOT / name).exists()} - written)
-    assert gone == [], f"{page} names files that have moved: write down where they are now"
+    assert gone == [], f"{page} names files that have moved: enter their new paths"
 
 
 def test_there_is_one_walk() -> None:

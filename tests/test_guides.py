@@ -1,4 +1,4 @@
-"""Sentences of guides and decisions that the code must bear out."""
+"""Statements of guides and decisions that are checked against the code."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ def house_of_three_files(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def counted(folder: Path, name: str, **files: dict[str, list[int]]) -> None:
-    """Write what one process has counted; `file` and `other` stand for two files of ours."""
+    """Write the counts of one process; `file` and `other` represent two source files."""
     paths = {"file": FILE, "other": OTHER}
     counts = {"files": {paths[word]: lines for word, lines in files.items()}}
     (folder / f"{name}.json").write_text(json.dumps(counts))

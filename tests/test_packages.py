@@ -180,7 +180,7 @@ def test_a_function_takes_at_most_eight_parameters() -> None:
 
 
 def test_the_program_passes_on_few_dictionaries_that_may_hold_anything() -> None:
-    """What has a shape has a class; what is only passed on is a dict of objects."""
+    """Data with a known structure have a class; only data that are passed on are dictionaries."""
     found = {
         str(path.relative_to(ROOT)): count
         for path in (ROOT / "rid_daq").rglob("*.py")
@@ -190,7 +190,7 @@ def test_the_program_passes_on_few_dictionaries_that_may_hold_anything() -> None
 
 
 def test_a_motion_is_hardly_ever_asked_for_its_kind() -> None:
-    """A kind of motion knows itself: what differs between kinds stands in their classes."""
+    """Differences between kinds of motion are in their classes."""
     kinds = ROOT / "acquisition" / "motion" / "kinds"
     names = {
         node.name

@@ -25,6 +25,7 @@ HITS_PER_1000_WORDS = {
     "mock_hw": 0.5,
     "rid_daq": 0.5,
     "benchmarks": 0.7,
+    "tests": 1.0,
 }
 """Goal: 0.5 everywhere. These numbers only fall."""
 

@@ -1,4 +1,4 @@
-"""What a release is made of, and that it runs where nothing but it is installed."""
+"""Content of a release, and its operation in an environment without other packages."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_a_release_holds_what_a_person_installs_and_checks(release: Path) -> Non
 
 @pytest.mark.long
 def test_the_wheel_has_every_file_of_the_packages(release: Path) -> None:
-    """So that all of them, the demo too, find what they read from an empty directory."""
+    """All commands, including the demo, find their files from an empty directory."""
     with zipfile.ZipFile(next(release.glob("rid_daq-*.whl"))) as wheel:
         packed = set(wheel.namelist())
     words = ("git", "ls-tree", "-r", "--name-only", "HEAD", *PACKAGES)

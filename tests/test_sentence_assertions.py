@@ -9,7 +9,7 @@ from tests.builders.sentence_assertions import ROOT, sentence_assertions
 
 TESTS: Final = ROOT / "tests"
 AT_MOST: Final = 71
-"""How many there are: this number only falls. 60 of them are in variables."""
+"""Number of such assertions, including 60 in variables; it must only decrease."""
 
 
 def test_assertions_on_sentences_only_get_fewer() -> None:

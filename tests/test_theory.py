@@ -1,4 +1,4 @@
-"""docs/theory.md: every equation, section and paper that the code cites stands there."""
+"""docs/theory.md contains every equation, section and paper that the code cites."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PAPER = re.compile(r"([A-Z][a-zé]+)(?:, [A-Z][a-z]+)*(?: and [A-Z]?[a-z]+)?,? \
 
 @cache
 def docstrings() -> list[tuple[str, str]]:
-    """Return where it stands, and every docstring of the packages on one line."""
+    """Return the place of every docstring of the packages, and its text on one line."""
     found = []
     for package in PACKAGES:
         for path in sorted((ROOT / package).rglob("*.py")):

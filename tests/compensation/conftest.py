@@ -62,7 +62,7 @@ def measured_loops(cell: LoadedCell, drive: Drive) -> list[VelocityLoop]:
 
 @pytest.fixture(scope="session")
 def model(cell: LoadedCell, drive: Drive) -> Estimate:
-    """The arm's joints give way before they slide, and the model knows that of them."""
+    """Model of the arm with the presliding of its joints."""
     joints = (
         joint.model_copy(update={"friction": (*joint.friction, "presliding")})
         for joint in cell.robot.joints

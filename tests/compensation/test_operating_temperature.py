@@ -1,4 +1,4 @@
-"""How warm joints are taken to be ahead of a motion: by degrees, by the motion, or after a rest."""
+"""Assumed joint temperatures before a motion: given, computed from a motion, or after a rest."""
 
 from __future__ import annotations
 

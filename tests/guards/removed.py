@@ -102,7 +102,7 @@ def main() -> int:
             missed += not held
             sys.stdout.write(f"{'held' if held else 'NOT HELD'}: {each.guard} ({each.file})\n")
             sys.stdout.flush()
-    sys.stdout.write(f"{len(chosen)} guards, {missed} of them without a failing test\n")
+    sys.stdout.write(f"{len(chosen)} guards, {missed} without a failing test\n")
     return 1 if missed else 0
 
 

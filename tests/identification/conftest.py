@@ -1,4 +1,4 @@
-"""The bundled arm with known parameters, and measurements of it that never saw the estimators."""
+"""The bundled arm with known parameters, and its measurements, independent of the estimators."""
 
 from __future__ import annotations
 
@@ -225,9 +225,10 @@ def base_wrench(
 
 @dataclass(frozen=True)
 class SimulatedPlate:
-    """What a plate and its amplifier do to the wrench; noise is that of one row of a channel.
+    """Simulation of a plate and its amplifier, with noise on every row of a channel.
 
-    It never saw the estimators: the wrench is Pinocchio's, the amplifier has a clock of its own.
+    It is independent of the estimators: Pinocchio computes the wrench, and the amplifier has a
+    separate clock.
     """
 
     config: PlateConfig = PLATE
@@ -243,7 +244,7 @@ class SimulatedPlate:
     def weigh(
         self, cell: LoadedCell, motion: FourierMotion, recording: Recording, seed: int = 0
     ) -> Recording:
-        """Return a recording of whole periods with what the plate measured of them."""
+        """Return a recording of whole periods with the plate's measurements."""
         assert recording.sample_period_s is not None
         trajectory = motion.trajectory(cell.robot, recording.sample_period_s)
         at = np.arange(0.0, motion.period_s - STEP_S / 2.0, STEP_S)

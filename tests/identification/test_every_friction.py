@@ -67,7 +67,7 @@ def case(function: FrictionFunction) -> Case:
 
 
 def renamed(known: Case, function: str) -> Case:
-    """The same model with a function that somebody added and no backend knows."""
+    """Return the same model with a new function that no backend supports."""
     unknown = cast("FrictionFunction", function)
     terms = tuple(
         replace(term, columns=tuple(replace(c, function=unknown) for c in term.columns))

@@ -167,7 +167,7 @@ class TestEveryTerm:
 
 @dataclass(frozen=True)
 class Cable:
-    """A term that somebody added, and forgot to teach to the backends without columns."""
+    """A new term that the backends without columns do not support."""
 
     name = "cable"
     through_gears = False

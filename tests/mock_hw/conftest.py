@@ -22,7 +22,7 @@ from mock_hw.drive.objects import SimulatedIdentity
 
 
 class ServedHub:
-    """A hub, where it is, and the clients that the test lets join."""
+    """A hub, its path, and the clients that the test connects."""
 
     def __init__(self, path: Path, log: StringIO) -> None:
         self.path = path
@@ -77,7 +77,7 @@ def serve(tmp_path: Path) -> Iterator[Callable[..., ServedHub]]:
 
 
 class IdealAxis(AxisPort):
-    """An axis that does exactly what it is told, unless it is blocked."""
+    """An axis that follows its commands exactly, unless it is blocked."""
 
     def __init__(self) -> None:
         self.counts = 0.0

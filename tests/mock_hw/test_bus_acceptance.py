@@ -1,10 +1,10 @@
 """One acceptance suite for simulated drives on every bus: bring-up, preflight, recording, stops.
 
-They run in real time, with nothing beside them, and stalls of the computer are no verdict
-(tests/builders/stalls.py). What a bus cannot do, it is not asked: `virtual` lives in one process,
-so that no session of several processes can use it and nobody can die alone there. SocketCAN is
-tested where RID_DAQ_SOCKETCAN names an interface that is up; tests/socketcan provides a kernel that
-has one.
+The tests run alone and in real time; failures during a stall of the computer do not count
+(tests/builders/stalls.py). Tests that a bus cannot support are omitted: `virtual` works within one
+process, so that it cannot serve a session of several processes, or a single dying one. SocketCAN is
+tested if RID_DAQ_SOCKETCAN names an interface that is up; tests/socketcan provides a kernel with
+one.
 """
 
 from __future__ import annotations

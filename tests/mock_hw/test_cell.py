@@ -157,7 +157,7 @@ def test_the_trimmed_exchange_moves_the_robot_and_stops_it(loaded: LoadedCell) -
 
 
 def simulated_drive_faults(simulated: SimulatedCell, cell: Cell) -> None:
-    """Let axis 2 leave Operation Enabled by a controlword of somebody else's."""
+    """Make axis 2 leave Operation Enabled by a controlword from another sender."""
     with a_stranger(simulated) as stranger:
         for _ in range(4):
             stranger.send(0x302, b"\x00\x00", 2)

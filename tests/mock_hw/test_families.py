@@ -246,7 +246,7 @@ def test_a_guarded_drive_that_goes_into_fault_without_power_too_is_tried_to_the_
         monkeypatch.setattr(drive, "_lose_master", fail_otherwise)
         with raises_code(
             PreflightError, "RID-PREFLIGHT-RED", "3210h"
-        ):  # a fault that is none of the trial's
+        ):  # a fault that the trial has not caused
             try_watches(open_cell.axes, open_cell.clock, cell)
 
 

@@ -48,7 +48,7 @@ def network(simulated: SimulatedCell) -> Iterator[canopen.Network]:
 
 
 def dictionary(loaded: LoadedCell, number: int) -> canopen.ObjectDictionary:
-    """What an EDS file of the drive would say."""
+    """Return the object dictionary that an EDS file of the drive would have."""
     assert loaded.plant is not None
     axis = loaded.config.axes[number]
     identity = SimulatedIdentity.of_axis(

@@ -61,7 +61,7 @@ def set_up(amplifier: SerialAmplifier) -> None:
 
 
 class Reads:
-    """What the amplifier has sent in the course of a motion."""
+    """Data that the amplifier has sent during a motion."""
 
     def __init__(self) -> None:
         self.rows: list[Array] = []
@@ -104,7 +104,7 @@ def swing(cell: Cell, amplifier: SerialAmplifier, cycles: int) -> Reads:
 
 
 def run(loaded: LoadedCell, cycles: int, cell: CellConfig | None = None, **options: Any) -> Any:
-    """Return rows, arrivals, events, times of SYNC, and where the axes were at the end."""
+    """Return rows, arrivals, events, times of SYNC, and the final positions of the axes."""
     with simulate(loaded, cell, **options) as simulated:
         with (
             amplifier_of(simulated, loaded) as amplifier,
@@ -178,7 +178,7 @@ def test_edges_at_the_trigger_input_are_the_times_of_sync(loaded: LoadedCell) ->
     assert edges["detail"].tolist() == list(range(len(edges)))
     assert len(edges) >= 58
     edge_s = (edges["ticks"] * 1e-6 - 0.003) / 1.0001
-    # SYNC takes some 50 us on the CAN bus; a row of edges can miss the first or last of them.
+    # SYNC takes some 50 us on the CAN bus; a row of edges can miss the first or last cycles.
     late_s = [
         edge_s - np.array(syncs_s[first : first + len(edge_s)])
         for first in range(3)

@@ -1,4 +1,4 @@
-"""Modbus answers that are none: a typed error each time, and never a number."""
+"""Invalid Modbus answers always raise a typed error and never give a number."""
 
 from __future__ import annotations
 

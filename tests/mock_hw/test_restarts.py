@@ -61,7 +61,7 @@ def test_while_another_drive_is_set_up(rig: Rig) -> None:
     once_written_to(rig.elbow, rig.restart_base)
     with raises_code(DeviceFaultError, "RID-DRIVE-RESTARTED", "(node 1)"):
         rig.cell.axes.bring_up()
-    assert {s.node_id for s in rig.cell.axes.settings()} == {1, 2}, "what was found is told too"
+    assert {s.node_id for s in rig.cell.axes.settings()} == {1, 2}, "found drives are reported too"
     rig.cell.axes.bring_up()
     rig.cell.axes.start()
 

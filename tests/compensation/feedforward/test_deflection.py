@@ -98,7 +98,7 @@ def test_the_estimate_is_of_the_size_of_the_true_bending() -> None:
     motors, torques = recording.position[main], recording.torque_nm[main]
     true = np.linalg.norm(forward(chain, joints[main]) - forward(chain, motors), axis=1)
     true_rms = float(np.sqrt(np.mean(true**2)))
-    assert 1e-3 < true_rms < 3e-3  # a tracking error by the encoders shows none of it
+    assert 1e-3 < true_rms < 3e-3  # the encoders' tracking error does not show it
     robot = robot_with(*STIFFNESS)
     found = deflection(robot, motors, torques)
     assert found is not None

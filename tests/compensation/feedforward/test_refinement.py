@@ -36,7 +36,7 @@ pytestmark = pytest.mark.slow
 Drive = Callable[..., Recording]
 
 SPRING_DELAY_S = 2e-4
-"""What a joint that gives way at reversals passes for: 0.1 ms was seen, and a cycle lasts 8 ms."""
+"""Delay that presliding at reversals simulates: up to 0.1 ms of a cycle of 8 ms."""
 CIRCLE = CircleMotion(
     kind="circle",
     robot="ir361",
@@ -188,7 +188,7 @@ class TestRefinement:
         assert after.mean_m < before.mean_m / 200.0
         assert after.max_m < before.max_m / 50.0
         assert (found.bound.largest < 0.2).all()
-        # At a reversal friction that gives way is a spring, which the bound knows nothing of.
+        # At a reversal presliding friction acts as a spring, which the bound does not include.
         assert all((less < 0.5 * more).all() for more, less in pairwise(sizes))
 
     def test_where_friction_has_no_memory_the_error_shrinks_within_the_stated_bound(

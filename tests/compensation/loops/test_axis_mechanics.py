@@ -1,4 +1,4 @@
-"""An axis as one inertia: what the fit leaves stands beside what noise alone would."""
+"""An axis as one inertia: the residual of the fit is compared with that of noise alone."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ def closed_form(one: Cascade, frequency_hz: np.ndarray) -> np.ndarray:
 
 
 def first_crossing(frequency_hz: np.ndarray, values: np.ndarray) -> float:
-    """Where values on a fine grid first fall below zero."""
+    """Return the frequency at which values on a fine grid first fall below zero."""
     k = int(np.flatnonzero(values < 0.0)[0])
     share = values[k - 1] / (values[k - 1] - values[k])
     return float(frequency_hz[k - 1] + share * (frequency_hz[k] - frequency_hz[k - 1]))

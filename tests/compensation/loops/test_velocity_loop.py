@@ -169,7 +169,7 @@ def test_one_noisy_response_in_a_hundred_is_suspected_of_being_something_else() 
 
 @pytest.fixture(scope="module")
 def proof() -> Proof:
-    """What `python -m benchmarks.velocity_loop` shows with 50 seeds."""
+    """A shorter form of `python -m benchmarks.velocity_loop`."""
     return prove(5, period_s=4.0)
 
 
@@ -235,9 +235,9 @@ def test_a_torn_realisation_is_left_out_and_the_others_keep_their_phases(
 
 
 def test_friction_that_holds_passes_for_a_spring_without_the_slow_sine(cell: LoadedCell) -> None:
-    """The drive's controller is found either way; what it moves only where nothing holds.
+    """The drive's controller is found either way, the mechanics only without stiction.
 
-    Before it slides friction is a spring, and a spring's torque is against an inertia's.
+    During presliding, friction acts as a spring, whose torque is opposite to that of an inertia.
     """
     assert cell.plant is not None
     inertia = {}

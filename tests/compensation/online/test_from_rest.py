@@ -1,6 +1,6 @@
-"""A simulated arm that gives way before it slides: identified, and streamed from rest on.
+"""A simulated arm with presliding: identified, and streamed from rest.
 
-Its friction is a bristle's, the model's a row of pieces that slip. Nothing is taken from the plant.
+The arm has bristle friction, the model a Maxwell-slip series. No value comes from the plant.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ pytestmark = pytest.mark.slow
 
 PRESLIDING_RAD = 1e-3
 FROM = ((0.10, -0.15, 0.20), (-0.30, 0.30, 0.60))
-"""Where the arm stands before: it comes to the path from other sides."""
+"""Poses of the arm before the path, from which it reaches the start in other directions."""
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +54,7 @@ def elastic(tmp_path_factory: pytest.TempPathFactory) -> LoadedCell:
 
 @pytest.fixture(scope="module")
 def models(elastic: LoadedCell) -> tuple[Estimate, Estimate]:
-    """The arm identified with friction by sign(v), and with friction that remembers."""
+    """The arm identified with friction by sign(v), and with presliding hysteresis."""
     assert elastic.plant is not None
     options = TwoHarmonicOptions(10.0, tries=100, periods=8)
     motion = design_two_harmonic(elastic.robot, options, elastic.config.cycle_time_s)
@@ -112,7 +112,7 @@ def test_lines_and_a_spline_from_rest_are_followed_ten_times_closer(
 def test_off_line_memory_is_followed_along_the_plan(
     elastic: LoadedCell, models: tuple[Estimate, Estimate], loops: list[VelocityLoop]
 ) -> None:
-    """How the joints stand at its start nobody knows: the mean is better, the beginning is not."""
+    """The presliding state at the start is unknown: the mean error improves, the first does not."""
     assert elastic.plant is not None
     path = PathMotion.model_validate_json(json.dumps(yaml.safe_load(PATH)))
     samples = path.plan(elastic.robot, elastic.config.cycle_time_s)

@@ -71,7 +71,7 @@ class TestGoodPoints:
         found = ahead[1 : len(samples) + 1][faded_in]
         difference = np.abs(found - expected[faded_in])
         assert np.median(difference) < 1e-5
-        # Where a joint begins to move or turns round, friction changes within some cycles.
+        # When a joint starts to move or reverses, its friction changes within some cycles.
         assert np.mean(difference < 2e-3) > 0.95
 
     def test_at_rest_nothing_is_asked_for_whatever_the_load(

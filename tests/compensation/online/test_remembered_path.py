@@ -1,4 +1,4 @@
-"""The stage with friction that remembers: along the path, over rest, from what was seen before."""
+"""The stage with presliding hysteresis: along the path, during rest, and from earlier positions."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def test_joints_that_settle_on_the_first_point_are_seen_and_asked_for_nothing() 
     assert max(abs(x) for p in points if p is not None for x in p.feedforward) < 1e-9
     for row in range(len(settling), len(q)):
         if row >= leaves:
-            source.watch(START + 1.0, counted(START + 1.0))  # once the path has begun nobody asks
+            source.watch(START + 1.0, counted(START + 1.0))  # ignored after the start of the path
         points.append(source.at(row))
     found = np.array([p.feedforward for p in points if p is not None])[1:]
     whole = np.concatenate([seen, settling])
@@ -119,7 +119,7 @@ def test_joints_that_settle_on_the_first_point_are_seen_and_asked_for_nothing() 
 
 
 def test_a_last_digit_that_flickers_turns_no_joint_round() -> None:
-    """Part of the friction holds at once, by less than a count of a coarse encoder."""
+    """Part of the friction builds up within less than one count of a coarse encoder."""
     axes = REMEMBERING.axes.copy()
     axes[PRESLIDING + 1] = 0.5
     forward, count = replace(REMEMBERING, axes=axes), 2e-5

@@ -315,7 +315,7 @@ class TestSocket:
         with client(path) as first:
             first.recv(500)
             until(lambda: refused(path))
-            second_is_refused()  # while it is served: nobody listens any more
+            second_is_refused()  # during service: the socket no longer listens
             first.sendall(HELLO + struct.pack("<I", 40) + points.tobytes() + struct.pack("<I", 0))
             until(lambda: ring.ended)
         np.testing.assert_array_equal(drain(ring, 50), points)

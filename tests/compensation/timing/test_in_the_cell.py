@@ -33,7 +33,7 @@ PICK_AND_PLACE = (
     (-0.9, 0.35, 0.2), (-0.85, 0.1, 0.35), (0.0, -0.15, 0.5), (0.75, 0.1, 0.35), (0.8, 0.35, 0.2)
 )  # fmt: skip
 MECHANICS = 3.0
-"""Times the robot file's accelerations, which hold in every pose: what the arm itself bears."""
+"""Mechanical limit of the acceleration, as a multiple of the robot file's pose-independent one."""
 RATE = 40.0
 """Torque limits a second: what the velocity loops follow."""
 
@@ -80,7 +80,7 @@ def trapezoid_s(curve: JointCurve, model: Estimate, limits: TimingLimits, cycle_
 
 
 def within_mechanics(robot: RobotDescription, share: float) -> RobotDescription:
-    """Return a robot with what it bears, and a share of its torques."""
+    """Return a robot with its mechanical acceleration limits and a share of its torques."""
     joints = tuple(
         joint.model_copy(
             update={

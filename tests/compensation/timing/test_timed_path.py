@@ -105,7 +105,7 @@ def test_viscous_friction_bounds_the_speed_exactly() -> None:
 
 
 def test_a_pendulum_swings_with_all_its_torque() -> None:
-    """The energy of the two torques tells where it is braked, and how long it takes."""
+    """The energy of the two torques determines the start of braking and the duration."""
     torque, inertia, weight = 20.0, MASS * ARM**2, MASS * ARM * 9.81
     timer = timer_of(arm(axis("swing", torque=torque)))
     begin, end = -1.2, 1.0
@@ -191,7 +191,7 @@ def test_a_circle_is_closed_in_speed_too() -> None:
 
 
 def test_a_tiny_way_and_a_joint_that_stands_still() -> None:
-    """What is small is not nothing, and a joint's rounding has no direction."""
+    """A small motion is not ignored, and a rounding error does not count as a direction."""
     robot = arm(axis("one", torque=60.0), axis("two", torque=25.0, friction=("coulomb",)))
     timer = timer_of(robot, fc_two=3.0)
     for way in (1e-6, 1e-3, 1.0):

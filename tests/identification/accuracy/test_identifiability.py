@@ -81,7 +81,7 @@ def test_a_motion_of_all_joints_leaves_less_to_wish_for(shy: Estimate) -> None:
 
 
 def test_at_a_bound_of_the_share_that_gives_way_what_the_data_do_not_show_is_left_out() -> None:
-    """Where nothing gives way it is the memory; where all of it does, only the share."""
+    """Without presliding the whole term is left out; with presliding only, just its share."""
     way = motion(20.0, 1)
     for gives_way, term in ((False, "presliding"), (True, "presliding_share")):
         directions = {1: iwan(way[0][:, 1], 0.01)} if gives_way else {}

@@ -72,7 +72,7 @@ def loaded(arm: KnownArm) -> tuple[Estimate, tuple[TimeRun, ...]]:
 def usual_equations(
     estimate: Estimate, runs: tuple[TimeRun, ...]
 ) -> tuple[NDArray[np.float64], int]:
-    """Return [-tau_j ... Phi], rows over each joint's noise, and where the load's mass is."""
+    """Return [-tau_j ... Phi], rows over each joint's noise, and the column of the load's mass."""
     n, parts = estimate.model.chain.n, []
     for rows in joint_equations(estimate.model, estimate.base, runs, estimate.standstill_rad_s):
         for j, (matrix, rhs) in enumerate(rows):

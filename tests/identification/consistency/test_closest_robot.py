@@ -157,7 +157,7 @@ def test_whatever_noise_does_the_robot_can_exist(make: Make, name: str, noise_nm
     assert np.min(np.linalg.eigvalsh(pseudo_inertia(bodies))) > 0.0
     braking = not_negative(estimate.model, estimate.robot)
     assert np.min(braking @ result.standard_values) > -1e-9
-    # The truth is such a robot too, so the closest one is at most as far as the truth is.
+    # The truth is such a robot too, so the closest one is not farther away than the truth.
     sigma, factor = jackknife_metric(estimate)
     base = estimate.base.from_standard(truth)
     error, found = (

@@ -1,4 +1,4 @@
-"""Energies, joint after joint, Kalman filter: they find the truth, and where an estimate errs."""
+"""Cross-checks by energies, single joints and a Kalman filter find truth and wrong estimates."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_its_intervals_hold_the_truth(
 
 
 def test_energies_need_no_accelerations(arm: KnownArm, measure: Measure) -> None:
-    """Accelerations of a filter that takes a tenth of them off: inertias come out too large."""
+    """A filter that reduces accelerations by a tenth makes the inertias too large."""
 
     def damped(part: SmoothedSignals) -> SmoothedSignals:
         return replace(part, acceleration=0.9 * part.acceleration)

@@ -1,4 +1,4 @@
-"""Where a motion may begin: clear of everything, and held by the motors."""
+"""Start poses of a motion: without collision, and within the motors' static torque."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ def test_distances_are_those_of_pinocchio(problem, motion, pinocchio_arm) -> Non
     nearest = np.min([pinocchio_arm.distances(q) for q in values(motion, 0)], axis=0)
     check = check_motion(problem, motion, CYCLE_S)
     ours = np.array(used(check, "distance")[: len(nearest)])
-    apart = nearest > 0.0  # how deep an overlap is, is told less exactly
+    apart = nearest > 0.0  # the depth of an overlap is less accurate
     assert apart.any()
     np.testing.assert_allclose(ours[apart], nearest[apart], atol=2e-4)
     assert (ours[~apart] < 0.0).all()

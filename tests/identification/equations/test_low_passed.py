@@ -1,4 +1,4 @@
-"""Columns that no nonlinear parameter changes are low-passed once: nothing else becomes of it."""
+"""Columns without nonlinear parameters are low-passed once; the result is the same."""
 
 from __future__ import annotations
 

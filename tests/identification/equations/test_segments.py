@@ -1,4 +1,4 @@
-"""Rows of smoothed recordings: fewer of them say the same."""
+"""Rows of smoothed recordings: fewer rows give the same result."""
 
 from __future__ import annotations
 

@@ -206,7 +206,7 @@ class TestSmoothed:
     def test_slow_samples_are_left_out_and_counted(
         self, arm: KnownArm, signals: SmoothedSignals
     ) -> None:
-        """What a joint does while it stands still must not matter at all."""
+        """Samples of a joint at rest must not affect the estimate."""
         slow = np.abs(signals.velocity) < 0.05
         spoilt = replace(signals, torque_nm=np.where(slow, 1000.0, signals.torque_nm))
         clean, other = (

@@ -1,7 +1,7 @@
 """From the simulated robot on its plate to the combined model: servo loops, stiction, charges.
 
-The plant is Pinocchio's, the plate its eight charge channels with crosstalk, drift, a jump of the
-zero, noise, low-pass and a clock of their own; none of it knows the estimators.
+Pinocchio simulates the plant. The plate has eight charge channels with crosstalk, drift, a jump of
+the zero, noise, a low-pass and a separate clock. Both are independent of the estimators.
 """
 
 from __future__ import annotations

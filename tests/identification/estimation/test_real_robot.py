@@ -79,7 +79,7 @@ def test_friction_with_memory_tells_what_holds_a_joint_at_rest(
     found, sigma = estimate.model.nonlinear_values, estimate.nonlinear_sigma
     distances, shares = np.split(found, 2)
     assert np.all((distances > 7e-4) & (distances < 2.5e-3)), distances
-    assert np.all((shares > 0.3) & (shares < 0.6)), "half of the friction holds at once"
+    assert np.all((shares > 0.3) & (shares < 0.6)), "half of the friction is rigid"
     assert np.all(found > 5.0 * sigma)
     assert np.all(estimate.left_out_fraction[3:] < 0.06), "the middle of pauses alone"
     # Rest and reversals count here, and do not in the other.

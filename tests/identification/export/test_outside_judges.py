@@ -1,7 +1,7 @@
-"""Exported files before the parsers and engines of others: urdfdom, MuJoCo, libsdformat.
+"""Exported files are read by third-party parsers and engines: urdfdom, MuJoCo, libsdformat.
 
-Each judge is taken where it is installed (`.ci/run` installs the first two): Debian's
-liburdfdom-tools, PyPI's mujoco, Debian's libsdformat-dev with a C++ compiler.
+Each one is used if it is installed (`.ci/run` installs the first two): Debian's liburdfdom-tools,
+PyPI's mujoco, Debian's libsdformat-dev with a C++ compiler.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a file that holds no states says of itself."""
+"""Notes in an exported file that cannot represent states."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an exported file says of joints that warm up: enough to follow their warmth without us."""
+"""Exported files of joints that warm up: complete data to compute their temperature elsewhere."""
 
 from __future__ import annotations
 

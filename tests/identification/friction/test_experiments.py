@@ -156,7 +156,7 @@ def test_ways_that_are_not_quite_equal_are_allowed_for() -> None:
 
 
 def test_the_anti_alias_filter_is_divided_out() -> None:
-    smooth = np.tanh  # friction without a jump, so that 20 Hz hold all of it
+    smooth = np.tanh  # friction without a jump, so that it is below 20 Hz
     recording = recorded(THERE_AND_BACK, lambda v: 20.0 * smooth(v / 0.1), noise_nm=0.0)
     analog = ButterworthFilter(order=8, cutoff_hz=20.0)
     digital = signal.butter(analog.order, 2.0 * np.pi * analog.cutoff_hz, analog=True)

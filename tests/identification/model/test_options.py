@@ -1,4 +1,4 @@
-"""Which terms an estimate's model has."""
+"""Selection of the terms of an estimate's model."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ def test_it_shows_payloads_much_better_than_a_motion_made_for_the_robot(
         TwoHarmonicOptions(PERIOD_S, highest_harmonic=6, limit_fraction=0.4, tries=20, seed=1),
         CYCLE_S,
     )
-    # The worth is the log of a variance: a tenth of it is a third of the deviation.
+    # The worth is the logarithm of a variance: a factor of 0.1 is 0.3 in standard deviation.
     assert worth(search, found) < worth(search, general) - 1.0
 
 

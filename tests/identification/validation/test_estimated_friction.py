@@ -1,4 +1,4 @@
-"""What the friction of a model is, and for which circumstances it is told."""
+"""Estimated friction of a model, and the conditions for which it is shown."""
 
 from __future__ import annotations
 

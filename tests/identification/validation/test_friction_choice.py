@@ -1,4 +1,4 @@
-"""Which of several friction terms that predict a joint alike is taken."""
+"""Choice among friction terms that predict a joint equally well."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Delays of a periodic recording's torque: found where they are, on a plant with its own friction.
+"""True torque delays of a periodic recording are found on a plant with different friction.
 
-The plant is Pinocchio's, in closed loop; its joints stick at reversals, or give way before they
-slide by another law than the model's.
+Pinocchio simulates the plant in closed loop. Its joints stick at reversals, or have a presliding
+law that differs from the model's.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def sticking(cell: LoadedCell) -> Recording:
 
 @pytest.fixture(scope="module")
 def unmodelled(cell: LoadedCell) -> Recording:
-    """Drive joints that give way, hold more at low speed, cog and warm up."""
+    """Simulate joints with presliding, more friction at low speed, cogging and warming."""
     assert cell.plant is not None
     return closed_loop(cell, cell.plant, MOTION.plan(cell.robot, CYCLE_S), 200)
 
@@ -86,7 +86,7 @@ def test_what_wrong_friction_leaves_is_no_delay(
 def test_longer_than_a_quarter_of_the_shortest_period_is_no_delay(
     cell: LoadedCell, sticking: Recording
 ) -> None:
-    """The band ends at 10 Hz; 96 ms are a whole period of it."""
+    """The band ends at 10 Hz; 96 ms are a whole period at that frequency."""
     average = average_periods(late(sticking, (96.0, -40.0, 4.0)))
     channel = choose_period_delays(robot_of(cell), [average])
     assert np.all(channel.delay_s[:2] == 0.0)

@@ -1,4 +1,4 @@
-"""Presliding is chosen where the data show it, and only there; its distance comes back."""
+"""Presliding is chosen only if the data show it, and its distance is recovered."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_all_of_their_friction_gives_way_where_the_data_show_nothing_else(
 
 
 def partly(q: FloatArray, share: float) -> FloatArray:
-    """Return the direction of a joint of whose friction a share gives way."""
+    """Return the friction direction of a joint with a presliding share."""
     return share * iwan(q, DISTANCE) + (1.0 - share) * iwan(q, AT_ONCE, elements=1)
 
 

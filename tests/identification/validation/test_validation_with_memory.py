@@ -1,4 +1,4 @@
-"""Where joints came from before a recording is not known: what depends on it is not judged."""
+"""The motion before a recording is unknown: samples that depend on it are not judged."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def whole(identified: Estimate) -> Validation:
 
 @pytest.fixture(scope="module")
 def begun_in_motion(identified: Estimate) -> Validation:
-    """The same recording, begun where the second axis was sliding already."""
+    """The same recording, which begins while the second axis is sliding."""
     later = measured(directions(WAY[0]), WAY, rows=slice(BEGIN, None))
     return validate_torques(identified, later, cutoff_hz=CUTOFF_HZ)
 

@@ -1,4 +1,4 @@
-"""Joints that warm up are found by their friction, where it shows, and only there."""
+"""Joints that warm up are found by their friction only if it shows the warming."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def fitted(warming: Warming, signals: SmoothedSignals) -> Estimate:
 
 
 def error_nm(estimate: Estimate, signals: SmoothedSignals) -> FloatArray:
-    """Return the RMS error of each joint where it moves."""
+    """Return the RMS error of each joint while it moves."""
     motion = (signals.position, signals.velocity, signals.acceleration)
     conditions = None
     if estimate.warming is not None:

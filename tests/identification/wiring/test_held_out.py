@@ -1,4 +1,4 @@
-"""A robot file with wrong lengths follows torques where it was fitted, and nowhere else."""
+"""A robot file with wrong lengths predicts the torques of the fit, but no held-out ones."""
 
 from __future__ import annotations
 

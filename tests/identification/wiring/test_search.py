@@ -1,4 +1,4 @@
-"""A mistake made in sound recordings of invented robots is found again, and none where none is."""
+"""The search finds injected mistakes in recordings of invented robots, and no others."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the simulated amplifier says, byte by byte; its rows are judged by the driver's parser."""
+"""Output of the simulated amplifier, byte by byte; the driver's parser checks its rows."""
 
 from __future__ import annotations
 

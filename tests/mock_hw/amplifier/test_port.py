@@ -37,7 +37,7 @@ def plate() -> PlateConfig:
 
 
 class Bench:
-    """A port, the computer's end of it, and a clock that the test turns."""
+    """A port, the computer's end, and a clock that the test advances."""
 
     def __init__(self, path: Path, plate: PlateConfig, **options: Any) -> None:
         realtime = options.pop("realtime", False)

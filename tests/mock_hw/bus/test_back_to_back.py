@@ -1,4 +1,4 @@
-"""What python-can expects of every interface: two buses back to back, and a sender's own frames.
+"""Requirements of python-can on every interface: two buses back to back, and own frames.
 
 Source: the back-to-back suite in python-can's repository (not part of its package), clause by
 clause for classic CAN; python-can's own classes do the talking.

@@ -26,7 +26,7 @@ Join = Callable[..., RidSimBus]
 
 @pytest.fixture
 def join() -> Iterator[Join]:
-    """Open buses as everybody does, through python-can."""
+    """Open buses through python-can, as users do."""
     buses: list[can.BusABC] = []
 
     def start(hub: Any, **options: Any) -> RidSimBus:
@@ -62,7 +62,7 @@ def test_frames_come_with_their_time_on_the_wire(serve: Serve, join: Join) -> No
     observer = join(hub)
     bus = join(hub, participant=True)
     bus.send(message(0x181, b"\x01\x02"))
-    assert bus.recv(0.01) is None, "nobody hears himself"
+    assert bus.recv(0.01) is None, "a sender does not receive its own frame"
     seen = observer.recv(5.0)
     assert seen is not None
     assert (seen.arbitration_id, bytes(seen.data), seen.is_extended_id) == (0x181, b"\1\2", False)

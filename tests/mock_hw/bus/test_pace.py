@@ -1,4 +1,4 @@
-"""A pace is even, makes up for a little, and hurries for nobody."""
+"""A pace is even, compensates small delays, and does not catch up after long ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What reaches all processes of a program does not end its hardware; the program's end does."""
+"""Signals to all processes of a program do not end its simulated hardware; its end does."""
 
 from __future__ import annotations
 

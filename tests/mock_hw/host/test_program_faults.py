@@ -1,4 +1,4 @@
-"""What is done to a program's processes, on real processes of the test's own."""
+"""Faults of a program's processes, applied to real processes of the test."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ for line in sys.stdin:
 
 
 class Child:
-    """A process of a name, which writes to a file what it is told to."""
+    """A process with a given name that writes to a file on command."""
 
     def __init__(self, name: ProcessName, *files: Path) -> None:
         words = [sys.executable, "-S", "-c", CHILD, name, *map(str, files)]
@@ -168,7 +168,7 @@ def test_a_file_that_may_not_grow_fails_in_the_middle_of_a_write(
     with Faults({"kind": "disk_error", "after_bytes": 50}) as faults:
         faults.begin()
         assert recorder.write(30) == "30"
-        assert recorder.write(30) == "20", "as far as there is room"
+        assert recorder.write(30) == "20", "up to the free space"
         assert recorder.write(30) == "File too large"
     assert (tmp_path / "recording.mcap").stat().st_size == 156
 

@@ -133,7 +133,7 @@ def test_the_base_gives_the_momentum_and_carries_the_weight(
 def test_a_rotor_pushes_the_plate_once_and_its_motor_by_the_gear_ratio(
     robot: RobotDescription, truth: PlantConfig
 ) -> None:
-    """Rotor 1 stands on the base: I mu on the plate, where its motor feels I mu^2."""
+    """Rotor 1 is mounted on the base: I mu on the plate, while its motor feels I mu^2."""
     axes = tuple(axis.model_copy(update={"rotor_inertia_kg_m2": 0.0}) for axis in truth.axes)
     one = axes[0].model_copy(update={"rotor_inertia_kg_m2": 0.0005})
     without = BaseWrench(robot, truth.model_copy(update={"axes": axes}))

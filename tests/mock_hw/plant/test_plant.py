@@ -42,7 +42,7 @@ def changed(plant: PlantConfig, **axis: float) -> PlantConfig:
 def required_torque(
     robot: RobotDescription, plant: PlantConfig, q: Array, v: Array, a: Array
 ) -> Array:
-    """What the motors must give: Pinocchio's inverse dynamics, spring and friction, (S, n)."""
+    """Return the motor torques: Pinocchio's inverse dynamics, spring and friction, (S, n)."""
     bodies = build_rigid_bodies(robot, plant)
     data, coupling = bodies.model.createData(), bodies.gearing
     torque = np.array(

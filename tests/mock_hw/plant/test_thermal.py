@@ -1,4 +1,4 @@
-"""Motors that warm up, a coupled wrist and payloads on the flange: what the plant makes of them."""
+"""Motors that warm up, a coupled wrist and payloads on the flange in the simulated plant."""
 
 from __future__ import annotations
 

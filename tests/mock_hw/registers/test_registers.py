@@ -1,7 +1,7 @@
 """Simulated registers on real sockets and serial ports, read by the driver and by mbpoll.
 
-The simulated side is written from the specification, the driver stands on pymodbus, mbpoll on
-libmodbus: three implementations that know nothing of one another.
+The simulated side follows the specification, the driver uses pymodbus, and mbpoll uses libmodbus:
+three independent implementations.
 """
 
 from __future__ import annotations
