@@ -88,7 +88,7 @@ EXAMPLES: dict[str, dict[str, Any]] = {
 }
 
 
-def said(kind: str) -> dict[str, Any]:
+def content_of(kind: str) -> dict[str, Any]:
     return {"kind": kind, "robot": "ir361", **copy.deepcopy(EXAMPLES[kind])}
 
 
@@ -111,7 +111,7 @@ def test_every_kind_of_the_schema_has_an_example_here() -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_kind_knows_itself(kind: str, tmp_path: Path) -> None:
-    (tmp_path / "motion.yaml").write_text(dump_yaml(said(kind)))
+    (tmp_path / "motion.yaml").write_text(dump_yaml(content_of(kind)))
     motion = load_motion(tmp_path / "motion.yaml")
     assert type(motion) is KINDS[kind]
     sentence = motion.describe()
@@ -134,7 +134,7 @@ def test_a_kind_knows_itself(kind: str, tmp_path: Path) -> None:
 def test_a_motion_is_refused_or_reads_back_equal_and_stays_within_the_limits(
     kind: str, data: st.DataObject
 ) -> None:
-    keys = said(kind)
+    keys = content_of(kind)
     holder, key = data.draw(st.sampled_from(list(numbers(keys))))
     factor = data.draw(st.sampled_from([-1.0, 0.0, 0.1, 0.9, 1.1, 3.0, 1e3]))
     holder[key] = type(holder[key])(holder[key] * factor)
@@ -155,13 +155,13 @@ def test_a_motion_is_refused_or_reads_back_equal_and_stays_within_the_limits(
 
 
 def test_more_harmonics_than_a_series_can_have_are_refused() -> None:
-    motion = read(said("multisine") | {"period_s": 100.0, "transient_periods": 0})
+    motion = read(content_of("multisine") | {"period_s": 100.0, "transient_periods": 0})
     with raises_code(ConfigError, "RID-MOTION-BAND", "2000", "period_s", "1000"):
         motion.plan(ROBOT, T)
 
 
 def test_one_kind_is_not_taken_for_another() -> None:
-    motion = read(said("multipoint"))
+    motion = read(content_of("multipoint"))
     with raises_code(ConfigError, "RID-MOTION-KIND"):
         FourierMotion.require(motion, "a session needs a fourier motion")
 

@@ -103,7 +103,7 @@ def set_at(name: str, at: Callable[[int], bool], joint: int, value: object) -> F
     return fault
 
 
-def told(at: Callable[[int], bool], event: DriveEvent) -> Fault:
+def event_at(at: Callable[[int], bool], event: DriveEvent) -> Fault:
     def fault(cycle: Cycle) -> None:
         if at(cycle.number):
             cycle.events = [event]
@@ -204,16 +204,16 @@ STOPS: dict[str, tuple[Fault, StopCode, int]] = {
     "6: a position that is not a number": (
         set_at("position", lambda k: k >= 10, 0, math.nan), StopCode.IMPLAUSIBLE_POSITION, 11),
     "8: a drive restarts": (
-        told(lambda k: k == 10, event(EventKind.BOOT_UP)),
+        event_at(lambda k: k == 10, event(EventKind.BOOT_UP)),
         StopCode.DRIVE_RESTARTED, 10),
     "9: an emergency message": (
-        told(lambda k: k == 10, event(EventKind.EMERGENCY, 0x2310)),
+        event_at(lambda k: k == 10, event(EventKind.EMERGENCY, 0x2310)),
         StopCode.EMERGENCY, 10),
     "11: a heartbeat is lost": (
-        told(lambda k: k == 10, event(EventKind.HEARTBEAT_LOST)),
+        event_at(lambda k: k == 10, event(EventKind.HEARTBEAT_LOST)),
         StopCode.HEARTBEAT_LOST, 10),
     "7: a frame of the wrong length": (
-        told(lambda k: k == 10, event(EventKind.WRONG_LENGTH)), StopCode.BUS, 10),
+        event_at(lambda k: k == 10, event(EventKind.WRONG_LENGTH)), StopCode.BUS, 10),
     "13: a drive is no longer enabled": (
         set_at("enabled", lambda k: k >= 10, 2, False), StopCode.NOT_ENABLED, 10),
     "49: second answers in 20 of 100 cycles": (
@@ -253,8 +253,8 @@ GOES_ON: dict[str, Fault] = {
     "6: one corrupted position": set_at("position", lambda k: k == 10, 0, 3.0),
     "49: a second answer in every sixth cycle": doubled(lambda k: k % 6 == 0),
     "49: two answers that differ, twice in a row": doubled(lambda k: k in (10, 11), differs=True),
-    "an emergency is cleared": told(lambda k: k == 10, event(EventKind.EMERGENCY_CLEARED)),
-    "an unexpected frame": told(lambda k: k == 10, event(EventKind.UNEXPECTED_FRAME)),
+    "an emergency is cleared": event_at(lambda k: k == 10, event(EventKind.EMERGENCY_CLEARED)),
+    "an unexpected frame": event_at(lambda k: k == 10, event(EventKind.UNEXPECTED_FRAME)),
 }
 
 
@@ -281,7 +281,7 @@ def both(first: Fault, second: Fault) -> Fault:
 
 
 IN_ORDER: tuple[tuple[str, Fault], ...] = (
-    ("EMERGENCY", told(lambda k: k == 30, event(EventKind.EMERGENCY, 0x2310))),
+    ("EMERGENCY", event_at(lambda k: k == 30, event(EventKind.EMERGENCY, 0x2310))),
     ("answers of drives came too late", late(lambda k: k in (28, 29, 30))),
     ("two devices send", doubled(lambda k: 10 < k <= 30)),
     ("the set-point's velocity jumps", set_at("target.velocity", lambda k: k == 30, 2, 0.7)),

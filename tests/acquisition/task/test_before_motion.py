@@ -173,7 +173,7 @@ def test_a_stop_while_the_drives_are_enabled_ends_that_within_a_cycle(
     send = started.bus.send
     after: list[bytes] = []
 
-    def seen(message: can.Message, timeout: float | None = None) -> None:
+    def send_and_stop(message: can.Message, timeout: float | None = None) -> None:
         send(message, timeout)
         if message.arbitration_id == 0x201:
             word = bytes(message.data[:2])
@@ -182,7 +182,7 @@ def test_a_stop_while_the_drives_are_enabled_ends_that_within_a_cycle(
             elif word == TOLD_TO_SWITCH_ON:
                 started.control.program.request_stop(StopCode.STOP_BUTTON)
 
-    monkeypatch.setattr(started.bus, "send", seen)
+    monkeypatch.setattr(started.bus, "send", send_and_stop)
     started.run()
     started.assert_stopped_by(StopCode.STOP_BUTTON)
     assert after[0] == b"\x02\x00"

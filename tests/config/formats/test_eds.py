@@ -179,14 +179,14 @@ class TestWhatVendorsDo:
         ],
     )  # fmt: skip
     def test_the_same_device_otherwise_written(self, change: Callable[[str], str]) -> None:
-        def said(sheet: ElectronicDataSheet) -> object:
+        def content_of(sheet: ElectronicDataSheet) -> object:
             return (sheet.vendor, sheet.product, sheet.revision), [
                 dataclasses.replace(item, name=item.name.lower(), line=0) for item in sheet.objects
             ]
 
         changed = change(SHEET)
         assert changed != SHEET
-        assert said(read(changed)) == said(read(SHEET))
+        assert content_of(read(changed)) == content_of(read(SHEET))
 
     def test_latin_1_is_read_where_it_is_not_utf_8(self) -> None:
         for encoding in ("latin-1", "utf-8"):

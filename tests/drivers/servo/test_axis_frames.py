@@ -130,7 +130,7 @@ def test_other_frames_pass() -> None:
     assert joined(FIXED, [other])[0] == [other]
 
 
-def asked(data: bytes, time_s: float = 1.002) -> Arrival:
+def sdo_answer(data: bytes, time_s: float = 1.002) -> Arrival:
     return Arrival(0x581, data, time_s)
 
 
@@ -141,7 +141,7 @@ def test_a_torque_is_asked_for_and_its_answer_joined() -> None:
     frames = [AxisFrames.of_profile(1, ASKED)]
     joiner = AnswerJoiner(cast(CanLink, Bus()), [1], frames, cast(DriveWatch, Watch()))
     assert joiner.questions == [(0x601, b"\x40\x77\x60\0\0\0\0\0")]
-    answer = asked(b"\x43\x77\x60\0" + struct.pack("<i", -5))
+    answer = sdo_answer(b"\x43\x77\x60\0" + struct.pack("<i", -5))
     assert [each.data for each in joined(ASKED, [POSITION, answer])[0]] == [ANSWER_DATA]
 
 
@@ -157,7 +157,7 @@ def test_a_torque_is_asked_for_and_its_answer_joined() -> None:
     ],
 )
 def test_an_answer_that_is_not_the_torque_leaves_the_axis_without_one(data: bytes) -> None:
-    told = joined(ASKED, [POSITION, asked(data)])[0]
+    told = joined(ASKED, [POSITION, sdo_answer(data)])[0]
     assert [each for each in told if each.cob_id == 0x181] == []
 
 

@@ -94,7 +94,7 @@ def test_a_flood_of_anything_keeps_no_memory(bench: Bench) -> None:
             bench.arrives(Frame(chance.choice(identifiers), data), CYCLE_S * number / count)
         bench.cycle(STILL)
 
-    def kept() -> int:
+    def memory_b() -> int:
         gc.collect()  # what waits for the collector is not kept
         ours = [tracemalloc.Filter(False, "*/tests/*"), tracemalloc.Filter(True, "*/drivers/*")]
         return sum(t.size for t in tracemalloc.take_snapshot().filter_traces(ours).traces)
@@ -103,11 +103,11 @@ def test_a_flood_of_anything_keeps_no_memory(bench: Bench) -> None:
     try:
         for _ in range(3):
             flooded(500)
-        before = kept()
+        before = memory_b()
         for _ in range(12):
             flooded(500)
         # Words of the last emergencies are kept, long or short; 60 bytes a frame would be 360,000.
-        assert kept() - before < 20_000
+        assert memory_b() - before < 20_000
         assert before < 100_000
     finally:
         tracemalloc.stop()

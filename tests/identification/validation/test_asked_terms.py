@@ -21,17 +21,19 @@ def recorded(offset_nm: float) -> Recording:
     return replace(measured({}, WAY), torque_nm=tau)
 
 
-def asked(recording: Recording, terms: tuple[FrictionTerm, ...] = CLASSICAL) -> tuple[str, ...]:
+def suggested_terms(
+    recording: Recording, terms: tuple[FrictionTerm, ...] = CLASSICAL
+) -> tuple[str, ...]:
     robot = with_friction(arm(), [terms] * 3)
     return further_term_findings(robot, [smooth_nonperiodic(recording, 10.0)], EstimationOptions())
 
 
 def test_nothing_is_asked_for_if_nothing_is_missing() -> None:
-    assert asked(recorded(0.0)) == ()
+    assert suggested_terms(recorded(0.0)) == ()
 
 
 def test_a_missing_offset_is_asked_for_where_it_is() -> None:
-    (said,) = asked(recorded(15.0))
-    assert "axis2: offset" in said
-    assert "axis1" not in said
-    assert asked(recorded(15.0), (*CLASSICAL, "offset")) == ()
+    (finding,) = suggested_terms(recorded(15.0))
+    assert "axis2: offset" in finding
+    assert "axis1" not in finding
+    assert suggested_terms(recorded(15.0), (*CLASSICAL, "offset")) == ()

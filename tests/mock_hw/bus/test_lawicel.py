@@ -110,12 +110,12 @@ def test_a_plain_terminal_opens_the_channel_and_sees_frames(
         (frame,) = port.receive_frames(10.0) or ()
         assert (frame.cob_id, frame.data) == (0x201, b"\x0f\x00")
         port.send_frames([(0x181, b"\x37\x06"), (0x701, b"\x05")])
-        assert said(terminal, 27) == b"\r\rz\rt18123706\rt701105\r"
+        assert output_of(terminal, 27) == b"\r\rz\rt18123706\rt701105\r"
     finally:
         os.close(terminal)
 
 
-def said(terminal: int, count: int) -> bytes:
+def output_of(terminal: int, count: int) -> bytes:
     text = b""
     until_s = time.monotonic() + 120.0
     while len(text) < count and time.monotonic() < until_s:
@@ -138,7 +138,7 @@ def test_a_second_computer_does_not_get_what_the_first_one_left(
     try:
         os.write(second, b"C\r")
         port.receive_frames(10.0)
-        assert said(second, 1) == b"\r"
+        assert output_of(second, 1) == b"\r"
     finally:
         os.close(second)
 

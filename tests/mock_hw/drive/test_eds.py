@@ -168,11 +168,11 @@ def test_a_sheet_that_canopen_has_written_again_says_the_same(tmp_path: Path) ->
     first = parse_eds(text.encode(), "drive.eds")
     assert again.product == first.product
 
-    def said(sheet: ElectronicDataSheet) -> list[object]:
+    def content_of(sheet: ElectronicDataSheet) -> list[object]:
         return [(i.index, i.subindex, i.data_type, i.access, i.mappable, i.default, i.limits)
                 for i in sheet.objects]  # fmt: skip
 
-    assert said(again) == said(first)
+    assert content_of(again) == content_of(first)
 
 
 def written(

@@ -127,7 +127,7 @@ def test_what_an_8_ms_cycle_samples_obeys_the_equations_on_every_bin(
     low, high = base * np.array([2, 3, 4]), base * np.array([5, 6, 7])
     amplitude = np.array([1.5, -0.9, 1.6])
 
-    def wanted(time_s: float) -> tuple[Array, Array]:
+    def reference(time_s: float) -> tuple[Array, Array]:
         position = -amplitude / low * np.cos(low * time_s) + 0.3 / high * np.sin(high * time_s)
         velocity = amplitude * np.sin(low * time_s) + 0.3 * np.cos(high * time_s)
         return position + np.array([0.0, -0.2, 0.3]), velocity
@@ -136,7 +136,7 @@ def test_what_an_8_ms_cycle_samples_obeys_the_equations_on_every_bin(
     last = np.zeros(3)
     for k in range(4 * samples):
         log.append((simulated.position, simulated.measured_torque()))
-        position, velocity = wanted(k * CYCLE)
+        position, velocity = reference(k * CYCLE)
         command = velocity + 10.0 * (position - simulated.position)
         simulated.advance(CYCLE, last, command, ON, OFF)
         last = command

@@ -34,8 +34,8 @@ CYCLE_S = 0.008
 
 
 @dataclass
-class Said:
-    """A console that keeps what is said."""
+class MessageLog:
+    """A console that stores its messages."""
 
     lines: list[str] = field(default_factory=list)
 
@@ -43,18 +43,18 @@ class Said:
         self.lines.append(text)
 
 
-def jogging(said: Said, home: FloatArray | None = None, obstacle: str = "") -> JogKeys:
-    """Return the keys of a jog of which every line is clear, or none is."""
+def jogging(log: MessageLog, home: FloatArray | None = None, obstacle: str = "") -> JogKeys:
+    """Return the keys of a jog in which all lines are clear, or none."""
 
     def check(start: FloatArray, wanted: FloatArray) -> HoldLine:
         return HoldLine(start, start if obstacle else wanted, 1.0, obstacle)
 
-    return JogKeys(ROBOT, home, cast(LineCheck, check), cast(Console, said))
+    return JogKeys(ROBOT, home, cast(LineCheck, check), cast(Console, log))
 
 
 @pytest.mark.parametrize(("key", "end"), [("+", "position_max"), ("-", "position_min")])
 def test_a_held_key_leads_the_chosen_joint_and_no_other_to_its_end(key: str, end: str) -> None:
-    keys, pose = jogging(Said()), np.full(N, 0.1)
+    keys, pose = jogging(MessageLog()), np.full(N, 0.1)
     keys.tapped("3")
     line = keys.line(key, pose)
     assert line is not None
@@ -65,7 +65,7 @@ def test_a_held_key_leads_the_chosen_joint_and_no_other_to_its_end(key: str, end
 
 @pytest.mark.promise("held-key-tap")
 def test_a_key_may_name_its_joint_whatever_is_chosen() -> None:
-    keys = jogging(Said())
+    keys = jogging(MessageLog())
     keys.tapped("1")
     line = keys.line("2+", np.zeros(N))
     assert line is not None
@@ -74,22 +74,22 @@ def test_a_key_may_name_its_joint_whatever_is_chosen() -> None:
 
 @pytest.mark.parametrize("key", ["2", "0+", f"{N + 1}+", "-1+", "x+", "²+", "2h", "++"])
 def test_a_key_that_names_no_joint_leads_nowhere(key: str) -> None:
-    assert jogging(Said()).line(key, np.zeros(N)) is None
+    assert jogging(MessageLog()).line(key, np.zeros(N)) is None
 
 
 @pytest.mark.parametrize("key", [" ", "x", "0", "9", "h", "²"])
 def test_any_other_key_moves_nothing_and_chooses_nothing(key: str) -> None:
-    said = Said()
-    keys = jogging(said)
+    log = MessageLog()
+    keys = jogging(log)
     assert not keys.tapped(key)
     assert keys.line(key, np.zeros(N)) is None
-    assert said.lines == []
+    assert log.lines == []
     assert "Chosen: axis1" in keys.help
 
 
 def test_home_is_a_key_where_there_is_one() -> None:
     home = np.linspace(0.0, 0.5, N)
-    keys = jogging(Said(), home)
+    keys = jogging(MessageLog(), home)
     line = keys.line("h", np.zeros(N))
     assert line is not None
     assert line.goal.tolist() == home.tolist()
@@ -97,19 +97,19 @@ def test_home_is_a_key_where_there_is_one() -> None:
 
 
 def test_q_ends_a_jog_and_an_obstacle_is_said_where_nothing_moves() -> None:
-    said = Said()
-    keys = jogging(said, obstacle="floor")
+    log = MessageLog()
+    keys = jogging(log, obstacle="floor")
     line = keys.line("+", np.zeros(N))
     assert line is not None
     assert line.is_empty
-    assert said.lines == ["axis1 +: the robot cannot move further: floor is in the way."]
+    assert log.lines == ["axis1 +: the robot cannot move further: floor is in the way."]
     assert keys.tapped("q")
 
 
 def bench(pose: FloatArray, number: int) -> HoldLine:
     """Return the small way that the axis test takes from a pose."""
     session = SimpleNamespace(loaded=LOADED, cell=LOADED.config)
-    made = AxisTester(cast(RunSession, session), cast(Console, Said()), unattended=True)
+    made = AxisTester(cast(RunSession, session), cast(Console, MessageLog()), unattended=True)
     return made._plan_small_move(number, pose)
 
 
@@ -206,7 +206,7 @@ def test_eyes_see_the_joint_that_moved_most_and_nothing_below_a_tenth_of_a_degre
 def test_q_ends_the_axis_test_before_the_next_axis(monkeypatch: pytest.MonkeyPatch) -> None:
     """Also if the axis has moved far enough to be judged."""
     session = SimpleNamespace(loaded=LOADED, cell=LOADED.config, simulated=None)
-    made = AxisTester(cast(RunSession, session), cast(Console, Said()), unattended=True)
+    made = AxisTester(cast(RunSession, session), cast(Console, MessageLog()), unattended=True)
     ended = SimpleNamespace(outcome=SimpleNamespace(stop=None))
     run = SimpleNamespace(as_step=lambda: ended)
 

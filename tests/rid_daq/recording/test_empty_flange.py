@@ -89,7 +89,7 @@ def lead(monkeypatch: pytest.MonkeyPatch, state: SessionFile, motion: AnyMotion)
     return led
 
 
-def said(state: SessionFile) -> str:
+def flange_note(state: SessionFile) -> str:
     """Return the verdict's sentence by what the session's folder says."""
     estimate = estimate_of(load_cell("kr15"), ())
     payload = PayloadResult(estimate, check_payload(estimate, PayloadLimits()))
@@ -100,7 +100,7 @@ def test_a_person_is_asked_and_the_verdict_says_so(lead: Lead, state: SessionFil
     person = Person()
     assert lead(person) is not None
     assert [EMPTY in question for question in person.asked].count(True) == 1
-    assert "You confirmed that the flange was empty" in said(state)
+    assert "You confirmed that the flange was empty" in flange_note(state)
 
 
 def test_whoever_has_something_on_the_flange_moves_nothing(lead: Lead, state: SessionFile) -> None:
@@ -136,14 +136,14 @@ def test_a_flag_answers_but_the_verdict_does_not_say_that_you_did(
     lead: Lead, state: SessionFile
 ) -> None:
     lead(Person(), yes=True)
-    assert "--yes skipped the question whether the flange was empty" in said(state)
+    assert "--yes skipped the question whether the flange was empty" in flange_note(state)
 
 
 def test_a_simulated_flange_is_known(lead: Lead, state: SessionFile) -> None:
     person = Person(EMPTY)
     lead(person, simulated=SimpleNamespace())
     assert state.empty_flange is EmptyFlange.SIMULATED
-    assert "The simulated flange was empty" in said(state)
+    assert "The simulated flange was empty" in flange_note(state)
 
 
 @pytest.mark.parametrize("words", [{"model": Path("model.json")}, {}])

@@ -51,8 +51,8 @@ def events(client: ServiceClient, job: Job) -> list[dict[str, object]]:
 
 
 @contextlib.contextmanager
-def taken(served: ServedProcess, motion: str) -> Iterator[str]:
-    """Take the cell, ready to move; yield the lease's key."""
+def leased_cell(served: ServedProcess, motion: str) -> Iterator[str]:
+    """Lease the cell, ready to move, and yield the key of the lease."""
     (served.folder / "motion.yaml").write_text(motion, encoding="utf-8")
     with served.client as client:
         key = str(client.ask("POST", "/cells/ir361/lease", {"seconds": 600.0})["key"])

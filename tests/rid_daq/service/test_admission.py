@@ -36,7 +36,7 @@ FILE = "/api/v1/files/model.json"
 PAIRING = "/api/v1/pairing/state"
 
 
-class Asked:
+class Admissions:
     """Requests of all clients, with the admission's decisions."""
 
     def __init__(self, service: CellService) -> None:
@@ -67,43 +67,47 @@ class Asked:
 
 
 @pytest.fixture
-def asked(service: CellService) -> Asked:
-    return Asked(service)
+def admissions(service: CellService) -> Admissions:
+    return Admissions(service)
 
 
 @pytest.mark.promise("known-before-a-body-is-read")
 @pytest.mark.parametrize("length", ["Content-Length: 17000000", "Transfer-Encoding: chunked"])
 @pytest.mark.parametrize(("method", "path"), [("POST", JOBS), ("PUT", FILE), ("POST", "/any")])
-def test_who_is_not_known_sends_no_body(asked: Asked, method: str, path: str, length: str) -> None:
-    refused = asked.ask(None, method, path, length)
+def test_who_is_not_known_sends_no_body(
+    admissions: Admissions, method: str, path: str, length: str
+) -> None:
+    refused = admissions.ask(None, method, path, length)
     assert isinstance(refused, Reply)
     assert (refused.status, refused.document["code"]) == (401, "RID-ACCESS-UNKNOWN")
 
 
-def test_a_page_of_another_server_is_refused_by_code(asked: Asked) -> None:
-    refused = asked.ask(Role.ADMINISTRATOR, "POST", JOBS, "Origin: https://elsewhere.example")
+def test_a_page_of_another_server_is_refused_by_code(admissions: Admissions) -> None:
+    refused = admissions.ask(Role.ADMINISTRATOR, "POST", JOBS, "Origin: https://elsewhere.example")
     assert isinstance(refused, Reply)
     assert (refused.status, refused.document["code"]) == (403, "RID-ACCESS-SENDER")
 
 
 @pytest.mark.promise("known-before-a-body-is-read")
-def test_everybody_has_a_bound(asked: Asked) -> None:
-    assert asked.most(Role.OPERATOR, "POST", JOBS) == JSON_BYTES
-    assert asked.most(Role.ADMINISTRATOR, "POST", JOBS) == JSON_BYTES
-    assert asked.most(Role.OPERATOR, "PUT", FILE) == FILE_BYTES
-    assert asked.most(Role.VIEWER, "PUT", FILE) == SMALL_BYTES
-    assert asked.most(Role.VIEWER, "POST", JOBS) == SMALL_BYTES
-    assert asked.most(None, "POST", PAIRING) == SMALL_BYTES
-    assert asked.most(Role.ADMINISTRATOR, "GET", JOBS) == 0
+def test_everybody_has_a_bound(admissions: Admissions) -> None:
+    assert admissions.most(Role.OPERATOR, "POST", JOBS) == JSON_BYTES
+    assert admissions.most(Role.ADMINISTRATOR, "POST", JOBS) == JSON_BYTES
+    assert admissions.most(Role.OPERATOR, "PUT", FILE) == FILE_BYTES
+    assert admissions.most(Role.VIEWER, "PUT", FILE) == SMALL_BYTES
+    assert admissions.most(Role.VIEWER, "POST", JOBS) == SMALL_BYTES
+    assert admissions.most(None, "POST", PAIRING) == SMALL_BYTES
+    assert admissions.most(Role.ADMINISTRATOR, "GET", JOBS) == 0
 
 
 @pytest.mark.parametrize("length", ["-1", "1e3", "١", "", "0x10"])
-def test_a_length_that_is_no_number_is_refused(asked: Asked, length: str) -> None:
-    assert isinstance(asked.ask(Role.OPERATOR, "POST", JOBS, f"Content-Length: {length}"), Reply)
+def test_a_length_that_is_no_number_is_refused(admissions: Admissions, length: str) -> None:
+    assert isinstance(
+        admissions.ask(Role.OPERATOR, "POST", JOBS, f"Content-Length: {length}"), Reply
+    )
 
 
-def test_requests_without_a_token_are_rare(asked: Asked) -> None:
-    found = [asked.ask(None, "POST", PAIRING) for _ in range(int(OPEN_BURST) + 20)]
+def test_requests_without_a_token_are_rare(admissions: Admissions) -> None:
+    found = [admissions.ask(None, "POST", PAIRING) for _ in range(int(OPEN_BURST) + 20)]
     refused = [each for each in found if isinstance(each, Reply)]
     assert refused
     assert refused[0].document["code"] == "RID-REQUEST-RATE"

@@ -40,7 +40,7 @@ def say(events: Path, *texts: str) -> None:
         )
 
 
-def told(service: CellService, after: int) -> list[str]:
+def event_texts(service: CellService, after: int) -> list[str]:
     path = f"/api/v1/jobs/j1/events?after={after}"
     return [each["text"] for each in Api(service).ask(Role.VIEWER, "GET", path).json()]
 
@@ -49,15 +49,15 @@ def test_a_viewer_gets_what_it_does_not_know_and_the_rest_is_not_read_again(
     service: CellService, job: Job
 ) -> None:
     events = service.job_runner.events(job.id)
-    assert told(service, 0) == []
+    assert event_texts(service, 0) == []
     say(events, "one", "two")
-    assert told(service, 0) == ["one", "two"]
+    assert event_texts(service, 0) == ["one", "two"]
     content = events.read_bytes()
     events.write_bytes(b"?" * (len(content) - 1) + b"\n")  # a second read would find no events
     say(events, "three")
-    assert told(service, 0) == ["one", "two", "three"]
-    assert told(service, 2) == ["three"]
-    assert told(service, 3) == told(service, 4) == []
+    assert event_texts(service, 0) == ["one", "two", "three"]
+    assert event_texts(service, 2) == ["three"]
+    assert event_texts(service, 3) == event_texts(service, 4) == []
 
 
 def test_a_torn_line_has_no_number(tmp_path: Path) -> None:
@@ -80,4 +80,4 @@ def test_a_file_is_not_read_where_stop_and_leases_are_heard(
 
     say(service.job_runner.events(job.id), "one")
     monkeypatch.setattr(jobs, "event_cache", beside)
-    assert told(service, 0) == ["one"]
+    assert event_texts(service, 0) == ["one"]

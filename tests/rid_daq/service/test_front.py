@@ -16,7 +16,13 @@ from acquisition.task.control_block import ControlBlock
 from acquisition.task.states import TaskState
 from rid_daq.service.records import JobState
 from tests.rid_daq.service.conftest import ServedProcess, serving
-from tests.rid_daq.service.moving import begin_motion, front_process, served_port, taken, until
+from tests.rid_daq.service.moving import (
+    begin_motion,
+    front_process,
+    leased_cell,
+    served_port,
+    until,
+)
 
 pytestmark = pytest.mark.slow
 STOPPING = {"X-Rid-Daq": "stop"}
@@ -42,7 +48,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedProcess]
 def test_a_stop_reaches_the_motion_while_the_service_hangs(
     running: ServedProcess, long_motion: str, way: str
 ) -> None:
-    with taken(running, long_motion) as key:
+    with leased_cell(running, long_motion) as key:
         job = begin_motion(running, key)
         with running.client as client:
             pid = client.job(job.id).pid

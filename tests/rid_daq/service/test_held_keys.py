@@ -18,7 +18,7 @@ from websockets.sync.client import ClientConnection, connect
 from rid_daq.service.client import ServiceClient
 from rid_daq.service.records import Job
 from tests.rid_daq.service.conftest import ServedProcess, serving
-from tests.rid_daq.service.moving import events, taken, until
+from tests.rid_daq.service.moving import events, leased_cell, until
 
 pytestmark = [pytest.mark.slow, pytest.mark.alone]
 
@@ -91,10 +91,10 @@ class Holder:
 @contextmanager
 def jogging(served: ServedProcess, motion: str) -> Iterator[tuple[Holder, Job]]:
     """Have a jog that waits for keys, and a program that holds them."""
-    with taken(served, motion) as lease, served.client as client:
+    with leased_cell(served, motion) as lease, served.client as client:
         body = {"kind": "jog", "request": {}}
         job = Job.model_validate(client.ask("POST", "/cells/ir361/jobs", body, lease))
-        until(lambda: said(client, job, "Ready"))
+        until(lambda: has_event(client, job, "Ready"))
         wanted = {"name": "holder", "role": "operator", "person": True}
         secret = client.ask("POST", "/tokens", wanted)["secret"]
         headers = {"Authorization": f"Bearer {secret}"}
@@ -107,7 +107,7 @@ def jogging(served: ServedProcess, motion: str) -> Iterator[tuple[Holder, Job]]:
             client.follow(job)
 
 
-def said(client: ServiceClient, job: Job, words: str) -> bool:
+def has_event(client: ServiceClient, job: Job, words: str) -> bool:
     return any(words in str(each.get("text", "")) for each in events(client, job))
 
 
@@ -133,5 +133,5 @@ def test_a_key_that_is_held_across_a_suspension_moves_nothing_afterwards(
         time.sleep(1.0)  # samples that waited are shown
         assert holder.rests_for(2.0), "the key was held all the time, and must be pressed again"
         with served.client as client:
-            until(lambda: said(client, job, "link too slow"))
+            until(lambda: has_event(client, job, "link too slow"))
         holder.presses_until_it_moves()

@@ -10,7 +10,7 @@ import pytest
 from acquisition.runs.catalogue import list_runs
 from rid_daq.service.records import JobState
 from tests.rid_daq.service.conftest import ServedProcess, serving
-from tests.rid_daq.service.moving import begin_motion, taken, until
+from tests.rid_daq.service.moving import begin_motion, leased_cell, until
 
 pytestmark = pytest.mark.slow
 
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.slow
 def test_the_end_of_the_service_stops_the_motion_and_marks_its_job(
     served: ServedProcess, motion: str
 ) -> None:
-    with taken(served, motion) as key:
+    with leased_cell(served, motion) as key:
         job = begin_motion(served, key)
         assert served.end() == 0
         with serving(served.folder) as again, again.client as client:
@@ -33,7 +33,7 @@ def test_the_end_of_the_service_stops_the_motion_and_marks_its_job(
 def test_a_killed_service_leaves_no_job_running_and_none_runs_again(
     served: ServedProcess, motion: str
 ) -> None:
-    with taken(served, motion) as key:
+    with leased_cell(served, motion) as key:
         job = begin_motion(served, key)
         with served.client as client:
             pid = client.job(job.id).pid

@@ -80,7 +80,7 @@ class Operator:
         until(lambda: self.client.job(job.id).state.is_over)
 
 
-def kept(folder: Path) -> tuple[str, State]:
+def stored_state(folder: Path) -> tuple[str, State]:
     """Return the id of the one session in a folder, and the state in its file."""
     (file,) = (folder / "runs").glob("*/session.json")
     return file.parent.name, State(json.loads(file.read_text())["state"])
@@ -98,13 +98,13 @@ def test_a_session_goes_on_from_every_state(served: ServedProcess, motion: str) 
         ):
             operator.lead(job, state)
             operator.end(job, how)
-            session, at = kept(served.folder)
+            session, at = stored_state(served.folder)
             assert at is state
             job = operator.begin(resume=session)
             assert operator.lead(job, again)[0] == again.value
         operator.lead(job, State.ATTACH)
     assert served.end(signal.SIGKILL) == -signal.SIGKILL  # while a person attaches the payload
-    assert kept(served.folder) == (session, State.ATTACH)
+    assert stored_state(served.folder) == (session, State.ATTACH)
     with serving(served.folder) as again_served, again_served.client as client:
         until(lambda: client.cell("ir361").job is None)
         operator = Operator(client, operator.key)
@@ -112,7 +112,7 @@ def test_a_session_goes_on_from_every_state(served: ServedProcess, motion: str) 
         for state in (State.WARM_UP_WITH, State.RECORD_WITH):
             assert operator.lead(job, state)[0] == State.ATTACH.value
             operator.end(job, "cancelled")
-            assert kept(served.folder) == (session, state)
+            assert stored_state(served.folder) == (session, state)
             job = operator.begin(resume=session)
         assert operator.lead(job, State.IDENTIFY)[:3] == [
             *(State.ATTACH.value, State.WARM_UP_WITH.value, State.RECORD_WITH.value)

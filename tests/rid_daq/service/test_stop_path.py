@@ -201,7 +201,7 @@ def entrance_of(service: CellService) -> tuple[StopEndpoint, Authenticator]:
     return StopEndpoint(app.state.stop_handler, access), door
 
 
-def asked(*more: str, path: str = STOP) -> RequestHead:
+def stop_request(*more: str, path: str = STOP) -> RequestHead:
     lines = (f"POST {path} HTTP/1.1", "Host: 192.0.2.1:8642", "X-Rid-Daq: stop", *more)
     head = RequestHead.parse("\r\n".join(lines).encode())
     assert head is not None
@@ -216,19 +216,19 @@ def http_status(found: Reply | OpenConnection | None) -> int:
 @pytest.mark.promise("stop-by-any-token-ever-issued")
 def test_from_another_computer_any_token_that_was_ever_issued_stops(service: CellService) -> None:
     entrance, _ = entrance_of(service)
-    assert http_status(entrance.receive(asked(), FAR)) == 401
-    assert http_status(entrance.receive(asked("Authorization: Bearer guessed"), FAR)) == 401
+    assert http_status(entrance.receive(stop_request(), FAR)) == 401
+    assert http_status(entrance.receive(stop_request("Authorization: Bearer guessed"), FAR)) == 401
     token, secret = service.tokens.add("tablet", Role.VIEWER, person=True)
     shown = f"Authorization: Bearer {secret}"
-    assert http_status(entrance.receive(asked(shown), FAR)) == 202
+    assert http_status(entrance.receive(stop_request(shown), FAR)) == 202
     service.tokens.revoke(token.id)
-    assert http_status(entrance.receive(asked(shown), FAR)) == 202
+    assert http_status(entrance.receive(stop_request(shown), FAR)) == 202
     assert service.database.flush(PATIENCE_S)
     again = CellService(service.folder, list(service.cells.values()))
     entrance, _ = entrance_of(again)
-    assert http_status(entrance.receive(asked(shown), FAR)) == 202, "also after a restart"
+    assert http_status(entrance.receive(stop_request(shown), FAR)) == 202, "also after a restart"
     cookie = f"Cookie: other=1; rid_daq_service_8642={secret}"
-    assert http_status(entrance.receive(asked(cookie), FAR)) == 202
+    assert http_status(entrance.receive(stop_request(cookie), FAR)) == 202
 
 
 @pytest.mark.parametrize(
@@ -244,11 +244,11 @@ def test_a_page_from_elsewhere_stops_nothing(service: CellService, line: str, st
     entrance, _ = entrance_of(service)
     here = Peer(local=False, address="127.0.0.1")
     without = RequestHead("POST", STOP, (("host", "192.0.2.1:8642"),))
-    for head, expected in ((asked(line), status), (without, 403)):
+    for head, expected in ((stop_request(line), status), (without, 403)):
         refused = entrance.receive(head, here)
         assert isinstance(refused, Reply)
         assert (refused.status, refused.document["code"]) == (expected, "RID-ACCESS-SENDER")
-    assert http_status(entrance.receive(asked(), here)) == 202
+    assert http_status(entrance.receive(stop_request(), here)) == 202
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from rid_daq.app import run
 from rid_daq.service.records import CellState, Job, JobState
 from tests.builders.raised_codes import raises_code
 from tests.rid_daq.service.conftest import ServedProcess
-from tests.rid_daq.service.moving import CHECK, begin_motion, events, taken, until
+from tests.rid_daq.service.moving import CHECK, begin_motion, events, leased_cell, until
 
 pytestmark = pytest.mark.slow
 
@@ -59,7 +59,7 @@ def test_a_command_is_done_by_the_service_that_has_the_cell(
 def test_one_job_moves_a_cell_at_a_time_and_the_apis_stop_ends_it(
     shared: ServedProcess, long_motion: str
 ) -> None:
-    with taken(shared, long_motion) as key:
+    with leased_cell(shared, long_motion) as key:
         job = begin_motion(shared, key)
         with shared.client as client:
             assert client.cell("ir361").state is CellState.MOVING
@@ -76,7 +76,7 @@ def test_one_job_moves_a_cell_at_a_time_and_the_apis_stop_ends_it(
 def test_a_stop_needs_no_living_server(
     shared: ServedProcess, long_motion: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with taken(shared, long_motion) as key:
+    with leased_cell(shared, long_motion) as key:
         job = begin_motion(shared, key)
         shared.process.send_signal(signal.SIGSTOP)
         try:
@@ -99,7 +99,7 @@ def test_a_client_that_is_gone_ends_a_motion_as_it_has_declared(
     request: pytest.FixtureRequest, shared: ServedProcess, policy: str, pace: float, ends: str
 ) -> None:
     motion = request.getfixturevalue("motion" if policy == "finish" else "long_motion")
-    with taken(shared, motion) as key:
+    with leased_cell(shared, motion) as key:
         job = begin_motion(shared, key, pace, on_lost_client=policy)
         with shared.client as client:
             client.ask("PUT", "/cells/ir361/lease", {"seconds": 2.0}, key)  # the last heartbeat
@@ -117,7 +117,7 @@ def test_a_client_that_is_gone_ends_a_motion_as_it_has_declared(
 def test_a_motion_stops_if_the_service_hangs(
     shared: ServedProcess, long_motion: str, policy: str, measured: Callable[[str], None]
 ) -> None:
-    with taken(shared, long_motion) as key:
+    with leased_cell(shared, long_motion) as key:
         job = begin_motion(shared, key, on_lost_client=policy)
         with shared.client as client:
             control = ControlBlock.of_process(client.job(job.id).pid or 0)
@@ -148,7 +148,7 @@ def test_a_motion_stops_if_the_service_hangs(
 
 @pytest.mark.promise("service-heartbeat")
 def test_a_question_ends_if_the_service_hangs(shared: ServedProcess, motion: str) -> None:
-    with taken(shared, motion) as key, shared.client as client:
+    with leased_cell(shared, motion) as key, shared.client as client:
         body = {"kind": "jog", "request": {"practise": True}}
         job = Job.model_validate(client.ask("POST", "/cells/ir361/jobs", body, key))
         until(lambda: any(each["kind"] == "asked" for each in events(client, job)))
@@ -172,7 +172,7 @@ def is_a_zombie(pid: int) -> bool:
 def test_a_killed_worker_is_an_interrupted_job_and_its_cell_must_be_reset(
     shared: ServedProcess, long_motion: str
 ) -> None:
-    with taken(shared, long_motion) as key:
+    with leased_cell(shared, long_motion) as key:
         job = begin_motion(shared, key)
         with shared.client as client:
             pid = client.job(job.id).pid
@@ -231,7 +231,7 @@ def test_two_services_do_not_share_a_folder_or_a_cell(
 
 
 def test_what_a_job_does_not_ask_is_not_answered(shared: ServedProcess, motion: str) -> None:
-    with taken(shared, motion) as key, shared.client as client:
+    with leased_cell(shared, motion) as key, shared.client as client:
         wanted = {"kind": "jog", "request": {}}
         job = Job.model_validate(client.ask("POST", "/cells/ir361/jobs", wanted, key))
         until(lambda: any(each["kind"] == "asked" for each in events(client, job)))

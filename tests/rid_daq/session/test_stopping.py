@@ -20,7 +20,7 @@ COMMAND = StopReason(StopCode.STOP_COMMAND, "rid-daq stop")
 LIMIT = StopReason(StopCode.POSITION_LIMIT, "axis2 is beyond its limit")
 
 
-class Told:
+class FakeSession:
     """A session with a behaviour that the test sets; it counts the stops that it receives."""
 
     def __init__(
@@ -59,7 +59,7 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
 def stopped(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[SessionStop]]:
     """Return a function that stops such sessions and returns each outcome."""
 
-    def stop(*sessions: Told) -> list[SessionStop]:
+    def stop(*sessions: FakeSession) -> list[SessionStop]:
         found = cast("Sequence[RunningSession]", sessions)
         return [result for _, result in stop_sessions(found)]
 
@@ -90,7 +90,7 @@ def test_a_motion_is_stopped_where_its_axes_were_seen_at_rest(
     stopped: Callable[..., list[SessionStop]],
 ) -> None:
     control = moving(reason=COMMAND, rest_s=0.25)
-    (result,) = stopped(Told(control, lives=lambda: True))
+    (result,) = stopped(FakeSession(control, lives=lambda: True))
     assert control.program.stop_code == StopCode.STOP_COMMAND
     assert result.is_confirmed
     assert "quick stop seen" in result.sentence
@@ -101,7 +101,7 @@ def test_a_motion_is_stopped_where_its_axes_were_seen_at_rest(
 def test_a_motion_that_was_stopping_already_says_why(
     stopped: Callable[..., list[SessionStop]],
 ) -> None:
-    (result,) = stopped(Told(moving(reason=LIMIT, rest_s=0.1), lives=lambda: True))
+    (result,) = stopped(FakeSession(moving(reason=LIMIT, rest_s=0.1), lives=lambda: True))
     assert result.is_confirmed
     assert f"earlier stop ({LIMIT.text})" in result.sentence
 
@@ -109,7 +109,7 @@ def test_a_motion_that_was_stopping_already_says_why(
 def test_a_motion_that_does_not_answer_was_not_stopped(
     stopped: Callable[..., list[SessionStop]],
 ) -> None:
-    (result,) = stopped(Told(moving(), lives=lambda: True))
+    (result,) = stopped(FakeSession(moving(), lives=lambda: True))
     assert result == SessionStop(False, "did not answer within 0 s")
 
 
@@ -117,14 +117,14 @@ def test_axes_whose_rest_nobody_saw_do_not_count_as_stopped(
     stopped: Callable[..., list[SessionStop]],
 ) -> None:
     ended = moving(reason=COMMAND, state=TaskState.FINISHED)
-    (result,) = stopped(Told(ended))
+    (result,) = stopped(FakeSession(ended))
     assert result == SessionStop(False, "stopped, but the axes were not seen to come to rest")
 
 
 def test_a_program_that_died_on_the_way_leaves_nobody_in_the_know(
     stopped: Callable[..., list[SessionStop]],
 ) -> None:
-    (result,) = stopped(Told(moving(reason=COMMAND), lives=lambda: False))
+    (result,) = stopped(FakeSession(moving(reason=COMMAND), lives=lambda: False))
     assert result == SessionStop(False, "did not end: the state of its axes is unknown")
 
 
@@ -132,13 +132,13 @@ def test_a_motion_told_before_it_began_did_not_move(
     stopped: Callable[..., list[SessionStop]],
 ) -> None:
     ended = moving(reason=COMMAND, state=TaskState.FINISHED, cycles=0)
-    assert stopped(Told(ended)) == [
+    assert stopped(FakeSession(ended)) == [
         SessionStop(True, "stopped before the motion; the axes did not move")
     ]
 
 
 def test_a_motion_that_ended_by_itself_is_over(stopped: Callable[..., list[SessionStop]]) -> None:
-    (result,) = stopped(Told(moving(state=TaskState.FINISHED)))
+    (result,) = stopped(FakeSession(moving(state=TaskState.FINISHED)))
     assert result == SessionStop(True, "ended by itself in the meantime; the drives are off")
 
 
@@ -151,7 +151,7 @@ def test_drives_that_were_not_seen_without_power_are_never_called_off(
     error = DeviceTimeoutError("the drives could not be enabled in time")
     error.add_note("while leaving the cell: axis3 is silent")
     ended.task.fail(error)
-    (result,) = stopped(Told(ended))
+    (result,) = stopped(FakeSession(ended))
     assert result == SessionStop(
         False,
         "ended without confirmation that power is off: make sure that power is off before you enter"
@@ -161,7 +161,7 @@ def test_drives_that_were_not_seen_without_power_are_never_called_off(
 
 
 def test_a_session_without_a_motion_is_ended(stopped: Callable[..., list[SessionStop]]) -> None:
-    quiet = Told()
+    quiet = FakeSession()
     assert stopped(quiet) == [SessionStop(True, "ended; there was no motion")]
     assert quiet.terminated == 1
 
@@ -169,14 +169,16 @@ def test_a_session_without_a_motion_is_ended(stopped: Callable[..., list[Session
 def test_a_session_that_does_not_end_is_not_stopped(
     stopped: Callable[..., list[SessionStop]],
 ) -> None:
-    assert stopped(Told(lives=lambda: True)) == [SessionStop(False, "did not end within 0 s")]
+    assert stopped(FakeSession(lives=lambda: True)) == [
+        SessionStop(False, "did not end within 0 s")
+    ]
 
 
 @pytest.mark.parametrize("broken", [PermissionError("no"), ValueError("no block")])
 def test_what_cannot_be_watched_is_told_to_end_and_never_called_stopped(
     broken: Exception, stopped: Callable[..., list[SessionStop]]
 ) -> None:
-    guarded = Told(broken=broken)
+    guarded = FakeSession(broken=broken)
     (result,) = stopped(guarded)
     assert guarded.terminated == 1
     assert result == SessionStop(
@@ -187,7 +189,7 @@ def test_what_cannot_be_watched_is_told_to_end_and_never_called_stopped(
 def test_what_may_not_be_stopped_from_here_is_left_alone(
     stopped: Callable[..., list[SessionStop]],
 ) -> None:
-    other = Told(refusal="belongs to another user")
+    other = FakeSession(refusal="belongs to another user")
     assert stopped(other) == [SessionStop(False, "belongs to another user")]
     assert other.terminated == 0
 
@@ -202,9 +204,9 @@ def test_everyone_is_asked_before_anyone_is_waited_for_and_one_failure_stops_no_
         asked_by_then.append(second.program.stop_code)
         return False
 
-    first = Told(lives=lives)
-    broken = Told(broken=RuntimeError("unforeseen"))
-    results = stopped(first, broken, Told(second, lives=lambda: True))
+    first = FakeSession(lives=lives)
+    broken = FakeSession(broken=RuntimeError("unforeseen"))
+    results = stopped(first, broken, FakeSession(second, lives=lambda: True))
     assert [each.is_confirmed for each in results] == [True, False, True]
     assert results[1].sentence == "could not be stopped from here: unforeseen"
     assert asked_by_then[0] == StopCode.STOP_COMMAND

@@ -23,7 +23,7 @@ async def behind(scope: Scope, receive: Receive, send: Send) -> None:
     await send({"type": "http.response.body", "body": b"let in"})
 
 
-def asked(
+def responses(
     *headers: tuple[str, str],
     method: str = "GET",
     kind: str = "http",
@@ -31,7 +31,7 @@ def asked(
     local: bool = False,
     policy: str = PAGE_POLICY,
 ) -> list[Message]:
-    """Return what the guard says to a request."""
+    """Return the messages of the guard in response to a request."""
     said: list[Message] = []
 
     async def send(message: Message) -> None:
@@ -53,7 +53,7 @@ def asked(
 
 
 def status(*headers: tuple[str, str], method: str = "GET", local: bool = False) -> int:
-    said = asked(*headers, method=method, local=local)
+    said = responses(*headers, method=method, local=local)
     assert said[1]["body"] == (b"let in" if said[0]["status"] == 200 else b"")
     return int(said[0]["status"])
 
@@ -81,7 +81,7 @@ def test_a_name_of_ours_and_a_page_of_ours_are_let_in() -> None:
 def test_strangers_are_refused(headers: tuple[tuple[str, str], ...], refused: int) -> None:
     for method in ("GET", "POST"):
         assert status(*headers, JSON, OWN, method=method) == refused
-    kinds = asked(*headers, kind="websocket")
+    kinds = responses(*headers, kind="websocket")
     assert kinds == [{"type": "websocket.close", "code": 1008}]
 
 
@@ -108,7 +108,7 @@ def test_a_unix_socket_is_out_of_a_browsers_reach() -> None:
 
 def test_every_answer_says_what_a_browser_may_do_with_it() -> None:
     for headers in ((HOST,), (HOST, STRANGER)):
-        start = asked(*headers)[0]
+        start = responses(*headers)[0]
         sent = dict(start["headers"])
         assert sent[b"content-security-policy"] == PAGE_POLICY.encode()
         assert sent[b"x-content-type-options"] == b"nosniff"
@@ -118,7 +118,7 @@ def test_every_answer_says_what_a_browser_may_do_with_it() -> None:
 
 
 def test_an_application_says_itself_what_may_be_kept_and_a_page_with_plots_loads_more() -> None:
-    start = asked(HOST, path="/kept", policy=PLOT_POLICY)[0]
+    start = responses(HOST, path="/kept", policy=PLOT_POLICY)[0]
     caching = [value for name, value in start["headers"] if name == b"cache-control"]
     assert caching == [b"max-age=60"]
     policy = dict(start["headers"])[b"content-security-policy"].decode()

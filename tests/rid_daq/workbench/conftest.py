@@ -17,7 +17,7 @@ from rid_daq.service.records import CellState
 from tests.builders.bad_link import BadLink, bad_link
 from tests.rid_daq.conftest import PATIENCE_MS
 from tests.rid_daq.service.conftest import ServedProcess, long_motion, motion, serving
-from tests.rid_daq.service.moving import taken
+from tests.rid_daq.service.moving import leased_cell
 
 __all__ = ["long_motion", "motion"]
 
@@ -94,7 +94,7 @@ def link(served_pages: ServedProcess) -> Iterator[BadLink]:
 @pytest.fixture(scope="module")
 def program_lease(served_pages: ServedProcess, long_motion: str) -> Iterator[str]:
     """The key of the cell's lease, which a program has; the cell is ready to move."""
-    with taken(served_pages, long_motion) as key:
+    with leased_cell(served_pages, long_motion) as key:
         yield key
 
 

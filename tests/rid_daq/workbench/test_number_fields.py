@@ -44,7 +44,7 @@ def test_a_mass_that_is_typed_with_a_comma_is_asked_for_as_that(
     page.get_by_role("link", name="Payload", exact=True).click()
     ready(page, served_pages)
     _type_mass(page, typed)
-    assert _asked(page)["known"][0]["value"] == mass
+    assert _sent_request(page)["known"][0]["value"] == mass
     problems.clear()  # the console tells that the request was refused
     give_back(page)
 
@@ -69,7 +69,7 @@ def _type_mass(page: Page, text: str) -> None:
     expect(page.locator("#mass")).to_have_value(text)
 
 
-def _asked(page: Page) -> dict[str, Any]:
+def _sent_request(page: Page) -> dict[str, Any]:
     """Press what begins, and return the request; nothing begins."""
     asked: list[Any] = []
 

@@ -38,7 +38,7 @@ def test_what_is_written_into_a_form_is_asked_for_as_json(
     page.locator("[name=margin]").fill("0,05")
     page.locator("[name=jerk]").fill("100\n200,5\n\n300")
     page.locator("[name=base]").check()
-    assert _asked(page, "retime") == {
+    assert _sent_request(page, "retime") == {
         "motion": "turns.yaml",
         "model": "model.json",
         "output": "timed.yaml",
@@ -63,7 +63,7 @@ def test_a_value_of_several_parts_is_one_line(
         {"name": "m", "value": 2.8, "sigma": 0.005},
         {"name": "cz", "value": 0.1, "sigma": 0},
     ]
-    assert _asked(page, "payload_identify") == {"loaded": ["a", "b"], "known": known}
+    assert _sent_request(page, "payload_identify") == {"loaded": ["a", "b"], "known": known}
     problems.clear()
 
 
@@ -107,7 +107,7 @@ def _form(open_page: OpenPage, served: ServedProcess, kind: str) -> Page:
     return page
 
 
-def _asked(page: Page, kind: str) -> object:
+def _sent_request(page: Page, kind: str) -> object:
     """Press what begins, and return the request; nothing begins."""
     asked: list[Any] = []
 

@@ -21,7 +21,7 @@ from tests.builders.identified_run import arm_in_motion, friction_run, identifie
 from tests.builders.motion_texts import MULTISINE, PICK
 from tests.builders.warm_model import by_temperature
 from tests.rid_daq.service.conftest import ServedProcess
-from tests.rid_daq.service.moving import begin_motion, taken, until
+from tests.rid_daq.service.moving import begin_motion, leased_cell, until
 from tests.rid_daq.workbench.conftest import OpenPage, give_back, take_cell
 from tests.rid_daq.workbench.test_work import pictured
 
@@ -64,7 +64,7 @@ def test_two_identified_runs_are_compared(open_page: OpenPage) -> None:
 def test_a_run_that_a_crash_has_left_is_recovered(
     open_page: OpenPage, served_pages: ServedProcess, long_motion: str
 ) -> None:
-    with taken(served_pages, long_motion) as key:
+    with leased_cell(served_pages, long_motion) as key:
         job = begin_motion(served_pages, key)
         with served_pages.client as client:
             pid = client.job(job.id).pid

@@ -197,10 +197,10 @@ def test_where_the_service_is_gone_nobody_answers_and_the_job_is_told_to_end(
 
 
 @contextmanager
-def asked(
+def held_keys(
     console: JobConsole, tapped: Callable[[str], None] = lambda _key: None
 ) -> Iterator[KeySource]:
-    """Have the console's keys, of a robot that is ready to move."""
+    """Return the key source of the console, for a robot that is ready to move."""
     with console.keys(tapped) as keys:
         keys.begin()
         yield keys
@@ -274,7 +274,7 @@ def test_a_held_key_holds_for_the_dead_mans_time_and_no_longer(
     holder: Holder, clock: Clock, console: JobConsole
 ) -> None:
     taps: list[str] = []
-    with asked(console, taps.append) as keys:
+    with held_keys(console, taps.append) as keys:
         holder.says(tapped="2")
         holder.says(held="+")
         held = keys.look()
@@ -297,7 +297,7 @@ def test_a_held_key_holds_for_the_dead_mans_time_and_no_longer(
 def test_the_age_of_the_challenge_counts_when_the_worker_acts_on_the_order(
     holder: Holder, clock: Clock, console: JobConsole
 ) -> None:
-    with asked(console) as keys:
+    with held_keys(console) as keys:
         holder.says(held="+", late_s=0.2)
         held = keys.look()
         assert held is not None
@@ -310,7 +310,7 @@ def test_the_age_of_the_challenge_counts_when_the_worker_acts_on_the_order(
 def test_a_link_that_is_too_slow_is_said_once_a_press_with_its_round_trip(
     holder: Holder, clock: Clock, console: JobConsole, events: Path
 ) -> None:
-    with asked(console) as keys:
+    with held_keys(console) as keys:
         for _ in range(5):
             holder.says(held="+", late_s=0.34)
             assert keys.look() is None
@@ -324,7 +324,7 @@ def test_a_link_that_is_too_slow_is_said_once_a_press_with_its_round_trip(
 def test_a_link_that_stalls_is_said_when_the_key_counts_no_longer(
     holder: Holder, clock: Clock, console: JobConsole, events: Path
 ) -> None:
-    with asked(console) as keys:
+    with held_keys(console) as keys:
         holder.says(held="+", late_s=0.04)
         clock.now_s += 0.21
         assert keys.look() is None
@@ -339,7 +339,7 @@ def test_a_tap_that_is_late_chooses_nothing_and_no_key_counts_before_another(
     holder: Holder, console: JobConsole
 ) -> None:
     taps: list[str] = []
-    with asked(console, taps.append) as keys:
+    with held_keys(console, taps.append) as keys:
         holder.says(tapped="2", late_s=0.31)
         holder.says(held="+")
         assert keys.look() is None, "it would move another axis than was chosen"
@@ -353,10 +353,10 @@ def test_a_tap_that_is_late_chooses_nothing_and_no_key_counts_before_another(
 def test_a_key_that_is_held_from_one_question_to_the_next_must_be_let_go(
     holder: Holder, console: JobConsole
 ) -> None:
-    with asked(console):
+    with held_keys(console):
         holder.says(held=" ")
     holder.says(held=" ")
-    with asked(console) as keys:
+    with held_keys(console) as keys:
         holder.says(held=" ")
         assert keys.look() is None
         holder.says(held="")

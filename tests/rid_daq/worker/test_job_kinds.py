@@ -30,7 +30,7 @@ from tests.builders.raised_codes import raises_code
 ROWS = 50
 
 
-def done(kind: JobKind, told: dict[str, Any], folder: Path) -> list[AnyEvent]:
+def run_job(kind: JobKind, told: dict[str, Any], folder: Path) -> list[AnyEvent]:
     """Do a job of a service's folder, and return what it says."""
     check_request(kind, told, folder)
     request = parse_request(kind, told, cell="ir361", runs=str(folder / "runs"), cleared=False)
@@ -58,7 +58,7 @@ def left_by_a_crash(folder: Path) -> RunFolder:
 
 def test_a_run_that_a_crash_has_left_becomes_a_run_that_can_be_read(tmp_path: Path) -> None:
     run = left_by_a_crash(tmp_path)
-    events = done(JobKind("recover"), {"what": run.run_id}, tmp_path)
+    events = run_job(JobKind("recover"), {"what": run.run_id}, tmp_path)
     (result,) = (each for each in events if isinstance(each, ResultEvent))
     (entry,) = cast(dict[str, dict[str, object]], result.document["recordings"]).values()
     assert entry["rows"] == ROWS
@@ -85,7 +85,7 @@ def test_what_is_not_there_is_named(
 ) -> None:
     (tmp_path / "runs").mkdir()
     with pytest.raises(RidDaqError) as caught:
-        done(kind, told, tmp_path)
+        run_job(kind, told, tmp_path)
     assert said in str(caught.value)
     assert caught.value.refusal
 
@@ -96,4 +96,4 @@ def test_nothing_is_recovered_from_outside_of_the_folder(tmp_path: Path) -> None
     run = left_by_a_crash(tmp_path)
     for told in ({"what": str(run.path)}, {"what": "a", "output": "../b"}):
         with raises_code(ConfigError, "RID-PATH-OUTSIDE"):
-            done(JobKind("recover"), told, folder)
+            run_job(JobKind("recover"), told, folder)
