@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.imports.import_map import ImportJoint, ImportMap, JointReading, TimeColumn
+from acquisition.imports.import_map import ImportJoint, ImportMap, JointReading
+from acquisition.imports.time_column import TimeColumn
 from config.arrays import FloatArray
 from config.errors import ConfigError, DataQualityError, RidDaqError, system_errors
 
@@ -36,7 +37,8 @@ def convert_bag_to_table(
     The columns are the time since the first message, and the joints' positions, velocities (if
     recorded) and efforts. The time is the stamp in the message's header. If these stamps are
     constant, it is the time at which the bag recorded the message. Messages without any of the
-    joints belong to another device and are ignored; values that a message lacks are empty.
+    joints belong to another device and are ignored; values that a message lacks are empty. If the
+    joints come in several messages, the map interpolates them to the messages of the first joint.
 
     Args:
         path: Folder of a bag, or a file `.db3`, `.mcap` or `.bag`.
@@ -50,7 +52,7 @@ def convert_bag_to_table(
     Raises:
         ConfigError: The bag cannot be read, has no such topic or several, or does not name the
             joints.
-        DataQualityError: The messages contain no efforts.
+        DataQualityError: The messages contain no efforts, or lack a joint.
     """
     states = import_map.joint_states
     assert states is not None
@@ -95,6 +97,16 @@ def convert_bag_to_table(
             f"{path}: the messages contain no efforts: record a topic with torques or currents",
             code="RID-BAG-TOPIC",
         )
+    for number, name in enumerate(names):
+        for quantity in (0, 2):
+            if not np.isfinite(values[:, quantity, number]).any():
+                raise DataQualityError(
+                    f"{path}: no message has the {_QUANTITIES[quantity]} of joint {name}: correct"
+                    " joint_states.names, or record the topic that has it",
+                    code="RID-BAG-TOPIC",
+                )
+    complete = np.isfinite(values[:, (0, 2)]).all(axis=(1, 2))
+    is_split = 1.0 - complete.mean() > import_map.left_out_limit
     moving = np.ptp(np.frombuffer(stamps, dtype=np.int64)) > 0
     times = np.frombuffer(stamps if moving else received, dtype=np.int64)
     _write_csv(table, (times - times[0]) * 1e-9, values[:, there].reshape(len(times), -1))
@@ -120,6 +132,7 @@ def convert_bag_to_table(
             _translate_key(name, places) for name in import_map.implausible_on_purpose
         ),
         columns=1 + int(there.sum()) * n,
+        empty_cells="interpolate" if is_split else "damaged",
         time=TimeColumn(column=0),
         joints=joints,
     )

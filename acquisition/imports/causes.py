@@ -11,7 +11,9 @@ import numpy as np
 
 from acquisition.imports.columns import ImportColumns, ImportRows
 from acquisition.imports.import_map import ImportMap
+from acquisition.imports.merged_topics import NO_NEIGHBOUR
 from acquisition.imports.report import DamagedRow
+from acquisition.imports.time_column import match_iso
 from config.arrays import FloatArray
 from config.robot.robot import JointLimits, RobotDescription
 
@@ -21,6 +23,11 @@ BEYOND_LIMIT = 0.05
 _BY_REASON = {
     "with a wrong number of columns": "check columns, delimiter and header_rows of the map",
     "without a number": "check columns, decimal and header_rows of the map",
+    NO_NEIGHBOUR: (
+        "the topics were not recorded at the same time, or with gaps: choose the common part with"
+        " --rows"
+    ),
+    "without a time stamp": "check column and unit of time, and header_rows, in the map",
     "with a doubled time stamp": (
         "the time stamps are too coarse for the rows: record finer ones, or replace time by"
         " rate_hz if the rate is known"
@@ -107,6 +114,18 @@ def likely_cause_of_damage(
     ((reason, _),) = Counter(row.reason for row in damaged).most_common(1)
     if reason == "without a number" and _has_decimal_commas(damaged, import_map):
         return "its numbers have a decimal comma: put `decimal: ','` into the map"
+    if reason == "without a number" and " is empty (" in damaged[-1].detail:
+        return (
+            "cells are empty: if several topics were exported into one file, put `empty_cells:"
+            " interpolate` into the map"
+        )
+    if reason == "without a time stamp" and _has_dates(damaged):
+        return "the time stamps are dates: put `unit: iso` into `time` of the map"
+    if reason == "with a doubled time stamp" and _are_whole_seconds(rows.time_s, import_map):
+        return (
+            "the time stamps are whole seconds: if another column has their nanoseconds, name it:"
+            " `time: {column: 0, nanoseconds: 1}`"
+        )
     if reason != "with an absurd value":
         return _BY_REASON.get(
             reason, "the clocks of the files start at different times, or a unit of time is wrong"
@@ -134,4 +153,15 @@ def likely_cause_of_damage(
 def _has_decimal_commas(damaged: Sequence[DamagedRow], import_map: ImportMap) -> bool:
     """Return True if the last damaged row would be a number with a decimal comma."""
     last = damaged[-1].detail
-    return import_map.decimal == "." and bool(re.search(r"'[-+]?\d+,\d+(e[-+]?\d+)?'$", last))
+    return import_map.decimal == "." and bool(re.search(r"'[-+]?\d+,\d+(e[-+]?\d+)?' \(", last))
+
+
+def _has_dates(damaged: Sequence[DamagedRow]) -> bool:
+    """Return True if the last damaged row has an ISO 8601 date for a time stamp."""
+    return any(match_iso(text) for text in damaged[-1].detail.split("'"))
+
+
+def _are_whole_seconds(time_s: FloatArray, import_map: ImportMap) -> bool:
+    """Return True if the stamps are in seconds and have no fraction."""
+    in_seconds = import_map.time is not None and import_map.time.unit == "s"
+    return in_seconds and bool((time_s == np.round(time_s)).all())

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from acquisition.imports.import_map import ImportJoint, ImportMap
-from acquisition.imports.tables import ImportTable
+from acquisition.imports.table import ImportTable
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import ConfigError
 from config.plausible import ZERO_CELSIUS_K
@@ -160,7 +160,7 @@ def _torque_constant(
     if description is None or description.torque_constant_nm_per_a is None:
         raise ConfigError(
             f"map {import_map.name!r}: the current of joint {joint.joint!r} has no"
-            " torque_constant_nm_per_a in the map or in the robot file: add it to one of them",
+            " torque_constant_nm_per_a in the map or in the robot file: add the constant",
             code="RID-IMPORT-MOTOR-SIDE",
         )
     return math.copysign(description.torque_constant_nm_per_a, gear)

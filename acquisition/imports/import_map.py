@@ -6,8 +6,9 @@ from collections.abc import Iterator, Sequence
 from itertools import accumulate
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
+from acquisition.imports.time_column import Column, TimeColumn
 from config.errors import ConfigError
 from config.formats.yaml_tree import parse_yaml
 from config.load import read_named, validate
@@ -15,21 +16,6 @@ from config.model import ConfigModel
 from config.plausible import Derived, PhysicalFile, Plausible
 from config.robot.robot import MOST_JOINTS, Positive, RobotDescription
 
-
-def _refuse_column_name(value: object) -> object:
-    """Raise an error if a column is given by its name instead of its number.
-
-    Raises:
-        ValueError: The value is a name.
-    """
-    if isinstance(value, str):
-        raise ValueError(
-            f"columns are given by number, counted from 0: give the number of column {value!r}"
-        )
-    return value
-
-
-Column = Annotated[int, BeforeValidator(_refuse_column_name), Field(ge=0, lt=10_000)]
 Columns = Annotated[int, Field(ge=2, le=10_000)]
 
 PositionUnit = Literal["rad", "deg", "rev", "m", "mm"]
@@ -37,17 +23,6 @@ VelocityUnit = Literal["rad/s", "deg/s", "rpm", "m/s", "mm/s"]
 
 _LARGEST_OFFSET = {"rad": 15.0, "deg": 900.0, "rev": 2.5, "m": 50.0, "mm": 5e4}
 _LARGEST_GEAR = 5e3
-
-
-class TimeColumn(ConfigModel):
-    """Column and unit of the time stamps. The steps may vary: the stamps are used as they are.
-
-    Attributes:
-        column, unit: Number of the column, counted from 0, and unit of the time stamps.
-    """
-
-    column: Column
-    unit: Literal["s", "ms", "us"] = "s"
 
 
 class FurtherFile(ConfigModel):
@@ -219,8 +194,12 @@ class ImportMap(PhysicalFile, Derived):
         robot: A bundled robot file, or a path relative to the map.
         columns: Number of columns of a sound row; a row with another number is damaged.
         delimiter: Separator of the columns.
-        decimal: Decimal separator.
+        decimal: Decimal separator. If it is also the delimiter, numbers must be quoted.
         header_rows: Number of rows to skip at the beginning of the file.
+        empty_cells: Meaning of empty cells and `nan` in the columns of the joints. `damaged`: the
+            row is left out. `interpolate`: several topics were written into one file, each in rows
+            of its own; the rows with a position of the first joint are kept, and the other columns
+            are interpolated to their time stamps.
         time: Column of the time stamps; give this or `rate_hz`.
         rate_hz: Number of rows per second, for a file without time stamps [Hz].
         further_files: Files that follow the first one on the command line, in this order. Their
@@ -246,6 +225,7 @@ class ImportMap(PhysicalFile, Derived):
     delimiter: Literal[",", ";", "tab", "space"] = ","
     decimal: Literal[".", ","] = "."
     header_rows: Annotated[int, Field(ge=0, le=1000)] = 0
+    empty_cells: Literal["damaged", "interpolate"] = "damaged"
     time: TimeColumn | None = None
     rate_hz: Annotated[Positive, Plausible(1.0, 1e5, "Hz")] | None = None
     further_files: tuple[FurtherFile, ...] = Field(default=(), max_length=3)
@@ -263,6 +243,7 @@ class ImportMap(PhysicalFile, Derived):
         if self.joint_states is not None:
             given = self.model_fields_set & {"columns", "time", "rate_hz", "joints"}
             given |= self.model_fields_set & {"further_files", "delimiter", "decimal"}
+            given |= self.model_fields_set & {"empty_cells"}
             if given:
                 raise ValueError(
                     f"joint_states excludes {', '.join(sorted(given))}: the messages define these"
@@ -279,11 +260,6 @@ class ImportMap(PhysicalFile, Derived):
         if self.rate_hz is not None and any(file.time for file in self.further_files):
             raise ValueError(
                 "with rate_hz, rows are counted in every file: remove `time` of the further files"
-            )
-        if self.decimal == self.delimiter:
-            raise ValueError(
-                f"decimal and delimiter are both {self.decimal!r}: if numbers have a decimal"
-                " comma, give another delimiter: ';', tab or space"
             )
         return self
 
@@ -339,18 +315,24 @@ class ImportMap(PhysicalFile, Derived):
         """Return the time column of file `number`, counted in that file; None with `rate_hz`."""
         return self.time if number == 0 else self.further_files[number - 1].time or self.time
 
+    @property
+    def column_roles(self) -> dict[int, str]:
+        """Quantity and joint of each column of a joint, such as `torque of axis1`."""
+        return {column: role for role, column in self._joint_columns()}
+
     def _time_columns(self) -> Iterator[tuple[str, int]]:
         widths = (self.columns or 0, *(file.columns for file in self.further_files))
         for number, width in enumerate(widths):
             time = self.time_column_of_file(number)
             if time is not None:
                 role = f"time of file {number + 1}" if number else "time"
-                if time.column >= width:
-                    raise ValueError(
-                        f"{role} is column {time.column}, but rows of that file have columns 0 to"
-                        f" {width - 1}"
-                    )
-                yield role, self.first_columns[number] + time.column
+                for column in time.columns:
+                    if column >= width:
+                        raise ValueError(
+                            f"{role} is column {column}, but rows of that file have columns 0 to"
+                            f" {width - 1}"
+                        )
+                    yield role, self.first_columns[number] + column
 
     def _joint_columns(self) -> Iterator[tuple[str, int]]:
         for joint in self.joints:

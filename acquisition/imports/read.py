@@ -24,6 +24,7 @@ from acquisition.imports.import_map import ImportMap
 from acquisition.imports.report import DamagedRow, ImportReport, group_damaged
 from acquisition.imports.soundness import drop_copies, drop_unsound_rows
 from acquisition.imports.tables import read_tables
+from acquisition.imports.velocities import without_missing_velocities
 from acquisition.motion.samples import Phase
 from acquisition.processing.smoothing import GAP_STEPS, resample_periods
 from acquisition.recording.recording import Recording
@@ -67,7 +68,10 @@ def import_csv(
     """
     columns = ImportColumns.of(import_map, robot)
     damaged: list[DamagedRow] = []
-    table = read_tables((file, *further), import_map, columns.columns, damaged)
+    optional = {j.velocity for j in import_map.joints if j.velocity is not None}
+    table = read_tables((file, *further), import_map, columns.columns, damaged, optional)
+    import_map, missing = without_missing_velocities(import_map, table)
+    columns = ImportColumns.of(import_map, robot)
     read = columns.rows(table, len(import_map.joints))
     original = drop_copies(read)
     rows, notes = drop_unsound_rows(original, import_map, damaged)
@@ -132,6 +136,7 @@ def import_csv(
         ),
         findings=(
             *table.notes,
+            *missing,
             *notes,
             *clock.findings(import_map.joint_names),
             *findings.sentences,

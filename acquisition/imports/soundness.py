@@ -9,7 +9,7 @@ from acquisition.clock.samples import Samples
 from acquisition.imports.columns import ImportRows
 from acquisition.imports.import_map import ImportMap
 from acquisition.imports.report import DamagedRow
-from acquisition.imports.tables import find_unordered
+from acquisition.imports.table import find_unordered
 from acquisition.processing.smoothing import GAP_STEPS
 
 JUMP_FACTOR = 1.5

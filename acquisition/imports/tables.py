@@ -1,47 +1,29 @@
-"""`ImportTable`: rows of CSV files as numbers in their own units, at the first file's times."""
+"""`read_tables`: reads CSV files as numbers in their own units, at the first file's times."""
 
 from __future__ import annotations
 
+import csv
 import io
 import math
 from array import array
-from bisect import bisect_left
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from acquisition.imports.import_map import ImportMap, RowRange
+from acquisition.imports.merged_topics import merge_topics, rows_near
 from acquisition.imports.report import DamagedRow
-from acquisition.processing.smoothing import GAP_STEPS
-from config.arrays import BoolArray, FloatArray, IntArray
-from config.errors import ConfigError, system_errors
+from acquisition.imports.table import ImportTable, find_unordered
+from acquisition.imports.time_column import Stamps
+from config.errors import ConfigError, DataQualityError, system_errors
 from config.formats.bounded_file import open_file
 from config.formats.number import parse_number
 
 LARGEST_FILE_BYTES = 500_000_000
 SEPARATORS = {",": ",", ";": ";", "tab": "\t", "space": None}
-_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
-
-
-@dataclass(frozen=True, eq=False)
-class ImportTable:
-    """Rows whose columns are numbers.
-
-    Attributes:
-        row: Shape (rows,). Line numbers in the first file, from 1.
-        time_s: Shape (rows,). Time stamps, or row number divided by the rate [s].
-        values: Shape (rows, columns). Requested columns, in the units of the files.
-        rows_read: Number of rows with data, damaged ones included.
-        notes: Problems of further files, one sentence each.
-    """
-
-    row: IntArray
-    time_s: FloatArray
-    values: FloatArray
-    rows_read: int
-    notes: tuple[str, ...] = ()
+_NO_NUMBER = (ConfigError, ValueError, OverflowError)
 
 
 def read_tables(
@@ -49,6 +31,7 @@ def read_tables(
     import_map: ImportMap,
     columns: Sequence[int],
     damaged: list[DamagedRow],
+    optional: Collection[int] = (),
 ) -> ImportTable:
     """Read files with a map; rows that are not numbers are reported and left out.
 
@@ -57,6 +40,7 @@ def read_tables(
         import_map: Layout of the files.
         columns: Requested columns, counted through all files.
         damaged: List to which the dropped rows are appended, as rows of the first file.
+        optional: Requested columns in which a cell may be empty: it is NaN.
 
     Raises:
         ConfigError: The number of files differs from the map's, a file cannot be read, or it ends
@@ -69,44 +53,12 @@ def read_tables(
             " them in the order of the map",
             code="RID-IMPORT-FILES",
         )
-    first = _read_file(files[0], import_map, 0, columns, damaged)
+    first = _read_file(files[0], import_map, 0, columns, damaged, optional, None)
     for number, path in enumerate(files[1:], start=1):
-        first = _append_columns(
-            first, _read_file(path, import_map, number, columns, []), path, damaged
-        )
+        origin = first.origin_ns
+        other = _read_file(path, import_map, number, columns, [], optional, origin)
+        first = _append_columns(first, other, path, damaged)
     return first
-
-
-def find_unordered(stamps: FloatArray) -> tuple[BoolArray, BoolArray]:
-    """Return the smallest set of rows to drop so that the time stamps increase.
-
-    Args:
-        stamps: Shape (rows,). Finite time stamps.
-
-    Returns:
-        `doubled, disordered`, shape (rows,): rows with the stamp of the previous row, and other
-        rows.
-    """
-    doubled = np.zeros(len(stamps), dtype=np.bool_)
-    doubled[1:] = stamps[1:] == stamps[:-1]
-    if (np.diff(stamps[~doubled]) > 0.0).all():
-        return doubled, np.zeros_like(doubled)
-    disordered = ~doubled
-    # Longest increasing subsequence: ends[k] is the last row of the best one of length k + 1.
-    ends: list[int] = []
-    end_stamps: list[float] = []
-    before = np.full(len(stamps), -1)
-    for row in np.flatnonzero(~doubled).tolist():
-        stamp = float(stamps[row])
-        length = bisect_left(end_stamps, stamp)
-        before[row] = ends[length - 1] if length else -1
-        ends[length : length + 1] = [row]
-        end_stamps[length : length + 1] = [stamp]
-    chain = ends[-1]
-    while chain >= 0:
-        disordered[chain] = False
-        chain = int(before[chain])
-    return doubled, disordered
 
 
 def _read_file(
@@ -115,13 +67,18 @@ def _read_file(
     number: int,
     columns: Sequence[int],
     damaged: list[DamagedRow],
+    optional: Collection[int],
+    origin_ns: int | None,
 ) -> ImportTable:
     """Read one file; columns of other files are NaN."""
     begin, end = import_map.first_columns[number : number + 2]
     time = import_map.time_column_of_file(number)
+    stamps = None if time is None else Stamps(time)
     here = [i for i, column in enumerate(columns) if begin <= column < end]
-    wanted = [columns[i] - begin for i in here] + ([] if time is None else [time.column])
-    separator = SEPARATORS[import_map.delimiter]
+    wanted = [columns[i] - begin for i in here]
+    roles = {column - begin: role for column, role in import_map.column_roles.items()}
+    merged = import_map.empty_cells == "interpolate"
+    may_be_empty = [merged or columns[i] in optional for i in here]
     asked = import_map.rows if number == 0 else RowRange()
     last = asked.last or math.inf
     numbers, rows, counts = array("d"), array("q"), array("q")
@@ -135,23 +92,28 @@ def _read_file(
         if row < asked.first:
             continue
         found += 1
-        odd = "_" in line or not line.isascii() or (import_map.decimal == "," and "." in line)
-        if import_map.decimal == "," and not odd:
-            line = line.replace(",", ".")
-        fields = line.replace('"', "").split(separator)
+        fields, read_one = _split(line, import_map)
         if len(fields) != end - begin:
             detail = f"{len(fields)} columns instead of {end - begin}"
-            detail += _delimiter_hint(line, import_map.delimiter, end - begin)
+            detail += _delimiter_hint(line, import_map, end - begin)
             damaged.append(DamagedRow(row, "with a wrong number of columns", detail))
             continue
-        read_one = _strict_parser(import_map.decimal) if odd else float
         try:
-            numbers.extend([read_one(fields[column]) for column in wanted])
-        except (ConfigError, ValueError):
-            damaged.append(
-                DamagedRow(row, "without a number", _describe_bad_field(fields, wanted, read_one))
-            )
-            continue
+            read = [read_one(fields[column]) for column in wanted]
+        except _NO_NUMBER:
+            read, bad = _read_with_gaps(fields, wanted, may_be_empty, read_one)
+            if bad is not None:
+                detail = f"{_describe(bad, fields[bad])} ({roles[bad]})"
+                damaged.append(DamagedRow(row, "without a number", detail))
+                continue
+        if stamps is not None and time is not None:
+            try:
+                stamps.append(fields, read_one)
+            except _NO_NUMBER:
+                text = ", ".join(_describe(column, fields[column]) for column in time.columns)
+                damaged.append(DamagedRow(row, "without a time stamp", text))
+                continue
+        numbers.extend(read)
         rows.append(row)
         counts.append(count)
     if row < (asked.last or asked.first) and asked != RowRange():
@@ -160,14 +122,60 @@ def _read_file(
             " correct --rows or `rows` in the map",
             code="RID-IMPORT-RANGE",
         )
-    read = np.frombuffer(numbers, dtype=np.float64).reshape(-1, len(wanted))
     values = np.full((len(rows), len(columns)), np.nan)
-    values[:, here] = read[:, : len(here)]
-    if time is None:
-        stamps = (np.array(counts, dtype=np.float64) - 1.0) / (import_map.rate_hz or math.nan)
+    values[:, here] = np.frombuffer(numbers, dtype=np.float64).reshape(len(rows), len(wanted))
+    if stamps is None:
+        time_s, origin = (np.array(counts, dtype=float) - 1.0) / (import_map.rate_hz or math.nan), 0
     else:
-        stamps = read[:, -1] * _SECONDS[time.unit]
-    return ImportTable(np.array(rows, dtype=np.int64), stamps, values, found)
+        time_s, origin = stamps.seconds(origin_ns)
+    table = ImportTable(np.array(rows, dtype=np.int64), time_s, values, found, origin_ns=origin)
+    if not merged:
+        return table
+    needed = [i for i in here if np.isfinite(values[:, i]).any() or columns[i] not in optional]
+    names = [roles[columns[i] - begin] for i in needed]
+    try:
+        return merge_topics(table, needed, names, damaged)
+    except DataQualityError as error:
+        raise DataQualityError(f"{path}: {error}", code=error.refusal) from None
+
+
+def _split(line: str, import_map: ImportMap) -> tuple[list[str], Callable[[str], float]]:
+    """Return the fields of a line and the function that reads a number."""
+    separator, comma = SEPARATORS[import_map.delimiter], import_map.decimal == ","
+    odd = "_" in line or not line.isascii() or (comma and "." in line)
+    if separator == "," and comma and '"' not in line:
+        return [], float  # without quotes nothing tells a decimal comma from a delimiter
+    if '"' in line and separator is not None:
+        try:
+            fields = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+        except csv.Error:
+            return [], float
+        if comma and not odd:
+            fields = [field.replace(",", ".") for field in fields]
+    else:
+        if comma and not odd:
+            line = line.replace(",", ".")
+        fields = line.replace('"', "").split(separator)
+    return fields, _strict_parser(import_map.decimal) if odd else float
+
+
+def _read_with_gaps(
+    fields: Sequence[str],
+    columns: Sequence[int],
+    may_be_empty: Sequence[bool],
+    read: Callable[[str], float],
+) -> tuple[list[float], int | None]:
+    """Return the numbers, NaN for permitted empty cells, and the first column without a number."""
+    numbers: list[float] = []
+    for column, permitted in zip(columns, may_be_empty, strict=True):
+        if permitted and not fields[column].strip():
+            numbers.append(math.nan)
+            continue
+        try:
+            numbers.append(read(fields[column]))
+        except _NO_NUMBER:
+            return numbers, column
+    return numbers, None
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
@@ -198,13 +206,10 @@ def _strict_parser(decimal: str) -> Callable[[str], float]:
     return read
 
 
-def _describe_bad_field(fields: list[str], columns: list[int], read: Callable[[str], float]) -> str:
-    for column in columns:
-        try:
-            read(fields[column])
-        except (ConfigError, ValueError):
-            return f"column {column} is {fields[column].strip()[:30]!r}"
-    return "not a number"
+def _describe(column: int, text: str) -> str:
+    """Return a column and its text for a message."""
+    words = text.strip()[:40]
+    return f"column {column} is {words!r}" if words else f"column {column} is empty"
 
 
 def _append_columns(
@@ -226,10 +231,7 @@ def _append_columns(
             f"{path}: contains fewer than 2 readable rows: wrong file or map",
             code="RID-IMPORT-ROWS",
         )
-    after = np.clip(np.searchsorted(stamps, first.time_s), 1, len(stamps) - 1)
-    step_s = float(np.median(np.diff(stamps)))
-    inside = (first.time_s >= stamps[0] - step_s / 2) & (first.time_s <= stamps[-1] + step_s / 2)
-    near = inside & (stamps[after] - stamps[after - 1] <= GAP_STEPS * step_s)
+    near = rows_near(stamps, first.time_s)
     damaged.extend(
         DamagedRow(int(row), f"without a row in {path.name} at its time", f"it is {stamp:.9g} s")
         for row, stamp in zip(first.row[~near], first.time_s[~near], strict=True)
@@ -237,12 +239,16 @@ def _append_columns(
     values = first.values[near]
     for column in np.flatnonzero(np.isfinite(read).any(axis=0)):
         values[:, column] = np.interp(first.time_s[near], stamps, read[:, column])
-    return ImportTable(first.row[near], first.time_s[near], values, first.rows_read, notes)
+    return replace(
+        first, row=first.row[near], time_s=first.time_s[near], values=values, notes=notes
+    )
 
 
-def _delimiter_hint(line: str, delimiter: str, columns: int) -> str:
+def _delimiter_hint(line: str, import_map: ImportMap, columns: int) -> str:
     """Return a hint if another delimiter would give the right number of columns."""
+    if import_map.decimal == import_map.delimiter and '"' not in line:
+        return "; decimal and delimiter are both ',', so numbers must be quoted"
     for name, separator in SEPARATORS.items():
-        if name != delimiter and len(line.split(separator)) == columns:
+        if name != import_map.delimiter and len(line.split(separator)) == columns:
             return f"; {columns} with `delimiter: {name!r}` in the map"
     return ""

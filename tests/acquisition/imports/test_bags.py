@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -35,8 +36,14 @@ def write_bag(
     columns: Sequence[int] = (0, 1),
     stamped: bool = True,
     effort: bool = True,
+    lacking: Mapping[str, int] = {},
+    split: bool = False,
 ) -> Path:
-    """Write a bag of an arm, and of a gripper that publishes on the same topic."""
+    """Write a bag of an arm, and of a gripper that publishes on the same topic.
+
+    A quantity in `lacking` is NaN for the joint of that column. With `split`, each joint has a
+    message of its own, the second 2 ms later.
+    """
     kinds = TYPES.types
     header, time = kinds["std_msgs/msg/Header"], kinds["builtin_interfaces/msg/Time"]
     state, kind = kinds["sensor_msgs/msg/JointState"], "sensor_msgs/msg/JointState"
@@ -50,6 +57,16 @@ def write_bag(
                 "velocity": VELOCITY[row, list(columns)],
             }
             arm["effort"] = EFFORT[row, list(columns)] if effort else np.empty(0)
+            for quantity, joint in lacking.items():
+                arm[quantity][joint] = np.nan
+            if split:
+                for j in range(len(names)):
+                    head = header(stamp=time(sec=ns // 10**9, nanosec=ns % 10**9), frame_id="")
+                    own = {quantity: values[[j]] for quantity, values in arm.items()}
+                    message = state(header=head, name=[names[j]], **own)
+                    writer.write(connection, ns, TYPES.serialize_cdr(message, kind))
+                    ns += 2_000_000
+                continue
             hand = dict.fromkeys(arm, np.array([0.04]))
             for who, values in ((names, arm), (["finger"], hand)):
                 head = header(stamp=when, frame_id="")
@@ -188,3 +205,32 @@ def test_a_joint_of_another_device_that_stands_twice_costs_nothing(tmp_path: Pat
 def test_two_joints_of_the_map_cannot_be_read_of_one_name() -> None:
     with raises_invalid("joint_states", "two joints"):
         bag_map(names=("elbow", "elbow"))
+
+
+def test_a_joint_without_velocity_is_read_without_it(tmp_path: Path) -> None:
+    table = tmp_path / "table.csv"
+    bag = write_bag(tmp_path / "bag", lacking={"velocity": 1})
+    recording, report = import_csv(table, convert_bag_to_table(bag, bag_map(), NAMES, table))
+    np.testing.assert_array_equal(recording.position, POSITION)
+    assert report.velocity_ratio[1] is None
+    assert [re.findall(r"\w+(?= \(100 %)", found) for found in report.findings] == [["elbow"]]
+
+
+@pytest.mark.parametrize("quantity", ["position", "effort"])
+def test_a_joint_that_no_message_measures_is_refused_by_its_name(
+    tmp_path: Path, quantity: str
+) -> None:
+    bag = write_bag(tmp_path / "bag", lacking={quantity: 1})
+    with raises_code(DataQualityError, "RID-BAG-TOPIC", f"{bag}: ", quantity, "elbow"):
+        convert_bag_to_table(bag, bag_map(), NAMES, tmp_path / "table.csv")
+
+
+def test_joints_of_several_messages_are_put_together(tmp_path: Path) -> None:
+    table = tmp_path / "table.csv"
+    bag = write_bag(tmp_path / "bag", split=True)
+    recording, report = import_csv(table, convert_bag_to_table(bag, bag_map(), NAMES, table))
+    np.testing.assert_array_equal(recording.position[:, 0], POSITION[:, 0])
+    elbow = 0.5 * np.cos(2.0 * (T - 0.002))
+    np.testing.assert_allclose(recording.position[1:, 1], elbow[1:], atol=5e-5)
+    assert (report.rows_read, report.rows_damaged) == (300, 0)
+    assert [re.findall(r"\d+", found) for found in report.findings] == [["300", "300", "300"]]

@@ -57,7 +57,6 @@ def test_a_minimal_map_is_enough() -> None:
         ),
         ({"joints": [JOINT, JOINT]}, "", ("two joints",)),
         ({"joints": [JOINT] * 17}, "joints", ("16", "17")),
-        ({"decimal": ","}, "", ("decimal", "delimiter", "','")),
         ({"rows": {"first": 9, "last": 9}}, "rows", ("last 9", "first 9")),
         (
             {"joints": [JOINT | {"temperature": 2}]},

@@ -181,7 +181,7 @@ class TestDamagedRows:
 
     def test_with_text_where_a_number_belongs(self, write: Write) -> None:
         found, _ = self.damage(write, {7: self.altered(7, 2, "ERR")})
-        assert found == ["row 7: 1 without a number (row 7: column 2 is 'ERR')"]
+        assert found == ["row 7: 1 without a number (row 7: column 2 is 'ERR' (position of b))"]
 
     @pytest.mark.parametrize("value", ["nan", "inf", "1e250", "-11.0"])
     def test_with_an_absurd_value(self, write: Write, value: str) -> None:

@@ -1,0 +1,137 @@
+"""Import: several topics in one file, and velocities that a source does not fill."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from acquisition.imports.import_map import ImportMap
+from acquisition.imports.read import import_csv
+from config.errors import DataQualityError
+from tests.builders.raised_codes import raises_code
+
+T = 0.01 * np.arange(300)
+NAMES = ("position", "velocity", "torque")
+
+
+def q(t: Any) -> Any:
+    return np.sin(3.0 * t)
+
+
+def tau(t: Any) -> Any:
+    return np.cos(5.0 * t)
+
+
+def layout(**changes: Any) -> ImportMap:
+    joint = {"joint": "a", "position": 1, "torque": 2}
+    values = {"name": "m", "robot": "r", "columns": 3, "time": {"column": 0}, "joints": [joint]}
+    return ImportMap.model_validate_json(json.dumps(values | changes))
+
+
+def merged(path: Path, shift_s: float = 0.002, empty: str = "", stop: int = 300) -> Path:
+    """Write positions and torques in rows of their own, the torques `shift_s` later."""
+    lines = []
+    for row, t in enumerate(T.tolist()):
+        lines.append(f"{t!r},{float(q(t))!r},{empty}\n")
+        if row < stop:
+            lines.append(f"{t + shift_s!r},{empty},{float(tau(t + shift_s))!r}\n")
+    path.write_text("".join(lines))
+    return path
+
+
+@pytest.mark.parametrize("empty", ["", " ", "nan", "NaN"])
+def test_topics_of_one_file_meet_at_the_rows_of_the_first_joint(tmp_path: Path, empty: str) -> None:
+    path = merged(tmp_path / "r.csv", empty=empty)
+    recording, report = import_csv(path, layout(empty_cells="interpolate"))
+    np.testing.assert_array_equal(recording.position[:, 0], q(T))
+    np.testing.assert_allclose(recording.torque_nm[1:, 0], tau(T)[1:], atol=4e-4)
+    assert (report.rows_read, report.rows_damaged) == (300, 0)
+    (note,) = report.findings
+    assert re.findall(r"\d+", note) == ["300", "300", "300"]
+
+
+def test_rows_beyond_the_other_topic_are_left_out(tmp_path: Path) -> None:
+    path = merged(tmp_path / "r.csv", stop=280)
+    import_map = layout(empty_cells="interpolate", left_out_limit=0.1)
+    recording, report = import_csv(path, import_map)
+    assert report.rows_damaged == 20
+    assert recording.time_s[-1] == pytest.approx(T[279])
+    with raises_code(DataQualityError, "RID-IMPORT-ROWS", "20 ", "--rows"):
+        import_csv(path, layout(empty_cells="interpolate"))
+
+
+def test_without_the_key_the_refusal_names_it(tmp_path: Path) -> None:
+    path = merged(tmp_path / "r.csv")
+    with raises_code(DataQualityError, "RID-IMPORT-ROWS", "empty_cells"):
+        import_csv(path, layout())
+
+
+def test_a_column_that_is_always_empty_is_refused_by_its_name(tmp_path: Path) -> None:
+    path = tmp_path / "r.csv"
+    path.write_text("".join(f"{t!r},{float(q(t))!r},\n" for t in T.tolist()))
+    with raises_code(DataQualityError, "RID-IMPORT-ROWS", str(path), "torque"):
+        import_csv(path, layout(empty_cells="interpolate"))
+
+
+def test_a_text_that_is_no_number_is_not_interpolated(tmp_path: Path) -> None:
+    path = merged(tmp_path / "r.csv")
+    path.write_text(path.read_text().replace("\n", "x\n", 1))
+    _, report = import_csv(path, layout(empty_cells="interpolate"))
+    assert [(group.first, group.counts) for group in report.damaged] == [
+        (1, (("without a number", 1),))
+    ]
+
+
+class TestVelocities:
+    JOINT = {"joint": "a", "position": 1, "velocity": 2, "torque": 3}  # noqa: RUF012
+
+    def read(self, path: Path, lacking: int, text: str) -> Any:
+        velocity = [text] * lacking + [repr(float(v)) for v in 3.0 * np.cos(3.0 * T[lacking:])]
+        path.write_text(
+            "".join(
+                f"{t!r},{float(q(t))!r},{v},{float(tau(t))!r}\n"
+                for t, v in zip(T.tolist(), velocity, strict=True)
+            )
+        )
+        return import_csv(path, layout(columns=4, joints=[self.JOINT]))
+
+    @pytest.mark.parametrize("text", ["nan", ""])
+    @pytest.mark.parametrize("lacking", [300, 200])
+    def test_that_a_source_does_not_fill_are_left_out_and_said(
+        self, tmp_path: Path, text: str, lacking: int
+    ) -> None:
+        recording, report = self.read(tmp_path / "r.csv", lacking, text)
+        assert len(recording.time_s) == 300
+        assert report.velocity_ratio == (None,)
+        (note,) = report.findings
+        assert re.findall(r"[\d.]+(?= %)", note) == [f"{lacking / 3:.3g}"]
+
+    @pytest.mark.parametrize("text", ["nan", ""])
+    def test_that_few_rows_lack_are_damage(self, tmp_path: Path, text: str) -> None:
+        recording, report = self.read(tmp_path / "r.csv", 3, text)
+        assert len(recording.time_s) == 297
+        assert report.velocity_ratio[0] == pytest.approx(1.0, abs=1e-2)
+
+
+class TestDecimalCommasBetweenCommas:
+    def lines(self, row: str) -> str:
+        numbers = np.column_stack([T, q(T), tau(T)])
+        return "".join(row.format(*(f"{x:.12g}".replace(".", ",") for x in r)) for r in numbers)
+
+    def test_are_read_if_they_are_quoted(self, tmp_path: Path) -> None:
+        path = tmp_path / "r.csv"
+        path.write_text(self.lines('"{}","{}", "{}"\n'))
+        recording, report = import_csv(path, layout(decimal=","))
+        assert report.rows_damaged == 0
+        np.testing.assert_allclose(recording.torque_nm[:, 0], tau(T), atol=1e-11)
+
+    def test_are_refused_without_quotes(self, tmp_path: Path) -> None:
+        path = tmp_path / "r.csv"
+        path.write_text(self.lines("{},{},{}\n"))
+        with raises_code(DataQualityError, "RID-IMPORT-ROWS", "quoted"):
+            import_csv(path, layout(decimal=","))
