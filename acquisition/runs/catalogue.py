@@ -69,14 +69,14 @@ def find_runs(root: Path, references: Iterable[str]) -> tuple[RunFolder, ...]:
     return found
 
 
-def find_run(root: Path, reference: str, having: str | None = None) -> RunFolder:
+def find_run(root: Path, reference: str, having: tuple[str, ...] = ()) -> RunFolder:
     """Return the run that `reference` names; logs a warning if several runs have that label.
 
     Args:
         root: Folder of all runs.
         reference: Path of a run folder, `latest`, an id or the unique beginning of an id, or a
             label. The newest run with a label is used.
-        having: If given, a label or `latest` matches only runs that contain this file.
+        having: If given, a label or `latest` matches only runs that contain one of these files.
 
     Raises:
         ConfigError: No run matches, or the beginning of an id matches several.
@@ -96,13 +96,15 @@ def find_run(root: Path, reference: str, having: str | None = None) -> RunFolder
         raise
 
 
-def find_run_below(root: Path, reference: str, having: str | None = None) -> RunFolder:
+def find_run_below(root: Path, reference: str, having: tuple[str, ...] = ()) -> RunFolder:
     """Return the run below `root` that `reference` names; the reference cannot be a path.
 
     Arguments and errors are those of `find_run`.
     """
     runs = list_runs(root)
-    fit = [each for each in runs if having is None or each[0].file(having).exists()]
+    fit = [
+        each for each in runs if not having or any(each[0].file(name).exists() for name in having)
+    ]
     if reference == LATEST and fit:
         for folder, problem in list_damaged_runs(root):
             if folder.run_id > fit[-1][0].run_id:
@@ -125,13 +127,13 @@ def find_run_below(root: Path, reference: str, having: str | None = None) -> Run
             f"run {reference!r} is ambiguous: {which}: give more characters of the id",
             code="RID-RUN-AMBIGUOUS",
         )
-    what = "run" if having is None else f"run with {having}"
+    what = f"run with {' or '.join(having)}" if having else "run"
     raise ConfigError(
         f"no {what} {reference!r} under {root}: `rid-daq runs` lists them", code="RID-RUN-UNKNOWN"
     )
 
 
-def find_file_or_run(root: Path, reference: str, having: str | None = None) -> Path | RunFolder:
+def find_file_or_run(root: Path, reference: str, having: tuple[str, ...] = ()) -> Path | RunFolder:
     """Return the file `reference` if it exists, else the run that `reference` names.
 
     Args:

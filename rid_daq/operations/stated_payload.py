@@ -71,7 +71,7 @@ def state_payload(
             raise ConfigError(f"{model}: {error}", code=error.refusal) from None
     if payload == NO_PAYLOAD:
         return LoadedModel(unloaded(estimate), payload)
-    found = find_file_or_run(runs, payload, having=PAYLOAD)
+    found = find_file_or_run(runs, payload, having=(PAYLOAD,))
     if isinstance(found, Path):
         path, content = found, read_content(found, LARGEST_FILE_BYTES)
     else:
@@ -117,5 +117,5 @@ def payload_file(runs: Path, reference: str) -> Path:
     Raises:
         ConfigError, RecordingError: As `find_file_or_run`.
     """
-    found = find_file_or_run(runs, reference, having=PAYLOAD)
+    found = find_file_or_run(runs, reference, having=(PAYLOAD,))
     return found if isinstance(found, Path) else found.file(PAYLOAD)

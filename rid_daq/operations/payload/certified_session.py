@@ -53,7 +53,7 @@ def write_certificate(request: PayloadCertificateRequest) -> tuple[Certificate, 
         )
     made = made_file.REPORT if request.is_page else made_file.CERTIFICATE
     refuse_output(request.output, request.overwrite, made)
-    folder = find_run(request.runs, request.session)
+    folder = find_run(request.runs, request.session, having=(SESSION, PAYLOAD))
     output = request.output or folder.file(CERTIFICATE)
     certificate = certificate_of(folder, request.by)
     page = output.with_suffix(".html")

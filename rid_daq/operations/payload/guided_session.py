@@ -66,7 +66,7 @@ def run_payload_session(
     loaded = load_cell(request.cell)
     file: SessionFile | None = None
     if request.resume is not None:
-        file = SessionFile.read(find_run(request.runs, request.resume, having=SESSION))
+        file = SessionFile.read(find_run(request.runs, request.resume, having=(SESSION,)))
         request = request.with_original_options(file.request)
     known = tuple(each.known() for each in request.known)
     robot = None if request.model is None else read_estimate_for(request.model, loaded.robot)

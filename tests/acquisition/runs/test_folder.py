@@ -257,10 +257,10 @@ def test_the_latest_run_that_has_a_file_is_meant_where_one_is_needed(root: Path)
     with_file = RunFolder.create(root, "same", now_ns=NOW_NS)
     with_file.write("payload.json", b"{}")
     RunFolder.create(root, "same", now_ns=NOW_NS + 10**15)
-    assert find_run(root, "latest", having="payload.json") == with_file
-    assert find_run(root, "same", having="payload.json") == with_file
+    assert find_run(root, "latest", having=("payload.json",)) == with_file
+    assert find_run(root, "same", having=("payload.json",)) == with_file
     with raises_code(ConfigError, "RID-RUN-UNKNOWN", "session.json", "'latest'"):
-        find_run(root, "latest", having="session.json")
+        find_run(root, "latest", having=("session.json",))
 
 
 def test_a_file_that_is_there_is_a_file_and_all_else_a_run(root: Path, tmp_path: Path) -> None:

@@ -184,6 +184,23 @@ def test_the_same_session_gives_the_same_page(session: Session) -> None:
     assert session.folder.strays() == ()
 
 
+def test_the_latest_session_is_certified_though_its_runs_are_newer(session: Session) -> None:
+    runs = session.folder.path.parent
+    request = PayloadCertificateRequest(
+        session="latest", runs=runs, output=runs / "latest.html", overwrite=True
+    )
+    certificate, _ = write_certificate(request)
+    assert certificate.folder.run_id == session.folder.run_id
+
+
+def test_an_unfinished_session_is_not_replaced_by_an_earlier_one(tmp_path: Path) -> None:
+    certified_session(tmp_path / "runs")
+    SessionFile.begin(RunFolder.create(tmp_path / "runs", "later", kind="payload session"), "kr15")
+    request = PayloadCertificateRequest(session="latest", runs=tmp_path / "runs")
+    with raises_code(DataQualityError, "RID-CERTIFICATE-NOT-READY"):
+        write_certificate(request)
+
+
 def test_a_failed_verdict_is_certified_as_failed_and_gives_no_load_data(tmp_path: Path) -> None:
     failed = certified_session(tmp_path / "runs", mass_percent=0.1)
     text = words_of(certificate_of(failed.folder, None))
