@@ -49,24 +49,43 @@ Share = Annotated[float, Field(ge=0.0), Plausible(0.1, 1e3, "%")]
 Millimetres = Annotated[float, Field(ge=0.0), Plausible(0.05, 500.0, "mm")]
 """Largest length [mm]."""
 
+MassLimitKg = Annotated[float, Field(ge=0.0), Plausible(1e-3, 100.0, "kg")]
+"""Limit of a mass [kg]."""
+
+InertiaLimitKgM2 = Annotated[float, Field(ge=0.0), Plausible(1e-5, 100.0, "kg m²")]
+"""Limit of a moment of inertia [kg m²]."""
+
+ResidualLimitNm = Annotated[float, Field(ge=0.0), Plausible(1e-3, 1e3, "N m")]
+"""Limit of a torque or force [N m or N]."""
+
 
 @dataclass(frozen=True)
 class PayloadLimits(Ranged):
     """Limits of a payload's uncertainty, each for two standard deviations.
 
+    A quantity with a relative and an absolute limit satisfies them if it satisfies either. Absolute
+    limits have no default, because what a robot can carry decides them; a relative limit of 0
+    leaves the absolute limit alone.
+
     Attributes:
         mass_percent: Limit for the mass [%].
+        mass_kg: Alternative limit for the mass [kg].
         centre_mm: Limit for each coordinate of the centre of gravity [mm].
         inertia_percent: Limit for each moment and product of inertia, relative to the largest
             moment about the flange [%].
+        inertia_kg_m2: Alternative limit for each moment and product of inertia [kg m²].
         residual_percent: Limit for the RMS residual of each axis' torque, relative to the torque
             [%].
+        residual_nm: Alternative limit for the RMS residual of each axis' torque [N m or N].
     """
 
     mass_percent: Share = 5.0
+    mass_kg: MassLimitKg | None = None
     centre_mm: Millimetres = 10.0
     inertia_percent: Share = 100.0
+    inertia_kg_m2: InertiaLimitKgM2 | None = None
     residual_percent: Share = 20.0
+    residual_nm: ResidualLimitNm | None = None
 
 
 class LoadFormat(StrEnum):

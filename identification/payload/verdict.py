@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -65,6 +66,48 @@ class PayloadCheck:
         """True if the limit is satisfied."""
         kept = self.value <= self.limit if self.relation == "≤" else self.value >= self.limit
         return bool(kept)
+
+
+class Reached(NamedTuple):
+    """A value and its upper limit, in one unit."""
+
+    text: str
+    value: float
+    limit: float
+    unit: str
+
+    @property
+    def share(self) -> float:
+        """Value relative to the limit: at most 1 if the limit is satisfied."""
+        if self.limit == 0.0:
+            return 0.0 if self.value == 0.0 else math.inf
+        return self.value / self.limit
+
+    def or_absolute(
+        self, text: str, value: float, limit: float | None, unit: str, advice: str = ""
+    ) -> PayloadCheck:
+        """Return the check of this relative limit and of an absolute alternative.
+
+        The check is of the limit that leaves more margin. If there are two, its text says which one
+        it is, and what the other is.
+
+        Args:
+            text: Name of the absolute value.
+            value: The absolute value, in `unit`.
+            limit: Its limit, in `unit`; None if there is none.
+            unit: Unit of the absolute value.
+            advice: Advice if no limit is satisfied.
+        """
+        if limit is None:
+            return PayloadCheck(self.text, self.value, "≤", self.limit, self.unit, advice)
+        absolute = Reached(text, value, limit, unit)
+        is_absolute = absolute.share <= self.share
+        used, other = (absolute, self) if is_absolute else (self, absolute)
+        said = (
+            f"{used.text}, {'absolute' if is_absolute else 'relative'} limit (alternative:"
+            f" {other.value:.3g} {other.unit}, limit {other.limit:.3g} {other.unit})"
+        )
+        return PayloadCheck(said, used.value, "≤", used.limit, used.unit, advice)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,17 +178,22 @@ def check_payload(
     rank = PayloadCheck(
         "independent parameters that the motion determines", estimate.rank, "≥", PARAMETERS_PER_LINK
     )
-    names, shares = estimate.robot.joint_names, estimate.residual_share.tolist()
     fit = [
-        PayloadCheck(
-            f"residual of {joint} (RMS, of its torque)",
-            100.0 * share,
-            "≤",
+        Reached(
+            f"residual of {joint.name} (RMS, of its torque)",
+            100.0 * float(share),
             limits.residual_percent,
             "%",
+        ).or_absolute(
+            f"residual of {joint.name} (RMS)",
+            float(residual),
+            limits.residual_nm,
+            "N" if joint.type == "prismatic" else "N m",
             BAD_FIT,
         )
-        for joint, share in zip(names, shares, strict=True)
+        for joint, share, residual in zip(
+            estimate.robot.joints, estimate.residual_share, estimate.residual_nm, strict=True
+        )
     ]
     agreed = [
         PayloadCheck(
@@ -176,13 +224,12 @@ def check_payload(
         rank,
         *agreed,
         *fit,
-        PayloadCheck(
+        Reached(
             "interval of the mass (2σ)",
             100.0 * float(two_sigma[0] / abs(estimate.reported[0])),
-            "≤",
             limits.mass_percent,
             "%",
-        ),
+        ).or_absolute("interval of the mass (2σ)", float(two_sigma[0]), limits.mass_kg, "kg"),
         PayloadCheck(
             "interval of the centre of gravity (2σ, worst coordinate)",
             1e3 * float(two_sigma[1:4].max()),
@@ -190,12 +237,16 @@ def check_payload(
             limits.centre_mm,
             "mm",
         ),
-        PayloadCheck(
+        Reached(
             "interval of the inertia (2σ, worst, relative to the largest about the flange)",
             100.0 * float(two_sigma[4:].max()) / largest_moment(estimate),
-            "≤",
             limits.inertia_percent,
             "%",
+        ).or_absolute(
+            "interval of the inertia (2σ, worst)",
+            float(two_sigma[4:].max()),
+            limits.inertia_kg_m2,
+            "kg m²",
         ),
         PayloadCheck(
             "probability that a physically consistent body explains the data",

@@ -257,6 +257,22 @@ def test_what_did_not_pass_reaches_no_controller(
     measured("exit 6, no file")
 
 
+def test_an_inertia_that_fails_in_percent_is_exported_by_its_limit_in_kg_m2(
+    workshop: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    payload, out = str(workshop / "absolute.json"), str(workshop / "absolute.script")
+    words = identify(workshop, "--unloaded", "unloaded", "--loaded", "loaded", "-o", payload)
+    assert run([*words, "--inertia-limit", "20"]) == 1
+    capsys.readouterr()
+    limits = ["--inertia-limit", "20", "--inertia-limit-kg-m2", "0.12", "--json"]
+    assert run([*words, "--overwrite", *limits]) == 0
+    checks = json.loads(capsys.readouterr().out)["verdict"]["checks"]
+    (inertia,) = (each for each in checks if "interval of the inertia" in each["text"])
+    assert (inertia["limit"], inertia["unit"]) == (0.12, "kg m²")
+    assert 0.05 < inertia["value"] < 0.12
+    assert run(["payload", "export", payload, "--to", "ur", "-o", out]) == 0
+
+
 def test_a_payload_whose_mass_was_edited_is_refused(workshop: Path) -> None:
     document = json.loads((workshop / "payload.json").read_text(encoding="utf-8"))
     document["values"][0] *= 0.5

@@ -15,8 +15,11 @@ from identification.choices import (
     BAND_HZ,
     REPORTED,
     STANDSTILL_RAD_S,
+    InertiaLimitKgM2,
+    MassLimitKg,
     Millimetres,
     PayloadLimits,
+    ResidualLimitNm,
     Share,
     TorqueConstantSigma,
 )
@@ -77,13 +80,21 @@ class KnownQuantity(Request):
 
 
 class VerdictLimits(Request):
-    """Largest intervals (2σ) with which a payload passes."""
+    """Largest intervals (2σ) with which a payload passes.
+
+    A relative limit and an absolute one for the same quantity are alternatives.
+    """
 
     mass_percent: Annotated[
         Share,
         Field(description="Largest 2σ of the mass."),
         Option(group=LIMITS, flag="mass-limit", unit="%"),
     ] = PayloadLimits.mass_percent
+    mass_kg: Annotated[
+        MassLimitKg | None,
+        Field(description="Absolute alternative to --mass-limit: either one is enough."),
+        Option(group=LIMITS, flag="mass-limit-kg", unit="kg"),
+    ] = PayloadLimits.mass_kg
     centre_mm: Annotated[
         Millimetres,
         Field(description="Largest 2σ of each coordinate of the centre of gravity."),
@@ -94,11 +105,21 @@ class VerdictLimits(Request):
         Field(description="2σ of the inertia, relative to the largest moment about the flange."),
         Option(group=LIMITS, flag="inertia-limit", unit="%"),
     ] = PayloadLimits.inertia_percent
+    inertia_kg_m2: Annotated[
+        InertiaLimitKgM2 | None,
+        Field(description="Absolute alternative to --inertia-limit: either one is enough."),
+        Option(group=LIMITS, flag="inertia-limit-kg-m2", unit="kg m²"),
+    ] = PayloadLimits.inertia_kg_m2
     residual_percent: Annotated[
         Share,
         Field(description="Largest residual of an axis torque."),
         Option(group=LIMITS, flag="residual-limit", unit="%"),
     ] = PayloadLimits.residual_percent
+    residual_nm: Annotated[
+        ResidualLimitNm | None,
+        Field(description="Absolute alternative to --residual-limit: either one is enough."),
+        Option(group=LIMITS, flag="residual-limit-nm", unit="N m"),
+    ] = PayloadLimits.residual_nm
 
     def limits(self) -> PayloadLimits:
         """Return the limits as input of the verdict."""

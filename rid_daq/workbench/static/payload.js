@@ -67,6 +67,9 @@ async function ended(job, document) {
   }
 }
 
+// Return the number of a field that can be empty; null if it is.
+const optionalNumber = (id) => (find(id).value.trim() ? numberOf(id, { least: 0 }) : null);
+
 // ---- the session
 let resumed = null; // the resumed session: its run, its choices, and the request that the form showed for them
 
@@ -78,9 +81,12 @@ function request() {
     label: find("label").value.trim() || "payload",
     limits: {
       mass_percent: numberOf("mass-limit", { least: 0 }),
+      mass_kg: optionalNumber("mass-limit-kg"),
       centre_mm: numberOf("centre-limit", { least: 0 }),
       inertia_percent: numberOf("inertia-limit", { least: 0 }),
+      inertia_kg_m2: optionalNumber("inertia-limit-kg-m2"),
       residual_percent: numberOf("residual-limit", { least: 0 }),
+      residual_nm: optionalNumber("residual-limit-nm"),
     },
     periods: numberOf("periods", { least: 2, whole: true }),
     repeats: numberOf("repeats", { least: 1, whole: true }),
@@ -108,6 +114,7 @@ function goOn({ run, label, state, choices: told }) {
     mass: mass?.value ?? "", "mass-sigma": mass?.sigma ?? find("mass-sigma").defaultValue, label: choices.label,
     "mass-limit": limits.mass_percent, "centre-limit": limits.centre_mm,
     "inertia-limit": limits.inertia_percent, "residual-limit": limits.residual_percent,
+    "mass-limit-kg": limits.mass_kg ?? "", "inertia-limit-kg-m2": limits.inertia_kg_m2 ?? "", "residual-limit-nm": limits.residual_nm ?? "",
     repeats: choices.repeats, rehearsal: choices.rehearsal_percent,
     warm: choices.warm_up_percent, "warm-periods": choices.warm_up_periods,
   };

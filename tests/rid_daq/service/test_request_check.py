@@ -101,7 +101,9 @@ def checked_and_read(kind: JobKind, told: dict[str, Any], folder: Path) -> objec
     return parse_request(kind, told, cell="ir361", runs=str(folder), cleared=False)
 
 
-@pytest.mark.parametrize("name", ["mass_percent", "centre_mm", "residual_percent"])
+@pytest.mark.parametrize(
+    "name", ["mass_percent", "mass_kg", "centre_mm", "inertia_kg_m2", "residual_nm"]
+)
 def test_a_limit_below_zero_is_refused_at_once(name: str, tmp_path: Path) -> None:
     told = {"loaded": ["b"], "unloaded": ["a"], "limits": {name: -5.0}}
     with raises_code(ConfigError, "RID-OPTION-RANGE", f"payload_identify: limits.{name}: -5.0 "):
