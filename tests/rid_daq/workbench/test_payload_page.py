@@ -98,7 +98,12 @@ def test_what_is_changed_is_said_anew_be_it_the_usual(
         page.locator(f"#{field}").fill(value)
     page.locator("#model").select_option("")
     request = asked_for(page)
-    limits = {"mass_percent": 5, "centre_mm": 10, "inertia_percent": 100, "residual_percent": 20}
+    limits: dict[str, float | None] = {
+        "mass_percent": 5,
+        "centre_mm": 10,
+        "inertia_percent": 100,
+        "residual_percent": 20,
+    }
     limits |= {"mass_kg": 0.05, "inertia_kg_m2": None, "residual_nm": None}
     known = [{"name": "cz", "value": 0.1, "sigma": 0.01}]
     left = {"known": known, "limits": limits, "repeats": 1, "model": None}
