@@ -22,6 +22,8 @@ from identification.wiring.weight import ArmWeight, DrawnWeight
 SLOW_SHARE: Final = 0.05
 FEWEST_ROWS: Final = 20
 RIDGE: Final = 1e-9
+UNSEEN_RISE: Final = 0.01
+"""Rise of the sum of squared residuals by which a motion shows a wrong weight (2 sigma)."""
 PARTS: Final = 5
 LEAST_GAIN: Final = 0.2
 FAR_BETTER_TIMES: Final = 2.0
@@ -178,11 +180,15 @@ class CondensedEquations:
         if self.drawn_weight is None or not self.drawn_weight.is_visible:
             return None
         whole = self.products.sum(axis=0)
+        values, sizes = self._fit(whole, torque)
         parts = [self._fit(whole - part, torque)[0] for part in self.products]
-        spread = np.array([self.drawn_weight.share(values) for values in parts])
+        spread = np.array([self.drawn_weight.share(each) for each in parts])
+        noise = math.sqrt((len(parts) - 1.0) * float(np.var(spread)))
+        left = float(np.sum(_inverse(sizes) * self._squared_residuals(whole, values, torque)))
+        more = math.sqrt(UNSEEN_RISE * left * self._weight_variance(whole, sizes)) / 2.0
         return ArmWeight(
-            share=self.drawn_weight.share(self._fit(whole, torque)[0]),
-            sigma=math.sqrt((len(parts) - 1.0) * float(np.var(spread))),
+            share=self.drawn_weight.share(values),
+            sigma=math.hypot(noise, more),
             plausible=self.drawn_weight.plausible,
             is_drawn=self.drawn_weight.is_drawn,
         )
@@ -217,14 +223,24 @@ class CondensedEquations:
         """Return the least-squares parameters, and the joints' sums of squared torques."""
         p = self.brakes.shape[1]
         sizes = np.einsum("ji,jik,jk->j", torque, products[:, p:, p:], torque)
-        weight = np.zeros(len(sizes))
-        np.divide(1.0, sizes, out=weight, where=(self.rows >= FEWEST_ROWS) & (sizes > 0.0))
-        gram = np.tensordot(weight, products[:, :p, :p], axes=1)
-        rhs = np.einsum("j,jpk,jk->p", weight, products[:, :p, p:], torque)
+        sizes[self.rows < FEWEST_ROWS] = 0.0
+        rhs = np.einsum("j,jpk,jk->p", _inverse(sizes), products[:, :p, p:], torque)
+        return self._solve(products, sizes, rhs), sizes
+
+    def _solve(self, products: FloatArray, sizes: FloatArray, rhs: FloatArray) -> FloatArray:
+        """Return the solution of the normal equations; each joint is weighted by its size."""
+        p = self.brakes.shape[1]
+        gram = np.tensordot(_inverse(sizes), products[:, :p, :p], axes=1)
         scale = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
         scaled = gram / scale / scale[:, np.newaxis]
         factor = cho_factor(scaled + RIDGE * np.eye(p), check_finite=False)
-        return np.asarray(cho_solve(factor, rhs / scale, check_finite=False) / scale), sizes
+        return np.asarray(cho_solve(factor, rhs / scale, check_finite=False) / scale)
+
+    def _weight_variance(self, products: FloatArray, sizes: FloatArray) -> float:
+        """Return the variance of the arm's weight in a fit, per unit variance of the residual."""
+        assert self.drawn_weight is not None
+        columns = np.sum(self.drawn_weight.columns, axis=0) / np.sum(self.drawn_weight.drawn)
+        return max(float(columns @ self._solve(products, sizes, columns)), 0.0)
 
     def _squared_residuals(
         self, products: FloatArray, values: FloatArray, torque: FloatArray
@@ -238,6 +254,13 @@ class CondensedEquations:
         most = np.sum(np.abs(torque) * self.power, axis=1)
         driving = self.brakes @ values < -DRIVING_SHARE * most
         return np.asarray(driving & (self.rows >= FEWEST_ROWS))
+
+
+def _inverse(sizes: FloatArray) -> FloatArray:
+    """Return the weights of the joints: the inverse of their squared torques, zero for none."""
+    weight = np.zeros(len(sizes))
+    np.divide(1.0, sizes, out=weight, where=sizes > 0.0)
+    return weight
 
 
 def friction_power(

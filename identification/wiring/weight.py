@@ -28,7 +28,8 @@ class ArmWeight:
 
     Attributes:
         share: Ratio over all joints that carry weight; NaN if none does.
-        sigma: Standard deviation, by leaving out one part of the recordings after the other.
+        sigma: Standard deviation: by leaving out one part of the recordings after the other, and
+            by the change of weight that the residual hardly shows.
         plausible: Smallest and largest ratio of a real arm.
         is_drawn: True if the arm's weight comes from `cad`, False if only from its size.
     """

@@ -14,7 +14,8 @@ from config.load import load_robot
 from config.robot.nominal_links import nominal_links
 from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain
-from dynamics.model.robot_model import regressor
+from dynamics.model.robot_model import RobotModel, regressor
+from identification.model.drawn_arm import drawn_parameters
 from identification.wiring.common_mistakes import common_mistakes, torque_units
 from identification.wiring.mistakes import DEGREES, MistakeKind
 from identification.wiring.possible import keeps_limits
@@ -199,3 +200,23 @@ def test_a_factor_of_all_torques_keeps_their_limits(
     assert not weight.is_plausible
     factors = [each.mistake.factor for each in find_mistakes(drawn)]
     assert factors == pytest.approx(found, rel=0.01)
+
+
+def test_a_motion_that_hardly_turns_the_arm_does_not_show_its_weight(arm: WiredSignals) -> None:
+    """The main axes turn by 3°, as while a payload is measured; friction has terms unknown here."""
+    middle = arm.position.mean(axis=0)
+    reach = np.array([0.02, 0.02, 0.02, 0.3, 0.3, 0.3])
+    q = middle + reach * (arm.position - middle)
+    v, a = reach * arm.velocity, reach * arm.acceleration
+    model = RobotModel.from_description(arm.robot, rotors=False, friction=False, spring=False)
+    rigid_nm = regressor(model, q, v, a) @ drawn_parameters(model, arm.robot)
+    size = np.sqrt(np.mean(rigid_nm**2, axis=0))
+    speed = np.sqrt(np.mean(v**2, axis=0))
+    friction_nm = 0.1 * size * (np.sign(v) + np.exp(-np.abs(v) / (0.1 * speed)) * np.sign(v))
+    slow = replace(arm, position=q, velocity=v, acceleration=a, torque_nm=rigid_nm + friction_nm)
+    driving, weight = find_impossibilities(slow)
+    assert driving == ()
+    assert weight is not None
+    assert weight.is_plausible
+    assert weight.sigma > 1.0, "nothing is known of the weight"
+    assert np.ptp(q[:, :3], axis=0).max() < math.radians(4.0)
