@@ -94,7 +94,7 @@ def test_an_option_in_a_sentence_exists(page: Path) -> None:
         word
         for text in inline(page)
         if text.startswith("--")
-        for word in re.findall(r"(?<!\S)--[a-z][a-z-]*", text)
+        for word in re.findall(r"(?<!\S)--[a-z][a-z0-9-]*", text)
     }
     assert not named - options() - OF_A_SCRIPT
 
