@@ -8,7 +8,6 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,8 +19,6 @@ from config.load import load_cell
 from identification.choices import LoadFormat
 from identification.estimation.file import write_estimate
 from identification.estimation.options import EstimationOptions
-from identification.model.options import ModelOptions
-from identification.payload.body import PayloadBody
 from identification.payload.file import read_payload
 from rid_daq.app import run
 from rid_daq.operations.identify.run_estimation import EstimationJob, estimate_runs
@@ -34,7 +31,6 @@ FILES = {
     "other motion": ("ur-20_02_10-30sec_12harm.csv", "635-3510"),
 }
 WEIGHED_KG = 2.805
-IMPORTED = ("empty", "first", "second", "third", "left on", "heavy left on")
 
 
 @pytest.fixture(scope="module")
@@ -319,86 +315,6 @@ def test_a_model_of_another_robot_is_refused_whatever_it_says_of_late_torques(
     assert "[RID-ROBOT-OTHER]" in error
     assert "three_axes.json: " in error
     assert "'ir361'" in error
-
-
-@pytest.fixture(scope="module")
-def imported(lab: SimpleNamespace, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Periodic runs of another maker's six axes: empty, loaded three times, with a rest left on."""
-    place = tmp_path_factory.mktemp("imported")
-    robot = lab.six_axes(name="six")
-    motion = lab.motion_of(robot)
-    (place / "six.yaml").write_text(robot.model_dump_json(), encoding="utf-8")
-    columns = {
-        "name": "six",
-        "robot": "six.yaml",
-        "columns": 13,
-        "time": {"column": 0, "unit": "s"},
-        "units": {"position": "rad", "torque": "Nm"},
-        "joints": [
-            {"joint": name, "position": 1 + j, "torque": 7 + j}
-            for j, name in enumerate(robot.joint_names)
-        ],
-        "plausible": {"position": 7.0, "speed": 8.0, "torque": 900.0},
-        "period_s": 8.0,
-    }
-    (place / "map.yaml").write_text(json.dumps(columns), encoding="utf-8")
-    rest = PayloadBody(0.3, np.array([0.0, 0.0, 0.04]), 1e-3 * np.eye(3))
-    heavy = PayloadBody(5.8, np.array([0.0, 0.0, 0.3]), 0.1 * np.eye(3))
-    carried = [None, lab.medium, lab.medium, lab.medium, rest, heavy]
-    for seed, (label, payload) in enumerate(zip(IMPORTED, carried, strict=True), 1):
-        recording = lab.measured(robot, motion, payload, seed=seed, friction=1.0 + 0.05 * seed)
-        table = np.column_stack([recording.time_s, recording.position, recording.torque_nm])
-        with (place / f"{label}.csv").open("w", newline="") as file:
-            csv.writer(file).writerows(table.tolist())
-        words = ["import", str(place / f"{label}.csv"), "--map", str(place / "map.yaml")]
-        assert run([*words, "--label", label, "--runs", str(place / "runs")]) == 0
-    return place
-
-
-def test_repeated_periodic_runs_from_another_makers_csv(
-    lab: SimpleNamespace, imported: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Three runs with the payload, one without; the scatter is reported."""
-    capsys.readouterr()
-    words = ["payload", "identify", "--unloaded", "empty", "--no-rotors", "--json"]
-    for label in ("first", "second", "third"):
-        words += ["--loaded", label]
-    assert run([*words, "--runs", str(imported / "runs")]) == 0
-    document = json.loads(capsys.readouterr().out)
-    section = document["payload"]
-    assert section["repeats"]["runs"] == 3
-    assert section["repeats"]["ratio"] < 2.0
-    for entry, truth in zip(section["parameters"], lab.medium.reported, strict=True):
-        assert abs(entry["value"] - truth) < 3.0 * entry["std"]
-
-
-def test_what_was_left_on_the_flange_shows_where_a_model_of_the_robot_is_given(
-    imported: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    runs, model = ["--runs", str(imported / "runs")], str(imported / "empty.json")
-    how = EstimationJob(EstimationOptions(ModelOptions(rotors=False)))
-    empty = RunData.load(find_run(imported / "runs", "empty"))
-    write_estimate(Path(model), estimate_runs([empty], how).estimate)
-    words = ["payload", "identify", "--loaded", "first", "--procedure", "together", *runs]
-    capsys.readouterr()
-    # The torques of both runs alone cannot tell: it passes, and says what it counts on.
-    assert run([*words, "--no-rotors", "--unloaded", "left on"]) == 0
-    capsys.readouterr()
-    assert run([*words, "--unloaded", "left on", "--model", model]) == 1
-    said = " ".join(capsys.readouterr().out.split())
-    assert "Failed: mass on the flange in the runs without payload, according to the model" in said
-    assert "Remove it and record these runs again." in said
-
-
-def test_a_heavy_body_left_on_the_flange_is_named_as_the_likely_mistake(
-    imported: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    words = ["payload", "identify", "--no-rotors", "--unloaded", "heavy left on"]
-    capsys.readouterr()
-    assert run([*words, "--loaded", "first", "--runs", str(imported / "runs")]) == 1
-    said = " ".join(capsys.readouterr().out.split())
-    assert "Failed: probability that a physically consistent body explains the data" in said
-    assert "A heavy object on the flange in the unloaded runs is subtracted" in said
 
 
 def test_a_payload_file_of_another_format_is_refused(workshop: Path, tmp_path: Path) -> None:

@@ -28,6 +28,7 @@ IMPORT = "tests/rid_daq/commands/test_import.py::"
 COMMANDS = "tests/rid_daq/commands/test_commands.py::"
 REAL = "tests/rid_daq/commands/test_real_robot_commands.py::"
 PAYLOAD = "tests/payload/test_payload_commands.py::"
+IMPORTED = "tests/payload/test_imported_runs.py::"
 MISFIT = "tests/rid_daq/commands/test_mistakes.py::"
 
 HELD: dict[str, tuple[str, ...]] = {
@@ -60,12 +61,12 @@ HELD: dict[str, tuple[str, ...]] = {
         PAYLOAD + "test_a_mass_in_grams_is_refused_before_anything_is_read",
     ),
     "something left on the flange": (
-        PAYLOAD + "test_what_was_left_on_the_flange_shows_where_a_model_of_the_robot_is_given",
+        IMPORTED + "test_what_was_left_on_the_flange_shows_where_a_model_of_the_robot_is_given",
         "tests/rid_daq/recording/test_empty_flange.py"
         "::test_a_person_is_asked_and_the_verdict_says_so",
     ),
     "half the payload left on the flange": (
-        PAYLOAD + "test_a_heavy_body_left_on_the_flange_is_named_as_the_likely_mistake",
+        IMPORTED + "test_a_heavy_body_left_on_the_flange_is_named_as_the_likely_mistake",
     ),
     "a zero position, a length": (MADE, HERE + "test_the_guide_lists_what_data_do_not_show"),
     "units in files": (
