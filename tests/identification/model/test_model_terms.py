@@ -197,7 +197,10 @@ class TestBaseParameters:
 
     def test_all_of_a_payload_and_of_every_friction_are_seen(self, arm: KnownArm) -> None:
         terms: tuple[FrictionTerm, ...]
-        terms = ("asymmetric", "viscous", "cubic", "cube_root", "stribeck", "temperature")
+        terms = (
+            "asymmetric", "viscous", "cubic", "cube_root", "stribeck", "shear_thinning",
+            "temperature",
+        )  # fmt: skip
         model = ModelOptions(payload=True, friction_terms=terms).build(arm.robot)
         base = base_parameters(model)
         groups = model.parameter_groups
