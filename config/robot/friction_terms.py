@@ -12,7 +12,6 @@ FrictionTerm = Literal[
     "cubic",
     "cube_root",
     "stribeck",
-    "shear_thinning",
     "temperature",
     "load",
     "presliding",

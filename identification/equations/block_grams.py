@@ -29,19 +29,12 @@ RANK: Final = 1e-7
 
 def term_of_column(column: Column) -> FrictionTerm:
     """Return the friction term of a column."""
-    if isinstance(column, str):
-        return column
-    return "shear_thinning" if column[0] == "shear_thinning" else "stribeck"
+    return column if isinstance(column, str) else "stribeck"
 
 
 def columns_of_terms(terms: Sequence[Column]) -> Terms:
     """Return the columns of some terms; a Stribeck term adds its derivative by speed."""
-    return (*terms, *(("slope", speed) for speed in speeds_of(terms, "stribeck")))
-
-
-def speeds_of(terms: Sequence[Column], name: FrictionTerm) -> tuple[float, ...]:
-    """Return the speeds of the terms of this name [rad/s or m/s]."""
-    return tuple(term[1] for term in terms if isinstance(term, tuple) and term[0] == name)
+    return (*terms, *(("slope", term[1]) for term in terms if isinstance(term, tuple)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -54,10 +54,7 @@ def test_any_chain(
 def test_every_kind_of_friction_and_loss(
     smoothing: float, ir361: RobotDescription, random_motion: Motions
 ) -> None:
-    kinds = (
-        "coulomb", "viscous", "offset", "asymmetric", "cubic", "cube_root", "stribeck",
-        "shear_thinning", "load",
-    )  # fmt: skip
+    kinds = ("coulomb", "viscous", "offset", "asymmetric", "cubic", "cube_root", "stribeck", "load")
     changes: tuple[dict[str, object], ...]
     changes = ({}, {"efficiency": 0.8}, {"armature": True, "rotor": None})
     joints = tuple(

@@ -197,10 +197,7 @@ class TestBaseParameters:
 
     def test_all_of_a_payload_and_of_every_friction_are_seen(self, arm: KnownArm) -> None:
         terms: tuple[FrictionTerm, ...]
-        terms = (
-            "asymmetric", "viscous", "cubic", "cube_root", "stribeck", "shear_thinning",
-            "temperature",
-        )  # fmt: skip
+        terms = ("asymmetric", "viscous", "cubic", "cube_root", "stribeck", "temperature")
         model = ModelOptions(payload=True, friction_terms=terms).build(arm.robot)
         base = base_parameters(model)
         groups = model.parameter_groups
