@@ -251,7 +251,7 @@ class AxisUnits:
         zero_counts: 6064h at joint position zero.
         counter: Wrap-around of 6064h.
         middle_counts: Counts from joint position zero to the middle of the joint's range; positions
-            are within half a revolution of the counter of it.
+            differ from it by at most half the counter's range.
     """
 
     counts_per_rad: float

@@ -115,7 +115,7 @@ def send_motion(
     by = require_inside(model, service.folder) if model else None
     if payload is not None and payload not in (NO_PAYLOAD, PAYLOAD_OF_MODEL):
         payload = str(require_inside(payload, service.folder))
-    return view.answer(motion_blocks(cell.loaded, path, by, payload))
+    return view.answer(motion_blocks(cell.loaded, path, by, payload, service.runs))
 
 
 @router.get("/cells/{cell}/preflight")
