@@ -32,6 +32,7 @@ NO_COMMANDS = ("rid-daq re", "rid-daq points 1")
 def root(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Root:
     """Return the command line; its commands check their arguments and do nothing."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("SHELL", "/bin/bash")  # --show-completion and --install-completion read it
     (tmp_path / "motion.yaml").touch()  # some options are for motion files only
     for function in ("perform", "send", "require_memory"):
         monkeypatch.setattr(operation_command, function, lambda *_arguments: None)
