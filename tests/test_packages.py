@@ -102,6 +102,9 @@ def test_a_command_starts_without_what_takes_a_second_to_import(name: str) -> No
             ),
         ),
         ("mock_hw.cell", ("pinocchio",)),
+        ("acquisition.session.record", ("scipy",)),
+        ("rid_daq.preflight.preflight", ("scipy",)),
+        ("rid_daq.api", ("scipy.signal", "scipy.stats", "matplotlib", "bokeh")),
     ],
 )
 def test_what_a_command_does_loads_no_library_that_it_does_not_use(

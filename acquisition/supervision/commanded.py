@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.signal import lfilter
 
 from acquisition.motion.samples import MotionSamples
 from acquisition.supervision.held_positions import PLAUSIBLE_FACTOR
@@ -39,6 +38,8 @@ def commanded_motion(samples: MotionSamples, gain_per_s: float) -> MotionSamples
     """
     if samples.feedforward is None:
         return samples
+    from scipy.signal import lfilter  # a slow import, for feedforward only
+
     samples = samples.whole()
     ahead = np.asarray(samples.feedforward)
     step_s = samples.sample_period_s

@@ -7,7 +7,6 @@ from typing import Final
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.signal import correlate
 
 from acquisition.processing.smoothing import SmoothedSignals
 from config.arrays import FloatArray
@@ -72,6 +71,8 @@ def torque_difference(loaded: SmoothedSignals, unloaded: SmoothedSignals) -> Smo
 
 def _time_shift(loaded: SmoothedSignals, unloaded: SmoothedSignals) -> float:
     """Return the time by which the loaded run reaches the same positions later [s]."""
+    from scipy.signal import correlate  # a slow import that few commands need
+
     step_s = unloaded.sample_period_s
     grid = np.arange(loaded.time_s[0], loaded.time_s[-1], step_s)
     own, other = _interpolate(loaded, loaded.velocity, grid), unloaded.velocity

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Protocol
-
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Protocol
 
 from config.errors import ConfigError
 from rid_daq.blocks.block import AnyBlock
 from rid_daq.blocks.plot import Plot
-from rid_daq.report_page.drawings.plot import matplotlib_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 class Shown(Protocol):
@@ -41,4 +41,6 @@ def plot(result: Shown) -> Figure:
         raise ConfigError(
             f"{type(result).__name__}: this result has no plot", code="RID-API-ARGUMENT"
         )
+    from rid_daq.report_page.drawings.plot import matplotlib_figure  # imports two plot libraries
+
     return matplotlib_figure(found)
