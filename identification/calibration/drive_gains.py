@@ -132,15 +132,23 @@ def drive_gains(
         mass_kg, mass_sigma_kg: Mass of the load, and the scales' standard deviation.
 
     Raises:
-        EstimationError: The model has no payload or has gear losses, or the motion does not
-            determine a gain.
+        EstimationError: The model has no payload or has gear losses, the torques do not depend on
+            the load's mass by itself, or the motion does not determine a gain.
     """
     base, model = estimate.base, estimate.model
-    if MASS not in base.names:
+    if "payload" not in model.parameter_groups:
         raise EstimationError(
             "drive gains need runs with and without the weighed load: name the runs with the"
             " load (--loaded)",
             code="RID-PAYLOAD-RUNS",
+        )
+    if MASS not in base.names:
+        raise EstimationError(
+            f"the torques of {', '.join(model.joint_names)} show the load's mass only multiplied by"
+            " its distance from a joint axis, so a weighed mass does not determine drive gains:"
+            " leave --load-mass out, or record more joints of the robot, whose axes are not"
+            " parallel",
+            code="RID-LOAD-MASS-HIDDEN",
         )
     if model.transmission.losses:
         raise EstimationError(

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from acquisition.processing.smoothing import SmoothedSignals
 from config.errors import EstimationError
+from config.robot.kinematic_table import KinematicRow, Kinematics
+from config.robot.robot import Joint, JointLimits, RobotDescription
 from dynamics.model.robot_model import torque
 from dynamics.terms.conditions import Conditions
 from identification.calibration.drive_gains import drive_gains
@@ -166,3 +168,42 @@ def test_what_cannot_tell_a_gain_is_refused(
         drive_gains(empty, runs[:1], 15.0, 0.01)
     with raises_code(EstimationError, "RID-OPTION-RANGE"):
         drive_gains(estimate, runs, 0.0, 0.01)
+
+
+def lever_signals(load_nm: float, inertia: float) -> SmoothedSignals:
+    """Return 20 s of a lever on a horizontal axis, with noise."""
+    times = np.arange(2000, dtype=np.float64)[:, np.newaxis] * STEP_S
+    rate = 2.0 * np.pi * 0.3
+    q = 1.2 * np.sin(rate * times) + 0.4 * np.sin(2.0 * rate * times)
+    v = rate * (1.2 * np.cos(rate * times) + 0.8 * np.cos(2.0 * rate * times))
+    a = -(rate**2) * (1.2 * np.sin(rate * times) + 1.6 * np.sin(2.0 * rate * times))
+    noise = 0.01 * np.random.default_rng(3).standard_normal(q.shape)
+    return SmoothedSignals(
+        joint_names=("motor",),
+        time_s=times[:, 0],
+        position=q,
+        velocity=v,
+        acceleration=a,
+        torque_nm=inertia * a + load_nm * np.cos(q) + noise,
+        segment=np.zeros(len(times), dtype=np.int64),
+        sample_period_s=STEP_S,
+        cutoff_hz=50.0,
+        temperature_k=None,
+    )
+
+
+def test_a_weighed_mass_without_its_distance_from_the_axis_is_refused() -> None:
+    limits = JointLimits(
+        position_min=-3.0, position_max=3.0, velocity=9.0, acceleration=99.0, torque=9.0
+    )
+    lever = RobotDescription(
+        name="lever",
+        gravity_m_s2=(0.0, -9.81, 0.0),
+        kinematics=Kinematics(convention="modified_dh", rows=(KinematicRow(),)),
+        joints=(Joint(name="motor", limits=limits),),
+    )
+    signals, carried = [lever_signals(0.6, 0.01), lever_signals(3.0, 0.07)], [False, True]
+    how = EstimationOptions(model=OPTIONS)
+    estimate = fit_smoothed(lever, signals, how, payload=carried).estimate()
+    with raises_code(EstimationError, "RID-LOAD-MASS-HIDDEN", "motor"):
+        drive_gains(estimate, time_runs(estimate.model, signals, carried), 1.0, 0.01)
