@@ -19,6 +19,8 @@ KNOTS: Final = (1000, 2000, 4000, 8000)
 """Numbers of poses that are tried; the first sufficient one is used. A file has at most 10,000."""
 SLOW: Final = 1e-3  # of the largest speed
 STRAIGHT_ON: Final = 0.9999
+TURN_BACK: Final = -0.5
+"""Cosine between the velocities of two rows below which a motion turns back between them."""
 SHORTEST: Final = 1e-4  # rad or m of any joint: less is not a motion
 FARTHEST_OFF: Final = 2e-4  # rad or m
 
@@ -75,7 +77,8 @@ class RestToRest:
 def curves_of(samples: MotionSamples, speeds: Sequence[float]) -> tuple[float, list[RestToRest]]:
     """Return the rest before a motion, and its parts from rest to rest.
 
-    A part ends if the motion is at rest, or nearly, and continues in another direction.
+    A part ends if the motion is at rest, or nearly, and continues in another direction; also if it
+    turns back between two rows.
 
     Args:
         samples: A motion of any kind.
@@ -93,15 +96,39 @@ def curves_of(samples: MotionSamples, speeds: Sequence[float]) -> tuple[float, l
         raise ConfigError(
             "the motion does not move, so there is nothing to retime", code="RID-TIMING-SHAPE"
         )
-    breaks = _find_rests(samples.velocity * weights, speed)
+    position, velocity = _with_turns(samples.position, samples.velocity * weights, step_s / weights)
+    breaks = _find_rests(velocity, np.linalg.norm(velocity, axis=1))
     ways: list[RestToRest] = []
     for (_, begin), (end, after) in pairwise(breaks):
         rest_s = (after - end) * step_s
-        points = samples.position[begin : end + 1]
+        points = position[begin : end + 1]
         if np.ptp(points, axis=0).max() < SHORTEST:
             continue
         ways.append(_rest_to_rest(points, np.asarray(speeds), rest_s))
     return (breaks[0][1] - breaks[0][0]) * step_s, ways
+
+
+def _with_turns(
+    position: FloatArray, velocity: FloatArray, scale_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the rows with a row at rest wherever the motion turns back between two rows.
+
+    There the accelerations of both rows' velocities bring the motion to rest and back.
+
+    Args:
+        position: Shape (rows, n). Joint positions [rad or m].
+        velocity: Shape (rows, n). Velocities over their limits.
+        scale_s: Shape (n,). Time between rows, times each limit.
+    """
+    before, after = velocity[:-1], velocity[1:]
+    speeds = np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1)
+    turns = np.flatnonzero(np.sum(before * after, axis=1) < TURN_BACK * speeds[0] * speeds[1])
+    share = (speeds[0] / np.maximum(speeds[0] + speeds[1], 1e-300))[turns, np.newaxis]
+    poses = position[turns] + 0.5 * share * before[turns] * scale_s
+    return (
+        np.insert(position, turns + 1, poses, axis=0),
+        np.insert(velocity, turns + 1, 0.0, axis=0),
+    )
 
 
 def _find_rests(velocity: FloatArray, speed: FloatArray) -> list[tuple[int, int]]:

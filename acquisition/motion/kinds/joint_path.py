@@ -20,10 +20,14 @@ from dynamics.geometry.inverse_kinematics import PathSlopes
 
 POINTS_A_CHORD: Final = 40
 FEWEST: Final = 200
+SAME_POSE: Final = 1e-6
+"""Largest difference of two poses that are one [rad or m]: less than an encoder distinguishes."""
 
 
 class JointPathMotion(Motion):
     """Smooth curve (of class C2) through poses, from rest to rest, as fast as the limits permit.
+
+    Consecutive poses that differ by at most 1e-6 rad or m in each joint are one.
 
     Attributes:
         points: Poses on the curve, each with one position per joint, base to flange [rad or m].
@@ -47,20 +51,21 @@ class JointPathMotion(Motion):
         return "tracking", run
 
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
-        points = self._checked_poses(robot)
-        speeds = np.array([joint.limits.velocity for joint in robot.joints])
-        chords = (np.abs(np.diff(points, axis=0)) / speeds).max(axis=1)
-        if chords.min() <= 0.0:
-            number = int(chords.argmin()) + 2
+        poses = self._checked_poses(robot)
+        numbers = _different_poses(poses)
+        if len(numbers) < 2:
             raise ConfigError(
-                f"point {number} of the path equals the previous one: remove one of them",
+                f"all {len(poses)} points of the path are the same pose: give another one",
                 code="RID-PATH-SEGMENT",
             )
+        points = poses[numbers]
+        speeds = np.array([joint.limits.velocity for joint in robot.joints])
+        chords = (np.abs(np.diff(points, axis=0)) / speeds).max(axis=1)
         knots = np.concatenate([[0.0], np.cumsum(chords)])
         curve = joint_spline(knots, points)
         count = max(FEWEST, POINTS_A_CHORD * len(chords))
         grid = np.unique(np.concatenate([np.linspace(0.0, knots[-1], count + 1), knots]))
-        _check_curve_limits(curve(grid), grid, knots, robot)
+        _check_curve_limits(curve(grid), grid, knots, numbers, robot)
         limits = speed_limits(
             grid,
             np.full(len(grid), math.inf),
@@ -96,16 +101,30 @@ class JointPathMotion(Motion):
         return np.array(self.points, dtype=float)
 
 
+def _different_poses(poses: FloatArray) -> list[int]:
+    """Return the rows of poses that differ from the previous one, with the first and the last."""
+    kept = [0]
+    for row in range(1, len(poses)):
+        if np.abs(poses[row] - poses[kept[-1]]).max() > SAME_POSE:
+            kept.append(row)
+    return kept if len(kept) == 1 else [*kept[:-1], len(poses) - 1]
+
+
 def _check_curve_limits(
-    position: FloatArray, grid: FloatArray, knots: FloatArray, robot: RobotDescription
+    position: FloatArray,
+    grid: FloatArray,
+    knots: FloatArray,
+    numbers: list[int],
+    robot: RobotDescription,
 ) -> None:
     for j, joint in enumerate(robot.joints):
         low, high = joint.limits.position_min, joint.limits.position_max
         off = np.maximum(low - position[:, j], position[:, j] - high)
         if off.max() > 0.0:
-            number = int(np.searchsorted(knots, grid[off.argmax()]))
+            after = int(np.searchsorted(knots, grid[off.argmax()]))
             raise LimitError(
-                f"the curve between points {number} and {number + 1} of the path has joint"
+                f"the curve between points {numbers[after - 1] + 1} and {numbers[after] + 1} of"
+                f" the path has joint"
                 f" {joint.name!r} at {position[off.argmax(), j]:.4g}, outside its limits {low:g} to"
                 f" {high:g}: move the points",
                 code="RID-MOTION-LIMIT",

@@ -1,46 +1,55 @@
-"""Joint positions over time, in the motion file or in a CSV file next to it."""
+"""Joint positions over time, in the motion file or in a planner's file next to it."""
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
-from scipy.interpolate import make_interp_spline
 
 from acquisition.motion.kinds.motion import LONGEST_MOTION_S, Motion, refuse_longer
+from acquisition.motion.paths.timed_curve import (
+    FEWEST_ROWS,
+    TimedCurve,
+    curve_through_positions,
+    curve_through_velocities,
+)
 from acquisition.motion.samples import JointTrajectory, MotionSamples, with_rests
-from config.arrays import FloatArray
+from acquisition.motion.trajectory_file import VELOCITIES, read_trajectory
+from config.arrays import BoolArray, FloatArray
 from config.errors import ConfigError, LimitError
-from config.formats.bounded_file import read_file
-from config.formats.number import parse_number
 from config.load import to_yaml
 from config.plausible import Derived, Plausible, implausible, key_name
 from config.robot.robot import RobotDescription
 
 AT_REST: Final = 0.02
-FEWEST_ROWS: Final = 6
-TIME: Final = "time_s"
-MOST_BYTES: Final = 200_000_000
+MOST_FACTOR: Final = 5.0
+"""Largest ratio between the velocities of a table and the changes of its positions."""
+STOPPING: Final = 5.77
+"""Largest acceleration of a quintic from rest to rest, over distance / time^2: 10 / sqrt(3)."""
 POSITIONS: Final = Plausible(0.0, 50.0, "rad or m")
 TIMES: Final = Plausible(0.01, LONGEST_MOTION_S, "s")
 
 
 class JointTableMotion(Motion, Derived):
-    """Joint positions over time, from a CSV file, or in the motion file itself.
+    """Joint positions over time, from a planner's file, or in the motion file itself.
 
-    A smooth curve (of class C4) passes through the rows. It must begin and end at rest.
+    A smooth curve passes through the rows: of class C4 through positions alone, of class C3 through
+    positions and velocities. It must begin and end at rest. A row that repeats the previous one is
+    left out.
 
     Attributes:
-        file: CSV file next to the motion file. It has a column `time_s` and one column per joint,
-            with the joint's name [rad or m].
+        file: File next to the motion file. A CSV file has a column `time_s` or `time_from_start`
+            [s] and one column per joint, with the joint's name [rad or m]; velocities are in
+            columns such as `axis1_velocity` or `vel_axis1`. A JSON or YAML file contains a
+            `trajectory_msgs/JointTrajectory` as ROS and MoveIt write it.
         joints: Without `file`: names of the joints, in the order of the columns of `position`.
         time_s: Without `file`: time of each row [s].
         position: Without `file`: rows of joint positions [rad or m].
+        velocity: Without `file`: rows of joint velocities [rad/s or m/s]; left out, the positions
+            alone define the curve.
         dwell_s: Rest before and after the motion [s].
     """
 
@@ -49,6 +58,7 @@ class JointTableMotion(Motion, Derived):
     joints: tuple[str, ...] = ()
     time_s: tuple[float, ...] = Field(default=(), max_length=1_000_000)
     position: tuple[tuple[float, ...], ...] = Field(default=(), max_length=1_000_000)
+    velocity: tuple[tuple[float, ...], ...] = Field(default=(), max_length=1_000_000)
     dwell_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.2
 
     @model_validator(mode="after")
@@ -60,11 +70,17 @@ class JointTableMotion(Motion, Derived):
                 f"time_s has {len(self.time_s)} rows, position {len(self.position)}: give the"
                 " same number"
             )
-        for number, row in enumerate(self.position, start=1):
-            if len(row) != len(self.joints):
-                raise ValueError(
-                    f"row {number} of position has {len(row)} values for {len(self.joints)} joints"
-                )
+        if self.velocity and len(self.velocity) != len(self.time_s):
+            raise ValueError(
+                f"time_s has {len(self.time_s)} rows, velocity {len(self.velocity)}: give the"
+                " same number, or no velocity"
+            )
+        for key, rows in (("position", self.position), ("velocity", self.velocity)):
+            for number, row in enumerate(rows, start=1):
+                if len(row) != len(self.joints):
+                    raise ValueError(
+                        f"row {number} of {key} has {len(row)} values for {len(self.joints)} joints"
+                    )
         return self
 
     def derived(self) -> dict[str, tuple[float, Plausible]]:
@@ -75,7 +91,7 @@ class JointTableMotion(Motion, Derived):
 
     @property
     def read_later(self) -> frozenset[str]:
-        """Keys whose values are in the CSV file."""
+        """Keys whose values are in the trajectory file."""
         return frozenset({"position", "time_s"}) if self.file is not None else frozenset()
 
     def describe(self) -> str:
@@ -87,14 +103,14 @@ class JointTableMotion(Motion, Derived):
         return "tracking", run
 
     def to_keep(self, written: bytes) -> bytes:
-        """Return the motion file with the rows of the CSV file in it."""
+        """Return the motion file with the rows of the trajectory file in it."""
         return to_yaml(self).encode()
 
     def completed(self, folder: Path) -> JointTableMotion:
-        """Return the motion with the rows of its CSV file.
+        """Return the motion with the rows of its trajectory file.
 
         Args:
-            folder: Folder of the motion file, in which the CSV file is searched.
+            folder: Folder of the motion file, in which the trajectory file is searched.
 
         Raises:
             ConfigError: The file cannot be read, or one of its rows is invalid; the text names it.
@@ -102,10 +118,15 @@ class JointTableMotion(Motion, Derived):
         if self.file is None:
             return self
         path = folder / Path(self.file).expanduser()
-        joints, time_s, position = _read_table(path)
+        rows = read_trajectory(path)
         try:
             whole = JointTableMotion.from_attributes(
-                self, file=None, joints=joints, time_s=time_s, position=position
+                self,
+                file=None,
+                joints=rows.joints,
+                time_s=rows.time_s,
+                position=rows.position,
+                velocity=rows.velocity,
             )
         except ValidationError as error:
             raise ConfigError(
@@ -126,30 +147,61 @@ class JointTableMotion(Motion, Derived):
             )
         order = [self.joints.index(name) for name in robot.joint_names]
         time_s, position = np.array(self.time_s), np.array(self.position)[:, order]
-        _check_rows(time_s, position, robot)
-        rest = [(1, np.zeros(len(robot.joints))), (2, np.zeros(len(robot.joints)))]
-        curve = make_interp_spline(time_s, position, k=5, bc_type=(rest, rest))  # type: ignore[arg-type]
+        velocity = np.array(self.velocity)[:, order] if self.velocity else None
+        curve = _curve(time_s, position, velocity, robot)
         rows = math.ceil((time_s[-1] - time_s[0]) / sample_period_s - 1e-9)
         at_s = np.minimum(time_s[0] + np.arange(rows + 1) * sample_period_s, time_s[-1])
         path = JointTrajectory(*(np.asarray(curve(at_s, order)) for order in range(3)))
         return with_rests(path, self.dwell_s, robot.joint_names, sample_period_s)
 
 
-def _check_rows(time_s: FloatArray, position: FloatArray, robot: RobotDescription) -> None:
-    """Check that times increase, positions are within the limits, and both ends are at rest."""
-    if len(time_s) < FEWEST_ROWS:
+def _curve(
+    time_s: FloatArray, position: FloatArray, velocity: FloatArray | None, robot: RobotDescription
+) -> TimedCurve:
+    """Return the curve through the rows of a table.
+
+    Raises:
+        ConfigError: Times do not increase, positions exceed the limits, an end is not at rest, or
+            velocities contradict the positions.
+    """
+    rows = [position] if velocity is None else [position, velocity]
+    values = np.hstack([time_s[:, np.newaxis], *rows])
+    kept = np.concatenate([[True], (np.diff(values, axis=0) != 0.0).any(axis=1)])
+    _check_times(time_s, kept)
+    _check_positions(position, robot)
+    time_s, position = time_s[kept], position[kept]
+    fewest = FEWEST_ROWS if velocity is None else 2
+    if len(time_s) < fewest:
         raise ConfigError(
-            f"the table has {len(time_s)} rows, but at least {FEWEST_ROWS} are needed",
+            f"the table has {len(time_s)} different rows, but at least {fewest} are needed",
             code="RID-TABLE-INVALID",
         )
-    steps = np.diff(time_s)
-    if (steps <= 0.0).any():
-        row = int(np.argmax(steps <= 0.0)) + 2
+    if velocity is None:
+        begin, end = (
+            _end_speeds(time_s[way], position[way]) for way in (slice(4), slice(-1, -5, -1))
+        )
+        _check_rest(begin, end, len(kept), robot)
+        return curve_through_positions(time_s, position)
+    velocity = velocity[kept]
+    _check_rest(np.abs(velocity[0]), np.abs(velocity[-1]), len(kept), robot)
+    _check_velocities(time_s, position, velocity, robot)
+    return curve_through_velocities(time_s, position, velocity)
+
+
+def _check_times(time_s: FloatArray, kept: BoolArray) -> None:
+    """Check that the times of all rows but repeated ones increase."""
+    late = kept[1:] & (np.diff(time_s) <= 0.0)
+    if late.any():
+        row = int(np.argmax(late)) + 2
         raise ConfigError(
             f"row {row} of the table is at {time_s[row - 1]:g} s, not later than the previous"
-            " row: time_s must increase",
+            " row: its time must increase",
             code="RID-TABLE-INVALID",
         )
+
+
+def _check_positions(position: FloatArray, robot: RobotDescription) -> None:
+    """Check that all positions are within the joints' limits."""
     for j, joint in enumerate(robot.joints):
         low, high = joint.limits.position_min, joint.limits.position_max
         off = (position[:, j] < low) | (position[:, j] > high)
@@ -162,10 +214,30 @@ def _check_rows(time_s: FloatArray, position: FloatArray, robot: RobotDescriptio
                 f" outside its limits {low:g} to {high:g} {unit}{likely}",
                 code="RID-MOTION-LIMIT",
             )
-        for row, speed in (
-            (1, abs(position[1, j] - position[0, j]) / steps[0]),
-            (len(time_s), abs(position[-1, j] - position[-2, j]) / steps[-1]),
-        ):
+
+
+def _end_speeds(time_s: FloatArray, position: FloatArray) -> FloatArray:
+    """Return the lowest speed at an end that polynomials through its first rows have, shape (n,).
+
+    Polynomials of degree 1, 2 and 3 through two, three and four rows: a table with constant
+    acceleration from rest has a chord that moves, but a parabola that begins at rest.
+
+    Args:
+        time_s: Shape (4,). Times from the end inwards [s].
+        position: Shape (4, n). Positions at these times.
+    """
+    since_s = time_s - time_s[0]
+    speeds = [
+        np.abs(np.polyfit(since_s[: degree + 1], position[: degree + 1], degree)[-2])
+        for degree in (1, 2, 3)
+    ]
+    return np.asarray(np.min(speeds, axis=0))
+
+
+def _check_rest(begin: FloatArray, end: FloatArray, rows: int, robot: RobotDescription) -> None:
+    """Check that the speeds of both ends are small."""
+    for j, joint in enumerate(robot.joints):
+        for row, speed in ((1, begin[j]), (rows, end[j])):
             if speed > AT_REST * joint.limits.velocity:
                 raise ConfigError(
                     f"in row {row} of the table joint {joint.name!r} moves at {speed:.3g} per"
@@ -175,48 +247,30 @@ def _check_rows(time_s: FloatArray, position: FloatArray, robot: RobotDescriptio
                 )
 
 
-def _read_table(
-    path: Path,
-) -> tuple[tuple[str, ...], tuple[float, ...], tuple[tuple[float, ...], ...]]:
-    """Return the joints, times and positions of a CSV file."""
-    try:
-        text = read_file(path, MOST_BYTES).decode("utf-8-sig")
-        lines = list(csv.reader(io.StringIO(text, newline="")))
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot read: {error.strerror}", code="RID-FILE-READ") from None
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise ConfigError(f"{path}: is not a CSV file: {error}", code="RID-FILE-TYPE") from None
-    header = [name.strip() for name in lines[0]] if lines else []
-    if header.count(TIME) != 1:
-        raise ConfigError(
-            f"{path}:1: the first line must contain the column names: {TIME} and the joints",
-            code="RID-TABLE-INVALID",
-        )
-    column = header.index(TIME)
-    time_s, position = [], []
-    for number, line in enumerate(lines[1:], start=2):
-        if not any(cell.strip() for cell in line):
+def _check_velocities(
+    time_s: FloatArray, position: FloatArray, velocity: FloatArray, robot: RobotDescription
+) -> None:
+    """Check that velocities have the unit and the sign of the positions' changes."""
+    step_s = np.diff(time_s)[:, np.newaxis]
+    change = np.diff(position, axis=0) / step_s
+    mean = 0.5 * (velocity[1:] + velocity[:-1])
+    stops = (STOPPING * np.abs(change) / step_s).max(axis=0)
+    for j, joint in enumerate(robot.joints):
+        columns = " or ".join(form.format(joint.name) for form in VELOCITIES)
+        remedy = f"correct the velocities (in a CSV file the column {columns}), or leave them out"
+        size = float(np.sum(mean[:, j] ** 2))
+        if size == 0.0 and stops[j] > joint.limits.acceleration:
+            raise ConfigError(
+                f"the velocities of joint {joint.name!r} are zero in each row of the table, but its"
+                f" positions change faster than it can stop in each row: {remedy}",
+                code="RID-TABLE-INVALID",
+            )
+        if len(time_s) < FEWEST_ROWS or size == 0.0:
             continue
-        values = _parse_row(path, number, line, len(header))
-        time_s.append(values.pop(column))
-        position.append(tuple(values))
-    del header[column]
-    if not header or not time_s:
-        missing = "no joint column" if not header else "no row below the column names"
-        raise ConfigError(f"{path}: has {missing}: it contains no motion", code="RID-TABLE-INVALID")
-    return tuple(header), tuple(time_s), tuple(position)
-
-
-def _parse_row(path: Path, number: int, line: list[str], columns: int) -> list[float]:
-    if len(line) != columns:
-        raise ConfigError(
-            f"{path}:{number}: has {len(line)} columns, but the first line has {columns}",
-            code="RID-TABLE-INVALID",
-        )
-    values = []
-    for cell in line:
-        try:
-            values.append(parse_number(cell))
-        except ConfigError as error:
-            raise ConfigError(f"{path}:{number}: {error}", code=error.refusal) from None
-    return values
+        factor = float(np.sum(mean[:, j] * change[:, j])) / size
+        if not 1.0 / MOST_FACTOR <= factor <= MOST_FACTOR:
+            raise ConfigError(
+                f"the positions of joint {joint.name!r} change by {factor:.3g} times its velocities"
+                f" in the table: {remedy}",
+                code="RID-TABLE-INVALID",
+            )

@@ -1,7 +1,9 @@
-"""Paths in joint positions: curves through poses, and tables, written or in a CSV file."""
+"""Paths in joint positions: curves through poses, and tables, in the motion or a planner's file."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +14,7 @@ from acquisition.motion.kinds.joint_table import JointTableMotion
 from acquisition.motion.limits import verify_limits
 from acquisition.motion.motion_file import load_motion
 from acquisition.motion.samples import Phase
+from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.load import load_robot, to_yaml
 from tests.builders.raised_codes import raises_code
@@ -92,8 +95,12 @@ def test_a_table_of_a_csv_file_is_followed_and_comes_into_the_motion(tmp_path: P
         ([HEADER, "0,zero,0,0"], "RID-FILE-NUMBER", ("path.csv:2: 'zero'",)),
         ([HEADER, "0,inf,0,0"], "RID-FILE-NUMBER", ("path.csv:2: 'inf'",)),
         (["axis2,time_s,axis1", *["0,1,0"] * 9], "RID-MOTION-JOINTS", ("axis1, axis2, axis3",)),
-        ([HEADER, *["0,1,0,0"] * 9], "RID-TABLE-INVALID", ("row 2 ", " 1 s", "time_s")),
-        ([HEADER, "0,0,0,0"], "RID-TABLE-INVALID", ("1 rows", "6 ")),
+        (
+            [HEADER, *[f"0,1,{0.1 * k},0" for k in range(9)]],
+            "RID-TABLE-INVALID",
+            ("row 2 ", " 1 s", "time"),
+        ),
+        ([HEADER, "0,0,0,0"], "RID-TABLE-INVALID", ("1 different rows", "6 ")),
         (
             csv([(a, t, b, 6.0 * c) for a, t, b, c in table()]),
             "RID-MOTION-LIMIT",
@@ -115,6 +122,128 @@ def test_tables_that_cannot_be_meant_are_refused_by_their_row(
         load_motion(written(tmp_path, lines)).plan(ROBOT, T)
 
 
+def test_a_table_that_accelerates_constantly_from_rest_is_accepted(tmp_path: Path) -> None:
+    """The first chord of a planner's rows of 0.1 s moves, although the motion begins at rest."""
+    t = np.linspace(0.0, 2.0, 21)
+    ramp = np.where(t < 1.0, 0.5 * t**2, 1.0 - 0.5 * (2.0 - t) ** 2)
+    rows = [(0.0, time, place, 0.4) for time, place in zip(t.tolist(), ramp.tolist(), strict=True)]
+    samples = load_motion(written(tmp_path, csv(rows))).plan(ROBOT, T)
+    verify_limits(samples, ROBOT)
+    main = samples.position[samples.phase == Phase.MAIN]
+    np.testing.assert_allclose(
+        main[::25, 0], np.interp(np.arange(0, 2.01, 0.2), t, ramp), atol=1e-3
+    )
+
+
+def test_a_repeated_row_is_left_out(tmp_path: Path) -> None:
+    rows = csv(table())
+    once = load_motion(written(tmp_path, rows)).plan(ROBOT, T)
+    twice = load_motion(written(tmp_path, [*rows[:2], *rows[1:], rows[-1]])).plan(ROBOT, T)
+    np.testing.assert_array_equal(once.position, twice.position)
+
+
+PLANNED_S = np.array([0.0, 0.4, 0.7, 0.9, 1.2, 1.6, 2.0])
+"""Times of a planner's few rows."""
+
+
+def planned_rows() -> tuple[FloatArray, FloatArray]:
+    """Return positions and velocities at `PLANNED_S` of a smooth motion from rest to rest."""
+    x = PLANNED_S / 2.0
+    share = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
+    rate = 15.0 * x**2 * (1.0 - 2.0 * x + x**2)
+    size = np.array([0.5, 0.3, -0.4])
+    return share[:, np.newaxis] * size, rate[:, np.newaxis] * size
+
+
+def planned_csv(folder: Path, names: str, velocity: FloatArray) -> Path:
+    position, _ = planned_rows()
+    rows = np.column_stack([PLANNED_S, position, velocity])
+    return written(folder, [names, *(",".join(map(repr, row)) for row in rows.tolist())])
+
+
+def moveit_json(folder: Path, stamp: Callable[[float], object], key: str = "file.json") -> Path:
+    position, velocity = planned_rows()
+    points = [
+        {"positions": q, "velocities": v, "accelerations": [], "time_from_start": stamp(t)}
+        for q, v, t in zip(position.tolist(), velocity.tolist(), PLANNED_S.tolist(), strict=True)
+    ]
+    message = {"joint_names": ["axis1", "axis2", "axis3"], "points": points}
+    tree = {"trajectory": [{"joint_trajectory": message}]}
+    (folder / key).write_text(json.dumps(tree))
+    motion = folder / "motion.yaml"
+    motion.write_text(f"kind: joint_table\nrobot: ir361\nfile: {key}\n")
+    return motion
+
+
+VELOCITY_NAMES = (
+    "time_s,axis1,axis2,axis3,axis1_velocity,axis2_velocity,axis3_velocity",
+    "time_from_start,axis1,axis2,axis3,vel_axis1,vel_axis2,vel_axis3",
+)
+
+
+@pytest.mark.parametrize("names", VELOCITY_NAMES)
+def test_positions_and_velocities_define_the_curve(tmp_path: Path, names: str) -> None:
+    motion = load_motion(planned_csv(tmp_path, names, planned_rows()[1]))
+    samples = motion.plan(ROBOT, T)
+    verify_limits(samples, ROBOT)
+    main = samples.phase == Phase.MAIN
+    x = np.arange(main.sum()) * T / 2.0
+    share = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
+    np.testing.assert_allclose(
+        samples.position[main], share[:, np.newaxis] * [0.5, 0.3, -0.4], atol=1e-9
+    )
+    again = tmp_path / "whole.yaml"
+    again.write_text(to_yaml(motion))
+    assert load_motion(again) == motion
+
+
+@pytest.mark.parametrize(
+    ("key", "stamp"),
+    [
+        ("file.json", lambda t: {"sec": int(t), "nanosec": round((t - int(t)) * 1e9)}),
+        ("file.json", lambda t: {"secs": int(t), "nsecs": round((t - int(t)) * 1e9)}),
+        ("file.yaml", lambda t: t),
+    ],
+)
+def test_a_trajectory_of_ros_is_read(
+    tmp_path: Path, key: str, stamp: Callable[[float], object]
+) -> None:
+    samples = load_motion(moveit_json(tmp_path, stamp, key)).plan(ROBOT, T)
+    same = load_motion(planned_csv(tmp_path, VELOCITY_NAMES[0], planned_rows()[1])).plan(ROBOT, T)
+    np.testing.assert_allclose(samples.position, same.position, atol=1e-12)
+
+
+def test_a_file_without_one_trajectory_is_refused(tmp_path: Path) -> None:
+    motion = moveit_json(tmp_path, lambda t: t)
+    text = (tmp_path / "file.json").read_text()
+    for wrong, details in (
+        (text.replace('"points"', '"waypoints"'), ("file.json", "points")),
+        (text.replace('"joint_names"', '"names"'), ("file.json", "joint_names")),
+        (text.replace('"time_from_start": 0.7', '"time_from_start": "late"'), ("points.2",)),
+        (text.replace('"velocities": [0.0, 0.0, -0.0]', '"velocities": []'), ("velocities",)),
+    ):
+        assert wrong != text
+        (tmp_path / "file.json").write_text(wrong)
+        with raises_code(ConfigError, "RID-TABLE-INVALID", *details):
+            load_motion(motion)
+
+
+@pytest.mark.parametrize(
+    ("names", "factor", "details"),
+    [
+        (VELOCITY_NAMES[0].replace(",axis3_velocity", ",vel"), 1.0, ("path.csv:1: ", "axis3")),
+        (VELOCITY_NAMES[0], 57.3, ("'axis1'", "0.0")),
+        (VELOCITY_NAMES[0], -1.0, ("'axis1'", "-")),
+        (VELOCITY_NAMES[1], 0.0, ("'axis1'", "vel_axis1")),
+    ],
+)
+def test_velocities_that_contradict_the_positions_are_refused(
+    tmp_path: Path, names: str, factor: float, details: tuple[str, ...]
+) -> None:
+    with raises_code(ConfigError, "RID-TABLE-INVALID", *details):
+        load_motion(planned_csv(tmp_path, names, factor * planned_rows()[1])).plan(ROBOT, T)
+
+
 def test_a_table_that_is_not_there_is_told(tmp_path: Path) -> None:
     motion = written(tmp_path, [])
     with raises_code(ConfigError, "RID-TABLE-INVALID"):
@@ -130,7 +259,7 @@ def test_a_table_that_is_not_there_is_told(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("points", "code", "details"),
     [
-        ((POINTS[0], POINTS[0]), "RID-PATH-SEGMENT", ("point 2",)),
+        ((POINTS[0], POINTS[0]), "RID-PATH-SEGMENT", ("2 points",)),
         ((POINTS[0], (0.0, 0.0)), "RID-MOTION-JOINTS", ("point 2", "2 values")),
         (
             (POINTS[0], (0.0, 1.2, 0.0), POINTS[1]),
@@ -149,3 +278,12 @@ def test_poses_that_cannot_be_reached_are_refused(
 ) -> None:
     with raises_code(ConfigError, code, *details):
         joint_path(points).plan(ROBOT, T)
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-12, 1e-9, 9e-7])
+def test_poses_that_an_encoder_does_not_distinguish_are_one(gap: float) -> None:
+    usual = joint_path().plan(ROBOT, T)
+    near = tuple(value + gap for value in POINTS[1])
+    last = tuple(value - gap for value in POINTS[3])
+    twice = joint_path((*POINTS[:2], near, POINTS[2], last, POINTS[3])).plan(ROBOT, T)
+    np.testing.assert_allclose(twice.position, usual.position, atol=1e-9)

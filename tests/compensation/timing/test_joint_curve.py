@@ -71,6 +71,17 @@ def test_a_path_that_stops_in_its_corners_is_several() -> None:
     )
 
 
+def test_a_path_that_turns_back_is_several() -> None:
+    """The rows of the motion jump over the pose in which it turns."""
+    first, turn = POINTS[:2]
+    samples = planned(points=(first, turn, first))
+    _, ways = curves_of(samples, SPEEDS)
+    there, back = (way.curve for way in ways)
+    np.testing.assert_allclose(there.at(np.array(there.ends))[0], [first, turn], atol=1e-6)
+    np.testing.assert_allclose(back.at(np.array(back.ends))[0], [turn, first], atol=1e-6)
+    assert ways[0].rest_s == 0.0
+
+
 def still(rows: np.ndarray) -> MotionSamples:
     zero = np.zeros_like(rows)
     return MotionSamples(

@@ -1,0 +1,190 @@
+"""`TrajectoryRows`: joint positions over time from a planner's CSV, JSON or YAML file."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+from pydantic import AliasChoices, BaseModel, Field, ValidationError
+
+from config.errors import ConfigError
+from config.formats.bounded_file import read_file
+from config.formats.json_file import parse_json
+from config.formats.number import parse_number
+from config.formats.yaml_tree import parse_yaml
+
+MOST_BYTES: Final = 200_000_000
+TIMES: Final = ("time_s", "time_from_start")
+VELOCITIES: Final = ("{}_velocity", "velocity_{}", "{}_vel", "vel_{}")
+ENVELOPES: Final = ("trajectory", "planned_trajectory", "joint_trajectory")
+"""Keys around a `trajectory_msgs/JointTrajectory` in other messages of ROS and MoveIt."""
+Rows = tuple[tuple[float, ...], ...]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+@dataclass(frozen=True)
+class TrajectoryRows:
+    """Rows of a trajectory file.
+
+    Attributes:
+        joints: Names of the joints, in the order of the columns.
+        time_s: Time of each row [s].
+        position: Rows of joint positions [rad or m].
+        velocity: Rows of joint velocities [rad/s or m/s]; empty if the file has none.
+    """
+
+    joints: tuple[str, ...]
+    time_s: tuple[float, ...]
+    position: Rows
+    velocity: Rows
+
+
+def read_trajectory(path: Path) -> TrajectoryRows:
+    """Return the rows of a trajectory file.
+
+    A CSV file has a column `time_s` or `time_from_start` and one column per joint; columns of
+    velocities are named after their joint, as `VELOCITIES` shows. A JSON or YAML file contains a
+    `trajectory_msgs/JointTrajectory`, by itself or in a message of MoveIt; its accelerations and
+    efforts are not used.
+
+    Raises:
+        ConfigError: The file cannot be read, or one of its rows is invalid; the text names it.
+    """
+    try:
+        data = read_file(path, MOST_BYTES)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot read: {error.strerror}", code="RID-FILE-READ") from None
+    if path.suffix.lower() == ".json":
+        try:
+            tree = parse_json(data)
+        except ConfigError as error:
+            raise ConfigError(f"{path}: {error}", code=error.refusal) from None
+        return _rows_of_message(path, tree)
+    if path.suffix.lower() in (".yaml", ".yml"):
+        text = data.rstrip().removesuffix(b"---")  # `ros2 topic echo` ends with it
+        return _rows_of_message(path, parse_yaml(text, str(path)).data)
+    return _rows_of_csv(path, data)
+
+
+class _Duration(BaseModel):
+    seconds: Finite = Field(validation_alias=AliasChoices("sec", "secs"))
+    nanoseconds: Finite = Field(default=0.0, validation_alias=AliasChoices("nanosec", "nsecs"))
+
+
+class _Point(BaseModel):
+    positions: tuple[Finite, ...]
+    velocities: tuple[Finite, ...] = ()
+    time_from_start: _Duration | Finite
+
+    @property
+    def time_s(self) -> float:
+        at = self.time_from_start
+        return at if isinstance(at, float) else at.seconds + 1e-9 * at.nanoseconds
+
+
+class _JointTrajectory(BaseModel):
+    joint_names: tuple[str, ...] = Field(min_length=1)
+    points: tuple[_Point, ...] = Field(min_length=1, max_length=1_000_000)
+
+
+def _rows_of_message(path: Path, tree: Any) -> TrajectoryRows:
+    for key in ENVELOPES:
+        if isinstance(tree, dict) and key in tree:
+            tree = tree[key]
+        if isinstance(tree, list) and len(tree) == 1:
+            tree = tree[0]
+    if not isinstance(tree, dict) or "points" not in tree:
+        raise ConfigError(
+            f"{path}: has no joint trajectory: give one trajectory_msgs/JointTrajectory, with"
+            " `joint_names` and `points`",
+            code="RID-TABLE-INVALID",
+        )
+    try:
+        message = _JointTrajectory.model_validate(tree)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        raise ConfigError(f"{path}: {place}: {first['msg']}", code="RID-TABLE-INVALID") from None
+    with_velocity = sum(bool(point.velocities) for point in message.points)
+    if with_velocity not in (0, len(message.points)):
+        raise ConfigError(
+            f"{path}: {with_velocity} of {len(message.points)} points have velocities: give them"
+            " in each point, or in none",
+            code="RID-TABLE-INVALID",
+        )
+    return TrajectoryRows(
+        message.joint_names,
+        tuple(point.time_s for point in message.points),
+        tuple(point.positions for point in message.points),
+        tuple(point.velocities for point in message.points) if with_velocity else (),
+    )
+
+
+def _rows_of_csv(path: Path, data: bytes) -> TrajectoryRows:
+    try:
+        lines = list(csv.reader(io.StringIO(data.decode("utf-8-sig"), newline="")))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ConfigError(f"{path}: is not a CSV file: {error}", code="RID-FILE-TYPE") from None
+    header = [name.strip() for name in lines[0]] if lines else []
+    times = [column for column, name in enumerate(header) if name in TIMES]
+    if len(times) != 1:
+        raise ConfigError(
+            f"{path}:1: the first line must contain the column names: {' or '.join(TIMES)} once,"
+            " and the joints",
+            code="RID-TABLE-INVALID",
+        )
+    joints, velocities = _joint_columns(path, header, times[0])
+    rows = [
+        _parse_row(path, number, line, len(header))
+        for number, line in enumerate(lines[1:], start=2)
+        if any(cell.strip() for cell in line)
+    ]
+    if not joints or not rows:
+        missing = "no joint column" if not joints else "no row below the column names"
+        raise ConfigError(f"{path}: has {missing}: it contains no motion", code="RID-TABLE-INVALID")
+    return TrajectoryRows(
+        tuple(header[column] for column in joints),
+        tuple(row[times[0]] for row in rows),
+        _columns(rows, joints),
+        _columns(rows, velocities) if velocities else (),
+    )
+
+
+def _joint_columns(path: Path, header: list[str], time: int) -> tuple[list[int], list[int]]:
+    """Return the columns of the positions, and those of the velocities in the same order."""
+    speeds = {
+        form.format(name): name for name in header for form in VELOCITIES if header.count(name) == 1
+    }
+    velocity = {speeds[name]: column for column, name in enumerate(header) if name in speeds}
+    joints = [column for column, name in enumerate(header) if column != time and name not in speeds]
+    without = [header[column] for column in joints if header[column] not in velocity]
+    if velocity and without:
+        raise ConfigError(
+            f"{path}:1: has no velocity of {', '.join(without)}: give a column of velocities for"
+            f" each joint ({without[0]}_velocity), or for none",
+            code="RID-TABLE-INVALID",
+        )
+    return joints, [velocity[header[column]] for column in joints] if velocity else []
+
+
+def _columns(rows: Sequence[Sequence[float]], columns: Sequence[int]) -> Rows:
+    return tuple(tuple(row[column] for column in columns) for row in rows)
+
+
+def _parse_row(path: Path, number: int, line: list[str], columns: int) -> list[float]:
+    if len(line) != columns:
+        raise ConfigError(
+            f"{path}:{number}: has {len(line)} columns, but the first line has {columns}",
+            code="RID-TABLE-INVALID",
+        )
+    values = []
+    for cell in line:
+        try:
+            values.append(parse_number(cell))
+        except ConfigError as error:
+            raise ConfigError(f"{path}:{number}: {error}", code=error.refusal) from None
+    return values
