@@ -80,14 +80,16 @@ class BadLink:
         self._listens.set()
         self._loop.run_forever()
         server.close()
-        self._loop.run_until_complete(asyncio.sleep(_LOOK_S))  # what was just accepted is known now
+        self._loop.run_until_complete(
+            asyncio.sleep(_LOOK_S)
+        )  # connections that were just accepted are now registered
         self._end_all()
         while tasks := asyncio.all_tasks(self._loop):
             for task in tasks:
                 task.cancel()
             self._loop.run_until_complete(asyncio.wait(tasks))
         self._end_all()
-        self._loop.run_until_complete(asyncio.sleep(_LOOK_S))  # transports close in the loop
+        self._loop.run_until_complete(asyncio.sleep(_LOOK_S))  # transports close in the event loop
         self._loop.close()
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -107,7 +109,7 @@ class BadLink:
         self.paths.append(path)
         if self._passing and self._stalled is not None and self._stalled.search(path):
             self._passing -= 1
-            path = ""  # no rule is for it
+            path = ""  # no rule applies to this connection
         await self._wait(path)
         from_service, to_service = await asyncio.open_connection("127.0.0.1", self._to)
         self._writers.add(to_service)

@@ -76,7 +76,7 @@ def certified_session(
 
 
 def note_payload(folder: RunFolder, payload: PayloadResult) -> None:
-    """Write a payload and its result into a run, as a session and `payload identify` do."""
+    """Write a payload and its result into a run, like a session and `payload identify`."""
     write_payload(folder.file(PAYLOAD), payload)
     folder.write(PAYLOAD, folder.file(PAYLOAD).read_bytes())
     section = PayloadSection.of(payload, None, ["Warm-up: settled."])
@@ -114,7 +114,7 @@ def without_checks(payload: PayloadResult) -> PayloadResult:
 
 
 def with_unseen_inertia(payload: PayloadResult) -> PayloadResult:
-    """Return a payload whose motion does not determine the inertia about z."""
+    """Return a payload whose inertia about z is not identifiable."""
     estimate = replace(payload.estimate, unseen=np.eye(10)[:, 9:])
     return PayloadResult(estimate, check_payload(estimate, PayloadLimits()))
 

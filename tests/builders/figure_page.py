@@ -1,4 +1,4 @@
-"""A page with figures, served with own scripts and a strict content policy like the workbench."""
+"""A page with figures, served with a strict content security policy like the workbench."""
 
 from __future__ import annotations
 

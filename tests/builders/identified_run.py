@@ -44,7 +44,7 @@ THERE_AND_BACK = ReversedMotion(
 
 @dataclass(frozen=True)
 class ArmInMotion:
-    """One period of an excitation of the bundled arm: times [s], position, velocity, acceleration.
+    """One period of an excitation of the bundled arm.
 
     Attributes:
         cell: Cell of the arm.

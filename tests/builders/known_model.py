@@ -18,7 +18,7 @@ from tests.builders.certified import MEDIUM
 
 
 def known(cell: LoadedCell, deviations: dict[str, float]) -> Estimate:
-    """Return a simulated arm's true values as an estimate; some have an uncertainty above 1 %."""
+    """Return a simulated arm's true values as an estimate; `deviations` sets some uncertainties."""
     assert cell.plant is not None
     model = design_model(cell.robot)
     base = base_parameters(model)
@@ -48,7 +48,7 @@ def known(cell: LoadedCell, deviations: dict[str, float]) -> Estimate:
 def chosen(
     cell: LoadedCell, terms: tuple[FrictionTerm, ...], size: float, nonlinear: float | None = None
 ) -> Estimate:
-    """Return the true values with other friction terms; all their coefficients have one size."""
+    """Return the true values with other friction terms, all coefficients of which are `size`."""
     true = known(cell, {})
     joints = tuple(joint.model_copy(update={"friction": terms}) for joint in cell.robot.joints)
     robot = cell.robot.model_copy(update={"joints": joints})

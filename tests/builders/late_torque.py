@@ -17,7 +17,7 @@ from identification.validation.robot_terms import with_friction
 
 CLASSICAL: tuple[FrictionTerm, ...] = ("coulomb", "viscous")
 FOUND_M = (2.8e-4, 2.8e-4, 3.4e-4)
-"""Presliding distances with which the model is closest to the plant's presliding displacement."""
+"""Presliding distances that fit the plant's presliding displacement best."""
 MOTION = FourierMotion(
     kind="fourier",
     robot="ir361",
@@ -45,7 +45,7 @@ MOTION = FourierMotion(
         ),
     ),
 )
-"""Five harmonics, as `rid-daq design` finds them."""
+"""A motion of five harmonics designed by `rid-daq design`."""
 
 
 def robot_of(cell: LoadedCell, terms: tuple[FrictionTerm, ...] = CLASSICAL) -> RobotDescription:

@@ -15,7 +15,7 @@ STEP_RAD = 2.0 * np.pi / 2**19
 
 @dataclass(frozen=True, eq=False)
 class LoggedArm:
-    """Sums of sines without a common period, from a seed.
+    """Motion of an arm: sums of sines without a common period, from a seed.
 
     Attributes:
         amplitude, omega, phase: Shape (joints, sines). Of each joint's position: amplitude *
@@ -36,7 +36,7 @@ class LoggedArm:
         return cls(amplitude, omega, random.uniform(0.0, 6.28, (joints, 5)))
 
     def at(self, true_s: FloatArray, stamps: FloatArray, seed: int = 0) -> Samples:
-        """Return samples at true times, written with other stamps; equal times give equal rows.
+        """Return samples at true times with other time stamps; equal times give equal rows.
 
         Positions have the steps of a 19-bit encoder; velocities and torques are noisy.
         """

@@ -37,7 +37,7 @@ STEP_S = 0.002
 
 
 class IdealAxis(AxisPort):
-    """An axis that follows its drive's ramp; without power its brake holds it."""
+    """An axis that follows its drive's ramp exactly; without power its brake stops it."""
 
     def __init__(self, counts: float) -> None:
         self.counts = counts

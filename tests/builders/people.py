@@ -1,4 +1,4 @@
-"""Users of one computer as processes: with sessions, with false data, or without either."""
+"""Processes of several users of one computer: with a session, with a false lock, or unrelated."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 
 ME = os.getuid()
 STRANGER = "import sys; [print('alive', flush=True) for _ in sys.stdin]"
-"""A process that has nothing to do with rid-daq."""
+"""A process that is unrelated to rid-daq."""
 
 LIAR = """
 import contextlib, fcntl, os, sys
@@ -34,7 +34,7 @@ print("alive", flush=True)
 for _ in sys.stdin:
     print("alive", flush=True)
 """
-"""A process that holds a file which says something else."""
+"""A process that holds a lock file with false content."""
 
 PERSON = """
 import ctypes, os, signal, sys
@@ -60,11 +60,11 @@ with hold_cell(cell):
     print("alive", flush=True)
     signal.pause()
 """
-"""A person at this computer, who runs a session or `rid-daq stop`."""
+"""A user of this computer, who runs a session or `rid-daq stop`."""
 
 
 class People:
-    """Processes of honest, unknown and lying users; all end with the test."""
+    """Processes of several users, some with false locks; all end with the test."""
 
     def __init__(self, stack: contextlib.ExitStack) -> None:
         self._stack = stack

@@ -1,7 +1,6 @@
-"""Find phrases that a reader has to read twice: `python -m tests.builders.plain_text [FOLDER ...]`.
+"""Find phrases that are hard to read: `python -m tests.builders.plain_text [FOLDER ...]`.
 
-It reads docstrings, texts, comments, Markdown, pages and scripts. Each hit comes with what to write
-instead.
+It reads docstrings, texts, comments, Markdown, pages and scripts. Each hit names a replacement.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from typing import Final, NamedTuple
 from tests.builders.code_lines import ROOT
 
 LONGEST_SENTENCE: Final = 45
-"""Words of a docstring's sentence; about 25 are the aim."""
+"""Maximum number of words of a sentence; aim at about 25."""
 
 NAMES: Final = frozenset(
     (
@@ -36,7 +35,7 @@ NAMES: Final = frozenset(
         "wanted",
     )
 )
-"""Participles and pronouns that are no names of functions and classes."""
+"""Participles and pronouns that functions and classes must not have as names."""
 
 PHRASES: Final = {
     r"\bwhere (?:a|an|the|one|that|this|it|they|none|no|not|its|their|nothing|several)\b": (
@@ -60,12 +59,12 @@ PHRASES: Final = {
         "plain verbs"
     ),
 }
-"""Each as a regular expression, and what to write instead."""
+"""Regular expression of each phrase, and its replacement."""
 
 _ANY_PHRASE: Final = re.compile("|".join(PHRASES), re.IGNORECASE)
 
 FIRST_WORDS: Final = ("What", "Which", "Whether", "Who", "Whom", "How", "Where")
-"""A docstring begins with an imperative or a noun phrase instead."""
+"""Words with which no docstring begins."""
 
 _PAGES: Final = {
     ".md": r"((?:^.+\n?)+)",
@@ -77,7 +76,7 @@ _PAGES: Final = {
 
 
 class Hit(NamedTuple):
-    """A phrase to rewrite: file and line, the phrase, and what to write instead."""
+    """A phrase to rewrite: file and line, the phrase, and its replacement."""
 
     place: str
     phrase: str

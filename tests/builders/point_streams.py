@@ -29,7 +29,9 @@ SPEED = np.array([limit.velocity for limit in LIMITS])
 ACCELERATION = np.array([limit.acceleration for limit in LIMITS])
 LOW = np.array([limit.position_min for limit in LIMITS])
 HIGH = np.array([limit.position_max for limit in LIMITS])
-ROUNDING = 1.02  # 1 % is the stage's own; the rest is the difference quotient's
+ROUNDING = (
+    1.02  # 1 % is the tolerance of the stage; the rest is the error of the difference quotient
+)
 
 Points = NDArray[np.float64]
 
@@ -53,7 +55,7 @@ FORWARD = OnlineFeedforward.of(
 
 
 DISTANCES = (2e-3, 1e-3, 3e-3)
-"""What joints of the arm that remembers are moved until they slide [rad]."""
+"""Presliding distance of each joint [rad]."""
 
 
 def remembering() -> tuple[RobotModel, Points]:
@@ -80,7 +82,7 @@ REMEMBERING = OnlineFeedforward.of(
 def source_of(
     forward: OnlineFeedforward, points: Points, *, end: bool = True, capacity: int | None = None
 ) -> PointSource:
-    """Return a real-time source of points, which does not wait for missing points."""
+    """Return a source of points that runs in real time and does not wait for missing points."""
     ring = PointRing.create(points.shape[1], capacity or len(points))
     ring.write(points)
     if end:
@@ -149,7 +151,7 @@ Spoiler = st.sampled_from(["no", "nan", "inf", "jump", "step", "noise", "huge", 
 
 @st.composite
 def streams(draw: st.DrawFn) -> tuple[Points, list[int], bool, list[int]]:
-    """Draw good or bad points, the number per cycle, the end, and skipped cycles."""
+    """Draw valid or invalid points, the number per cycle, the stream's end, and skipped cycles."""
     path = waves(draw(st.integers(0, 50)), draw(st.integers(1, 500)), draw(st.floats(0.05, 3.0)))
     at = draw(st.integers(0, len(path) - 1))
     joint, size = draw(st.integers(0, 2)), draw(st.floats(-3.0, 3.0))

@@ -1,8 +1,8 @@
 """Draw texts for a panel of readers: `python -m tests.builders.random_texts [COUNT [FOLDER ...]]`.
 
-The seed is the hash of the last commit. Every kind of text has as many: docstrings of the packages
-and of tests, messages and comments, pages, documents, decision records, data files. The place of
-each is printed, so that the readers' answers can be compared with the code.
+The seed is the hash of the last commit. Each kind of text is drawn equally often: docstrings of the
+packages and of tests, messages and comments, pages, documents, decision records, data files. The
+place of each text is printed, so that the readers' answers can be compared with the code.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def texts(path: Path) -> Iterator[Passage]:
 
 
 def draw(seed: str, count: int, names: tuple[str, ...] = _READ) -> list[tuple[str, str]]:
-    """Return as many texts as asked for, each with its kind and place."""
+    """Return `count` texts, each with its kind and place."""
     kinds: dict[str, list[tuple[str, str]]] = {}
     for name in names:
         for path in files(ROOT / name):

@@ -1,4 +1,4 @@
-"""A program that records one motion and reports when it moves, for tests that end it."""
+"""A program that records one motion and reports when it moves, for tests that interrupt it."""
 
 from __future__ import annotations
 

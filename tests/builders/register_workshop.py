@@ -22,12 +22,12 @@ from mock_hw.registers.server import RegisterService, RegisterSettings, ServerCe
 
 PROFILE = load_bundled_or_path("servo_registers", "profiles", DriveProfile)
 UNITS = (1, 2, 9)
-PATIENCE_S = 10.0  # of an answer that comes, however busy the computer is
+PATIENCE_S = 10.0  # for an answer that arrives, even on a busy computer
 TIMEOUT_S = 4.0  # for answers that may never arrive
 
 
 def registers(unit: int) -> dict[int, int] | None:
-    """Three drives at 20, 30 and 100 °C."""
+    """Return registers of three drives at 20, 30 and 100 °C."""
     if unit not in UNITS:
         return None
     return encode(
@@ -99,7 +99,9 @@ class Workshop:
         if not isinstance(client, ModbusSerialClient):
             return
         port = client.socket
-        if isinstance(port, serial.Serial):  # a pseudo-terminal passes bytes on when it pleases
+        if isinstance(
+            port, serial.Serial
+        ):  # a pseudo-terminal passes bytes on with an unknown delay
             give_up_s = time.monotonic() + 120.0
             while not port.in_waiting and time.monotonic() < give_up_s:
                 os.sched_yield()

@@ -60,7 +60,7 @@ def motion(seconds: float, seed: int) -> tuple[FloatArray, FloatArray, FloatArra
     omega = 2.0 * np.pi * np.array([0.07, 0.21, 0.4, 0.63])
     size = np.array([0.5, 0.25, 0.1, 0.06])[:, np.newaxis] * random.uniform(0.6, 1.4, (4, 3))
     phase = random.uniform(0.0, 2.0 * np.pi, (4, 3))
-    # The clock of the motion stands still every four seconds: rest without a jump.
+    # The motion's clock stops every four seconds, so that the arm rests without a jump.
     turn = 2.0 * np.pi * 0.25
     warped = t - np.sin(turn * t) / turn
     rate, change = 1.0 - np.cos(turn * t), turn * np.sin(turn * t)
@@ -80,7 +80,7 @@ def recording(
     noise_nm: float = 1.0,
     seed: int = 0,
 ) -> SmoothedSignals:
-    """Return a recording of the arm; the Coulomb friction of some joints has these directions."""
+    """Return a recording of the arm; `directions` replaces the Coulomb direction of some joints."""
     tau = _torques(directions, way, noise_nm, seed)
     return signals_of(*way, low_pass(tau, STEP_S, CUTOFF_HZ))
 
@@ -91,7 +91,7 @@ def measured(
     *,
     rows: slice = slice(None),
 ) -> Recording:
-    """Return the `Recording` with noise, or some of its rows; the joints have moved before."""
+    """Return the noisy `Recording`, or some of its rows; the joints moved before the first row."""
     tau, q = _torques(directions, way, 1.0, 0)[rows], way[0][rows]
     return Recording(
         joint_names=arm().joint_names,

@@ -1,7 +1,7 @@
-"""Screens: what commands show on a terminal, as lines and as SVG in a light and a dark theme.
+"""Screens: terminal output of commands, as lines and as SVG in a light and a dark theme.
 
-`python -m tests.builders.screens FOLDER` writes the help of every command and what the main ones
-say on a simulated cell, at 80 and at 120 columns.
+`python -m tests.builders.screens FOLDER` writes the help of every command and the output of the
+main commands on a simulated cell, at 80 and at 120 columns.
 """
 
 from __future__ import annotations
@@ -133,9 +133,9 @@ Call = Callable[[Console], None]
 
 @contextlib.contextmanager
 def noted() -> Iterator[list[Call]]:
-    """Yield the console calls of commands, to repeat them at any width; nothing is shown.
+    """Yield the console calls of commands, to repeat them at any width.
 
-    Output of `--json` is written.
+    Nothing is shown, except the output of `--json`.
     """
     calls: list[Call] = []
 

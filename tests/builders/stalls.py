@@ -1,4 +1,4 @@
-"""Detection of stalls of the computer: only a test that failed during a stall is repeated.
+"""Detection of stalls of the computer; a test is repeated only if it failed during a stall.
 
 A virtual machine sometimes stands still for up to a second. A real-time test that fails during such
 a stall proves nothing. A witness process only wakes up periodically and measures the longest delay.

@@ -1,4 +1,4 @@
-"""A simulated arm that follows a stream, as the cyclic task moves it."""
+"""A simulated arm that follows a stream of points."""
 
 from __future__ import annotations
 

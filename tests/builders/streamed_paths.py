@@ -1,4 +1,4 @@
-"""Paths that a client streams to a simulated cell, and the state in which they end."""
+"""Paths that a client streams to a simulated cell, and checks of the robot's state at their end."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def model_and_loops(workshop: Path) -> list[str]:
 
 
 def joint_path() -> NDArray[np.float64]:
-    """Return a spline through random poses, with which nothing was tuned."""
+    """Return a spline through random poses, which was not used for tuning."""
     motion = MultipointMotion(kind="multipoint", robot="ir361", points=4, seed=11)
     return np.array(motion.plan(load_robot("ir361"), 0.008).position)
 

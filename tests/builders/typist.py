@@ -40,7 +40,7 @@ class Typist:
         os.close(self._terminal)
 
     def _read(self) -> None:
-        with contextlib.suppress(OSError):  # the terminal is closed on the other side
+        with contextlib.suppress(OSError):  # the program has closed its side of the terminal
             while more := os.read(self._terminal, 4096):
                 self._shown += more
 
@@ -52,13 +52,13 @@ class Typist:
         os.write(self._terminal, text.encode())
 
     def sees(self, text: str, times: int = 1) -> None:
-        """Wait until a text was shown `times` times."""
+        """Wait until a text has appeared `times` times."""
         wait_for(lambda: self.shown.count(text) >= times or self.program.poll() is not None)
         assert self.shown.count(text) >= times, self.shown
 
     @contextlib.contextmanager
     def holding(self, key: str) -> Iterator[None]:
-        """Hold a key: it arrives once and then repeatedly."""
+        """Hold a key while the `with` block is active: it arrives once and then repeatedly."""
         released = threading.Event()
 
         def repeat() -> None:
@@ -78,7 +78,7 @@ class Typist:
 
 
 def wait_for(condition: Callable[[], bool]) -> None:
-    """Wait until a condition holds; fail on a timeout."""
+    """Wait until a condition is true; fail after a timeout."""
     tick, until_s = threading.Event(), time.monotonic() + PATIENCE_S
     while not condition():
         assert time.monotonic() < until_s

@@ -14,7 +14,7 @@ from identification.model.options import ModelOptions
 from tests.builders.known_model import known
 
 FALL = 0.002
-"""By which share of itself friction falls a kelvin, or a watt."""
+"""Relative decrease of friction per kelvin, or per watt."""
 
 
 def by_temperature(cell: LoadedCell, *, measured: bool) -> Estimate:

@@ -1,4 +1,4 @@
-"""Recordings of an arm that warms up like the simulated robot's motors, not like `Warming`."""
+"""Recordings of an arm that warms up by the simulated robot's motor model, not by `Warming`."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def recording(
     q, v, a = motion(seconds, seed)
     model = RobotModel.from_description(arm())
     values = np.random.default_rng(7).uniform(0.5, 1.0, len(model.parameter_names))
-    values[:30] *= 10.0  # links of some kilograms
+    values[:30] *= 10.0  # links of a few kilograms
     values[model.parameter_groups["rotors"]] *= 1e-4
     values[model.parameter_groups["friction"]] = 0.0
     tau = torque(model, q, v, a, values)

@@ -1,7 +1,7 @@
-"""A whole cell in lock-step within the test's process: hub, drives with their plant, cyclic task.
+"""A simulated cell in lock-step within the test's process: hub, drives, plant and cyclic task.
 
-Frames go through the hub's sockets and wire as between processes. What counts is what was on the
-wire and what the simulated axes did, never what was called.
+Frames go through the hub's sockets and its simulated bus, as between processes. Tests compare the
+frames on the bus and the motion of the simulated axes, and do not check calls.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ NODES = (1, 2, 3)
 
 
 class Logged(NamedTuple):
-    """A frame that was on the wire, and when it was over [s]."""
+    """A frame on the bus, and the time at which its transmission ended [s]."""
 
     time_s: float
     can_id: int
@@ -107,7 +107,7 @@ class Truth:
         return float(np.abs(after).max())
 
     def rest_s(self, slow: float = 1e-3) -> float:
-        """Return when the last axis has come to rest for good [s]."""
+        """Return the time after which all axes remain at rest [s]."""
         fast = [i for i, v in enumerate(self.velocity) if np.abs(v).max() > slow]
         return self.time_s[fast[-1] + 1] if fast[-1] + 1 < len(self.time_s) else float("inf")
 
@@ -133,11 +133,11 @@ class Run:
         self.syncs_s = [f.time_s for f in self.frames if f.can_id == 0x80 and f.time_s > enabled]
 
     def cycle(self, time_s: float) -> int:
-        """Return the cycle that a time is in, as fault scripts count."""
+        """Return the number of the cycle that contains a time, counted as in fault scripts."""
         return int(np.searchsorted(self.syncs_s, time_s, side="right"))
 
     def quick_stops(self) -> dict[int, float]:
-        """Return when each node's first quick stop was on the wire [s]."""
+        """Return the time of the first quick stop on the bus for each node [s]."""
         first: dict[int, float] = {}
         for frame in self.frames:
             if _is(frame, QUICK_STOP):
@@ -145,14 +145,14 @@ class Run:
         return first
 
     def quick_stop_cycle(self) -> int:
-        """Return the cycle in which every node got its quick stop; they must be the same."""
+        """Return the cycle of the quick stop, which must be the same for every node."""
         stops = self.quick_stops()
         assert set(stops) == set(NODES), "not every axis got a quick stop"
         (cycle,) = {self.cycle(time_s) for time_s in stops.values()}
         return cycle
 
     def assert_at_rest(self, moved_before_s: float = 5 * T) -> float:
-        """The axes moved, and do not any more; return how long after the quick stop [s]."""
+        """Assert that the axes moved and came to rest; return the time from quick stop to rest."""
         stop_s = min(self.quick_stops().values())
         moving = self.truth.velocity[self.truth.at(stop_s - moved_before_s)]
         assert np.abs(moving).max() > 0.05, "nothing moved before the fault"
@@ -163,7 +163,7 @@ class Run:
         return rest_s - stop_s
 
     def motion_frames_after(self, time_s: float) -> list[Logged]:
-        """Return what could move an axis after a time [s]."""
+        """Return the frames after a time that could move an axis; the time is in s."""
         return [f for f in self.frames if f.time_s > time_s and _is(f, ENABLE)]
 
 
@@ -172,11 +172,11 @@ def _is(frame: Logged, word: int) -> bool:
 
 
 class Rig:
-    """Hub, drives and their robot, served in threads; sessions and motions run in the test's own.
+    """Hub, drives and robot in threads; sessions and motions run in the test's own thread.
 
     Attributes:
         config: The cell with the bus's address.
-        truth: What the axes did since the beginning.
+        truth: Motion of the axes since the start.
     """
 
     def __init__(self, loaded: LoadedCell, folder: Path, script: FaultScript) -> None:
@@ -219,7 +219,7 @@ class Rig:
         self.config = cell.model_copy(update={"can": channel})
 
     def frames(self) -> list[Logged]:
-        """Return all that was on the wire."""
+        """Return all frames that were on the bus."""
         return parse_log(self._log.getvalue())
 
     def close(self) -> None:
@@ -237,7 +237,7 @@ class Rig:
             yield cell
 
     def let_pass(self, duration_s: float) -> None:
-        """Let simulated time pass, without a word; an adapter that is away is waited for."""
+        """Let simulated time pass without sending; wait for an adapter that is absent."""
         tick, tries = threading.Event(), 2000
         while True:
             try:
@@ -255,7 +255,7 @@ class Rig:
         hook: Callable[[Cell, ControlBlock], None] | None = None,
         config: CellConfig | None = None,
     ) -> Run:
-        """Bring up, start, move and leave, as the cyclic task's process does."""
+        """Bring up the axes, run a motion and close the session, as the cyclic task does."""
         control, ring = ControlBlock.create(), Ring.create(3, 8192)
         reason, error = None, None
         try:
@@ -270,7 +270,7 @@ class Rig:
                 ).run(PlannedMotion(samples))  # fmt: skip
         except RidDaqError as problem:
             error = problem
-        self.let_pass(0.4)  # to see what the axes do afterwards
+        self.let_pass(0.4)  # to record the axes after the motion
         rows = np.frombuffer(ring.read(8192), dtype=row_dtype(3))
         return Run(reason, rows, control.task.notes, self.frames(), self.truth, error)
 
@@ -291,7 +291,7 @@ def motion(loaded: LoadedCell) -> MotionSamples:
 
 @pytest.fixture(scope="session")
 def motion_of(loaded: LoadedCell) -> Callable[[str, int], FourierMotion]:
-    """Return a function for the same motion with other periods and another robot's name."""
+    """Return a function that makes the same motion for a robot and a number of periods."""
     return lambda robot, periods: plan_of(loaded, robot, periods)
 
 

@@ -1,4 +1,4 @@
-"""Drives whose clocks run wrong: a little is nothing, much is found at its time, in words."""
+"""Drives whose clocks are wrong: a small error is tolerated, a large one stops the motion."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ Measured = Callable[[str], None]
 
 
 def beats_s(run: Any, node: int, until_s: float) -> list[float]:
-    """Return when a drive's heartbeats were on the bus [s]."""
+    """Return the times of a drive's heartbeats on the bus [s]."""
     return [f.time_s for f in run.frames if f.can_id == 0x700 + node and f.time_s < until_s]
 
 
 @pytest.mark.fault(11)
 @pytest.mark.parametrize("way", [{"factor": 0.99}, {"ppm": 10_000.0}], ids=["slow", "fast"])
-def test_a_clock_that_is_one_percent_wrong_is_no_fault(
+def test_a_drive_clock_error_of_one_percent_does_not_stop_the_motion(
     serve: Any, motion: MotionSamples, way: dict[str, float], measured: Measured
 ) -> None:
     run = serve(drives=[{"kind": "clock", "joint": "axis2", "at_cycle": 1, **way}]).move(motion)
@@ -40,11 +40,11 @@ def test_a_clock_that_is_one_percent_wrong_is_no_fault(
 
 
 @pytest.mark.fault(11)
-def test_heartbeats_at_half_the_rate_stop_all_axes_at_the_time_out(
+def test_heartbeats_at_half_the_rate_stop_all_axes_within_the_timeout(
     serve: Any, motion: MotionSamples, loaded: LoadedCell, measured: Measured
 ) -> None:
     rig = serve(drives=[{"kind": "clock", "joint": "axis1", "at_cycle": AT, "factor": 0.5}])
-    timeout_s = 0.08  # between its period now and its period then
+    timeout_s = 0.08  # between the drive's heartbeat period before the fault and the one after it
     safety = loaded.config.drive_safety.model_copy(update={"drive_heartbeat_timeout_ms": 80})
     run = rig.move(motion, config=rig.config.model_copy(update={"drive_safety": safety}))
     assert (run.reason.code, run.reason.joint) == (StopCode.HEARTBEAT_LOST, "axis1")
@@ -58,10 +58,10 @@ def test_heartbeats_at_half_the_rate_stop_all_axes_at_the_time_out(
     measured(f"half the rate: {1e3 * (stop_s - beats[-1]):.1f} ms after the last one, 88 allowed")
 
 
-def test_a_drive_whose_clock_is_far_too_fast_stops_by_its_own_watch_and_says_so(
+def test_a_drive_with_a_far_too_fast_clock_reports_a_lost_heartbeat_and_stops(
     serve: Any, motion: MotionSamples
 ) -> None:
-    """Four times too fast, its 80 ms without this computer's heartbeat are over after 20."""
+    """The drive's clock is four times too fast: its timeout of 80 ms ends after 20 ms."""
     rig = serve(drives=[{"kind": "clock", "joint": "axis3", "at_cycle": AT, "factor": 4.0}])
     run = rig.move(motion)
     assert (run.reason.code, run.reason.joint) == (StopCode.EMERGENCY, "axis3")

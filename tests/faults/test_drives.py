@@ -1,4 +1,4 @@
-"""Drives that reset, fail, fall silent, lose power or ignore commands: rows 8 to 15."""
+"""Drives that reset, fail, stop sending, lose power or ignore commands: rows 8 to 15."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_a_drive_that_resets_stops_the_others_and_stays_disabled(
 
 @pytest.mark.fault(9)
 @pytest.mark.parametrize("phase", [0.1, 0.4, 0.7, 0.95])
-def test_an_emergency_message_stops_all_axes_and_is_told_in_words(
+def test_an_emergency_message_stops_all_axes_and_is_explained(
     serve: Any, motion: MotionSamples, phase: float, measured: Measured
 ) -> None:
     quiet = serve().move(motion)
@@ -60,7 +60,7 @@ def test_an_emergency_message_stops_all_axes_and_is_told_in_words(
 
 
 @pytest.mark.fault(9)
-def test_a_fault_of_a_drive_stops_the_others(
+def test_a_fault_of_one_drive_stops_all_axes(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
     run = serve(drives=[{"kind": "fault", "joint": "axis1", "at_cycle": AT, "code": 0x2310}])
@@ -73,7 +73,7 @@ def test_a_fault_of_a_drive_stops_the_others(
 
 
 class Work:
-    """Counts the calls that the loop makes from one SYNC to the next: its work, on any computer."""
+    """Counts the function calls of the cyclic task in each cycle."""
 
     def __init__(self) -> None:
         self.calls: list[int] = []
@@ -93,8 +93,8 @@ class Work:
     def _see(self, _frame: object, event: str, _argument: object) -> None:
         self._count += event in ("call", "c_call")
 
-    def of(self, rig: Any, motion: MotionSamples) -> Any:
-        """Move, and count."""
+    def count(self, rig: Any, motion: MotionSamples) -> Any:
+        """Run the motion and count the calls in each cycle."""
         try:
             return rig.move(motion, self)
         finally:
@@ -102,14 +102,14 @@ class Work:
 
 
 @pytest.mark.fault(10)
-def test_a_flood_of_emergencies_is_little_more_work_a_cycle(
+def test_a_flood_of_emergency_messages_adds_few_calls_per_cycle(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
-    """Not the processor's time, which depends on the computer: the calls that it is spent on."""
+    """The test counts function calls, because processor time depends on the computer."""
     flood = {"kind": "emergency", "joint": "axis2", "at_cycle": AT, "count": 500}
     single, flooded = Work(), Work()
-    one = single.of(serve(drives=[flood | {"count": 1}]), motion)
-    run = flooded.of(serve(drives=[flood]), motion)
+    one = single.count(serve(drives=[flood | {"count": 1}]), motion)
+    run = flooded.count(serve(drives=[flood]), motion)
     assert one.quick_stop_cycle() == run.quick_stop_cycle() == AT
     assert len(single.calls) == len(flooded.calls)
     stopping = slice(-12, None)
@@ -127,7 +127,7 @@ def test_a_flood_of_emergencies_is_little_more_work_a_cycle(
 
 
 @pytest.mark.fault(10)
-def test_a_flood_of_emergencies_is_one_stop_and_costs_no_cycle(
+def test_a_flood_of_emergency_messages_causes_one_stop_and_no_late_cycle(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
     flood = {"kind": "emergency", "joint": "axis2", "at_cycle": AT, "count": 500}
@@ -145,10 +145,10 @@ def test_a_flood_of_emergencies_is_one_stop_and_costs_no_cycle(
 
 @pytest.mark.fault(11)
 @pytest.mark.parametrize("timeout_ms", range(93, 101))
-def test_a_heartbeat_that_ends_stops_all_axes(
+def test_a_lost_heartbeat_stops_all_axes(
     serve: Any, motion: MotionSamples, loaded: LoadedCell, timeout_ms: int, measured: Measured
 ) -> None:
-    """Wherever in a cycle the time-out ends."""
+    """The timeouts end at different phases of a cycle."""
     update = {"drive_heartbeat_timeout_ms": timeout_ms}
     safety = loaded.config.drive_safety.model_copy(update=update)
     rig = serve(drives=[{"kind": "heartbeat_stops", "joint": "axis1", "at_cycle": AT}])
@@ -202,10 +202,10 @@ def first_set_point_counts(run: Any) -> float:
 
 
 @pytest.mark.fault(13)
-def test_set_points_of_a_lost_supply_do_not_wait_for_its_return(
+def test_no_queued_set_point_moves_an_axis_when_power_returns(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
-    """With all drives off, the adapter's frames are queued and sent when power returns."""
+    """While all drives are off, the adapter queues frames, and sends them when power returns."""
     away = {"at_cycle": AT, "duration_s": 1.5}
     rig = serve(
         drives=[{"kind": "supply_lost", **away}],
@@ -228,7 +228,7 @@ def test_set_points_of_a_lost_supply_do_not_wait_for_its_return(
 
 
 @pytest.mark.fault(14)
-def test_an_encoder_that_stands_still_stops_the_motion(
+def test_a_stuck_encoder_stops_the_motion(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
     run = serve(drives=[{"kind": "stuck_encoder", "joint": "axis1", "at_cycle": AT}]).move(motion)
@@ -240,7 +240,7 @@ def test_an_encoder_that_stands_still_stops_the_motion(
 
 
 @pytest.mark.fault(14)
-def test_a_blocked_axis_is_found_while_its_torque_rises(
+def test_a_blocked_axis_stops_the_motion_while_its_torque_rises(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
     run = serve(drives=[{"kind": "blocked", "joint": "axis3", "at_cycle": AT}]).move(motion)
@@ -252,7 +252,7 @@ def test_a_blocked_axis_is_found_while_its_torque_rises(
 
 
 @pytest.mark.fault(15)
-def test_an_axis_that_runs_the_wrong_way_does_not_get_far(
+def test_an_axis_that_runs_the_wrong_way_is_stopped_within_the_allowed_travel(
     serve: Any, motion: MotionSamples, loaded: LoadedCell, measured: Measured
 ) -> None:
     run = serve(drives=[{"kind": "reversed", "joint": "axis1", "at_cycle": AT}]).move(motion)

@@ -1,6 +1,6 @@
-"""A disk that fails under `rid-daq record`: a block device whose sectors are gone, real EIO.
+"""A disk that fails during `rid-daq record`: every access to its block device returns EIO.
 
-It takes a kernel of one's own: tests/socketcan/test_guest.py runs this in its guest.
+It needs a separate kernel: tests/socketcan/test_guest.py runs this in its virtual machine.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ def execute(*command: str | Path) -> None:
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
 
-def written(disk: Path) -> int:
-    """Return how large the journal is [B]."""
+def journal_bytes(disk: Path) -> int:
+    """Return the size of the journal [B]."""
     return sum(file.stat().st_size for file in disk.glob(JOURNAL))
 
 
-def become(target: str) -> None:
-    """Change what is behind the disk; what waits to be written stays in memory."""
+def replace_device(target: str) -> None:
+    """Replace the device behind the disk; unwritten data stay in memory."""
     execute("dmsetup", "suspend", "--noflush", "--nolockfs", NAME)
     execute("dmsetup", "reload", NAME, "--table", f"0 {SECTORS} {target}")
     execute("dmsetup", "resume", "--noudevsync", NAME)
@@ -55,7 +55,7 @@ def become(target: str) -> None:
 
 @pytest.fixture
 def disk(tmp_path: Path) -> Iterator[Path]:
-    """A mounted disk whose sectors can go."""
+    """A mounted disk that a test can make fail."""
     folder = tmp_path / "disk"
     folder.mkdir()
     execute(
@@ -65,14 +65,14 @@ def disk(tmp_path: Path) -> Iterator[Path]:
     execute("mke2fs", "-q", "-t", "ext4", DEVICE)
     execute("mount", DEVICE, folder)
     yield folder
-    become(f"linear {RAM_DISK} 0")
+    replace_device(f"linear {RAM_DISK} 0")
     execute("umount", folder)
     execute("dmsetup", "remove", "--noudevsync", NAME)
 
 
 @pytest.fixture
 def start() -> Iterator[Start]:
-    """Return what starts a program; it does not outlive the test."""
+    """Return a function that starts a program; the program ends with the test."""
     with contextlib.ExitStack() as stack:
 
         def begin(words: list[str]) -> subprocess.Popen[str]:
@@ -86,32 +86,32 @@ def start() -> Iterator[Start]:
         yield begin
 
 
-def test_a_disk_that_dies_in_motion_stops_it_and_what_was_on_it_is_kept(
+def test_a_disk_failure_stops_the_motion_and_keeps_the_written_rows(
     disk: Path, start: Start, tmp_path: Path
 ) -> None:
     assert run(["init", str(tmp_path / "cell")]) == 0
     words = ["record", *(str(tmp_path / "cell" / name) for name in ("cell.yaml", "motion.yaml"))]
     program = start([sys.executable, "-m", "rid_daq", *words, "--json", "--runs", str(disk)])
     until_s = time.monotonic() + PATIENCE_S
-    while written(disk) < ENOUGH_BYTES:
+    while journal_bytes(disk) < ENOUGH_BYTES:
         assert program.poll() is None
         assert time.monotonic() < until_s
         time.sleep(0.01)
-    kept_bytes = written(disk)
+    kept_bytes = journal_bytes(disk)
     os.sync()
-    become("error")
+    replace_device("error")
     said, complained = program.communicate(timeout=PATIENCE_S)
-    become(f"linear {RAM_DISK} 0")
+    replace_device(f"linear {RAM_DISK} 0")
     execute("umount", disk)
     execute("mount", DEVICE, disk)
     assert program.returncode == 7
     sys.stdout.write(complained)
     assert json.loads(said)["error"]["exit_code"] == 7
-    # matplotlib may say first that it builds its font cache
+    # matplotlib may first report that it builds its font cache
     assert any(line.startswith("rid-daq: Stopped: ") for line in complained.splitlines())
     for name in ("recording.mcap", "result.json"):
         assert re.search(rf"{name}: cannot be written: {GONE}", complained)
-    assert written(disk) >= kept_bytes
+    assert journal_bytes(disk) >= kept_bytes
     (path,) = disk.glob(JOURNAL)
     journal = read_journal(path)
     assert not journal.damage.finished

@@ -1,4 +1,4 @@
-"""Frames that are lost, late, doubled, damaged or of unknown senders: rows 1 to 7."""
+"""Lost, late, duplicate and damaged frames, and frames of unknown senders: rows 1 to 7."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Measured = Callable[[str], None]
 
 
 class Keep:
-    """Keeps the axes of a session, to ask them for their counts afterwards."""
+    """Stores the axes of a session, to read their frame counters afterwards."""
 
     axes: CanServoAxes
 
@@ -29,7 +29,7 @@ class Keep:
 
 
 @pytest.mark.fault(1)
-def test_one_lost_answer_is_one_marked_row_and_the_motion_goes_on(
+def test_one_lost_answer_marks_one_row_and_the_motion_continues(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
     rig = serve(bus=[{"kind": "drop", "joint": "axis2", "at_cycle": AT}])
@@ -64,7 +64,7 @@ def test_three_lost_answers_in_a_row_stop_all_axes(
 
 
 @pytest.mark.fault(3)
-def test_random_loss_is_counted_exactly_and_the_motion_goes_on(
+def test_randomly_lost_answers_are_counted_exactly_and_the_motion_continues(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
     rig = serve(bus=[{"kind": "drop", "probability": 0.01}], seed=4)
@@ -94,7 +94,7 @@ def test_random_loss_is_counted_exactly_and_the_motion_goes_on(
 
 
 @pytest.mark.fault(4)
-def test_answers_that_come_twice_count_once(
+def test_a_duplicate_answer_is_ignored(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
     keep = Keep()
@@ -126,7 +126,7 @@ def test_the_third_cycle_with_late_answers_stops_the_motion(
 
 
 @pytest.mark.fault(5)
-def test_two_late_answers_are_two_marked_values(
+def test_each_of_two_late_answers_is_marked_and_the_motion_continues(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
     late = [
@@ -142,7 +142,7 @@ def test_two_late_answers_are_two_marked_values(
 
 @pytest.mark.fault(6)
 @pytest.mark.parametrize(("count", "stops"), [(1, False), (2, True)])
-def test_a_flipped_bit_is_held_and_a_second_one_stops(
+def test_one_flipped_bit_marks_a_value_and_two_in_a_row_stop_the_motion(
     serve: Any, motion: MotionSamples, count: int, stops: bool, measured: Measured
 ) -> None:
     script = {"kind": "corrupt", "joint": "axis1", "at_cycle": AT, "count": count, "bit": 36}
@@ -172,7 +172,7 @@ def test_an_answer_of_the_wrong_length_stops_the_motion(
 
 
 @pytest.mark.fault(7)
-def test_frames_of_nobody_are_counted_and_change_nothing(
+def test_frames_of_unknown_identifiers_are_counted_and_ignored(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
     keep = Keep()
@@ -185,7 +185,7 @@ def test_frames_of_nobody_are_counted_and_change_nothing(
 
 
 @pytest.mark.fault(7)
-def test_a_node_id_that_two_devices_have_is_refused_before_motion(
+def test_a_node_id_of_two_devices_is_refused_before_motion(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
     twin = {"kind": "duplicate", "frames": "heartbeat", "joint": "axis3"}
@@ -200,10 +200,10 @@ def test_a_node_id_that_two_devices_have_is_refused_before_motion(
 @pytest.mark.fault(7)
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("when", [{}, {"at_cycle": AT}], ids=["bring-up", "motion"])
-def test_damaged_frames_of_any_kind_end_in_an_error_that_has_a_name(
+def test_damaged_frames_of_any_kind_end_in_a_typed_error(
     serve: Any, motion: MotionSamples, seed: int, when: dict[str, int], measured: Measured
 ) -> None:
-    """Bits and lengths of everything: anything but a typed error would end this test."""
+    """Flip bits and change lengths of all kinds of frames; any other exception fails this test."""
     damage = [
         {"kind": "corrupt", "frames": "any", "probability": 0.02, **when},
         {"kind": "wrong_length", "frames": "any", "probability": 0.01, "length": seed, **when},

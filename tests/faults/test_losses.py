@@ -1,4 +1,4 @@
-"""Lost answers through the command line: what is borne, left out, refused: row 3."""
+"""Lost answers on the command line: accepted, periods left out, or recording refused. Row 3."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def record(
 
 
 def spread(first_cycle: int, bad_periods: int, lost: int) -> list[FrameFault]:
-    """So many single answers of axis2 lost in each of so many periods in sequence."""
+    """Drop `lost` single answers of axis2 in each of `bad_periods` consecutive periods."""
     return [
         FrameFault(kind="drop", joint="axis2", at_cycle=first_cycle + ROWS * period + 20 * wait)
         for period in range(bad_periods)
@@ -85,7 +85,7 @@ def spread(first_cycle: int, bad_periods: int, lost: int) -> list[FrameFault]:
 
 
 @pytest.mark.fault(3)
-def test_one_percent_of_random_loss_is_borne_and_told(
+def test_a_random_loss_of_one_percent_is_accepted_and_reported(
     record: Callable[..., Recorded], measured: Measured
 ) -> None:
     done = record(FrameFault(kind="drop", probability=0.01), seed=4)
@@ -108,7 +108,7 @@ def test_one_percent_of_random_loss_is_borne_and_told(
 
 
 @pytest.mark.fault(3)
-def test_more_than_five_bad_periods_are_exit_6_and_named(
+def test_more_than_five_bad_periods_are_named_with_exit_code_6(
     record: Callable[..., Recorded], measured: Measured
 ) -> None:
     done = record(*spread(FIRST_CYCLE + ROWS, bad_periods=6, lost=5))
@@ -124,7 +124,7 @@ def test_more_than_five_bad_periods_are_exit_6_and_named(
 
 
 def recording(lost: dict[int, int], periods: int | None, rows: int = 1000) -> Recording:
-    """A motion of two joints, with so many answers of each lost, never two in sequence."""
+    """Return a motion of two joints that each lost some answers, never two in sequence."""
     answered = np.ones((rows, 2), dtype=bool)
     for joint, count in lost.items():
         answered[np.linspace(5, rows - 5, count).astype(int), joint] = False
@@ -165,7 +165,7 @@ def test_the_limit_is_two_percent_of_each_joints_answers(
     measured("2 joints that lost 1.9 % each: good; one that lost 2.1 %: exit 6")
 
 
-def test_rows_that_were_never_written_are_lost_too() -> None:
+def test_missing_rows_count_as_lost_answers() -> None:
     whole = recording({}, None)
     assert quality_of(whole).sentences() == []
     keep = np.arange(1000) % 40 > 0
@@ -175,7 +175,7 @@ def test_rows_that_were_never_written_are_lost_too() -> None:
     assert not quality_of(gaps).good
 
 
-def test_rows_that_are_waited_for_at_the_end_do_not_make_up_for_lost_ones() -> None:
+def test_rows_at_rest_after_the_motion_do_not_lower_the_share_of_lost_answers() -> None:
     moved = recording({0: 15}, None)
     fields = ("position", "torque_nm", "valid", "answered", "phase", "sample_index")
     last = np.r_[np.arange(1000), np.full(20, 999)]

@@ -1,4 +1,4 @@
-"""Another node that answers with a drive's identifier, before the drive: row 49."""
+"""Another node that sends answers with a drive's identifier before the drive does: row 49."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ LIES = {
 @pytest.mark.fault(49)
 @pytest.mark.parametrize("lie", LIES)
 @pytest.mark.parametrize("joint", ["axis1", "axis3"], ids=["first on the bus", "last on the bus"])
-def test_a_node_that_answers_first_every_cycle_stops_the_motion(
+def test_a_foreign_node_that_answers_before_the_drive_stops_the_motion(
     serve: Any, motion: MotionSamples, joint: str, lie: str, measured: Measured
 ) -> None:
     spoof = {"kind": "spoof", "joint": joint, "at_cycle": AT, "lasting": True, **LIES[lie]}
@@ -55,10 +55,10 @@ def test_a_node_that_answers_first_every_cycle_stops_the_motion(
 
 
 @pytest.mark.fault(49)
-def test_a_position_that_creeps_away_leads_the_axis_nowhere(
+def test_slowly_drifting_false_positions_do_not_steer_the_axis(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
-    """The false positions have no jump: without this guard the axis would follow them."""
+    """The false positions do not jump: without this guard the axis would follow them."""
     creeping = [
         {"kind": "spoof", "joint": "axis2", "at_cycle": AT + k, "position_counts": 40 * (k + 1)}
         for k in range(60)
@@ -73,7 +73,7 @@ def test_a_position_that_creeps_away_leads_the_axis_nowhere(
 
 
 @pytest.mark.fault(49)
-def test_copies_that_say_the_same_are_harmless_until_there_are_too_many(
+def test_identical_second_answers_are_tolerated_up_to_a_limit(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
     run = serve(
@@ -89,7 +89,7 @@ def test_copies_that_say_the_same_are_harmless_until_there_are_too_many(
 
 
 @pytest.mark.fault(49)
-def test_two_answers_that_differ_once_cost_their_row_and_nothing_else(
+def test_a_single_differing_second_answer_marks_one_value(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
     spoof = {"kind": "spoof", "joint": "axis1", "at_cycle": AT, "position_counts": 300}
@@ -103,7 +103,7 @@ def test_two_answers_that_differ_once_cost_their_row_and_nothing_else(
 
 @pytest.mark.fault(49)
 @pytest.mark.fault(7)
-def test_frames_of_nobody_are_told_at_the_end(
+def test_frames_of_unknown_identifiers_are_reported_at_the_end(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
     strange = {"kind": "strange", "identifier": 0x3F1, "at_cycle": AT, "count": 40}
@@ -115,7 +115,7 @@ def test_frames_of_nobody_are_told_at_the_end(
 
 
 @pytest.mark.fault(49)
-def test_before_motion_two_devices_are_a_refusal(
+def test_a_second_device_with_a_drives_identifier_is_refused_before_motion(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
     spoof = {"kind": "spoof", "joint": "axis3", "lasting": True, "position_counts": 5}
@@ -143,7 +143,7 @@ def test_before_motion_two_devices_are_a_refusal(
     ],
     ids=["nobody", "a copy each", "copies", "one that differs", "of nobody", "many of nobody"],
 )
-def test_the_preflight_tells_who_else_sends(
+def test_the_preflight_reports_foreign_senders(
     serve: Any, fault: dict[str, Any], verdicts: list[str], measured: Measured
 ) -> None:
     rig = serve(bus=[fault] if fault else [])

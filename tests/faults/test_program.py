@@ -37,7 +37,7 @@ class Recorded(NamedTuple):
     journal: Journal
 
 
-def words_of(workshop: Path, script: str, runs: Path) -> list[str]:
+def record_words(workshop: Path, script: str, runs: Path) -> list[str]:
     (workshop / "faults.yaml").write_text(f"program: [{script}]\n")
     words = ["record", str(workshop / "cell.yaml"), str(workshop / "validation.yaml"), "--json"]
     return [*words, "--faults", str(workshop / "faults.yaml"), "--runs", str(runs)]
@@ -48,10 +48,10 @@ Record = Callable[..., Recorded]
 
 @pytest.fixture
 def record(workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Record:
-    """Return what records with a fault of the program."""
+    """Return a function that records with a fault of the program."""
 
     def recorded(script: str) -> Recorded:
-        code = run(words_of(workshop, script, tmp_path / "runs"))
+        code = run(record_words(workshop, script, tmp_path / "runs"))
         told, _ = json.JSONDecoder().raw_decode(capsys.readouterr().out)
         folder = RunFolder.open(Path(told["folder"]))
         return Recorded(code, told, folder, read_journal(folder.path / "recording.mcap"))
@@ -64,7 +64,7 @@ def rows_missing(journal: Journal) -> int:
     return int(np.sum(np.diff(journal.rows["cycle"].astype(np.int64)) - 1))
 
 
-def test_a_killed_recorder_is_exit_7_and_what_it_wrote_is_kept(record: Record) -> None:
+def test_a_killed_recorder_gives_exit_code_7_and_its_rows_are_kept(record: Record) -> None:
     done = record(f"{{kind: kill, process: recorder, at_cycle: {AT}}}")
     assert done.code == 7
     assert done.told["stop"]["code"] == "RECORDER"
@@ -75,21 +75,21 @@ def test_a_killed_recorder_is_exit_7_and_what_it_wrote_is_kept(record: Record) -
     assert done.folder.manifest().status == "stopped"
 
 
-def test_a_killed_task_is_told_and_its_rows_are_recorded_up_to_that_cycle(record: Record) -> None:
+def test_a_killed_task_is_reported_and_rows_are_kept_up_to_that_cycle(record: Record) -> None:
     done = record(f"{{kind: kill, process: task, at_cycle: {AT}}}")
     assert done.code == 5
     assert done.told["stop"]["code"] == "TASK_DIED"
     assert "the drives stop by themselves" in done.told["stop"]["text"]
     assert done.journal.damage.notes == ()
-    # The drives' own clock says when; a row is written after their answers.
+    # The drives' clock determines the time; a row is written after the drives' answers.
     assert AT - 5 <= len(done.journal.rows) < AT
 
 
 @pytest.mark.fault(20)
-def test_an_operator_who_does_not_let_go_of_ctrl_c_gets_the_report(
+def test_the_report_is_written_if_ctrl_c_repeats_during_clean_up(
     record: Record, measured: Measured
 ) -> None:
-    """A hundred signals during the clean-up of recording, drives and report."""
+    """Signals arrive every 5 ms while recording, drives and report are finished."""
     keys = "kind: signal, signal: INT, count: 1000, period_s: 0.005"
     done = record(f"{{{keys}, at_cycle: {AT}}}")
     assert done.code == 130
@@ -102,7 +102,7 @@ def test_an_operator_who_does_not_let_go_of_ctrl_c_gets_the_report(
 
 
 @pytest.mark.fault(24)
-def test_a_write_that_fails_for_real_stops_the_motion_and_keeps_what_was_written(
+def test_a_failed_write_stops_the_motion_and_keeps_the_written_rows(
     record: Record, measured: Measured
 ) -> None:
     done = record("{kind: disk_error, after_bytes: 20000}")
@@ -118,7 +118,7 @@ def test_a_write_that_fails_for_real_stops_the_motion_and_keeps_what_was_written
 
 
 @pytest.mark.fault(24)
-def test_a_recorder_that_stands_still_costs_nothing(record: Record, measured: Measured) -> None:
+def test_a_suspended_recorder_loses_no_rows(record: Record, measured: Measured) -> None:
     done = record(f"{{kind: disk_stall, duration_s: 0.5, at_cycle: {AT}}}")
     assert done.code == 0
     assert done.journal.damage.notes == ()
@@ -128,11 +128,11 @@ def test_a_recorder_that_stands_still_costs_nothing(record: Record, measured: Me
 
 
 @pytest.mark.fault(18)
-def test_a_killed_program_leaves_a_whole_recording(
+def test_a_killed_program_leaves_a_complete_recording(
     workshop: Path, tmp_path: Path, measured: Measured
 ) -> None:
-    words = words_of(workshop, f"{{kind: kill, process: program, at_cycle: {AT}}}", tmp_path)
-    # Its output ends with the last of its processes: drives, task, recorder.
+    words = record_words(workshop, f"{{kind: kill, process: program, at_cycle: {AT}}}", tmp_path)
+    # The output ends when the last process has ended: drives, task, recorder.
     done = subprocess.run(
         [sys.executable, "-m", "rid_daq", *words], capture_output=True, check=False
     )
@@ -148,12 +148,12 @@ def test_a_killed_program_leaves_a_whole_recording(
 
 
 @pytest.mark.fault(24)
-def test_a_disk_that_is_really_full_is_exit_7_and_the_file_is_whole(
+def test_a_full_disk_gives_exit_code_7_and_a_complete_file(
     workshop: Path, tmp_path: Path, measured: Measured
 ) -> None:
-    """On a small RAM disk in name spaces of its own, which is gone with them."""
+    """The disk is a small RAM disk in separate name spaces, and disappears with them."""
     small, kept = tmp_path / "small", tmp_path / "kept"
-    words = words_of(workshop, f"{{kind: disk_full, at_cycle: {AT}}}", small)
+    words = record_words(workshop, f"{{kind: disk_full, at_cycle: {AT}}}", small)
     program = [sys.executable, "-m", "rid_daq", *words]
     script = f'mkdir -p "{small}" && mount -t tmpfs -o size=560m none "{small}" && '
     apart = ["unshare", "--user", "--map-root-user", "--mount", "sh", "-c"]
@@ -180,10 +180,10 @@ def test_a_disk_that_is_really_full_is_exit_7_and_the_file_is_whole(
 
 @pytest.mark.alone
 @pytest.mark.fault(27)
-def test_a_task_that_the_computer_holds_up_stops_before_it_goes_on(
+def test_a_task_that_was_suspended_sends_the_quick_stop_before_any_set_point(
     workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], measured: Measured
 ) -> None:
-    """SIGSTOP for 0.6 s in real time, with limits that only this delay could exceed."""
+    """Suspend the task for 0.6 s in real time; only this delay can exceed the limits."""
     patient = {
         "late_cycles_limit: 3": "late_cycles_limit: 10000\n  late_answers_limit: 100\n"
         "  late_by_cycles_limit: 60",
@@ -198,7 +198,7 @@ def test_a_task_that_the_computer_holds_up_stops_before_it_goes_on(
     (tmp_path / "cell.yaml").write_text(text)
     shutil.copy(workshop / "robot.yaml", tmp_path)
     script = f"{{kind: freeze, process: task, duration_s: 0.6, at_cycle: {AT}}}"
-    words = words_of(workshop, script, tmp_path / "runs")
+    words = record_words(workshop, script, tmp_path / "runs")
     words[1] = str(tmp_path / "cell.yaml")
     assert run([*words, "--realtime"]) == 5
     told, _ = json.JSONDecoder().raw_decode(capsys.readouterr().out)
@@ -212,10 +212,10 @@ def test_a_task_that_the_computer_holds_up_stops_before_it_goes_on(
     measured(f"SIGSTOP in real time: {late[1]} ms late, quick stop first, 0 set-points after it")
 
 
-def test_who_serves_a_cell_for_others_has_no_program_to_hurt(
+def test_mock_refuses_faults_of_the_program(
     workshop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words_of(workshop, "{kind: kill, process: task}", workshop)
+    record_words(workshop, "{kind: kill, process: task}", workshop)
     faults = str(workshop / "faults.yaml")
     assert run(["mock", str(workshop / "cell.yaml"), "--faults", faults]) == 2
     told = capsys.readouterr().err
@@ -223,9 +223,9 @@ def test_who_serves_a_cell_for_others_has_no_program_to_hurt(
     assert "rid-daq record --faults" in told
 
 
-def test_a_disk_that_others_need_is_refused_before_anything_starts(
+def test_filling_a_disk_that_is_not_a_separate_one_is_refused_before_the_start(
     workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run(words_of(workshop, "{kind: disk_full}", tmp_path / "runs")) == 2
+    assert run(record_words(workshop, "{kind: disk_full}", tmp_path / "runs")) == 2
     assert "[RID-FAULT-SCRIPT]" in capsys.readouterr().err
     assert not (tmp_path / "runs").exists()

@@ -1,4 +1,4 @@
-"""Motion files beyond a limit, through the command line: exit code 3, and no frame: row 16."""
+"""Motion files beyond a limit on the command line: exit code 3, and no frame is sent. Row 16."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Measured = Callable[[str], None]
 
 
 def true_estimate(loaded: LoadedCell, robot: RobotDescription) -> Estimate:
-    """Return the plant as if it had been identified without any error."""
+    """Return an estimate with the plant's true parameters."""
     assert loaded.plant is not None
     model = RobotModel.from_description(robot)
     base, n = base_parameters(model), len(robot.joints)
@@ -51,8 +51,8 @@ def true_estimate(loaded: LoadedCell, robot: RobotDescription) -> Estimate:
     )
 
 
-def weaker(robot: RobotDescription) -> RobotDescription:
-    """Return a robot whose second joint has hardly any torque."""
+def weak_robot(robot: RobotDescription) -> RobotDescription:
+    """Return a robot whose second joint has a very low torque limit."""
     first, second, third = robot.joints
     limits = second.limits.model_copy(update={"torque": 20.0})
     return robot.model_copy(
@@ -70,7 +70,7 @@ def far_table(plan: FourierMotion) -> str:
 
 @pytest.mark.fault(16)
 @pytest.mark.slow
-def test_a_motion_file_beyond_a_limit_is_exit_3_and_not_one_frame(
+def test_a_motion_file_beyond_a_limit_is_refused_before_any_frame(
     loaded: LoadedCell,
     motion_of: Callable[[str, int], FourierMotion],
     tmp_path: Path,
@@ -88,7 +88,7 @@ def test_a_motion_file_beyond_a_limit_is_exit_3_and_not_one_frame(
         "velocity": to_yaml(fast),
         "torque": to_yaml(plan),
     }
-    weak = weaker(loaded.robot)
+    weak = weak_robot(loaded.robot)
     write_estimate(tmp_path / "model.json", true_estimate(loaded, weak))
     (tmp_path / "weak.yaml").write_text(to_yaml(weak))
     config = loaded.config.model_copy(update={"plate": None})

@@ -1,4 +1,4 @@
-"""A fault is reset by a person alone, and motion needs the whole preflight afterwards."""
+"""Only a person resets a fault, and motion needs a complete preflight afterwards."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_a_drive_in_fault_is_refused_until_a_person_has_reset_it(
     measured("refused until reset by hand; then preflight and motion")
 
 
-def test_what_is_not_in_fault_is_sent_nothing(serve: Any) -> None:
+def test_a_reset_writes_nothing_to_drives_without_a_fault(serve: Any) -> None:
     rig = serve()
     with rig.session() as cell:
         drives = cell.axes.service.reset_faults()

@@ -1,4 +1,4 @@
-"""Files that are too large, and a computer that lacks memory, room, files or processes."""
+"""Files that are too large, and shortages of memory, disk space, file descriptors or processes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tests.builders.invented import whole_result
 from tests.builders.raised_codes import raises_code
 
 GIGABYTE = 1 << 30
-LITTLE = 200 << 20  # bytes: a command with all that it imports, and no file
+LITTLE = 200 << 20  # bytes: a command with all its imports, and no file
 
 
 @pytest.fixture
@@ -56,7 +56,7 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         "compensate ir361 big.yaml --model big.json --loop big.json -o a.json",
     ],
 )  # fmt: skip
-def test_gigabytes_are_refused_before_they_are_read(
+def test_an_oversized_file_is_refused_before_it_is_read(
     words: str, desk: Path, capsys: pytest.CaptureFixture[str], measured: Callable[[str], None]
 ) -> None:
     run(["--help"])
@@ -85,7 +85,9 @@ def test_gigabytes_are_refused_before_they_are_read(
         ("a\0b.yaml", errno.EINVAL),
     ],
 )
-def test_what_is_no_file_is_not_waited_for(name: str, number: int, desk: Path) -> None:
+def test_a_path_that_is_not_a_regular_file_is_refused_without_waiting(
+    name: str, number: int, desk: Path
+) -> None:
     assert errno_of(Path(name), 1_000_000) == number
 
 
@@ -95,7 +97,7 @@ def errno_of(path: Path, most_bytes: int) -> int | None:
     return caught.value.errno
 
 
-def test_a_file_that_grows_is_read_as_it_was_when_opened(tmp_path: Path) -> None:
+def test_a_file_that_has_grown_beyond_the_limit_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "grows"
     path.write_bytes(b"12345")
     assert read_file(path, 5) == b"12345"
@@ -135,7 +137,7 @@ def _limited(
         ("init new", resource.RLIMIT_FSIZE, 100, "cannot be written: File too large"),
     ],
 )
-def test_a_computer_that_lacks_something_is_named(
+def test_a_shortage_is_named_without_a_traceback(
     words: str, limit: int, size: int, said: str, tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
     done = _limited(words.split(), tmp_path, limit, size)
@@ -160,20 +162,20 @@ def test_a_computer_that_lacks_something_is_named(
         (OSError(errno.EFBIG, "File too large"), "exceed the size limit"),
     ],
 )
-def test_what_is_lacking_is_read_from_what_led_to_an_error(error: Exception, said: str) -> None:
+def test_a_shortage_is_named_from_an_error_or_its_cause(error: Exception, said: str) -> None:
     outer = OSError("could not load the library")
     outer.__context__ = error
     assert said in str(named_error(error))
     assert said in str(named_error(outer))
 
 
-def test_a_mistake_of_the_program_stays_one() -> None:
+def test_an_internal_error_is_not_reported_as_a_shortage() -> None:
     assert as_shortage(KeyError("a")) is None
     with pytest.raises(KeyError):
         named_error(KeyError("a"))
 
 
-def test_more_memory_than_there_are_addresses_is_refused() -> None:
+def test_a_memory_request_beyond_the_address_space_is_refused() -> None:
     require_memory(1 << 20)
     with raises_code(ShortageError, "RID-SYSTEM-SHORTAGE", "`ulimit -v`", f"{1 << 40} MB"):
         require_memory(1 << 60)
@@ -185,7 +187,7 @@ class _Unstartable(HelperProcess):
 
 
 @pytest.mark.fault(50)
-def test_where_one_process_cannot_start_none_is_left(measured: Callable[[str], None]) -> None:
+def test_no_process_is_left_if_one_cannot_start(measured: Callable[[str], None]) -> None:
     first = HelperProcess("first", signal.pause, (), patience_s=0.0)
     with raises_code(ShortageError, "RID-SYSTEM-SHORTAGE", "`ulimit -u`"):
         start_all([first, _Unstartable("second", signal.pause, (), patience_s=0.0)])
@@ -210,7 +212,7 @@ NOT_JSON: list[tuple[bytes, bytes, str]] = [
 
 @pytest.mark.fault(50)
 @pytest.mark.parametrize(("old", "new", "said"), NOT_JSON, ids=[row[2] for row in NOT_JSON])
-def test_a_result_that_was_changed_is_refused_by_its_key(
+def test_a_damaged_result_is_refused_by_its_key(
     old: bytes,
     new: bytes,
     said: str,
@@ -230,7 +232,7 @@ def test_a_result_that_was_changed_is_refused_by_its_key(
 
 
 @pytest.mark.slow
-def test_a_dollar_sign_in_a_name_begins_no_formula(tmp_path: Path) -> None:
+def test_a_dollar_sign_in_a_name_is_not_a_formula(tmp_path: Path) -> None:
     folder = RunFolder.create(tmp_path, "dollars")
     data = (
         json.dumps(whole_result()).replace("axis1", r"$\\frac{").replace("axis2", r"\\$x$ \u202e")

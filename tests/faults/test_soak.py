@@ -1,4 +1,4 @@
-"""Fault after fault in one cell and one program: the short version of `benchmarks.soak`."""
+"""Several faults in sequence in one cell and one program: a short version of `benchmarks.soak`."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from benchmarks.soak_faults import FAULTS
 pytestmark = pytest.mark.slow
 
 EVERY_S = 16.0
-# The first leaves a drive in fault, which has to be reset before the second.
+# The first fault leaves a drive in fault, which must be reset before the second.
 NAMES = ("a drive's fault", "the recorder is killed")
 
 
 @pytest.mark.fault(36)
-def test_every_reaction_is_right_and_nothing_grows(
+def test_every_fault_gets_its_reaction_without_leaks(
     tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
     faults = tuple(fault for name in NAMES for fault in FAULTS if fault.name == name)

@@ -1,4 +1,4 @@
-"""Every setting that a stop depends on: if the preflight is green, every axis stops. Row 39."""
+"""Every setting that affects a stop: if the preflight is green, every axis stops. Row 39."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Measured = Callable[[str], None]
 
 
 NUMBERS: dict[str, tuple[float, float, float]] = {
-    # name: (what people write, the least and the largest that the file's schema takes)
+    # name: (usual value, smallest and largest value that the file's schema accepts)
     "master_heartbeat_timeout_ms": (80, 2, 65535),
     "drive_heartbeat_timeout_ms": (100, 2, 65535),
     "quick_stop_deceleration_rad_s2": (8.0, 1e-30, 1e9),
@@ -45,7 +45,7 @@ NUMBERS: dict[str, tuple[float, float, float]] = {
 
 
 def wide(low: float, high: float) -> st.SearchStrategy[float]:
-    """Numbers of every size, as many between 0.001 and 0.01 as between 1 and 10."""
+    """Draw numbers with uniformly distributed logarithms."""
     return st.floats(math.log(low), math.log(high)).map(
         lambda size: min(max(math.exp(size), low), high)
     )
@@ -53,7 +53,7 @@ def wide(low: float, high: float) -> st.SearchStrategy[float]:
 
 @st.composite
 def numbers(draw: st.DrawFn) -> dict[str, Any]:
-    """Every number of `drive_safety` and `supervision`: most as people write them, some wild."""
+    """Draw the numbers of a cell: most near their usual values, up to three arbitrary ones."""
     wild = draw(st.sets(st.sampled_from(sorted(NUMBERS)), max_size=3))
     found: dict[str, Any] = {}
     for name, (usual, low, high) in NUMBERS.items():
@@ -80,7 +80,7 @@ def safety_of(draw: st.DrawFn, of: dict[str, Any]) -> DriveSafety:
 
 @st.composite
 def cells(draw: st.DrawFn) -> tuple[CellConfig, RobotDescription, int]:
-    """A cell of one or two axes, its robot, and its encoders' increments a revolution."""
+    """Draw a cell of one or two axes, its robot, and the encoders' increments per revolution."""
     count = draw(st.integers(1, 2))
     of = draw(numbers())
     rules = {name: of[name] for name in NUMBERS if name in Supervision.model_fields}
@@ -119,7 +119,7 @@ SEEN: Counter[str] = Counter()
 
 
 @given(made=cells(), share=st.floats(0.02, 1.0), sign=st.sampled_from((1, -1)))
-def every_axis_stops_where_the_preflight_is_green(
+def every_axis_stops_if_the_preflight_is_green(
     made: tuple[CellConfig, RobotDescription, int], share: float, sign: int
 ) -> None:
     cell, robot, increments = made
@@ -152,12 +152,12 @@ def every_axis_stops_where_the_preflight_is_green(
 @pytest.mark.timeout(1500)
 @pytest.mark.fault(39)
 @pytest.mark.parametrize("cells", [250, pytest.param(2000, marks=pytest.mark.long)])
-def test_every_axis_stops_where_the_preflight_is_green(measured: Measured, cells: int) -> None:
+def test_every_axis_stops_if_the_preflight_is_green(measured: Measured, cells: int) -> None:
     SEEN.clear()
     settings(
         max_examples=cells,
         suppress_health_check=list(HealthCheck), phases=(Phase.generate,),
-    )(every_axis_stops_where_the_preflight_is_green)()  # fmt: skip
+    )(every_axis_stops_if_the_preflight_is_green)()  # fmt: skip
     assert SEEN["tried"] >= cells
     assert SEEN["moved"] >= cells / 10, "too few cells were let move"
     assert SEEN["refused"] >= cells / 10, "too few cells were refused"

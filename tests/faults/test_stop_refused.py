@@ -1,4 +1,4 @@
-"""An insufficient stop is refused before motion, by name, with its time and distance. Row 37."""
+"""Insufficient decelerations are refused with stopping time and distance: rows 37 and 38."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ AT = 230
     [(1e-30, "never: its deceleration is 0"), (0.01, "286 s, 409 rad")],
 )
 @pytest.mark.slow
-def test_a_quick_stop_that_is_none_is_exit_3_and_no_drive_gets_power(
+def test_a_far_too_low_deceleration_is_refused_before_power(
     loaded: LoadedCell,
     motion_of: Callable[[str, int], FourierMotion],
     tmp_path: Path,
@@ -70,10 +70,10 @@ def test_a_quick_stop_that_is_none_is_exit_3_and_no_drive_gets_power(
 
 
 @pytest.mark.fault(38)
-def test_an_axis_whose_ramp_is_slower_than_it_was_told_loses_its_power(
+def test_an_axis_with_a_slower_ramp_than_commanded_is_powered_off(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
-    """Everything reads back right; its clock runs at a fifth, and with it its ramp."""
+    """All settings read back correctly, but the drive's clock and ramp are 20 times too slow."""
     slow = {"kind": "clock", "joint": "axis1", "at_cycle": AT, "factor": 0.05}
     run = serve(drives=[slow]).move(motion)
     assert run.reason.code is StopCode.HEARTBEAT_LOST
@@ -90,10 +90,10 @@ def test_an_axis_whose_ramp_is_slower_than_it_was_told_loses_its_power(
 
 @pytest.mark.fault(38)
 @pytest.mark.parametrize("sign", [1, -1])
-def test_an_axis_that_reaches_its_limit_on_its_ramp_loses_its_power(
+def test_an_axis_that_reaches_its_limit_during_the_stop_is_powered_off(
     sign: int, measured: Measured
 ) -> None:
-    """A long ramp that the preflight allows, ordered just before the limit."""
+    """The preflight accepts the long ramp; the stop is ordered just before the limit."""
     cell, robot = one_axis(deceleration=2.0, velocity=1.5, acceleration=6.0, limit=1.0)
     outcome = Outcome(cell, robot, 65536, rows_until(cell, robot, 0.8), sign)
     assert any("exceeded its limit during the stop" in note for note in outcome.notes)

@@ -1,4 +1,4 @@
-"""Effects of a terminal on a program that moves a robot: Ctrl-Z, closing, killed processes."""
+"""Ctrl-Z, a closed terminal and signals while a program in a terminal moves a robot."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ print("ended", os.waitstatus_to_exitcode(status), flush=True)
 
 
 class Shell:
-    """A terminal with a program in its foreground that records a long motion in lock-step.
+    """A terminal whose foreground program records a long motion in lock-step.
 
     Attributes:
-        terminal: The terminal's other side: what is typed, and what is shown.
-        program: Process id of the program, which is its group's too.
+        terminal: The master side of the terminal, for input and output.
+        program: Process id of the program, which is also the id of its process group.
     """
 
     def __init__(self, words: list[str], environment: dict[str, str]) -> None:
@@ -67,7 +67,7 @@ class Shell:
         self.program = int(self.says("program").split()[1])
 
     def says(self, beginning: str) -> str:
-        """Wait for a line of the program's, or of the shell about it."""
+        """Wait for a line from the program or from the shell that begins with a text; return it."""
         assert self._leader.stdout is not None
         said = []
         while line := self._leader.stdout.readline():
@@ -77,19 +77,19 @@ class Shell:
         raise AssertionError(f"it ended without {beginning!r}: {''.join(said)}")
 
     def shows(self, text: bytes) -> None:
-        """Wait until the terminal has shown a text."""
+        """Wait until a text appears on the terminal."""
         shown = b""
         while text not in shown:
             shown += os.read(self.terminal, 4096)
 
     def processes(self) -> list[int]:
-        """Return the living processes of the session but for the shell itself."""
+        """Return the running processes of the session, except the shell itself."""
         found = []
         for pid in filter(str.isdigit, os.listdir("/proc")):
             try:
                 stat = Path("/proc", pid, "stat").read_text()
             except OSError:
-                continue  # it ended meanwhile
+                continue  # the process has ended meanwhile
             state, _, _, session = stat.rpartition(")")[2].split()[:4]
             if int(session) == self._leader.pid and state != "Z" and int(pid) != self._leader.pid:
                 found.append(int(pid))
@@ -108,7 +108,7 @@ class Shell:
 
     def close(self) -> None:
         for pid in [*self.processes(), self._leader.pid]:
-            with contextlib.suppress(ProcessLookupError):  # it has just ended
+            with contextlib.suppress(ProcessLookupError):  # the process has just ended
                 os.kill(pid, signal.SIGKILL)
         self._leader.communicate()
         if self.terminal >= 0:
@@ -117,7 +117,7 @@ class Shell:
 
 @pytest.fixture
 def environment() -> Iterator[dict[str, str]]:
-    """Locks of its own, so that no test stops what else runs on this machine."""
+    """Environment with separate locks, so that no test stops other programs of this computer."""
     with tempfile.TemporaryDirectory(prefix="rid-") as folder:
         yield {"RID_DAQ_LOCKS": folder, "XDG_RUNTIME_DIR": folder}
 
@@ -126,7 +126,7 @@ def environment() -> Iterator[dict[str, str]]:
 def shell(
     tmp_path: Path, motion_of: Callable[[str, int], FourierMotion], environment: dict[str, str]
 ) -> Iterator[Shell]:
-    """A shell whose program moves."""
+    """A shell whose program moves the robot."""
     path = tmp_path / "motion.yaml"
     path.write_text(to_yaml(motion_of("ir361", 200)))
     words = ["record", "ir361", str(path), "--live", "--listen", "127.0.0.1:0"]
@@ -139,7 +139,7 @@ def shell(
 
 
 def stop(environment: dict[str, str]) -> str:
-    """Run `rid-daq stop` in another terminal; return what it saw."""
+    """Run `rid-daq stop` in another process, and return its text about the session."""
     said = subprocess.run(
         [sys.executable, "-m", "rid_daq", "stop", "--json"],
         stdout=subprocess.PIPE, text=True, env={**os.environ, **environment}, check=False,
@@ -156,7 +156,7 @@ def assert_readable(runs: Path) -> None:
 
 
 @pytest.mark.fault(43)
-def test_ctrl_z_suspends_nothing_and_the_stop_works(
+def test_ctrl_z_does_not_suspend_a_motion_and_stop_works(
     shell: Shell, environment: dict[str, str], tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
     os.write(shell.terminal, SUSPEND)
@@ -170,7 +170,7 @@ def test_ctrl_z_suspends_nothing_and_the_stop_works(
 
 
 @pytest.mark.fault(43)
-def test_a_program_that_is_suspended_by_force_can_be_stopped_too(
+def test_a_program_suspended_by_sigstop_can_be_stopped(
     shell: Shell, environment: dict[str, str], tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
     os.killpg(shell.program, signal.SIGSTOP)  # `kill -STOP %1`
@@ -187,7 +187,7 @@ def test_a_program_that_is_suspended_by_force_can_be_stopped_too(
 @pytest.mark.fault(43)
 @pytest.mark.fault(19)
 @pytest.mark.parametrize("how", ["Ctrl-C", "closed terminal", "kill -9 %1"])
-def test_however_it_ends_no_process_is_left_and_the_recording_is_whole(
+def test_after_any_end_no_process_remains_and_the_recording_is_complete(
     shell: Shell, how: str, tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
     before = len(shell.processes())
@@ -207,7 +207,7 @@ def test_however_it_ends_no_process_is_left_and_the_recording_is_whole(
 
 @pytest.mark.fault(19)
 @pytest.mark.fault(43)
-def test_nohup_is_honoured(
+def test_a_motion_under_nohup_ignores_sighup(
     tmp_path: Path,
     motion_of: Callable[[str, int], FourierMotion],
     environment: dict[str, str],

@@ -1,4 +1,4 @@
-"""The watches between drives and computer, let run out once before motion: rows 11 and 18."""
+"""Trial of the watchdogs of drives and computer before a motion: rows 11 and 18."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Measured = Callable[[str], None]
 @pytest.mark.fault(11)
 @pytest.mark.fault(18)
 @pytest.mark.parametrize("powered", [False, True])
-def test_each_side_acts_when_the_other_falls_silent(
+def test_drives_and_computer_detect_each_others_missing_heartbeats(
     serve: Any, loaded: LoadedCell, powered: bool, measured: Measured
 ) -> None:
     rig = serve()
@@ -41,10 +41,10 @@ def test_each_side_acts_when_the_other_falls_silent(
 
 
 @pytest.mark.fault(18)
-def test_a_drive_that_only_says_that_it_watches_is_red(
+def test_a_drive_with_an_inactive_watchdog_is_red(
     serve: Any, loaded: LoadedCell, measured: Measured
 ) -> None:
-    """All its settings read back right; only the trial shows that it would run on."""
+    """All settings read back correctly; only the trial shows that the drive would continue."""
     rig = serve(drives=[{"kind": "watch_asleep", "joint": "axis2"}])
     with open_cell(rig.config, loaded.robot) as cell:
         cell.axes.bring_up()
@@ -56,7 +56,7 @@ def test_a_drive_that_only_says_that_it_watches_is_red(
     measured("settings right, watch asleep: red in the preflight")
 
 
-def test_where_the_trial_takes_power_it_waits_for_a_clear_cell(
+def test_a_trial_with_power_is_not_made_before_the_cell_is_clear(
     serve: Any, loaded: LoadedCell
 ) -> None:
     rig = serve()
@@ -70,7 +70,7 @@ def test_where_the_trial_takes_power_it_waits_for_a_clear_cell(
     assert not any(map(any, rig.truth.powered))
 
 
-def test_a_trial_that_saw_nothing_says_never(serve: Any, loaded: LoadedCell) -> None:
+def test_a_trial_without_a_reaction_reports_never(serve: Any, loaded: LoadedCell) -> None:
     rig = serve(drives=[{"kind": "watch_asleep"}])
     with open_cell(rig.config, loaded.robot) as cell:
         trials = try_watches(cell.axes, cell.clock, rig.config)
