@@ -34,7 +34,7 @@ SPEED = np.array([0.1, 0.2, 0.4, 0.8, 1.2, 1.6])
         ),
     ],
 )
-def test_friction_that_no_model_explains(
+def test_friction_that_no_model_explains_gives_exit_code_6(
     torque: np.ndarray,
     code: int,
     said: str,
@@ -51,7 +51,7 @@ def test_friction_that_no_model_explains(
 
 
 @pytest.mark.parametrize(("grade", "code"), [(Grade.DOUBTFUL, 0), (Grade.BAD, 6)])
-def test_a_loop_that_does_not_explain_its_response(
+def test_a_loop_model_that_does_not_fit_gives_exit_code_6(
     grade: Grade, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     text = (RESULTS / "velocity_loops.json").read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""A table of what people get wrong: one clear message, the right exit code, no traceback."""
+"""Frequent user errors: one clear message, the right exit code, no traceback."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ joints:
 
 @pytest.fixture
 def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A working folder with a good motion, a real cell that is not there, and spoilt files."""
+    """Return a working folder with a valid motion, an unreachable real cell, and damaged files."""
     monkeypatch.chdir(tmp_path)
     write = {
         "good.yaml": MOTION,
@@ -162,7 +162,7 @@ TABLE: list[tuple[str, int, str]] = [
 
 
 @pytest.mark.parametrize(("words", "code", "said"), TABLE, ids=[row[0] for row in TABLE])
-def test_bad_input_is_one_clear_message(
+def test_bad_input_gives_one_clear_message(
     words: str, code: int, said: str, desk: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     capsys.readouterr()
@@ -173,7 +173,7 @@ def test_bad_input_is_one_clear_message(
     assert message.strip()
 
 
-def test_runs_that_are_no_folder_are_refused_before_the_cell_is_started(
+def test_a_runs_path_that_is_not_a_folder_is_refused_before_the_cell_starts(
     desk: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     started: list[object] = []
@@ -183,7 +183,7 @@ def test_runs_that_are_no_folder_are_refused_before_the_cell_is_started(
 
 
 @pytest.mark.slow
-def test_a_cell_that_waits_for_the_wrong_drive_is_told_which(
+def test_check_names_a_silent_node_and_a_deviating_gear(
     desk: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     served = load_cell("ir361")

@@ -1,4 +1,4 @@
-"""The commands one after the other, on a simulated cell: what a newcomer does."""
+"""The main commands in sequence on a simulated cell, as a new user runs them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder made by init, with an excitation run and a validation run in it."""
+    """Return a folder made by init, with an excitation run and a validation run."""
     folder = tmp_path_factory.mktemp("workshop")
     assert run(["init", str(folder)]) == 0
     motion = folder / "motion.yaml"
@@ -48,7 +48,7 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_run_folder_holds_everything_and_says_so(
+def test_a_run_folder_contains_all_files_and_lists_them(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["runs", "--verify", "--json", *runs]) == 0
@@ -65,7 +65,7 @@ def test_a_run_folder_holds_everything_and_says_so(
     assert set(other.manifest().files) - set(folder.manifest().files) == {"frames.blf"}
 
 
-def test_average_says_what_was_kept_and_the_noise(
+def test_average_reports_the_periods_used_and_the_noise(
     runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["average", "excitation", "--json", *runs]) == 0
@@ -90,7 +90,7 @@ def test_identify_writes_a_model_with_intervals(
     assert Path(told["report"]).read_text().count("<svg") >= 4
 
 
-def test_a_run_counts_once_its_copy_included_and_not_before_it_has_ended(
+def test_a_run_given_twice_as_a_copy_or_still_open_is_refused(
     workshop: Path, runs: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     shutil.copytree(find_run(workshop / "runs", "excitation").path, tmp_path / "copy")
@@ -104,7 +104,7 @@ def test_a_run_counts_once_its_copy_included_and_not_before_it_has_ended(
     assert "RID-RUN-OPEN" in capsys.readouterr().err
 
 
-def test_what_a_run_lacks_is_told_wherever_it_is_used(
+def test_missing_rows_of_a_run_are_noted_by_every_command(
     workshop: Path, runs: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = RunFolder.create(tmp_path, "torn")
@@ -154,17 +154,17 @@ def test_validate_passes_and_fails_by_its_limits(
     assert run([*words, "--limits", "10,0.01,10", "--json"]) == 1
     axes = document(capsys)["validation"]["axes"]
     assert [axis["passed"] for axis in axes] == [True, False, True]
-    assert run(words) == 0  # by the cell file's own limits
+    assert run(words) == 0  # with the limits of the cell file
 
 
-def test_no_verdict_on_the_run_that_the_model_comes_from(
+def test_validation_on_the_identification_run_gives_no_verdict(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["validate", str(workshop / "model.json"), "excitation", *runs]) == 6
     assert "RID-VALIDATE-SAME-RUN" in capsys.readouterr().err
 
 
-def test_no_verdict_on_three_seconds_of_a_stopped_run(
+def test_validation_on_a_too_short_run_gives_no_verdict(
     workshop: Path, runs: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     whole, folder = find_run(workshop / "runs", "validation"), RunFolder.create(tmp_path, "short")
@@ -181,7 +181,7 @@ def test_no_verdict_on_three_seconds_of_a_stopped_run(
     assert re.search(r"no verdict: the robot moves for [1-4]\.\d s, but a verdict needs 5 s", said)
 
 
-def test_report_is_written_again_from_the_results_alone(
+def test_report_is_rewritten_from_the_results_only(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = RunFolder.open(next((workshop / "runs").iterdir()))
@@ -192,7 +192,7 @@ def test_report_is_written_again_from_the_results_alone(
     assert (folder.path / "report.html").read_bytes() == before
 
 
-def test_a_changed_file_is_found(
+def test_verify_finds_a_changed_file(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = RunFolder.open(next((workshop / "runs").iterdir()))
@@ -209,14 +209,14 @@ def test_a_changed_file_is_found(
         motion.write_bytes(before)
 
 
-def test_where_there_are_no_runs_nothing_is_verified(
+def test_verify_refuses_a_runs_folder_that_does_not_exist(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["runs", "--verify", "--runs", str(tmp_path / "rums")]) == 2
     assert "RID-RUN-UNKNOWN" in capsys.readouterr().err
 
 
-def test_design_writes_a_motion_that_record_takes(
+def test_design_writes_a_motion_and_does_not_overwrite_a_file(
     workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     motion = tmp_path / "designed.yaml"
@@ -227,10 +227,10 @@ def test_design_writes_a_motion_that_record_takes(
     assert told["condition_number"] > 1.0
     assert all(axis["velocity_percent"] <= 100.0 for axis in told["axes"])
     assert motion.read_text().startswith("# Excitation for robot my_robot")
-    assert run(words) == 2  # nothing is overwritten unasked
+    assert run(words) == 2  # existing files are not overwritten by default
 
 
-def test_check_reads_every_drive_and_moves_nothing(
+def test_check_reads_every_drive_without_motion(
     workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["check", str(workshop / "cell.yaml"), "--seconds", "0.5"]
@@ -253,7 +253,7 @@ def test_check_reads_every_drive_and_moves_nothing(
 
 
 @pytest.mark.fault(9)
-def test_a_fault_script_goes_with_a_recording_and_a_reset_is_a_command(
+def test_a_fault_script_stops_a_recording_and_reset_resets_the_drives(
     workshop: Path,
     runs: list[str],
     tmp_path: Path,
@@ -285,7 +285,7 @@ def test_a_fault_script_goes_with_a_recording_and_a_reset_is_a_command(
 
 
 @pytest.mark.fault(19)
-def test_ctrl_c_stops_the_robot_keeps_the_recording_and_is_130(
+def test_ctrl_c_stops_the_robot_and_keeps_the_recording_with_exit_code_130(
     workshop: Path, tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
     text = (workshop / "motion.yaml").read_text()
@@ -319,7 +319,7 @@ def test_ctrl_c_stops_the_robot_keeps_the_recording_and_is_130(
     assert "The motion was stopped before its end" in (folder / "report.html").read_text()
 
 
-def test_frames_that_cannot_be_recorded_are_refused_before_anything_is_made(
+def test_record_frames_is_refused_on_slcan_before_a_run_folder_exists(
     workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     text = (workshop / "cell.yaml").read_text()
@@ -334,7 +334,7 @@ def test_frames_that_cannot_be_recorded_are_refused_before_anything_is_made(
     assert not runs.exists()
 
 
-def test_a_served_cell_is_joined_and_served_once(
+def test_check_uses_a_served_cell_and_a_second_mock_is_refused(
     workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     cell = tmp_path / "cell.yaml"
@@ -352,7 +352,7 @@ def test_a_served_cell_is_joined_and_served_once(
             run(["check", str(cell), "--seconds", "0.3", "--json"])
             lines = document(capsys)["lines"]
             assert any(line["what"].startswith("6007h") for line in lines)
-            # In real time a machine that stalls may cost an answer; that is no fault of joining.
+            # In real time a stall of the computer can lose an answer; compare drive settings only.
             settings = [line for line in lines if re.match(r"[0-9A-F]{4}h", line["what"])]
             assert {line["verdict"] for line in settings} == {"ok", "shown"}
         finally:
@@ -361,7 +361,7 @@ def test_a_served_cell_is_joined_and_served_once(
     assert served.returncode == 0
 
 
-def test_a_run_that_is_not_periodic_is_identified_through_the_anti_alias_filter(
+def test_a_nonperiodic_run_is_identified_with_the_anti_alias_filter(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     model = tmp_path / "model.json"
@@ -374,7 +374,7 @@ def test_a_run_that_is_not_periodic_is_identified_through_the_anti_alias_filter(
 
 @pytest.mark.slow
 @pytest.mark.long
-def test_a_recording_ends_when_the_accuracy_is_reached(
+def test_a_recording_ends_when_the_required_accuracy_is_reached(
     workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     motion = tmp_path / "motion.yaml"

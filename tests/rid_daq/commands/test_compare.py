@@ -1,4 +1,4 @@
-"""`rid-daq compare`: two estimates of one robot, and of one that has changed."""
+"""`rid-daq compare`: two estimates of one robot, and of a robot whose friction has changed."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def measure(root: Path) -> Measure:
-    """Return what records the bundled arm into a run folder, with its estimate."""
+    """Return a function that records the bundled arm into a run folder and identifies it."""
     return functools.partial(identified_run, root, arm_in_motion())
 
 
@@ -50,11 +50,11 @@ def tuesday(measure: Measure) -> Estimate:
 
 @pytest.fixture(scope="module")
 def dry(measure: Measure) -> Estimate:
-    """The arm with a joint that rubs 20 % more."""
+    """Return the estimate of the arm with 20 % more friction in one joint."""
     return measure("dry", 3, fc_axis2=1.2)
 
 
-def test_differences_are_told_in_sigmas_of_the_difference(
+def test_differences_are_divided_by_the_standard_deviation_of_the_difference(
     monday: Estimate, tuesday: Estimate
 ) -> None:
     difference = compare_estimates(monday, tuesday)
@@ -69,13 +69,15 @@ def test_differences_are_told_in_sigmas_of_the_difference(
     assert difference.shared_runs == ()
 
 
-def test_a_joint_that_rubs_more_is_found_and_named(monday: Estimate, dry: Estimate) -> None:
+def test_a_joint_with_more_friction_is_named(monday: Estimate, dry: Estimate) -> None:
     difference = compare_estimates(monday, dry)
     assert not difference.agree
     assert difference.names[difference.worst] == "fc_axis2"
 
 
-def test_another_combination_is_another_parameter(monday: Estimate, tuesday: Estimate) -> None:
+def test_base_parameters_with_different_expressions_are_not_compared(
+    monday: Estimate, tuesday: Estimate
+) -> None:
     words = ("something else", *tuesday.base.expressions[1:])
     other = replace(tuesday, base=replace(tuesday.base, expressions=words))
     difference = compare_estimates(monday, other)
@@ -92,7 +94,9 @@ def test_another_robot_is_refused(monday: Estimate) -> None:
 
 
 @pytest.mark.usefixtures("monday", "tuesday")
-def test_two_runs_side_by_side(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_compare_predicts_both_runs_with_both_models(
+    root: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run(["compare", "monday", "tuesday", "--runs", str(root), "--json"]) == 0
     told = document(capsys)
     assert told["verdict"]["passed"] is True
@@ -104,7 +108,7 @@ def test_two_runs_side_by_side(root: Path, capsys: pytest.CaptureFixture[str]) -
 
 
 @pytest.mark.usefixtures("monday", "dry")
-def test_a_change_is_an_exit_code_and_a_sentence(
+def test_a_change_gives_an_exit_code_and_a_sentence(
     root: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["compare", "monday", "dry", "--runs", str(root), "--on", "dry"]) == 1
@@ -115,7 +119,7 @@ def test_a_change_is_an_exit_code_and_a_sentence(
 
 
 @pytest.mark.usefixtures("monday")
-def test_models_of_the_same_run_prove_nothing(
+def test_models_of_the_same_run_are_noted_as_not_independent(
     root: Path, monday: Estimate, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write_estimate(tmp_path / "copy.json", monday)
@@ -125,7 +129,7 @@ def test_models_of_the_same_run_prove_nothing(
 
 
 @pytest.mark.usefixtures("monday")
-def test_what_cannot_be_compared_is_told(
+def test_a_run_without_a_model_and_an_unknown_run_are_refused(
     root: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     RunFolder.create(root, "raw")

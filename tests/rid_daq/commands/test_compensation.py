@@ -1,4 +1,4 @@
-"""The path error cut through the commands: loops, feedforward, refinement, before and after."""
+"""Path error compensation on the command line: loops, feedforward, refinement and tracking."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A model of the simulated arm, its velocity loops, and a circle without compensation."""
+    """Return files of a model, its velocity loops, and the run of a circle without compensation."""
     folder = tmp_path_factory.mktemp("compensation")
-    # The bundled cell without its force plate, which takes as long as all the rest.
+    # The bundled cell without its force plate, which takes as long as everything else together.
     bundled = load_cell("ir361").config
     arm = bundled.model_copy(update={"plate": None, "name": "arm"})
     (folder / "arm.yaml").write_text(to_yaml(arm))
@@ -72,7 +72,7 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def compensated(workshop: Path) -> Path:
-    """The feedforward of the circle, tuned by the plain circle, and a run with it."""
+    """Return the feedforward of the circle, tuned on the plain run; a run with it is recorded."""
     cell, runs = str(workshop / "arm.yaml"), ["--runs", str(workshop / "runs")]
     circle, ahead = str(workshop / "circle.yaml"), str(workshop / "ahead.json")
     words = ["compensate", cell, circle, *model_and_loops(workshop), "-o", ahead]
@@ -83,10 +83,10 @@ def compensated(workshop: Path) -> Path:
     return workshop / "ahead.json"
 
 
-def test_the_circle_comes_an_order_of_magnitude_closer(
+def test_compensation_reduces_the_circle_error_by_an_order_of_magnitude(
     workshop: Path, compensated: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Nothing is taken from the plant; the thesis went from 1.42 mm to 0.25 mm."""
+    """No value comes from the plant file; the thesis reduced the error from 1.42 to 0.25 mm."""
     loops = json.loads((workshop / "loops.json").read_text())["loops"]
     for axis, gain in zip(loops, (900.0, 1300.0, 250.0), strict=True):
         assert axis["gain"] == pytest.approx(gain, rel=0.02)
@@ -126,7 +126,7 @@ def test_the_circle_comes_an_order_of_magnitude_closer(
     assert "RID-TRACKING-AGAINST" in capsys.readouterr().err
 
 
-def test_a_payload_counts_in_the_refinement_and_bends_the_gears(
+def test_refine_and_tracking_take_the_payload_into_account(
     workshop: Path, compensated: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     runs = ["--runs", str(workshop / "runs")]
@@ -160,7 +160,7 @@ def test_a_payload_counts_in_the_refinement_and_bends_the_gears(
     assert origins == ["none", hashlib.sha256(Path(payload).read_bytes()).hexdigest()]
 
 
-def test_one_refinement_makes_it_twenty_times_and_a_lie_about_the_last_is_noticed(
+def test_refinement_reduces_the_error_twentyfold_and_a_grown_error_is_refused(
     workshop: Path, compensated: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     cell, runs = str(workshop / "arm.yaml"), ["--runs", str(workshop / "runs")]
@@ -187,7 +187,7 @@ def test_one_refinement_makes_it_twenty_times_and_a_lie_about_the_last_is_notice
     assert motion["mean_ratio"] > 20.0
     assert motion["max_ratio"] > 10.0
 
-    # The same run, once as if it had been as good before, once as if it had been far better.
+    # Refine again, as if the previous RMS error had been the same, and as if it had been half.
     (recorded,) = (
         path.parent
         for path in (workshop / "runs").glob("*/feedforward.json")
@@ -230,7 +230,7 @@ def test_one_refinement_makes_it_twenty_times_and_a_lie_about_the_last_is_notice
         ),
     ],
 )
-def test_what_cannot_be_meant_is_one_clear_message(
+def test_files_of_the_wrong_kind_and_mixed_runs_are_refused(
     workshop: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
@@ -245,9 +245,9 @@ def test_what_cannot_be_meant_is_one_clear_message(
 
 
 class TestStream:
-    """On line: from a file, from another program, and from programs that misbehave."""
+    """`stream` from a file, from another program, and from faulty programs."""
 
-    def test_the_circle_comes_as_close_on_line(
+    def test_a_streamed_circle_has_an_error_eight_times_smaller(
         self, workshop: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         arm, circle = str(workshop / "arm.yaml"), str(workshop / "circle.yaml")
@@ -267,7 +267,7 @@ class TestStream:
             assert "RID-RUN-FOREIGN" in capsys.readouterr().err
         assert not (workshop / "no.json").exists()
 
-    def test_a_path_streamed_without_compensation_is_a_plain_one(
+    def test_a_path_streamed_with_plain_counts_as_uncompensated(
         self, workshop: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         arm, circle = str(workshop / "arm.yaml"), str(workshop / "circle.yaml")
@@ -280,7 +280,7 @@ class TestStream:
         assert motion["use"] == "plain"
 
     @pytest.mark.fault(3)
-    def test_a_streamed_path_that_lost_too_much_is_exit_6(
+    def test_a_streamed_path_with_too_many_lost_answers_gives_exit_code_6(
         self, workshop: Path, capsys: pytest.CaptureFixture[str], measured: Callable[[str], None]
     ) -> None:
         arm = load_cell(str(workshop / "arm.yaml"))
@@ -297,7 +297,7 @@ class TestStream:
         assert "joint 'axis2': " in quality["trouble"]
         measured(f"'stream' that lost {100 * share:.1f} % of a drive's answers: exit 6")
 
-    def test_another_program_sends_a_path_never_seen(
+    def test_an_unknown_path_of_another_program_is_followed_accurately(
         self, workshop: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         path = joint_path()
@@ -311,7 +311,7 @@ class TestStream:
         assert error.mean_m < 0.25e-3
         assert error.max_m < 1e-3
 
-    def test_a_client_that_dies_is_a_stop_on_the_path(
+    def test_the_robot_stops_on_the_path_if_the_client_ends(
         self, workshop: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         path = joint_path()
@@ -321,7 +321,7 @@ class TestStream:
         assert told["stop"]["code"] == "POINTS_LOST"
         require_rest_on(path[:400], told)
 
-    def test_a_bad_point_is_a_stop_before_it_and_the_client_hears_why(
+    def test_the_robot_stops_before_an_invalid_point_and_the_client_gets_the_reason(
         self, workshop: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         path = joint_path()
@@ -332,7 +332,9 @@ class TestStream:
         assert {"400,", "axis2:"} <= set(answer["error"].split())
         require_rest_on(path[:400], told)
 
-    def test_points_from_an_iterator(self, workshop: Path) -> None:
+    def test_an_error_of_a_point_iterator_stops_the_motion_with_its_text(
+        self, workshop: Path
+    ) -> None:
         cell = load_cell(str(workshop / "arm.yaml"))
         forward = OnlineFeedforward.identified(
             cell.config,
@@ -357,7 +359,7 @@ class TestStream:
         assert outcome.stop.code is StopCode.POINTS_LOST
         assert "the planner lost its way" in outcome.stop.text
 
-    def test_what_cannot_be_meant_moves_nothing(
+    def test_contradictory_options_and_a_missing_client_are_refused_before_motion(
         self, workshop: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         given = model_of(workshop)
@@ -372,7 +374,7 @@ class TestStream:
 def test_a_timed_path_is_compensated_recorded_and_streamed(
     workshop: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    """With the robot file's own accelerations, which hold everywhere."""
+    """The acceleration limits of the robot file hold in every pose."""
     cell, runs = str(workshop / "arm.yaml"), ["--runs", str(workshop / "runs")]
     (tmp_path / "pick.yaml").write_text(PICK)
     pick, fast, ahead = (str(tmp_path / name) for name in ("pick.yaml", "fast.yaml", "ahead.json"))

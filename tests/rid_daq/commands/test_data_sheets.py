@@ -1,4 +1,4 @@
-"""The drives' data sheets from the command line: written, judged by the preflight, kept in runs."""
+"""Data sheets (EDS) of the drives on the command line: written, checked, and stored in runs."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ AXES = {1: "    node_id: 1\n", 2: "node_id: 2}", 3: "node_id: 3}"}
 
 @pytest.fixture(scope="module")
 def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder made by init, with the sheets of its simulated drives."""
+    """Return a folder made by init, with the data sheets of its simulated drives."""
     folder = tmp_path_factory.mktemp("workshop")
     assert run(["init", str(folder)]) == 0
     assert run(["mock", str(folder / "cell.yaml"), "--eds", str(folder / "sheets")]) == 0
@@ -39,7 +39,7 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def cell(workshop: Path, tmp_path: Path) -> Callable[..., str]:
-    """Return what writes a cell whose first two drives have sheets, the second a changed one."""
+    """Return a function that writes a cell with two sheets, the second of which is changed."""
 
     def made(old: str = "", new: str = "") -> str:
         folder = tmp_path / "cell"
@@ -71,7 +71,7 @@ def checked(
     return lines
 
 
-def test_the_sheets_are_written_once_and_other_tools_read_them(
+def test_sheets_are_written_once_and_are_readable_by_other_tools(
     workshop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     names = [path.name for path in sorted((workshop / "sheets").iterdir())]
@@ -85,7 +85,7 @@ def test_the_sheets_are_written_once_and_other_tools_read_them(
     assert "RID-FILE-EXISTS" in capsys.readouterr().err
 
 
-def test_the_preflight_shows_sheets_that_fit(
+def test_the_preflight_shows_matching_sheets(
     cell: Callable[..., str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = cell("[6084]\n", "[6084]\nHighLimit=10LL\n")
@@ -105,13 +105,13 @@ def test_the_preflight_shows_sheets_that_fit(
     assert [line["verdict"] for line in products] == ["ok", "ok", "shown"]
 
 
-def test_the_preflight_of_a_cell_without_sheets_says_nothing_of_them() -> None:
+def test_the_preflight_of_a_cell_without_sheets_has_no_lines_about_them() -> None:
     loaded = load_cell("ir361")
     assert eds_lines(loaded) == []
     refuse_unfit_eds(loaded)
 
 
-def test_another_drive_than_the_sheets_is_red_and_nothing_is_written_to_it(
+def test_a_drive_that_differs_from_its_sheet_is_red_and_not_written_to(
     cell: Callable[..., str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = cell("VendorNumber=0x00000000", "VendorNumber=0x000000FB")
@@ -127,7 +127,7 @@ def test_another_drive_than_the_sheets_is_red_and_nothing_is_written_to_it(
     assert "1016h" in [line["what"][:5] for line in lines if line["where"] == "axis3, node 3"]
 
 
-def test_a_sheet_that_lacks_an_object_is_told_before_a_drive_is_asked(
+def test_a_missing_object_in_a_sheet_is_red_before_any_drive_is_read(
     cell: Callable[..., str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = cell("[6077]", "[2077]")
@@ -147,7 +147,7 @@ def test_a_sheet_that_lacks_an_object_is_told_before_a_drive_is_asked(
     assert not (tmp_path / "runs").exists()
 
 
-def test_a_faulty_line_is_a_faulty_configuration(
+def test_a_faulty_line_of_a_sheet_is_refused_with_its_position(
     cell: Callable[..., str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = cell("[6077]\nParameterName=torque [0.1 %]\n", "[6077\nParameterName=torque\n")
@@ -159,7 +159,7 @@ def test_a_faulty_line_is_a_faulty_configuration(
     assert "RID-EDS-INVALID" in message
 
 
-def test_a_run_keeps_the_sheets_and_its_cell_can_be_used_again(
+def test_a_run_contains_the_sheets_and_its_cell_file_loads(
     cell: Callable[..., str], tmp_path: Path
 ) -> None:
     path = Path(cell())
@@ -176,7 +176,7 @@ def test_a_run_keeps_the_sheets_and_its_cell_can_be_used_again(
     shutil.copytree(folder.path, tmp_path / "copy")
     shutil.rmtree(path.parent)
     again = load_cell(str(tmp_path / "copy" / "cell.yaml"))
-    plant = {"plant.yaml": folder.read("plant.yaml")}  # as it was in the run: nothing attached
+    plant = {"plant.yaml": folder.read("plant.yaml")}  # as in the run: without an attached payload
     assert again.files == first.files | plant
     assert again.config == first.config
     assert RunFolder.open(tmp_path / "copy").verify() == ()
@@ -184,7 +184,7 @@ def test_a_run_keeps_the_sheets_and_its_cell_can_be_used_again(
 
 
 class TestFit:
-    """`drives fit SHEET`: the keys that a cell file needs; numbers to look up are not examples."""
+    """`drives fit SHEET`: keys for the cell file, with placeholders for unknown numbers."""
 
     def test_the_sheet_of_a_simulated_drive_needs_no_keys(
         self, workshop: Path, capsys: pytest.CaptureFixture[str]
@@ -195,7 +195,7 @@ class TestFit:
         assert told["accepted"]
         assert told["servo"] == {}
 
-    def test_numbers_that_no_sheet_has_are_placeholders_that_a_cell_refuses(
+    def test_unknown_numbers_become_placeholders_that_a_cell_file_refuses(
         self, workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         sheet = tmp_path / "drive.eds"
@@ -213,7 +213,7 @@ class TestFit:
         assert run(["check", str(cell), "--json"]) == 2
         assert document(capsys)["error"]["code"] == "RID-FILE-PLACEHOLDER"
 
-    def test_a_drive_without_its_protections_is_refused_with_the_reason(
+    def test_a_sheet_without_the_controlword_is_refused_for_safety(
         self, workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         sheet = tmp_path / "drive.eds"
@@ -227,14 +227,16 @@ class TestFit:
         ]
 
     @pytest.mark.parametrize("content", [None, b"", b"\x00\xff", b"[1000]\nDataType=9999\n"])
-    def test_what_is_no_sheet_is_refused(self, tmp_path: Path, content: bytes | None) -> None:
+    def test_a_missing_or_invalid_sheet_is_refused(
+        self, tmp_path: Path, content: bytes | None
+    ) -> None:
         sheet = tmp_path / "drive.eds"
         if content is not None:
             sheet.write_bytes(content)
         assert run(["drives", "fit", str(sheet)]) == 2
 
 
-def test_ratings_that_contradict_one_another_are_refused() -> None:
+def test_contradictory_motor_ratings_are_refused() -> None:
     with pytest.raises(ValidationError):
         ServoProfile(rated_torque_nm=1.0, rated_current_a=1.0, torque_constant_nm_per_a=0.1)
     ServoProfile(rated_torque_nm=1.0, rated_current_a=5.0, torque_constant_nm_per_a=0.18)

@@ -24,28 +24,28 @@ SOUND = sound_table(1200)
 
 
 def recorded(folder: Path, table: np.ndarray) -> Recording:
-    """Return a table as it is imported, and leave its files in a folder."""
+    """Return the recording of a table, and write the files that `import` needs into a folder."""
     (folder / "rec.csv").write_text("\n".join(as_lines(table)))
     (folder / "robot.yaml").write_text(to_yaml(ROBOT))
     (folder / "map.yaml").write_text(to_yaml(MAP))
     return import_csv(folder / "rec.csv", MAP, ROBOT)[0]
 
 
-def with_dead(column: int, value: float = 0.0) -> np.ndarray:
+def with_constant_torque(column: int, value: float = 0.0) -> np.ndarray:
     table = SOUND.copy()
     table[:, column] = value
     return table
 
 
 @pytest.mark.parametrize(("column", "dead"), [(5, {"a": 6.0}), (6, {"b": 3.0})])
-def test_a_torque_that_is_the_same_in_every_row_is_none(
+def test_a_constant_torque_of_a_moving_joint_is_dead(
     column: int, dead: dict[str, float], tmp_path: Path
 ) -> None:
-    assert dead_torques(recorded(tmp_path, with_dead(column, 3.0))) == dead
+    assert dead_torques(recorded(tmp_path, with_constant_torque(column, 3.0))) == dead
 
 
-def test_one_of_a_joint_at_rest_may_be(tmp_path: Path) -> None:
-    table = with_dead(6)
+def test_a_constant_torque_of_a_joint_at_rest_is_not_dead(tmp_path: Path) -> None:
+    table = with_constant_torque(6)
     table[:, [2, 4]] = 0.5, 0.0
     assert dead_torques(recorded(tmp_path, table)) == {}
     assert dead_torques(recorded(tmp_path, SOUND)) == {}
@@ -53,13 +53,13 @@ def test_one_of_a_joint_at_rest_may_be(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a run of a dead torque, and a model that was identified elsewhere."""
+    """Return a folder with a run of a constant torque column, and the model of another run."""
     folder = tmp_path_factory.mktemp("dead")
     sound = recorded(folder, SOUND)
     options = EstimationOptions(ModelOptions(friction_terms=("viscous",)))
     estimate = fit_smoothed(ROBOT, [smooth_nonperiodic(sound, 5.0)], options).estimate()
     write_estimate(folder / "model.json", estimate)
-    recorded(folder, with_dead(6))
+    recorded(folder, with_constant_torque(6))
     words = [str(folder / "rec.csv"), "--map", str(folder / "map.yaml"), "--label", "dead"]
     assert run(["import", *words, "--runs", str(folder / "runs")]) == 0
     return folder
@@ -76,7 +76,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ],
     ids=lambda command: " ".join(command[:2]),
 )
-def test_no_command_learns_or_judges_by_it(
+def test_every_command_refuses_a_run_with_a_dead_torque(
     folder: Path, command: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = [str(folder / "model.json") if word == "MODEL" else word for word in command]

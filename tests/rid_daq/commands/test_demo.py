@@ -13,7 +13,7 @@ pytestmark = pytest.mark.slow
 
 
 ANY = float("inf")
-# Lowest and highest value of all numbers at a place, and how many there are.
+# Lowest and highest value of the numbers at a place of the document, and their count.
 BOUNDS: dict[str, tuple[float, float, int]] = {
     "average.samples_per_period": (1250, 1250, 1),
     "average.missing_samples": (0, 0, 1),
@@ -50,7 +50,7 @@ def numbers_at(value: Any, place: str) -> list[float]:
     return [n for part in parts for n in (numbers_at(part, rest) if rest else [part])]
 
 
-def test_the_whole_demo_reaches_what_it_is_held_to(
+def test_the_demo_keeps_the_bounds_of_all_its_results(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with noted() as calls:

@@ -44,7 +44,7 @@ def cell() -> LoadedCell:
 def problem(
     cell: LoadedCell, model: Estimate | None = None, given: Sequence[Estimate] = ()
 ) -> ExcitationProblem:
-    """Return the question for a motion of 10 s and three harmonics."""
+    """Return the optimisation problem for a motion of 10 s and three harmonics."""
     return excitation_problem(
         cell.config,
         cell.robot,
@@ -61,7 +61,7 @@ def design(capsys: pytest.CaptureFixture[str], output: Path, *words: str) -> dic
     return document(capsys)
 
 
-def test_it_writes_a_motion_within_all_limits(
+def test_design_writes_a_motion_within_all_limits(
     cell: LoadedCell, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "motion.yaml"
@@ -77,7 +77,7 @@ def test_it_writes_a_motion_within_all_limits(
     assert "of 2 starts of seed 0 for condition: condition number" in path.read_text()
 
 
-def test_the_same_seed_and_starts_give_the_same_file(
+def test_equal_seeds_and_starts_give_equal_files(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     first, again, other = (tmp_path / f"{name}.yaml" for name in "abc")
@@ -88,7 +88,7 @@ def test_the_same_seed_and_starts_give_the_same_file(
     assert first.read_bytes() != other.read_bytes()
 
 
-def test_people_read_what_holds_the_motion_back(
+def test_the_output_names_active_limits_and_unchecked_ones(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["design", "ir361", "-o", str(tmp_path / "m.yaml"), "--starts", "1"]) == 0
@@ -99,7 +99,7 @@ def test_people_read_what_holds_the_motion_back(
     assert "Collisions are not checked" in said
 
 
-def test_a_model_holds_the_torques_and_a_wall_the_arm(
+def test_a_model_limits_the_torques_and_a_plane_the_workspace(
     cell: LoadedCell, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = tmp_path / "workshop"
@@ -140,13 +140,13 @@ def test_a_model_holds_the_torques_and_a_wall_the_arm(
     ("name", "wanted", "kind"),
     [("condition", [], Condition), ("d-optimal", [], DOptimal), ("d-optimal", ["torque"], Goals)],
 )
-def test_words_choose_the_criterion(
+def test_options_select_the_criterion(
     cell: LoadedCell, name: str, wanted: list[str], kind: type
 ) -> None:
     assert isinstance(criterion_of_options(cell.robot, name, wanted), kind)
 
 
-def test_the_next_experiment_serves_what_earlier_runs_know_least(cell: LoadedCell) -> None:
+def test_earlier_runs_direct_the_design_to_uncertain_parameters(cell: LoadedCell) -> None:
     weak = {"Ixz3": 100.0, "Iyz3": 100.0}
     earlier = known(cell, weak)
     cycle_s = cell.config.cycle_time_s
@@ -164,7 +164,7 @@ def test_the_next_experiment_serves_what_earlier_runs_know_least(cell: LoadedCel
         assert served < plain - 0.01
 
 
-def test_friction_is_never_carried_over(cell: LoadedCell) -> None:
+def test_information_about_friction_is_not_used_from_earlier_runs(cell: LoadedCell) -> None:
     earlier = known(cell, {})
     task = problem(cell, given=[earlier, earlier])
     assert task.given is not None
@@ -172,7 +172,7 @@ def test_friction_is_never_carried_over(cell: LoadedCell) -> None:
     friction = [k for k, name in enumerate(names) if name.startswith(("fc_", "fv_"))]
     rest = [k for k in range(len(names)) if k not in friction]
     assert not task.given[friction].any()
-    # Two estimates of one variance know twice as much; 600 equations of 3 joints are 200 samples.
+    # Two equal estimates have twice the information; 600 equations of 3 joints are 200 samples.
     known_twice = 2.0 / np.diagonal(earlier.covariance_residual)[rest] / 200.0
     np.testing.assert_allclose(np.diagonal(task.given)[rest], known_twice)
 
@@ -196,7 +196,7 @@ def test_a_model_of_another_robot_is_refused(cell: LoadedCell) -> None:
         ("--scheduler tcp://127.0.0.1:9", 2, "no Dask scheduler responds"),
     ],
 )
-def test_what_cannot_be_meant_is_refused_at_once(
+def test_invalid_options_are_refused_at_once(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
@@ -211,7 +211,7 @@ def test_what_cannot_be_meant_is_refused_at_once(
     assert not output.exists()
 
 
-def test_ctrl_c_keeps_the_best_motion_so_far_and_is_130(tmp_path: Path) -> None:
+def test_ctrl_c_writes_the_best_motion_with_exit_code_130(tmp_path: Path) -> None:
     output = tmp_path / "m.yaml"
     words = ["-m", "rid_daq", "design", "ir361", "-o", str(output), "--starts", "100000"]
     process, terminal = pty.fork()

@@ -1,4 +1,4 @@
-"""`docs`: an error code is explained without a browser, a site or a network."""
+"""`docs CODE`: explanation of an error code without browser or network."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rid_daq.app import run
 
 
 @pytest.mark.parametrize("name", ["RID-FILE-READ", "rid-file-read"])
-def test_a_code_is_explained(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_docs_explains_an_error_code(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     (code,) = (each for each in declared_codes() if each.name == "RID-FILE-READ")
     assert run(["docs", name]) == 0
     shown = " ".join(capsys.readouterr().out.split())
@@ -19,7 +19,7 @@ def test_a_code_is_explained(name: str, capsys: pytest.CaptureFixture[str]) -> N
         assert text in shown
 
 
-def test_a_program_gets_the_code_as_a_document(capsys: pytest.CaptureFixture[str]) -> None:
+def test_docs_with_json_prints_a_document(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["docs", "RID-FILE-READ", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert set(document) == {"code", "cause", "remedy"}

@@ -1,4 +1,4 @@
-"""`rid-daq drives`: what the drives hold is kept, and what was written to them is undone."""
+"""`rid-daq drives`: backup and restore of the drives' objects, and rollback of writes."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ with open_cell(loaded.config, loaded.robot, Killed(Path(sys.argv[2]))) as cell:
 
 
 class Workplace:
-    """A cell whose simulated drives stay on while commands come and go, and its runs."""
+    """A cell whose simulated drives stay on between commands, and its runs."""
 
     def __init__(self, served: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
         self.cell = str(served / "cell.yaml")
@@ -68,15 +68,15 @@ class Workplace:
         return path
 
     def held(self) -> tuple[SavedDrive, ...]:
-        """Current objects of every drive."""
+        """Return the current objects of every drive."""
         return DriveBackup.read(self.backup()).drives
 
     def set(self, node: int, name: str, value: str) -> None:
-        """Let a drive hold something, as another tool would."""
+        """Write an object of a drive, as another tool would."""
         assert run(["drives", "restore", self.cell, str(self.edited(node, name, value))]) == 0
 
     def edited(self, node: int, name: str, value: str) -> Path:
-        """Return a backup of what the drives hold, with another value of an object."""
+        """Return a backup of the drives in which one object has another value."""
         path = self.backup()
         document = json.loads(path.read_text())
         (drive,) = (each for each in document["drives"] if each["node_id"] == node)
@@ -101,17 +101,17 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 def workplace(
     served: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> Iterator[Workplace]:
-    """The served cell; its drives are afterwards as they were, for the next test."""
+    """Return the served cell; its drives are restored after the test."""
     place = Workplace(served, tmp_path, capsys)
     before = place.backup()
     yield place
     run(["drives", "restore", place.cell, str(before), "--runs", str(tmp_path)])
 
 
-def test_a_record_changes_the_drives_and_rollback_brings_them_back_bit_by_bit(
+def test_rollback_restores_every_object_that_record_changed(
     workplace: Workplace,
 ) -> None:
-    workplace.set(2, "1017h:00", "f401")  # what the reset of the communication takes away
+    workplace.set(2, "1017h:00", "f401")  # objects that the reset of the communication restores
     before = workplace.held()
     code, recorded = workplace.run("record", workplace.cell, workplace.motion)
     assert code == 0
@@ -120,7 +120,7 @@ def test_a_record_changes_the_drives_and_rollback_brings_them_back_bit_by_bit(
     code, looked = workplace.run("drives", "rollback", workplace.cell, "latest", "--dry-run")
     assert code == 0
     assert {each["object"] for each in looked["settings"]} >= {"6007h:00", "6065h:00", "6085h:00"}
-    assert workplace.held() == after  # looking changes nothing
+    assert workplace.held() == after  # a backup changes nothing
     code, done = workplace.run("drives", "rollback", workplace.cell, recorded["folder"])
     assert code == 0
     assert all(each["restored"] for each in done["settings"])
@@ -128,12 +128,12 @@ def test_a_record_changes_the_drives_and_rollback_brings_them_back_bit_by_bit(
     assert json.loads((Path(recorded["folder"]) / "manifest.json").read_text())["files"][
         DRIVE_WRITES
     ]
-    # The rollback wrote too: it is undone as any other.
+    # A rollback also writes, and can be undone like other writes.
     assert workplace.run("drives", "rollback", workplace.cell, done["write_log"])[0] == 0
     assert workplace.held() == after
 
 
-def test_what_a_killed_set_up_wrote_is_undone(workplace: Workplace) -> None:
+def test_rollback_undoes_the_writes_of_a_killed_set_up(workplace: Workplace) -> None:
     before = workplace.held()
     write_log = workplace.runs / "killed.jsonl"
     words = [sys.executable, "-c", KILLED_IN_SET_UP, workplace.cell, str(write_log)]
@@ -144,7 +144,7 @@ def test_what_a_killed_set_up_wrote_is_undone(workplace: Workplace) -> None:
     assert workplace.held() == before
 
 
-def test_what_a_check_wrote_is_undone_by_the_journal_that_it_names(workplace: Workplace) -> None:
+def test_rollback_undoes_the_writes_of_a_check_by_its_write_log(workplace: Workplace) -> None:
     before = workplace.held()
     code, checked = workplace.run("check", workplace.cell, "--seconds", "0.2")
     assert code == 0
@@ -154,7 +154,7 @@ def test_what_a_check_wrote_is_undone_by_the_journal_that_it_names(workplace: Wo
     assert workplace.held() == before
 
 
-def test_a_backup_is_restored(workplace: Workplace) -> None:
+def test_restore_writes_a_backup(workplace: Workplace) -> None:
     path = workplace.backup()
     assert workplace.run("check", workplace.cell, "--seconds", "0.2")[0] == 0
     code, done = workplace.run("drives", "restore", workplace.cell, str(path))
@@ -163,7 +163,7 @@ def test_a_backup_is_restored(workplace: Workplace) -> None:
     assert workplace.held() == DriveBackup.read(path).drives
 
 
-def test_what_is_stored_outlives_a_reset(workplace: Workplace) -> None:
+def test_restored_values_survive_a_reset_only_with_store(workplace: Workplace) -> None:
     path = workplace.edited(3, "1017h:00", "e803")
     assert workplace.run("drives", "restore", workplace.cell, str(path))[0] == 0
     assert heartbeat_after_reset(workplace) == 0
@@ -171,11 +171,11 @@ def test_what_is_stored_outlives_a_reset(workplace: Workplace) -> None:
     assert code == 0
     assert heartbeat_after_reset(workplace) == 1000
     assert workplace.run("drives", "rollback", workplace.cell, done["write_log"])[0] == 0
-    assert heartbeat_after_reset(workplace) == 1000  # nothing is stored unasked
+    assert heartbeat_after_reset(workplace) == 1000  # nothing is stored by default
 
 
 def heartbeat_after_reset(workplace: Workplace) -> int:
-    """Return 1017h of node 3, in ms, as it is after a reset of the communication."""
+    """Return 1017h of node 3 after a reset of the communication [ms]."""
     loaded = load_cell(workplace.cell)
     with open_cell(loaded.config, loaded.robot) as cell:
         cell.link.send(nmt_frame(NmtCommand.RESET_COMMUNICATION, 3))
@@ -183,7 +183,7 @@ def heartbeat_after_reset(workplace: Workplace) -> int:
         return cell.axes.service.ports()[2].read_int(0x1017, 0)
 
 
-def test_another_drive_is_not_written_to(
+def test_restore_refuses_a_drive_with_another_serial_number(
     workplace: Workplace, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = workplace.backup()
@@ -197,17 +197,17 @@ def test_another_drive_is_not_written_to(
     assert workplace.held() == before
 
 
-def test_an_object_that_is_not_taken_back_is_named(
+def test_an_object_that_a_drive_does_not_accept_is_named(
     workplace: Workplace, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = workplace.edited(1, "608Fh:01", "00100000")  # what the encoder is cannot be told
+    path = workplace.edited(1, "608Fh:01", "00100000")  # the drive does not accept this object
     assert run(["drives", "restore", workplace.cell, str(path)]) == 3
     said = capsys.readouterr().err
     assert all(part in said for part in ("axis1", "608Fh:01", "00004000h", "00001000h"))
     assert "RID-DRIVE-SETTINGS" in said
 
 
-def test_a_run_of_other_drives_is_refused(
+def test_a_backup_with_another_node_is_refused(
     workplace: Workplace, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = workplace.backup()

@@ -1,4 +1,4 @@
-"""`rid-daq export`: files that other programs read, and what is refused."""
+"""`rid-daq export`: files for other programs, and refused requests."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ FUNCTIONS = [("c", "robot.c", c_torques), ("python", "robot.py", python_torques)
 
 
 @pytest.mark.parametrize(("form", "name", "torques"), FUNCTIONS)
-def test_a_function_as_identified_predicts_what_the_model_file_predicts(
+def test_an_exported_function_as_identified_predicts_like_the_model_file(
     form: str,
     name: str,
     torques: Any,
@@ -121,7 +121,7 @@ def test_a_function_as_identified_predicts_what_the_model_file_predicts(
 
 
 @pytest.mark.parametrize(("form", "name", "torques"), FUNCTIONS)
-def test_a_function_is_that_of_the_robot_that_can_exist(
+def test_an_exported_function_uses_the_physically_consistent_parameters(
     form: str,
     name: str,
     torques: Any,
@@ -137,7 +137,7 @@ def test_a_function_is_that_of_the_robot_that_can_exist(
     np.testing.assert_allclose(torques(out, motion), expected, rtol=1e-9, atol=1e-9)
 
 
-def test_pinocchio_reads_the_links_of_the_robot_that_can_exist(
+def test_pinocchio_reads_the_physically_consistent_links(
     estimate: Estimate, model_file: Path, motion: np.ndarray, tmp_path: Path
 ) -> None:
     out = tmp_path / "robot.urdf"
@@ -151,13 +151,13 @@ def test_pinocchio_reads_the_links_of_the_robot_that_can_exist(
 
 
 @pytest.mark.fault(33)
-def test_a_robot_that_the_data_speak_against_is_written_on_demand_only(
+def test_an_inconsistent_model_is_exported_only_with_despite_misfit(
     estimate: Estimate,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     measured: Callable[[str], None],
 ) -> None:
-    # Much less inertia about axis 1 than the same links have about axis 2.
+    # The inertia about axis 1 is much smaller than that of the same links about axis 2.
     values = np.array(estimate.values)
     values[estimate.base.names.index("Izz1")] = 2.0
     write_estimate(tmp_path / "model.json", replace(estimate, values=values))
@@ -171,7 +171,7 @@ def test_a_robot_that_the_data_speak_against_is_written_on_demand_only(
     measured("exit 6, no file")
 
 
-def test_sums_over_links_are_no_description(
+def test_a_robot_description_cannot_be_exported_as_identified(
     model_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["export", str(model_file), "--to", "sdf", "-o", str(tmp_path / "x"), "--as-identified"]
@@ -179,7 +179,9 @@ def test_sums_over_links_are_no_description(
     assert "RID-EXPORT-LINKS" in capsys.readouterr().err
 
 
-def test_tables_hold_the_parameters(estimate: Estimate, model_file: Path, tmp_path: Path) -> None:
+def test_tables_contain_the_parameters(
+    estimate: Estimate, model_file: Path, tmp_path: Path
+) -> None:
     for form in ("csv", "json"):
         out = tmp_path / f"table.{form}"
         assert run(["export", str(model_file), "--to", form, "-o", str(out)]) == 0
@@ -190,7 +192,7 @@ def test_tables_hold_the_parameters(estimate: Estimate, model_file: Path, tmp_pa
     assert document["runs"] == ["made */ up"]
 
 
-def test_a_file_that_is_there_is_kept(model_file: Path, tmp_path: Path) -> None:
+def test_an_existing_file_is_not_overwritten(model_file: Path, tmp_path: Path) -> None:
     out = tmp_path / "robot.py"
     out.write_text("mine")
     words = ["export", str(model_file), "--to", "python", "-o", str(out)]
@@ -205,7 +207,9 @@ def test_a_file_that_is_there_is_kept(model_file: Path, tmp_path: Path) -> None:
     assert "inverse_dynamics" in out.read_text()
 
 
-def test_what_is_no_model_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_that_is_not_a_model_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "no.json").write_text("{}")
     out = tmp_path / "robot.c"
     assert run(["export", str(tmp_path / "no.json"), "--to", "c", "-o", str(out)]) == 2

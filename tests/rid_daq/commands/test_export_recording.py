@@ -61,7 +61,7 @@ def export(folder: RunFolder, form: str, out: Path) -> Path:
     return out
 
 
-def test_csv_is_read_by_the_csv_module_bit_by_bit(
+def test_the_csv_module_reads_an_exported_csv_exactly(
     folder: RunFolder, data: RunData, tmp_path: Path
 ) -> None:
     with export(folder, "csv", tmp_path / "r.csv").open(newline="") as file:
@@ -78,7 +78,7 @@ def test_csv_is_read_by_the_csv_module_bit_by_bit(
     assert np.flatnonzero(table[:, head.index("valid")] == 0).tolist() == [4]
 
 
-def test_parquet_is_read_by_fastparquet_bit_by_bit(
+def test_fastparquet_reads_an_exported_parquet_file_exactly(
     folder: RunFolder, data: RunData, tmp_path: Path
 ) -> None:
     written = export(folder, "parquet", tmp_path / "r.parquet").read_bytes()
@@ -95,7 +95,7 @@ def test_parquet_is_read_by_fastparquet_bit_by_bit(
 
 
 def mat_matrices(data: bytes) -> dict[str, np.ndarray]:
-    """Return the plain real matrices of a MAT file, by the published layout of version 5."""
+    """Return the real matrices of a MAT file, parsed by the published layout of version 5."""
     assert data[124:128] == struct.pack("<HH", 0x0100, 0x4D49)
     found, position = {}, 128
     kinds = {9: "<f8", 5: "<i4", 6: "<u4", 12: "<i8", 3: "<i2", 2: "u1", 1: "i1", 4: "<u2"}
@@ -121,7 +121,7 @@ def mat_matrices(data: bytes) -> dict[str, np.ndarray]:
     return found
 
 
-def test_mat_is_read_by_its_published_layout_bit_by_bit(
+def test_a_mat_file_has_the_published_layout_and_exact_values(
     folder: RunFolder, data: RunData, tmp_path: Path
 ) -> None:
     found = mat_matrices(export(folder, "mat", tmp_path / "r.mat").read_bytes())
@@ -133,7 +133,7 @@ def test_mat_is_read_by_its_published_layout_bit_by_bit(
 
 
 def mdf_channels(data: bytes) -> dict[str, tuple[np.ndarray, str]]:
-    """Return values and units of the channels of an MDF 4 file with one group, by its standard."""
+    """Return values and units of the channels of an MDF 4 file with one group."""
     assert data[:8] == b"MDF     "
     assert data[8:12].startswith(b"4.1")
 
@@ -168,7 +168,7 @@ def mdf_channels(data: bytes) -> dict[str, tuple[np.ndarray, str]]:
     return found
 
 
-def test_mdf_is_read_by_its_standard_bit_by_bit(
+def test_an_mdf_file_follows_the_standard_and_has_exact_values(
     folder: RunFolder, data: RunData, tmp_path: Path
 ) -> None:
     found = mdf_channels(export(folder, "mdf4", tmp_path / "r.mf4").read_bytes())
@@ -180,7 +180,7 @@ def test_mdf_is_read_by_its_standard_bit_by_bit(
         assert unit == "N m"
 
 
-def test_a_library_that_is_missing_is_named_with_its_extra(
+def test_a_missing_library_is_named_with_its_extra(
     data: RunData, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
@@ -190,7 +190,7 @@ def test_a_library_that_is_missing_is_named_with_its_extra(
 
 
 @pytest.mark.parametrize("label", ["ur10 v1.2", "model.json"])
-def test_a_label_with_a_dot_means_its_run(folder: RunFolder, label: str, tmp_path: Path) -> None:
+def test_a_label_with_a_dot_selects_its_run(folder: RunFolder, label: str, tmp_path: Path) -> None:
     copy = tmp_path / "runs" / folder.run_id
     shutil.copytree(folder.path, copy)
     manifest = (copy / "manifest.json").read_text()
@@ -200,7 +200,7 @@ def test_a_label_with_a_dot_means_its_run(folder: RunFolder, label: str, tmp_pat
     assert len((tmp_path / "r.csv").read_text().splitlines()) == 1 + ROWS
 
 
-def test_another_robots_joints_are_refused(data: RunData) -> None:
+def test_a_recording_of_another_robots_joints_is_refused(data: RunData) -> None:
     with raises_code(RecordingError, "RID-ROBOT-OTHER"):
         recording_table(data.recording, load_cell("kr15").robot)
 
@@ -214,7 +214,7 @@ def test_another_robots_joints_are_refused(data: RunData) -> None:
         (["missing.json", "--to", "mat"], "RID-RUN-UNKNOWN"),
     ],
 )
-def test_what_cannot_be_meant_is_refused(
+def test_an_unknown_run_and_an_unsuitable_format_are_refused(
     folder: RunFolder,
     tmp_path: Path,
     words: list[str],

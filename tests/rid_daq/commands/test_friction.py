@@ -46,13 +46,13 @@ THERE_AND_BACK = ReversedMotion(
 
 
 def true_friction(joint: int, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the least and the most that the plant's friction can be at a speed."""
+    """Return the lower and upper bound of the plant's friction at a speed."""
     assert CELL.plant is not None
     assert CELL.plant.unmodelled is not None
     axis, extra = CELL.plant.axes[joint], CELL.plant.unmodelled.axes[joint]
     fall = np.exp(-speed / extra.stribeck_velocity_rad_s)
     alone = axis.coulomb_nm + extra.stribeck_nm * fall + axis.viscous_nm_s * speed
-    largest = CELL.robot.joints[joint].limits.torque / 4.0  # of what these motions ask for
+    largest = CELL.robot.joints[joint].limits.torque / 4.0  # of the torques of these motions
     warm = 1.0 + 300.0 * extra.friction_drift_per_s
     return warm * alone, (alone + extra.load_friction * largest) * 1.01
 
@@ -60,7 +60,7 @@ def true_friction(joint: int, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("runs")
-    # The bundled cell without its force plate, which tells nothing of friction.
+    # The bundled cell without its force plate, which does not measure friction.
     cell = folder / "arm.yaml"
     cell.write_text(to_yaml(CELL.config.model_copy(update={"plate": None, "name": "arm"})))
     for name, motion in (("steady", STEADY), ("reversed", THERE_AND_BACK)):
@@ -79,7 +79,7 @@ def friction_of(
     return {joint["joint"]: joint for joint in section["joints"]}
 
 
-def test_constant_speeds_show_the_plants_friction(
+def test_runs_at_constant_speed_give_the_plants_friction(
     runs: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     joints = friction_of(runs, capsys, "steady")
@@ -92,7 +92,9 @@ def test_constant_speeds_show_the_plants_friction(
         assert (np.array(curve["odd"]) < high + spread).all()
 
 
-def test_the_plants_friction_law_is_chosen(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_friction_law_of_the_plant_is_selected(
+    runs: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     fits = friction_of(runs, capsys, "steady")["axis1"]["fits"]
     assert fits[0]["name"] == "Stribeck"
     values = {p["name"]: p["value"] for p in fits[0]["parameters"]}
@@ -102,7 +104,9 @@ def test_the_plants_friction_law_is_chosen(runs: Path, capsys: pytest.CaptureFix
     assert values["vs_axis1"] == pytest.approx(0.04, rel=0.35)
 
 
-def test_a_path_there_and_back_shows_it_too(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_path_in_both_directions_gives_the_plants_friction(
+    runs: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     joints = friction_of(runs, capsys, "reversed")
     assert set(joints) == {"axis1", "axis2", "axis3"}
     for number, joint in enumerate(joints.values()):
@@ -116,7 +120,7 @@ def test_a_path_there_and_back_shows_it_too(runs: Path, capsys: pytest.CaptureFi
         assert curve["forward"] is None
 
 
-def test_runs_are_taken_together_and_reported(
+def test_several_runs_are_evaluated_together_and_reported(
     runs: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     capsys.readouterr()
@@ -129,7 +133,9 @@ def test_runs_are_taken_together_and_reported(
     assert 'id="friction-' in report
 
 
-def test_a_model_file_is_compared(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_friction_is_compared_with_a_model_file(
+    runs: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     model = runs / "model.json"
     assert run(["identify", "reversed", "--runs", str(runs), "-o", str(model)]) == 0
     joints = friction_of(runs, capsys, "steady", "--model", str(model))
@@ -139,7 +145,7 @@ def test_a_model_file_is_compared(runs: Path, capsys: pytest.CaptureFixture[str]
     assert lines["torque"]["the model file"][at] == pytest.approx(47.0, rel=0.1)
 
 
-def test_another_motion_is_no_measurement_of_friction(
+def test_a_run_of_another_kind_of_motion_is_refused(
     runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     recorded = next(path for path in runs.glob("*/motion.yaml") if "reversed" in path.read_text())
@@ -159,7 +165,7 @@ def test_another_motion_is_no_measurement_of_friction(
         ("reversed", ["--method", "two-harmonic", "--tries", "3", "--periods", "2"]),
     ],
 )
-def test_design_makes_both_motions(
+def test_design_writes_both_kinds_of_friction_motions(
     kind: str, more: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "motion.yaml"
@@ -171,4 +177,4 @@ def test_design_makes_both_motions(
     assert motion.kind == kind.replace("-", "_")
     samples = motion.plan(CELL.robot, CELL.config.cycle_time_s)
     assert f"Total duration {samples.duration_s:.0f} s" in said
-    assert run(words) == 2  # it is there
+    assert run(words) == 2  # the file exists

@@ -1,4 +1,4 @@
-"""`rid-daq import`: mistakes with another program's recording, made through the command."""
+"""`rid-daq import`: mistakes in another program's recording or in its map."""
 
 from __future__ import annotations
 
@@ -29,10 +29,12 @@ Change = Callable[[np.ndarray], Any]
 
 
 @pytest.fixture
-def bring(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Callable[..., SimpleNamespace]:
-    """Import a table that was changed, by a map that was changed."""
+def import_changed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., SimpleNamespace]:
+    """Return a function that imports a changed table with changed keys of the map."""
 
-    def bring_it(change: Change, *options: str, **map_keys: Any) -> SimpleNamespace:
+    def imported_table(change: Change, *options: str, **map_keys: Any) -> SimpleNamespace:
         table = sound_table(800)
         change(table)
         (tmp_path / "rec.csv").write_text("\n".join(as_lines(table)))
@@ -47,10 +49,10 @@ def bring(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Callable[..., S
         out, err = capsys.readouterr()
         return SimpleNamespace(code=code, said=err, **(json.loads(out) if out else {}))
 
-    return bring_it
+    return imported_table
 
 
-def nothing(table: np.ndarray) -> None:
+def unchanged(table: np.ndarray) -> None:
     pass
 
 
@@ -86,14 +88,20 @@ def turned_by_half(table: np.ndarray) -> None:
         ("torque constant", times(6, 60.0), r"torques of b reach 240, but the robot file's limit"),
     ],
 )  # fmt: skip
-def test_a_mistake_that_ruins_it_is_exit_6_with_the_likely_cause(
-    bring: Callable[..., SimpleNamespace], mistake: str, change: Change, said: str, tmp_path: Path
+def test_a_serious_mistake_gives_exit_code_6_and_its_likely_cause(
+    import_changed: Callable[..., SimpleNamespace],
+    mistake: str,
+    change: Change,
+    said: str,
+    tmp_path: Path,
 ) -> None:
     plausible = {"position": 10.0, "speed": 500.0, "torque": 200.0}
-    imported = bring(change, plausible=plausible, implausible_on_purpose=["plausible.speed"])
+    imported = import_changed(
+        change, plausible=plausible, implausible_on_purpose=["plausible.speed"]
+    )
     assert imported.code == 6
     assert re.search(said, imported.said, re.DOTALL)
-    assert not (tmp_path / "runs").exists()  # nothing that could be used by mistake
+    assert not (tmp_path / "runs").exists()  # no run remains that could be used by mistake
 
 
 @pytest.mark.parametrize(
@@ -104,10 +112,10 @@ def test_a_mistake_that_ruins_it_is_exit_6_with_the_likely_cause(
         ("stuck", stuck, "b: its torque (column 6) is constant at 1.5 from row 301 to row 800"),
     ],
 )  # fmt: skip
-def test_a_mistake_that_only_the_engineer_can_judge_is_a_finding_and_stands_in_the_report(
-    bring: Callable[..., SimpleNamespace], mistake: str, change: Change, said: str
+def test_a_possible_mistake_is_a_finding_in_the_report(
+    import_changed: Callable[..., SimpleNamespace], mistake: str, change: Change, said: str
 ) -> None:
-    imported = bring(change)
+    imported = import_changed(change)
     assert imported.code == 0
     (finding,) = imported.findings
     assert finding.startswith(said)
@@ -115,29 +123,31 @@ def test_a_mistake_that_only_the_engineer_can_judge_is_a_finding_and_stands_in_t
     assert said.replace("'", "&#39;") in page
 
 
-def test_what_is_left_out_is_counted_by_reason_and_may_be_more_where_the_map_says_so(
-    bring: Callable[..., SimpleNamespace],
+def test_omitted_rows_are_counted_by_reason_and_the_map_sets_their_limit(
+    import_changed: Callable[..., SimpleNamespace],
 ) -> None:
-    imported = bring(doubled(10), left_out_limit=0.1)
+    imported = import_changed(doubled(10), left_out_limit=0.1)
     assert imported.code == 0
     assert imported.left_out == {"with a doubled time stamp": 80}
     assert "80 with a doubled time stamp" in Path(imported.report).read_text()
 
 
-def test_several_ranges_of_rows_are_several_runs(bring: Callable[..., SimpleNamespace]) -> None:
-    both = bring(nothing, "--rows", "1-400", "--rows", "401-", "--label", "a", "--label", "b")
+def test_each_range_of_rows_becomes_a_run(import_changed: Callable[..., SimpleNamespace]) -> None:
+    both = import_changed(
+        unchanged, "--rows", "1-400", "--rows", "401-", "--label", "a", "--label", "b"
+    )
     assert [each["rows_used"] for each in both.runs] == [400, 400]
-    uneven = bring(nothing, "--rows", "1-400", "--rows", "401-", "--label", "a")
+    uneven = import_changed(unchanged, "--rows", "1-400", "--rows", "401-", "--label", "a")
     assert uneven.code == 2
     assert "1 labels for 2 runs" in uneven.said
 
 
 @pytest.mark.parametrize("label", ["b/c", "latest"])
-def test_a_label_that_no_run_can_have_leaves_no_run_behind(
-    bring: Callable[..., SimpleNamespace], label: str, tmp_path: Path
+def test_an_invalid_label_is_refused_before_any_run_exists(
+    import_changed: Callable[..., SimpleNamespace], label: str, tmp_path: Path
 ) -> None:
     labels = ["--label", "a", "--label", label]
-    both = bring(nothing, "--rows", "1-400", "--rows", "401-", *labels)
+    both = import_changed(unchanged, "--rows", "1-400", "--rows", "401-", *labels)
     assert both.code == 2
     assert f"label {label!r}" in both.said
     assert not (tmp_path / "runs").exists()
@@ -158,8 +168,8 @@ def test_a_label_that_no_run_can_have_leaves_no_run_behind(
     ],
     ids=["own stamps", "periods", "temperatures"],
 )
-def test_the_recording_of_a_run_is_that_of_its_source_bit_for_bit(
-    bring: Callable[..., SimpleNamespace],
+def test_a_loaded_run_equals_its_imported_source_exactly(
+    import_changed: Callable[..., SimpleNamespace],
     keys: dict[str, Any],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -170,10 +180,12 @@ def test_the_recording_of_a_run_is_that_of_its_source_bit_for_bit(
             table.resize((800, 9), refcheck=False)
             table[:] = np.column_stack([sound_table(800), warmth])
 
-    folder = RunFolder.open(Path(bring(with_warmth, **keys).folder))
+    folder = RunFolder.open(Path(import_changed(with_warmth, **keys).folder))
     import_map, robot = load_import_map(str(tmp_path / "map.yaml"))
     expected, report = import_csv(folder.file("source.csv"), import_map, robot)
-    monkeypatch.setattr("acquisition.imports.read.read_tables", None)  # nothing is parsed again
+    monkeypatch.setattr(
+        "acquisition.imports.read.read_tables", None
+    )  # the source must not be parsed again
     loaded = RunData.load(folder)
     differing = {"robot_name", "run_id", "import_report"}
     for name in {field.name for field in fields(expected)} - differing:
@@ -189,7 +201,7 @@ def test_the_recording_of_a_run_is_that_of_its_source_bit_for_bit(
     assert "source.csv" in folder.manifest().files
 
 
-def test_two_files_are_kept_and_read_back(
+def test_a_run_of_two_source_files_contains_and_reads_both(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     table = sound_table(400)
@@ -211,8 +223,10 @@ def test_two_files_are_kept_and_read_back(
     np.testing.assert_array_equal(recording.torque_nm, table[:, 5:7])
 
 
-def test_repeated_rows_are_numbers_in_what_import_identify_and_validate_say(
-    bring: Callable[..., SimpleNamespace], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_import_identify_and_validate_report_the_number_of_repeated_rows(
+    import_changed: Callable[..., SimpleNamespace],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     def tenth_twice(table: np.ndarray) -> None:
         row = np.repeat(np.arange(800), np.where(np.arange(800) % 10 == 9, 2, 1))[:800]
@@ -228,7 +242,7 @@ def test_repeated_rows_are_numbers_in_what_import_identify_and_validate_say(
             table[:, column] = values
 
     for label in ("first", "second"):
-        found = bring(tenth_twice, "--label", label)
+        found = import_changed(tenth_twice, "--label", label)
         assert found.clock["repeated_rows"] == 72
         assert found.clock["repeated_percent"] == pytest.approx(9.0)
         assert found.clock["clock"] == "rebuilt"
@@ -244,7 +258,7 @@ def test_repeated_rows_are_numbers_in_what_import_identify_and_validate_say(
 
 
 @pytest.mark.slow
-def test_a_bag_becomes_a_validated_model_by_three_commands(
+def test_a_ros_bag_is_imported_identified_and_validated(
     real_robot: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bag = real_robot.parent / "ur10" / "ur10_exciting_trajectory.db3"
@@ -256,7 +270,7 @@ def test_a_bag_becomes_a_validated_model_by_three_commands(
     assert "no damaged rows" in said
     assert run(["identify", "first", "--choose", "-o", model, *runs]) == 0
     channel = read_estimate(Path(model)).channel
-    assert channel is not None  # all torques of this bag were smoothed without delay, at 1.8 Hz
+    assert channel is not None  # all torques of this bag were smoothed at 1.8 Hz without delay
     np.testing.assert_allclose(0.5 / np.pi / channel.width_s, 1.75, rtol=0.1)
     limits = ["--limits", "8,3,3,6,8,13"]
     assert run(["validate", model, "second", *limits, *runs]) == 0
@@ -264,8 +278,10 @@ def test_a_bag_becomes_a_validated_model_by_three_commands(
     assert len(text.splitlines()) <= 12
 
 
-def test_a_static_recording_is_compared_with_a_model_by_its_gravity(
-    bring: Callable[..., SimpleNamespace], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_a_static_recording_validates_the_gravity_of_a_model(
+    import_changed: Callable[..., SimpleNamespace],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     def moving(table: np.ndarray) -> None:
         table[:, 5:] *= 2.0
@@ -275,9 +291,11 @@ def test_a_static_recording_is_compared_with_a_model_by_its_gravity(
         table[:, 5:] += 0.01 * np.sin(np.outer(np.arange(len(table)), [1.0, 2.0]))
 
     runs, model = ["--runs", str(tmp_path / "runs")], str(tmp_path / "model.json")
-    assert bring(moving, "--label", "moving").code == 0
-    assert run(["identify", "moving", "-o", model, *runs]) == 6  # friction would drive this arm
-    imported = bring(standing, "--label", "standing")
+    assert import_changed(moving, "--label", "moving").code == 0
+    assert (
+        run(["identify", "moving", "-o", model, *runs]) == 6
+    )  # the friction of this model would be negative
+    imported = import_changed(standing, "--label", "standing")
     assert imported.static
     assert imported.findings[0].startswith("Static: no joint moves")
     capsys.readouterr()

@@ -10,7 +10,7 @@ from config.load import load_cell
 from rid_daq.app import run
 
 
-def test_what_init_writes_loads_and_stays_within_the_limits(tmp_path: Path) -> None:
+def test_files_of_init_load_and_the_motions_keep_the_limits(tmp_path: Path) -> None:
     folder = tmp_path / "new" / "cell"
     assert run(["init", str(folder)]) == 0
     loaded = load_cell(str(folder / "cell.yaml"))
@@ -21,7 +21,7 @@ def test_what_init_writes_loads_and_stays_within_the_limits(tmp_path: Path) -> N
         motion.plan(loaded.robot, loaded.config.cycle_time_s)
 
 
-def test_the_files_explain_themselves(tmp_path: Path) -> None:
+def test_every_file_of_init_has_comments(tmp_path: Path) -> None:
     run(["init", str(tmp_path)])
     for path in tmp_path.iterdir():
         text = path.read_text()
@@ -29,7 +29,7 @@ def test_the_files_explain_themselves(tmp_path: Path) -> None:
         assert comments >= 5, path.name
 
 
-def test_every_optional_part_loads_when_its_comment_is_lifted(tmp_path: Path) -> None:
+def test_every_commented_out_section_loads_if_enabled(tmp_path: Path) -> None:
     run(["init", str(tmp_path)])
     path = tmp_path / "cell.yaml"
     key = re.compile(r"^# (?=[a-z_]+:( |$)|  )", re.MULTILINE)
@@ -41,7 +41,7 @@ def test_every_optional_part_loads_when_its_comment_is_lifted(tmp_path: Path) ->
     assert config.monitor
 
 
-def test_init_overwrites_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_init_does_not_overwrite_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "robot.yaml").write_text("mine")
     assert run(["init", str(tmp_path)]) == 2
     assert "RID-FILE-EXISTS" in capsys.readouterr().err

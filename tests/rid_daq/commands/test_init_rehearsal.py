@@ -1,4 +1,4 @@
-"""`rid-daq init --urdf` tries the cell that it writes: weak, light, coupled, or in its own way."""
+"""`rid-daq init --urdf` tests its cell by a rehearsal."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ARM = """
   <limit lower="-3" upper="3" effort="2" velocity="4"/></joint></robot>"""
 
 
-def test_a_weak_lift_and_a_light_wrist_run_as_they_are_written(
+def test_init_raises_a_too_low_torque_limit_and_the_rehearsal_succeeds(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "arm.urdf").write_text(ARM.format(effort=15))

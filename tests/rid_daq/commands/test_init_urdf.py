@@ -45,7 +45,7 @@ def _set(model: T, **values: object) -> T:
     return model.model_copy(update=values)
 
 
-def test_a_urdf_becomes_a_simulated_cell(
+def test_init_makes_a_simulated_cell_from_a_urdf(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "two.urdf").write_text(urdf())
@@ -70,7 +70,7 @@ def test_a_urdf_becomes_a_simulated_cell(
     motion.plan(loaded.robot, loaded.config.cycle_time_s)
 
 
-def test_the_simulated_links_are_the_urdfs(tmp_path: Path) -> None:
+def test_the_simulated_links_equal_those_of_the_urdf(tmp_path: Path) -> None:
     (tmp_path / "two.urdf").write_text(urdf().replace("1.5708", "1.5707963267948966"))
     assert (
         run(
@@ -81,7 +81,9 @@ def test_the_simulated_links_are_the_urdfs(tmp_path: Path) -> None:
     loaded = load_cell(str(tmp_path / "cell" / "cell.yaml"))
     assert loaded.plant is not None
     plant = Plant(loaded.robot, loaded.plant, seed=0)
-    assert (plant.position > 0.5).all()  # zero is outside the limits: they start in the middle
+    assert (
+        plant.position > 0.5
+    ).all()  # zero is outside the limits, so the joints start in the middle
     robot = loaded.robot.model_copy(
         update={"joints": tuple(_set(joint, armature=False) for joint in loaded.robot.joints)}
     )
@@ -96,7 +98,7 @@ def test_the_simulated_links_are_the_urdfs(tmp_path: Path) -> None:
         np.testing.assert_allclose(tau, expected, atol=1e-9)
 
 
-def test_without_masses_links_are_simulated_as_cylinders_and_said(tmp_path: Path) -> None:
+def test_links_without_masses_are_simulated_as_cylinders_with_a_note(tmp_path: Path) -> None:
     (tmp_path / "two.urdf").write_text(urdf(masses=False))
     assert (
         run(
@@ -111,7 +113,7 @@ def test_without_masses_links_are_simulated_as_cylinders_and_said(tmp_path: Path
     assert "a guess, because the URDF states no mass: a cylinder of" in text
 
 
-def test_limits_that_a_urdf_lacks_are_taken_from_options_and_marked_in_the_file(
+def test_missing_limits_of_a_urdf_come_from_options_and_are_marked(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "two.urdf").write_text(urdf().replace('effort="50"', 'effort="0"'))
@@ -136,7 +138,7 @@ def test_limits_that_a_urdf_lacks_are_taken_from_options_and_marked_in_the_file(
     assert lines[at - 1] == "# torque: 600 (--effort: the URDF states 0)"
 
 
-def test_every_problem_of_a_urdf_is_told_at_once(
+def test_all_problems_of_a_urdf_are_reported_together(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     broken = (
@@ -160,7 +162,7 @@ def test_every_problem_of_a_urdf_is_told_at_once(
     assert "joint 'mount' refers to a missing link 'arm'; add it, or remove the joint" in said
 
 
-def test_of_several_arms_each_is_named_in_a_command(
+def test_a_urdf_of_several_arms_is_refused_with_a_command_for_each(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     other = urdf()
@@ -186,7 +188,7 @@ def test_of_several_arms_each_is_named_in_a_command(
         (["--urdf", "{}/two.urdf", "--range", "-1"], "--range -1: give one number above 0"),
     ],
 )
-def test_what_cannot_be_made_is_said_and_nothing_written(
+def test_invalid_options_are_refused_and_no_file_is_written(
     words: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "two.urdf").write_text(urdf())
@@ -195,7 +197,7 @@ def test_what_cannot_be_made_is_said_and_nothing_written(
     assert not (tmp_path / "cell").exists()
 
 
-def test_a_limit_that_cannot_be_read_ends_init_with_exit_code_2_and_writes_nothing(
+def test_an_unreadable_limit_gives_exit_code_2_and_no_file_is_written(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "two.urdf").write_text(urdf().replace('upper="2"', 'upper="2,0"'))
@@ -206,7 +208,7 @@ def test_a_limit_that_cannot_be_read_ends_init_with_exit_code_2_and_writes_nothi
     assert not folder.exists()
 
 
-def test_stated_friction_and_direction_are_those_of_the_simulated_cell(tmp_path: Path) -> None:
+def test_the_simulated_cell_has_the_friction_and_directions_of_the_urdf(tmp_path: Path) -> None:
     motor = (
         '<dynamics damping="1.5" friction="2.5"/></joint><transmission name="t">'
         '<joint name="lift"/><actuator name="m"><mechanicalReduction>-50</mechanicalReduction>'

@@ -1,7 +1,7 @@
-"""The bundled six-axis cell through all real processes, in lock-step: what it does, what is known.
+"""The bundled six-axis cell in lock-step with all its processes: motion, temperature, payload.
 
-The plant is Pinocchio's in motor coordinates, the estimators' model is ours in joint coordinates:
-a wrist's matrix that is used twice, or not at all, on the way shows in the parameters.
+The plant uses Pinocchio in motor coordinates, the estimators use our model in joint coordinates.
+If the coupling matrix of the wrist is applied twice or not at all, the parameters are wrong.
 """
 
 from __future__ import annotations
@@ -118,8 +118,8 @@ def record(
     return outcome, folder
 
 
-def faster(loaded: LoadedCell, cycle_time_ms: int, **changes: Any) -> CellConfig:
-    """The same cell with a shorter cycle, polled more often."""
+def faster_cell(loaded: LoadedCell, cycle_time_ms: int, **changes: Any) -> CellConfig:
+    """Return the cell with a shorter cycle and a faster monitor."""
     assert loaded.config.monitor is not None
     monitor = loaded.config.monitor.model_copy(update={"period_s": 0.5, **changes})
     return loaded.config.model_copy(update={"cycle_time_ms": cycle_time_ms, "monitor": monitor})
@@ -132,7 +132,7 @@ def loaded() -> LoadedCell:
 
 @pytest.fixture(scope="module")
 def wrist(loaded: LoadedCell) -> RobotDescription:
-    """The robot with a strong wrist coupling of a fifth and more."""
+    """Return the robot with a wrist coupling of 0.2 and more."""
     coupling = np.eye(6)
     coupling[4, 3], coupling[5, 3], coupling[5, 4] = 0.25, -0.20, -0.35
     rows = tuple(tuple(row) for row in coupling.tolist())
@@ -145,7 +145,7 @@ def excited(
     wrist: RobotDescription,
     tmp_path_factory: pytest.TempPathFactory,
 ) -> tuple[RecordOutcome, Recording, MonitorStream]:
-    """A robot that obeys the models, excited for four periods."""
+    """Return four periods of an excitation on a robot without unmodelled effects."""
     assert loaded.plant is not None
     with SimulatedCell(
         CellSimulation(loaded.config, wrist, loaded.plant, realtime=False, seed=4, unmodelled=False)
@@ -161,7 +161,7 @@ def excited(
 
 
 class TestACoupledRobot:
-    def test_follows_its_motion(
+    def test_it_follows_its_motion(
         self, excited: tuple[RecordOutcome, Recording, MonitorStream]
     ) -> None:
         outcome, recording, _ = excited
@@ -171,7 +171,7 @@ class TestACoupledRobot:
         error = np.abs(recording.position - recording.target_position)
         assert error[recording.phase == Phase.MAIN].max() < 0.02
 
-    def test_is_identified(
+    def test_its_parameters_are_identified(
         self,
         loaded: LoadedCell,
         wrist: RobotDescription,
@@ -190,13 +190,13 @@ class TestACoupledRobot:
         expected = estimate.base.from_standard(truth)[friction]
         np.testing.assert_allclose(estimate.values[friction], expected, rtol=0.05)
 
-    def test_is_not_the_same_without_its_matrix(
+    def test_identification_without_its_coupling_matrix_differs(
         self,
         loaded: LoadedCell,
         wrist: RobotDescription,
         excited: tuple[RecordOutcome, Recording, MonitorStream],
     ) -> None:
-        """A matrix left out, or used twice, shows in the wrist's friction most of all."""
+        """A matrix that is omitted or applied twice mainly changes the friction of the wrist."""
         assert loaded.plant is not None
         _, recording, _ = excited
         blind = wrist.model_copy(update={"coupling": None})
@@ -208,7 +208,7 @@ class TestACoupledRobot:
 
 
 class TestTheMonitor:
-    def test_its_stream_lies_beside_the_recording(
+    def test_its_stream_covers_the_recording(
         self,
         loaded: LoadedCell,
         excited: tuple[RecordOutcome, Recording, MonitorStream],
@@ -220,11 +220,11 @@ class TestTheMonitor:
         assert stream.time_s[0] == recording.time_s[0]
         assert recording.time_s[-1] - stream.time_s[-1] <= period_s + 0.013
         assert stream.valid.all()
-        # the drives' own clocks count simulated time, too
+        # the drives' clocks also run on simulated time
         own = np.diff(stream.operating_time_s, axis=0) - np.diff(stream.time_s)[:, None]
         assert np.abs(own).max() < 0.02
 
-    def test_cold_motors_stay_so_without_unmodelled_effects(
+    def test_motors_stay_cold_without_unmodelled_effects(
         self, excited: tuple[RecordOutcome, Recording, MonitorStream]
     ) -> None:
         _, recording, _ = excited
@@ -236,7 +236,7 @@ def fast_cell(loaded: LoadedCell) -> SimulatedCell:
     assert loaded.plant is not None
     return SimulatedCell(
         CellSimulation(
-            faster(loaded, 4),
+            faster_cell(loaded, 4),
             loaded.robot,
             loaded.plant,
             realtime=False,
@@ -250,7 +250,9 @@ def fast_cell(loaded: LoadedCell) -> SimulatedCell:
 def session(
     loaded: LoadedCell, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[tuple[SimulatedCell, list[tuple[RecordOutcome, RunFolder]]]]:
-    """A cell of 4 ms, moved once alone and once with a payload; drive 5 is silent once."""
+    """Yield a cell with a cycle of 4 ms, and its runs without and with a payload.
+
+    Drive 5 does not answer the monitor once."""
     path = tmp_path_factory.mktemp("runs")
     with fast_cell(loaded) as simulated:
         runs = [record(loaded, simulated.cell, motion(1, 0.1, 2.0), path)]
@@ -273,7 +275,7 @@ class TestWarmUpAndPayload:
             second.temperature_k[-1], simulated.axes().temperature_k, atol=0.5
         )
 
-    def test_the_payload_is_felt(
+    def test_the_payload_changes_the_mean_torques(
         self, session: tuple[SimulatedCell, list[tuple[RecordOutcome, RunFolder]]]
     ) -> None:
         _, runs = session
@@ -285,7 +287,7 @@ class TestWarmUpAndPayload:
         assert abs(change[1]) > 60.0
         assert abs(change[2]) > 40.0
 
-    def test_torques_are_read_with_warm_torque_constants(
+    def test_torques_are_computed_with_torque_constants_at_motor_temperature(
         self, loaded: LoadedCell, session: tuple[SimulatedCell, list[Any]]
     ) -> None:
         _, runs = session
@@ -298,7 +300,7 @@ class TestWarmUpAndPayload:
         )
         assert with_temperature_compensation(raw, None, loaded.robot) is raw
 
-    def test_the_same_seed_gives_the_same_bytes(
+    def test_equal_seeds_give_equal_recordings(
         self,
         loaded: LoadedCell,
         session: tuple[SimulatedCell, list[tuple[RecordOutcome, RunFolder]]],
@@ -315,7 +317,7 @@ class TestWarmUpAndPayload:
         np.testing.assert_array_equal(ours.time_s, first.time_s)
         np.testing.assert_array_equal(ours.temperature_k, first.temperature_k)
 
-    def test_a_payload_that_is_not_there(
+    def test_an_unknown_payload_is_refused(
         self, session: tuple[SimulatedCell, list[tuple[RecordOutcome, RunFolder]]]
     ) -> None:
         simulated, _ = session
@@ -328,8 +330,8 @@ class TestWarmUpAndPayload:
             )
 
 
-class TestWhenTheDrivesDoNotTell:
-    def test_a_silent_drive_costs_its_temperature_once(
+class TestMissingTemperatures:
+    def test_one_missing_answer_marks_one_temperature(
         self, session: tuple[SimulatedCell, list[tuple[RecordOutcome, RunFolder]]]
     ) -> None:
         _, runs = session
@@ -341,7 +343,7 @@ class TestWhenTheDrivesDoNotTell:
         assert not stream.valid[0, 4]
         assert stream.valid.sum() == stream.valid.size - 1
 
-    def test_neither_an_empty_line_nor_a_dead_monitor_stops_the_motion(
+    def test_an_unreachable_or_killed_monitor_does_not_stop_the_motion(
         self, loaded: LoadedCell, tmp_path: Path
     ) -> None:
         killed: list[int] = []
@@ -374,7 +376,7 @@ class TestWhenTheDrivesDoNotTell:
         )
 
 
-def test_check_reads_every_motor(capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_reads_the_temperature_of_every_motor(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["check", "kr15", "--seconds", "0.2", "--json"]) == 0
     lines = json.loads(capsys.readouterr().out)["lines"]
     temperatures = [line for line in lines if line["what"] == "motor temperature [°C]"]

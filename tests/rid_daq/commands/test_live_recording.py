@@ -1,4 +1,4 @@
-"""A motion with a live page is the same motion, whatever happens to the page (row 22)."""
+"""A motion with a live page is identical to one without, even if the page dies (row 22)."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ CLIENTS = 1000
 
 
 class Crowd:
-    """Clients of the page that are no good to it: they ask slowly, or never take what they get."""
+    """Many clients of the page that send no request or never read the answer."""
 
     def __init__(self, page: LivePage) -> None:
         self.lines: list[socket.socket] = []
@@ -41,7 +41,7 @@ class Crowd:
         self.killed = False
 
     def __call__(self, progress: TaskProgress) -> None:
-        """Come all at once when the motion begins; kill the page when it is well under way."""
+        """Connect all clients when the motion starts; kill the page near its end."""
         if not self.lines and progress.phase >= Phase.RUN_IN:
             access = self._page.access
             hanging = (
@@ -87,7 +87,7 @@ Record = Callable[[SimulatedCell], RecordOutcome]
 
 
 def recorded(loaded: LoadedCell, record: Record) -> tuple[RecordOutcome, np.ndarray]:
-    """Return what a fresh simulated cell's robot did in lock-step."""
+    """Record on a new simulated cell in lock-step; return the outcome and the rows."""
     assert loaded.plant is not None
     with SimulatedCell(
         CellSimulation(loaded.config, loaded.robot, loaded.plant, realtime=False, seed=1)
@@ -98,7 +98,7 @@ def recorded(loaded: LoadedCell, record: Record) -> tuple[RecordOutcome, np.ndar
 
 
 @pytest.mark.fault(22)
-def test_a_crowd_at_the_page_and_its_death_change_no_bit_of_the_recording(
+def test_many_clients_and_a_killed_page_do_not_change_the_recording(
     loaded: LoadedCell, samples: MotionSamples, tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
     def plain(simulated: SimulatedCell) -> RecordOutcome:
@@ -134,7 +134,7 @@ def test_a_crowd_at_the_page_and_its_death_change_no_bit_of_the_recording(
     )
 
 
-def test_record_tells_the_pages_address_and_closes_it_in_the_end(
+def test_record_prints_the_address_of_the_page_and_closes_it_at_the_end(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     motion = tmp_path / "motion.yaml"
@@ -160,7 +160,7 @@ def test_record_tells_the_pages_address_and_closes_it_in_the_end(
         (["--live", "--listen", "nowhere"], "give an IP address and a port"),
     ],
 )
-def test_a_page_that_must_not_be_is_refused_before_anything_starts(
+def test_a_live_page_that_is_not_allowed_is_refused_before_the_start(
     options: list[str], problem: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     motion = tmp_path / "motion.yaml"
@@ -171,9 +171,7 @@ def test_a_page_that_must_not_be_is_refused_before_anything_starts(
     assert not runs.exists()
 
 
-def test_a_port_that_is_taken_is_a_usage_error(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_port_in_use_is_a_usage_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     motion = tmp_path / "motion.yaml"
     motion.write_text("kind: multipoint\nrobot: ir361\npoints: 2\nseed: 1\n")
     with socket.create_server(("127.0.0.1", 0)) as taken:

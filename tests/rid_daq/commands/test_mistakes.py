@@ -38,7 +38,7 @@ def sound() -> SoundRecording:
 
 @pytest.fixture
 def identify(tmp_path: Path, sound: SoundRecording, capsys: pytest.CaptureFixture[str]) -> Identify:
-    """Import a sound recording by a map of these columns, and identify it."""
+    """Return a function that imports a valid recording with the given columns and identifies it."""
     table = np.column_stack([sound.time_s, sound.position, sound.torque_nm])
     np.savetxt(tmp_path / "rec.csv", table, delimiter=",", fmt="%.9g")
 
@@ -54,7 +54,7 @@ def identify(tmp_path: Path, sound: SoundRecording, capsys: pytest.CaptureFixtur
     return identified
 
 
-def test_a_sound_recording_is_good_and_nothing_is_wrong(identify: Identify) -> None:
+def test_a_valid_recording_is_graded_good_without_findings(identify: Identify) -> None:
     code, document = identify(RIGHT)
     assert code == 0
     assert document["estimate"]["mistakes"] == []
@@ -62,7 +62,7 @@ def test_a_sound_recording_is_good_and_nothing_is_wrong(identify: Identify) -> N
     assert all(axis["percent"] < 10.0 for axis in document["estimate"]["axes"])
 
 
-def test_a_few_seconds_give_wide_intervals_and_it_is_said(
+def test_a_short_recording_gives_wide_intervals_and_a_finding(
     identify: Identify, sound: SoundRecording
 ) -> None:
     rate = 1.0 / float(np.median(np.diff(sound.time_s)))
@@ -75,7 +75,7 @@ def test_a_few_seconds_give_wide_intervals_and_it_is_said(
     ]
 
 
-def test_swapped_columns_are_told_with_keys_and_lines_to_change(
+def test_swapped_columns_are_reported_with_the_keys_and_lines_to_change(
     identify: Identify, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     code, document = identify((1, 2, 3, 4, 6, 5))
@@ -104,7 +104,7 @@ def test_swapped_columns_are_told_with_keys_and_lines_to_change(
     assert "Change map: `torque` or `current` of joints[1] (axis2)" in page
 
 
-def test_a_model_that_does_not_explain_its_data_is_not_exported(
+def test_a_model_with_a_poor_fit_is_not_exported(
     identify: Identify, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     _, document = identify((1, 2, 3, 4, 6, 5))
@@ -116,7 +116,7 @@ def test_a_model_that_does_not_explain_its_data_is_not_exported(
     assert run([*export, "--despite-misfit"]) == 0
 
 
-def test_a_recording_that_a_model_cannot_predict_fails_without_limits(
+def test_validation_fails_on_an_unpredicted_recording_even_without_limits(
     identify: Identify, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     _, wrong = identify((1, 2, 3, 6, 4, 5))
@@ -130,7 +130,7 @@ def test_a_recording_that_a_model_cannot_predict_fails_without_limits(
 def test_a_model_of_another_robot_is_refused(
     identify: Identify, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The joints' names are the same; a length is not."""
+    """The robots have equal joint names, but one length differs."""
     _, document = identify(RIGHT)
     robot = load_robot("ir361")
     *before, last = robot.kinematics.rows
@@ -155,7 +155,7 @@ def test_a_model_of_another_robot_is_refused(
         assert keys in message
 
 
-def test_nothing_is_told_of_the_recording_that_mistakes_are_made_in(
+def test_the_recording_without_a_mistake_has_no_findings(
     sound: SoundRecording, tmp_path: Path
 ) -> None:
     right = UserFiles(sound.robot, sound.time_s, sound.position, sound.torque_nm, sound.gravity_nm)
@@ -188,7 +188,7 @@ def test_nothing_is_told_of_the_recording_that_mistakes_are_made_in(
         "limits in degrees",
     ],
 )
-def test_a_mistake_is_refused_or_named(name: str, sound: SoundRecording, tmp_path: Path) -> None:
+def test_each_mistake_is_refused_or_named(name: str, sound: SoundRecording, tmp_path: Path) -> None:
     right = UserFiles(sound.robot, sound.time_s, sound.position, sound.torque_nm, sound.gravity_nm)
     made = next(each for each in mistakes(right) if each.name == name)
     refused, named = diagnose(made.stated, tmp_path)
@@ -196,10 +196,10 @@ def test_a_mistake_is_refused_or_named(name: str, sound: SoundRecording, tmp_pat
     assert refused or any((kind, joints) in named for kind in made.kinds)
 
 
-def test_what_no_robot_does_ends_with_exit_code_6_though_it_fits(
+def test_a_well_fitting_model_with_negative_mass_gives_exit_code_6(
     tmp_path: Path, sound: SoundRecording, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """All torques reversed fit an arm of negative mass, driven by its friction."""
+    """With all torques reversed, an arm of negative mass and negative friction fits well."""
     table = np.column_stack([sound.time_s, sound.position, -sound.torque_nm])
     np.savetxt(tmp_path / "rec.csv", table, delimiter=",", fmt="%.9g")
     (tmp_path / "map.yaml").write_text(MAP.format(*RIGHT))

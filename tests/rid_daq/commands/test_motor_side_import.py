@@ -1,4 +1,4 @@
-"""A coupled robot's motor-side recording, through the program: imported, read back, identified."""
+"""Import and identification of a motor-side recording of a coupled robot on the command line."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ plausible: {position: 10.0, speed: 10.0, torque: 10000.0}
 """
 
 
-def test_it_is_read_back_and_identified_like_any_other(
+def test_a_motor_side_recording_is_read_and_identified_in_joint_coordinates(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     robot = load_robot("ir361").model_copy(update={"name": "wrist", "coupling": COUPLING})

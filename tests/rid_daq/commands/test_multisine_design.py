@@ -35,7 +35,7 @@ DESIGN = ["design", "ir361", "--kind", "multisine", "--period", "4"]
 @pytest.mark.parametrize(
     ("kind", "most"), [("multisine", 1000), ("reversed", 5000), ("excitation", 10000)]
 )
-def test_more_periods_than_a_file_may_have_are_refused_before_anything_is_searched(
+def test_too_many_periods_are_refused_before_the_search(
     kind: str, most: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "motion.yaml"
@@ -46,7 +46,7 @@ def test_more_periods_than_a_file_may_have_are_refused_before_anything_is_search
     assert not file.exists()
 
 
-def test_the_motion_has_the_band_asked_for_and_stays_within_the_limits(
+def test_the_motion_has_the_requested_band_and_keeps_the_limits(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "motion.yaml"
@@ -79,7 +79,7 @@ def test_the_motion_has_the_band_asked_for_and_stays_within_the_limits(
         (["--grid", "full", "--phases", "schroeder"], "RID-LOOP-ONE-REALISATION"),
     ],
 )
-def test_what_cannot_be_meant_is_one_clear_message(
+def test_invalid_options_give_one_clear_message(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], message: str
 ) -> None:
     assert run([*DESIGN, "-o", str(tmp_path / "x.yaml"), *words]) == 2
@@ -87,7 +87,7 @@ def test_what_cannot_be_meant_is_one_clear_message(
     assert not (tmp_path / "x.yaml").exists()
 
 
-def test_the_band_is_the_cells_or_as_high_as_torque_is_measured() -> None:
+def test_the_default_band_is_that_of_the_cell_or_of_its_torque_measurement() -> None:
     cell = load_cell("ir361")
     assert velocity_loop_band_hz(cell.config) == (0.5, 20.0)
     silent = cell.config.model_copy(update={"velocity_loop_band_hz": None})

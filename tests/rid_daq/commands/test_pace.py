@@ -1,4 +1,4 @@
-"""A simulated cell at the clock's pace records what it records as fast as it can."""
+"""A simulated cell with `--pace` records the same rows as without it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ joints:
 
 
 @pytest.mark.slow
-def test_a_recording_is_the_same_at_any_pace(
+def test_a_recording_does_not_depend_on_the_pace(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "motion.yaml").write_text(MOTION)
@@ -51,7 +51,7 @@ def test_a_recording_is_the_same_at_any_pace(
         (["--pace", "1000"], "at most 100"),
     ],
 )
-def test_a_pace_that_cannot_be_kept_is_refused(
+def test_an_invalid_pace_is_refused(
     words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "motion.yaml").write_text(MOTION)

@@ -33,12 +33,12 @@ def motion(six_axis_motion: Callable[[int], Path]) -> Path:
 
 
 def moving(runs: Path) -> bool:
-    """Return whether some run in a folder has recorded a while."""
+    """Return True if a run in a folder has recorded a minimum number of rows."""
     for file in runs.glob(f"*/{RECORDING}"):
         try:
             if len(read_journal(file).rows) > 100:
                 return True
-        except RidDaqError:  # nothing readable yet
+        except RidDaqError:  # the file is not readable yet
             continue
     return False
 
@@ -55,7 +55,7 @@ def interrupt_when_moving(runs: Path) -> threading.Thread:
     return thread
 
 
-def test_ctrl_c_ends_a_session_that_resumes_and_stops_each_run_when_the_mass_is_sure(
+def test_a_session_resumes_after_ctrl_c_and_until_mass_ends_its_runs_early(
     motion: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     runs = tmp_path / "runs"
@@ -78,14 +78,14 @@ def test_ctrl_c_ends_a_session_that_resumes_and_stops_each_run_when_the_mass_is_
     assert run([*words, "--resume", session, "--json"]) in (0, 1)
     document: dict[str, Any] = json.loads(capsys.readouterr().out)
     report = Path(document["report"])
-    assert "Lost answers" not in report.read_text(encoding="utf-8")  # of rows that were not driven
+    assert "Lost answers" not in report.read_text(encoding="utf-8")  # for rows after an early end
     assert document["session"] == session
     assert list(document["done"]) == ["unloaded", "loaded 1", "loaded 2"]
     lengths = {
         name: len(read_journal(runs / run_id / RECORDING).rows)
         for name, run_id in document["done"].items()
     }
-    # 5 kg are sure after the three periods that are judged first: of eight, half are not driven.
+    # The mass is accurate to 5 kg after the first three periods of eight; the runs end early.
     assert lengths["loaded 1"] < 0.7 * lengths["unloaded"]
     assert lengths["loaded 2"] < 0.7 * lengths["unloaded"]
     for name in ("loaded 1", "loaded 2"):
@@ -99,7 +99,7 @@ def test_ctrl_c_ends_a_session_that_resumes_and_stops_each_run_when_the_mass_is_
 
 @pytest.mark.long
 @pytest.mark.fault(3)
-def test_a_run_that_lost_too_much_is_not_weighed_and_is_driven_again(
+def test_a_step_with_too_many_lost_answers_is_repeated_by_resume(
     motion: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],

@@ -1,4 +1,4 @@
-"""The guided payload session on the simulated six-axis cell: unattended, and resumed."""
+"""The guided payload session on the simulated six-axis cell: unattended and resumed."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def session(motion: Path, runs: Path, *words: str) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def weighed(
+def completed_session(
     motion: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[Path, dict[str, Any], int]:
     runs = tmp_path_factory.mktemp("session") / "runs"
@@ -60,10 +60,10 @@ def weighed(
     return runs, json.loads(said.getvalue()), code
 
 
-def test_a_session_weighs_the_payload_unattended(
-    weighed: tuple[Path, dict[str, Any], int],
+def test_an_unattended_session_identifies_the_payload(
+    completed_session: tuple[Path, dict[str, Any], int],
 ) -> None:
-    _, document, code = weighed
+    _, document, code = completed_session
     assert code == 0
     assert list(document["done"]) == ["rehearsal", "warm-up", "unloaded", "loaded 1"]
     mass, *centre = document["payload"]["parameters"][:4]
@@ -80,8 +80,10 @@ def test_a_session_weighs_the_payload_unattended(
     assert Path(document["file"]).exists()
 
 
-def test_a_session_is_certified(weighed: tuple[Path, dict[str, Any], int], tmp_path: Path) -> None:
-    runs, document, _ = weighed
+def test_a_completed_session_gives_a_certificate(
+    completed_session: tuple[Path, dict[str, Any], int], tmp_path: Path
+) -> None:
+    runs, document, _ = completed_session
     out = tmp_path / "certificate.pdf"
     words = ["payload", "certificate", document["session"], "-o", str(out)]
     with noted() as calls:
@@ -96,11 +98,13 @@ def test_a_session_is_certified(weighed: tuple[Path, dict[str, Any], int], tmp_p
     assert float(found[2]) == pytest.approx(2.0 * mass["std"], rel=0.05)
     assert "Simulated: medium was on the flange." in text
     for step, run_id in document["done"].items():
-        assert f"{step}{run_id}".replace(" ", "") in text.replace(" ", "")  # it wraps in its cell
+        assert f"{step}{run_id}".replace(" ", "") in text.replace(
+            " ", ""
+        )  # the text is wrapped in its table cell
 
 
 def periods_of(run: Path, begun: int, periods: int) -> NewPeriods:
-    """Return the rows of a run's periods after so many, as they are asked about in motion."""
+    """Return some periods of a run in the form that a watch receives during a motion."""
     recording = read_journal(run / RECORDING).recording()
     samples = recording.samples_per_period
     assert samples is not None
@@ -112,10 +116,10 @@ def periods_of(run: Path, begun: int, periods: int) -> NewPeriods:
     return NewPeriods(part, run, first + begun * samples, periods)
 
 
-def test_the_mass_that_is_followed_is_the_one_that_is_reported(
-    weighed: tuple[Path, dict[str, Any], int],
+def test_the_mass_shown_during_the_motion_equals_the_reported_one(
+    completed_session: tuple[Path, dict[str, Any], int],
 ) -> None:
-    runs, document, _ = weighed
+    runs, document, _ = completed_session
     payload_request = PayloadRequest()
     unloaded = RunData.load(RunFolder.open(runs / document["done"]["unloaded"]))
     before = payload_runs([unloaded], [False], payload_request)
@@ -125,19 +129,21 @@ def test_the_mass_that_is_followed_is_the_one_that_is_reported(
     mass = document["payload"]["parameters"][0]["value"]
     said = re.match(r"3 periods: ([\d.]+) \u00b1 ", watch.line())
     assert said is not None
-    assert float(said[1]) == pytest.approx(mass, abs=5e-3)  # it has the digits of its interval
+    assert float(said[1]) == pytest.approx(
+        mass, abs=5e-3
+    )  # the value is rounded according to its interval
 
 
-def test_a_warm_up_is_over_when_no_friction_changes_by_more_than_was_asked(
-    weighed: tuple[Path, dict[str, Any], int],
+def test_a_warm_up_ends_once_no_friction_changes_by_more_than_the_limit(
+    completed_session: tuple[Path, dict[str, Any], int],
 ) -> None:
-    runs, document, _ = weighed
+    runs, document, _ = completed_session
     run = runs / document["done"]["warm-up"]
     strict = WarmUpWatch(1e-3)
     assert not strict.add_periods(periods_of(run, 0, 3))
     assert strict.line() == "warming up"
     assert not strict.add_periods(periods_of(run, 3, 4))
-    # Motors of one time constant, 60 s, warmed for 19 s: friction falls, by percents a period.
+    # Motors with a time constant of 60 s warm up for 19 s: friction falls by some % per period.
     assert strict.drift_percent is not None
     assert 0.1 < strict.drift_percent < 10.0
     assert strict.line().startswith(f"friction of {strict.worst} changes by ")
@@ -145,12 +151,12 @@ def test_a_warm_up_is_over_when_no_friction_changes_by_more_than_was_asked(
     assert not WarmUpWatch(0.99 * strict.drift_percent).add_periods(periods_of(run, 0, 4))
 
 
-def test_a_session_that_was_interrupted_goes_on_where_it_was(
-    weighed: tuple[Path, dict[str, Any], int],
+def test_an_interrupted_session_continues_with_its_next_step(
+    completed_session: tuple[Path, dict[str, Any], int],
     motion: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    runs, document, _ = weighed
+    runs, document, _ = completed_session
     state_file = runs / document["session"] / "session.json"
     state = json.loads(state_file.read_text(encoding="utf-8"))
     del state["done"]["loaded 1"]
@@ -164,11 +170,11 @@ def test_a_session_that_was_interrupted_goes_on_where_it_was(
     assert again["done"]["loaded 1"] != document["done"]["loaded 1"]
     mass = again["payload"]["parameters"][0]
     assert abs(mass["value"] - 9.579) < max(0.1, 2.5 * mass["std"])
-    # All is done: it is weighed again, with other limits, and nothing moves.
+    # All steps are done: the payload is identified again with other limits, without motion.
     assert run(session(motion, runs, *words, "--mass-limit", "0.1")) == 1
 
 
-def test_an_option_counts_as_said_be_it_the_usual(
+def test_an_option_with_its_default_value_counts_as_given(
     motion: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[PayloadSessionRequest] = []
@@ -183,18 +189,18 @@ def test_an_option_counts_as_said_be_it_the_usual(
     assert request.limits.model_fields_set == {"mass_percent"}
 
 
-def test_what_cannot_be_resumed_is_refused(
-    weighed: tuple[Path, dict[str, Any], int],
+def test_a_session_that_cannot_be_resumed_is_refused(
+    completed_session: tuple[Path, dict[str, Any], int],
     motion: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    runs, document, _ = weighed
+    runs, document, _ = completed_session
     other = document["done"]["unloaded"]
     assert run(session(motion, runs, "--resume", other)) == 2
     assert "RID-SESSION-STATE" in capsys.readouterr().err
 
 
-def test_friction_that_falls_is_not_settled(tmp_path: Path) -> None:
+def test_falling_friction_is_not_settled(tmp_path: Path) -> None:
     samples, periods = 200, 8
     time_s = np.arange(samples * periods, dtype=np.float64) * 0.01
     angle = 2.0 * np.pi * time_s / 2.0
@@ -217,7 +223,7 @@ def test_friction_that_falls_is_not_settled(tmp_path: Path) -> None:
         )
 
     powers = period_powers(recorded(0.05))
-    # Gravity's share cancels over a period; what is left is friction times |speed| (mean 2).
+    # The power of gravity cancels over a period; friction times |speed| (mean 2) remains.
     assert powers[0, 0] == pytest.approx(20.0, rel=0.05)
     ratios = powers[1:, 0] / powers[:-1, 0]
     assert ratios == pytest.approx(np.full(periods - 1, 0.95), abs=0.01)

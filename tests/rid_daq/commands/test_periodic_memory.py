@@ -22,7 +22,7 @@ JOINTS = [{"joint": f"axis{j}", "position": j, "torque": 3 + j} for j in (1, 2, 
 
 
 def periods_of_a_table() -> FloatArray:
-    """Return times, positions and torques of whole periods in which axes 2 and 3 remember."""
+    """Return times, positions and torques; axes 2 and 3 have presliding hysteresis."""
     random = np.random.default_rng(5)
     times = STEP_S * np.arange(round(PERIODS * PERIOD_S / STEP_S))
     omega = 2.0 * np.pi / PERIOD_S * np.array([1.0, 2.0, 4.0, 7.0])
@@ -40,7 +40,7 @@ def periods_of_a_table() -> FloatArray:
     for joint, distance in DISTANCES.items():
         tau[:, joint] += COULOMB_NM * (iwan(q[:, joint], distance) - np.sign(v[:, joint]))
     tau += random.normal(0.0, 1.0, tau.shape)
-    settled = round(PERIOD_S / STEP_S)  # one period on, nothing is left of how it began
+    settled = round(PERIOD_S / STEP_S)  # after one period the initial state has no effect
     return np.column_stack([times, q, tau])[settled:]
 
 
@@ -64,7 +64,7 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Estimate:
     return read_estimate(folder / "model.json")
 
 
-def test_the_distances_come_back(model: Estimate) -> None:
+def test_the_presliding_distances_are_identified(model: Estimate) -> None:
     assert model.method == "periodic"
     names = model.model.nonlinear_names
     assert names == ("dp_axis2", "dp_axis3")
@@ -75,7 +75,7 @@ def test_the_distances_come_back(model: Estimate) -> None:
         assert sigma < 0.2 * truth
 
 
-def test_friction_comes_back_and_nothing_but_noise_is_left(model: Estimate) -> None:
+def test_the_friction_is_identified_and_the_residuals_are_noise(model: Estimate) -> None:
     coulomb = [model.base.names.index(f"fc_axis{j}") for j in (1, 2, 3)]
     np.testing.assert_allclose(model.values[coulomb], COULOMB_NM, rtol=0.05)
     assert model.noise_nm is not None

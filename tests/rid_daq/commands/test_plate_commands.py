@@ -1,4 +1,4 @@
-"""identify and validate on runs with a force plate."""
+"""`identify` and `validate` on runs with a force plate."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ LIMITS = "  limits: {force_n: [300.0, 300.0, 2000.0], moment_nm: [900.0, 900.0, 
 
 @pytest.fixture(scope="module")
 def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder made by init, with an excitation and a validation run on a plate."""
+    """Return a folder made by init, with an excitation and a validation run on a force plate."""
     folder = tmp_path_factory.mktemp("workshop")
     assert run(["init", str(folder)]) == 0
     cell = folder / "cell.yaml"
@@ -49,7 +49,7 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_the_combined_model_tells_what_the_plate_improved(
+def test_the_combined_model_reports_the_improvement_by_the_plate(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     output = ["--overwrite", "-o", str(workshop / "again.json")]
@@ -67,7 +67,7 @@ def test_the_combined_model_tells_what_the_plate_improved(
     assert "σ from both" in report
 
 
-def test_it_says_so_to_people(
+def test_the_output_states_the_improvement_by_the_plate(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     output = ["--overwrite", "-o", str(workshop / "again.json")]
@@ -78,14 +78,14 @@ def test_it_says_so_to_people(
     assert "m1 + m2 + m3: identifiable only from the robot's weight" in text
 
 
-def test_the_average_says_what_became_of_the_channels(
+def test_average_reports_the_drift_of_the_plate_channels(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["average", "excitation", "--json", *runs]) == 0
     assert "channels drifted by up to" in document(capsys)["average"]["sentence"]
 
 
-def test_the_internal_model_mentions_the_plate(
+def test_the_internal_model_mentions_the_unused_plate(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     output = ["--overwrite", "-o", str(workshop / "again.json")]
@@ -93,7 +93,7 @@ def test_the_internal_model_mentions_the_plate(
     assert "combined" in capsys.readouterr().out
 
 
-def test_the_external_model_is_told_from_the_plate_alone(
+def test_the_external_model_is_identified_from_the_plate_alone(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     model = workshop / "external.json"
@@ -106,7 +106,7 @@ def test_the_external_model_is_told_from_the_plate_alone(
     assert max(c["relative_error_percent"] for c in told["reaction"]["components"]) < 20.0
 
 
-def test_validate_predicts_the_reaction(
+def test_validate_predicts_the_reaction_on_the_base(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     model = str(workshop / "combined.json")
@@ -116,7 +116,7 @@ def test_validate_predicts_the_reaction(
     assert max(c["relative_error_percent"] for c in reaction["components"]) < 20.0
 
 
-def test_limits_of_the_base_are_judged(
+def test_validate_compares_the_base_load_with_its_limits(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     model = str(workshop / "combined.json")
@@ -133,7 +133,7 @@ def test_limits_of_the_base_are_judged(
     assert "Fz" in broken
 
 
-def test_limits_of_the_base_are_judged_before_a_motion_is_run(
+def test_validate_compares_a_planned_motion_with_the_base_limits(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     model, motion = str(workshop / "combined.json"), str(workshop / "validation.yaml")
@@ -146,7 +146,7 @@ def test_limits_of_the_base_are_judged_before_a_motion_is_run(
     run([*words, "--mass", "99", *runs])
     recorded = document(capsys)["base_load"]["components"]
     for before, after in zip(predicted, recorded, strict=True):
-        # the recorded one has the overshoot of the drives' loops in it
+        # the recorded load contains the overshoot of the drives' loops
         assert before["peak"] == pytest.approx(after["peak"], rel=0.25)
     assert run([*command, *cell, "--mass", "250"]) == 1
     capsys.readouterr()
@@ -160,7 +160,7 @@ def test_limits_of_the_base_are_judged_before_a_motion_is_run(
 
 
 def felt(cell: Path, motion: Path) -> FloatArray:
-    """Return the largest reaction of a motion on the base by the plant itself, (6,) [N, N m]."""
+    """Return the largest reaction of a motion on the base, computed by the plant: (6,) [N, N m]."""
     loaded = load_cell(str(cell))
     assert loaded.plant is not None
     samples = load_motion(motion).plan(loaded.robot, loaded.config.cycle_time_s)
@@ -169,7 +169,7 @@ def felt(cell: Path, motion: Path) -> FloatArray:
     return np.abs([exerted(row) for row in rows]).max(axis=0)
 
 
-def test_a_path_is_timed_to_what_the_base_may_feel(
+def test_retime_keeps_the_limits_of_the_base(
     workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     cell, motion = workshop / "cell.yaml", str(workshop / "validation.yaml")
@@ -192,7 +192,7 @@ def test_a_path_is_timed_to_what_the_base_may_feel(
     assert (felt(tight, held) <= limits).all()
 
 
-def test_the_internal_model_cannot_judge_them(
+def test_base_limits_are_refused_for_an_internal_model(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     model = str(workshop / "internal.json")
@@ -200,7 +200,7 @@ def test_the_internal_model_cannot_judge_them(
     assert "RID-MODEL-NOT-COMBINED" in capsys.readouterr().err
 
 
-def test_a_plate_that_cannot_be_used_leaves_the_torques(
+def test_a_damaged_plate_file_still_allows_identification_from_torques(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = find_run(workshop / "runs", "excitation")
@@ -215,13 +215,13 @@ def test_a_plate_that_cannot_be_used_leaves_the_torques(
         folder.write("plate.mcap", kept)
 
 
-def test_a_plate_whose_mistake_shows_before_its_delay_is_named_by_its_key(
+def test_a_wrong_plate_rotation_is_named_rather_than_an_implausible_delay(
     workshop: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """The delay of 0.07 ms that this fit finds represents an implausibly long one."""
+    """The limit is lowered, so that this fit's delay of 0.07 ms counts as implausibly long."""
     monkeypatch.setattr("identification.estimation.fitted_periods.LONGEST_DELAY_S", 1e-6)
     copy = tmp_path / "runs" / "excitation"
     shutil.copytree(find_run(workshop / "runs", "excitation").path, copy)
@@ -236,7 +236,7 @@ def test_a_plate_whose_mistake_shows_before_its_delay_is_named_by_its_key(
     assert "rotation_rad" in said
 
 
-def test_a_periodic_run_is_not_identified_together_with_one_that_is_not(
+def test_periodic_and_nonperiodic_runs_are_not_identified_together(
     runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["identify", "excitation", "validation", *runs]) == 2

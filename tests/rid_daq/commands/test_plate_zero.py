@@ -1,4 +1,4 @@
-"""`rid-daq plate zero` on a simulated cell whose plate has offsets and drift of its own."""
+"""`rid-daq plate zero` on a simulated cell whose force plate has offsets and drift."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ pytestmark = pytest.mark.slow
 
 JUMP_PC = (300.0, -150.0, 90.0, 0.0, -180.0, 120.0, 60.0, -30.0)
 DRIFT_PC_S = (-1.5, 0.9, -0.3, 0.0, 0.5, -0.4, 0.3, 0.0)
-# The cell is zeroed once for many tests, which therefore share a worker.
+# The cell is zeroed once for many tests, which therefore run in one pytest worker.
 QUICK = ["--read", "3", "--settle", "1"]
 
 
@@ -43,7 +43,7 @@ def bundled(kind: str, name: str) -> str:
 
 
 def make_cell(folder: Path) -> Path:
-    """Write a cell of its own bus name, with a plate whose channels jump and drift more."""
+    """Write a cell with a separate bus name and a plate with larger offset jumps and drift."""
     plant = bundled("plants", "ir361").splitlines(keepends=True)
     for i, line in enumerate(plant):
         if line.startswith("  zero_jump_pc:"):
@@ -60,7 +60,7 @@ def make_cell(folder: Path) -> Path:
 
 @contextmanager
 def served(cell: Path, monkeypatch: pytest.MonkeyPatch, folder: Path) -> Iterator[SimulatedCell]:
-    """Serve a cell as `rid-daq mock --lockstep` does: its amplifier outlives the commands."""
+    """Serve a cell like `rid-daq mock --lockstep`; its amplifier keeps running between commands."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
     loaded = load_cell(str(cell))
     assert loaded.plant is not None
@@ -85,7 +85,7 @@ def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def lasting(cell: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimulatedCell]:
-    """The cell's devices, which outlive the commands."""
+    """Serve the cell's devices, which keep running between commands."""
     with (
         pytest.MonkeyPatch.context() as patch,
         served(cell, patch, tmp_path_factory.mktemp("served")) as simulated,
@@ -95,13 +95,13 @@ def lasting(cell: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Si
 
 @pytest.fixture(scope="module")
 def discharged_at() -> list[Any]:
-    """True position of the arm, held by its brakes, when the amplifier was discharged [rad]."""
+    """True position of the braked arm at the time when the amplifier was discharged [rad]."""
     return []
 
 
 @pytest.fixture(scope="module")
 def zeroed(cell: Path, lasting: SimulatedCell, discharged_at: list[Any]) -> dict[str, Any]:
-    """JSON document of the command, which has written the zero."""
+    """Zero the plate with `--write`, and return the JSON document of the command."""
     runs = ["--runs", str(cell.parent / "runs")]
 
     def discharge(*plate: Any) -> Any:
@@ -125,7 +125,7 @@ def channel_values(document: dict[str, Any], key: str) -> np.ndarray[Any, Any]:
     return np.array([each[key] for each in document["plate_zero"]["channels"]])
 
 
-def test_the_drift_is_found_within_its_uncertainty(zeroed: dict[str, Any], cell: Path) -> None:
+def test_the_drift_is_estimated_within_its_uncertainty(zeroed: dict[str, Any], cell: Path) -> None:
     plant = load_cell(str(cell)).plant
     assert plant is not None
     assert plant.plate is not None
@@ -134,13 +134,12 @@ def test_the_drift_is_found_within_its_uncertainty(zeroed: dict[str, Any], cell:
     assert (np.abs(off) <= 3.0 * channel_values(zeroed, "drift_std_n_s")).all()
 
 
-def test_the_offset_is_found_within_its_uncertainty(
+def test_the_offset_is_estimated_within_its_uncertainty(
     zeroed: dict[str, Any], cell: Path, discharged_at: list[Any]
 ) -> None:
-    """The zero is the channels' jump and drift since "operate", plus half of both poses' load.
+    """The zero is the channels' jump and drift since "operate", plus the mean load of both poses.
 
-    The recording does not contain the time of "operate"; it is one unknown, and the eight channels
-    must agree on its value.
+    The recording does not contain the time of "operate"; all channels must give the same time.
     """
     loaded = load_cell(str(cell))
     plate, plant = loaded.config.plate, loaded.plant
@@ -167,7 +166,9 @@ def test_the_offset_is_found_within_its_uncertainty(
     assert (np.abs(off - since_s * drift) <= 3.0 * sigma).all()
 
 
-def test_gravitys_moment_is_the_half_difference(zeroed: dict[str, Any], cell: Path) -> None:
+def test_the_gravity_moment_is_half_the_difference_between_the_poses(
+    zeroed: dict[str, Any], cell: Path
+) -> None:
     loaded = load_cell(str(cell))
     assert loaded.plant is not None
     base = BaseWrench(loaded.robot, loaded.plant)
@@ -180,7 +181,7 @@ def test_gravitys_moment_is_the_half_difference(zeroed: dict[str, Any], cell: Pa
     assert abs(found[3]) > 20.0
 
 
-def test_the_zero_stands_in_the_cell_file_and_beside_the_run(
+def test_the_zero_is_written_to_the_cell_file_and_the_run(
     zeroed: dict[str, Any], cell: Path
 ) -> None:
     plate = load_cell(str(cell)).config.plate
@@ -194,7 +195,7 @@ def test_the_zero_stands_in_the_cell_file_and_beside_the_run(
     assert "# a Kistler 9281B under the robot" in cell.read_text()
 
 
-def test_other_commands_measure_from_that_zero(
+def test_other_commands_subtract_that_zero(
     zeroed: dict[str, Any], cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     runs = ["--runs", str(tmp_path / "runs")]
@@ -232,7 +233,7 @@ def interrupting(after_row: int, sent: list[int]) -> Callable[..., Callable[[Tas
 
 
 @pytest.mark.parametrize("after_row", [0, 600])
-def test_ctrl_c_leaves_the_drives_disabled_and_nothing_written(
+def test_ctrl_c_disables_the_drives_and_writes_no_zero(
     after_row: int,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -254,7 +255,7 @@ def test_ctrl_c_leaves_the_drives_disabled_and_nothing_written(
     assert cell.read_bytes() == before
 
 
-def test_without_write_the_lines_are_printed_and_the_file_is_left_alone(
+def test_without_write_the_lines_are_printed_and_the_file_is_unchanged(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     cell = make_cell(tmp_path)
@@ -276,19 +277,19 @@ def test_without_write_the_lines_are_printed_and_the_file_is_left_alone(
         (["--pose", "0,0"], "RID-MOTION-JOINTS"),
     ],
 )
-def test_poses_that_cannot_be_are_refused_before_anything_moves(
+def test_invalid_poses_are_refused_before_motion(
     words: list[str], code: str, cell: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["plate", "zero", str(cell), *words]) == 2
     assert code in capsys.readouterr().err
 
 
-def test_a_bundled_cell_is_not_written_to(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_bundled_cell_file_is_not_changed(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["plate", "zero", "ir361", "--write"]) == 2
     assert "RID-PLATE-ZERO-WRITE" in capsys.readouterr().err
 
 
-def test_a_real_cell_is_not_moved_while_nobody_can_be_asked(
+def test_a_real_cell_is_not_moved_without_a_user_to_confirm(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     cell = make_cell(tmp_path)
@@ -299,7 +300,7 @@ def test_a_real_cell_is_not_moved_while_nobody_can_be_asked(
     assert "RID-ANSWER-NOBODY" in capsys.readouterr().err
 
 
-def test_a_cell_without_a_plate_has_nothing_to_zero(
+def test_a_cell_without_a_plate_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     cell = make_cell(tmp_path)

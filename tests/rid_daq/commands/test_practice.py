@@ -1,4 +1,4 @@
-"""`mock CELL --as OTHER`: the commands report differences between the files and the devices."""
+"""`mock CELL --as OTHER`: commands report differences between the files and the devices."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Serve = Callable[[str], AbstractContextManager[None]]
 
 @pytest.fixture
 def files(tmp_path: Path) -> Path:
-    """Files of a new cell for practice, with a separate bus."""
+    """Return the folder of a new cell for practice, with a separate bus."""
     assert run(["init", str(tmp_path / "mine")]) == 0
     cell = tmp_path / "mine" / "cell.yaml"
     change(cell, "channel: my_cell", f"channel: {tmp_path.name[-40:]}")
@@ -32,7 +32,7 @@ def files(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def serve(files: Path) -> Serve:
-    """Return how to serve another cell's devices where commands look for those of `files`."""
+    """Return a function that serves another cell's devices under the addresses of `files`."""
 
     @contextmanager
     def served(devices: str) -> Iterator[None]:
@@ -57,7 +57,7 @@ def red(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, list[dict
 
 
 @pytest.mark.slow
-def test_a_file_that_is_wrong_against_the_devices_is_red_until_it_is_corrected(
+def test_a_file_that_differs_from_the_devices_is_red_until_corrected(
     files: Path, tmp_path: Path, serve: Serve, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["init", str(tmp_path / "true")]) == 0
@@ -72,7 +72,7 @@ def test_a_file_that_is_wrong_against_the_devices_is_red_until_it_is_corrected(
 
 
 @pytest.mark.slow
-def test_drives_that_are_not_there_are_told_by_their_nodes(
+def test_missing_drives_are_named_by_their_nodes(
     files: Path, tmp_path: Path, serve: Serve, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["init", str(tmp_path / "true")]) == 0
@@ -84,7 +84,7 @@ def test_drives_that_are_not_there_are_told_by_their_nodes(
     assert "axis3" in message
 
 
-def test_everything_that_hangs_on_the_lines_is_the_other_cells(files: Path) -> None:
+def test_the_served_devices_are_those_of_the_other_cell(files: Path) -> None:
     request = MockRequest(cell=str(files / "cell.yaml"), lockstep=True, devices="ir361")
     with serve_cell(request) as served:
         mine, other = load_cell(str(files / "cell.yaml")).config, load_cell("ir361").config
@@ -95,7 +95,7 @@ def test_everything_that_hangs_on_the_lines_is_the_other_cells(files: Path) -> N
 
 
 @pytest.mark.long
-def test_the_five_mistakes_of_the_exercise_are_told_one_after_the_other(
+def test_the_five_mistakes_of_the_exercise_are_reported_in_sequence(
     files: Path, serve: Serve, capsys: pytest.CaptureFixture[str]
 ) -> None:
     cell, robot, motion = (files / f"{name}.yaml" for name in ("cell", "robot", "motion"))

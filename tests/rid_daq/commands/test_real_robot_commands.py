@@ -1,4 +1,4 @@
-"""A real robot's recordings through the documented commands: import, identify, validate."""
+"""Recordings of a real robot with the documented commands: import, identify, validate."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def workshop(real_robot: Path, tmp_path_factory: pytest.TempPathFactory) -> Path
 
 
 @pytest.mark.slow
-def test_a_model_chosen_by_the_training_runs_alone_predicts_another_motion(
+def test_a_model_selected_on_training_runs_predicts_another_motion(
     workshop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     runs, model = ["--runs", str(workshop / "runs")], str(workshop / "model.json")
@@ -40,14 +40,14 @@ def test_a_model_chosen_by_the_training_runs_alone_predicts_another_motion(
     capsys.readouterr()
     assert run([*words, "--json"]) == 0
     chosen = json.loads(capsys.readouterr().out)["comparison"]["chosen"]
-    # Harmonic drives under load: the two joints that carry the arm have load-dependent friction.
+    # Harmonic drives: the friction of the two joints that carry the arm depends on the load.
     assert "load" in chosen["joint2"]
     assert "load" in chosen["joint3"]
     limits = ",".join(map(str, LIMITS_PERCENT))
     words = ["validate", model, "points", "--band", "9.4", "--limits", limits, *runs]
     assert run([*words, "--json"]) == 0
     axes = json.loads(capsys.readouterr().out)["validation"]["axes"]
-    # Joint 6 rests for half of the time, held by presliding friction.
+    # Joint 6 is at rest for half of the time, in the presliding range.
     assert [axis["all_samples_percent"] < 9.5 for axis in axes] == [True] * 5 + [False]
     assert axes[5]["all_samples_percent"] < 22.0
     for label in ("long", "points"):
@@ -55,15 +55,15 @@ def test_a_model_chosen_by_the_training_runs_alone_predicts_another_motion(
         assert report.stat().st_size < 3_000_000
 
 
-def test_a_parameter_at_its_bound_is_marked_wherever_it_is_shown(
+def test_a_parameter_at_its_bound_is_marked_in_every_output(
     workshop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    # Joint 6 carries nothing, and joint 1 little: their load-dependent friction comes out as zero,
-    # the end of its range.
+    # Joint 6 carries no load, and joint 1 little: their load-dependent friction is estimated as
+    # # zero, which is the lower bound.
     words = ["identify", "short", "--band", "9.4", "--runs", str(workshop / "runs")]
     words += ["--friction-terms", "coulomb,viscous,offset,load", "-o", str(workshop / "load.json")]
     capsys.readouterr()
-    assert run(words) in (0, 6)  # how well it fits is no matter here
+    assert run(words) in (0, 6)  # the grade of the fit does not matter here
     lines, bound = capsys.readouterr().out.splitlines(), ["cl_joint1", "cl_joint6"]
     assert [line.split()[1] for line in lines if "at its bound" in line] == bound
     report = next(Path(line.split()[1]) for line in lines if line.startswith("Report:"))
@@ -73,7 +73,7 @@ def test_a_parameter_at_its_bound_is_marked_wherever_it_is_shown(
     assert "cl_joint6 = 0 is at a bound of its range (0 to 0.5)" in " ".join(estimate["findings"])
 
 
-def test_a_validation_has_the_band_of_the_model(
+def test_validate_uses_the_band_of_the_model(
     workshop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     runs, model = ["--runs", str(workshop / "runs")], str(workshop / "band.json")
@@ -85,7 +85,7 @@ def test_a_validation_has_the_band_of_the_model(
         assert validation["cutoff_hz"] == band_hz
 
 
-def test_held_out_data_ask_for_load_dependent_friction(
+def test_identify_suggests_load_dependent_friction_by_cross_validation(
     workshop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["identify", "short", "--json", "-o", str(workshop / "asked.json")]
@@ -96,7 +96,7 @@ def test_held_out_data_ask_for_load_dependent_friction(
     assert "load" in asked.partition("joint3: ")[2].partition(";")[0]
 
 
-def test_a_payload_is_weighed_from_runs_with_and_without_it(
+def test_a_payload_is_identified_from_runs_with_and_without_it(
     workshop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["identify", "unloaded", "loaded", "--loaded", "loaded", "--band", "9.4", "--json"]
@@ -110,10 +110,10 @@ def test_a_payload_is_weighed_from_runs_with_and_without_it(
 
 
 @pytest.mark.slow
-def test_a_report_is_of_one_model_however_many_were_made(workshop: Path) -> None:
+def test_a_report_contains_only_sections_of_the_latest_model(workshop: Path) -> None:
     runs, of_it = ["--runs", str(workshop / "runs")], find_run(workshop / "runs", "unloaded")
     other, own = workshop / "other.json", workshop / "own.json"
-    graded = (0, 6)  # how well these fit is no matter here
+    graded = (0, 6)  # the grade of these fits does not matter here
     assert run(["identify", "loaded", "-o", str(other), *runs]) in graded
     assert run(["identify", "unloaded", "-o", str(own), *runs]) in graded
     assert run(["validate", str(other), "unloaded", "--limits", "900", *runs]) == 0
@@ -137,7 +137,7 @@ def test_a_report_is_of_one_model_however_many_were_made(workshop: Path) -> None
         ("1.4", 6, "has twice that mass"),
     ],
 )
-def test_a_load_mass_that_no_drive_gain_explains_is_refused(
+def test_a_load_mass_that_needs_an_implausible_drive_gain_is_refused(
     workshop: Path, mass: str, code: int, said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     model = workshop / f"{mass}.json"
@@ -150,7 +150,7 @@ def test_a_load_mass_that_no_drive_gain_explains_is_refused(
 
 
 @pytest.mark.long
-def test_drive_gains_by_the_weighed_payload_and_three_cross_checks(
+def test_drive_gains_from_a_weighed_payload_pass_three_cross_checks(
     workshop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["identify", "unloaded", "loaded", "--loaded", "loaded", "--band", "9.4", "--json"]

@@ -42,7 +42,7 @@ def write_journal(folder: RunFolder, *, close: bool) -> None:
 
 @pytest.fixture
 def killed(tmp_path: Path) -> RunFolder:
-    """A run folder as a killed program leaves it."""
+    """Return the run folder of a killed program."""
     folder = RunFolder.create(tmp_path / "runs", "swing", software={"rid-daq": "0"})
     for name, content in load_cell("ir361").files.items():
         folder.write(name, content)
@@ -65,7 +65,7 @@ def flip(path: Path, at: int) -> None:
     path.write_bytes(data)
 
 
-def test_a_killed_run_becomes_a_whole_one_beside_it(
+def test_a_killed_run_is_recovered_into_a_new_run_folder(
     killed: RunFolder, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     before = snapshot(killed)
@@ -85,7 +85,7 @@ def test_a_killed_run_becomes_a_whole_one_beside_it(
     assert find_run(killed.path.parent, "latest").run_id == new.run_id
 
 
-def test_a_streamed_run_is_one_when_it_is_recovered_too(
+def test_a_recovered_streamed_run_is_still_a_streamed_run(
     killed: RunFolder, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     killed.write(ONLINE_MODEL, b"{}")
@@ -96,7 +96,7 @@ def test_a_streamed_run_is_one_when_it_is_recovered_too(
     assert not new.file("result.json").exists()
 
 
-def test_what_is_lost_is_told_in_rows_and_seconds_and_by_the_exit_code(
+def test_lost_rows_are_reported_with_their_time_and_an_exit_code(
     killed: RunFolder, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = killed.file("recording.mcap")
@@ -112,7 +112,7 @@ def test_what_is_lost_is_told_in_rows_and_seconds_and_by_the_exit_code(
     assert any("are lost (10 rows)" in note for note in data.damage)
 
 
-def test_a_file_that_the_manifest_does_not_vouch_for_is_left_out(
+def test_a_file_with_a_wrong_hash_is_not_copied(
     killed: RunFolder, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     flip(killed.file("robot.yaml"), 300)
@@ -125,7 +125,7 @@ def test_a_file_that_the_manifest_does_not_vouch_for_is_left_out(
 
 
 @pytest.mark.parametrize("damage", ["missing", "torn", "not a manifest"])
-def test_a_run_without_its_manifest_is_recovered_all_the_same(
+def test_a_run_without_a_manifest_is_recovered(
     killed: RunFolder, damage: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     manifest = killed.path / "manifest.json"
@@ -158,7 +158,7 @@ def test_links_and_strange_names_in_a_run_folder_are_not_followed(
     assert not any(b"secret" in content for content in snapshot(new).values())
 
 
-def test_a_whole_run_is_left_alone(
+def test_a_complete_run_is_not_recovered(
     tmp_path: Path, killed: RunFolder, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     killed.file("recording.mcap").unlink()
@@ -169,7 +169,7 @@ def test_a_whole_run_is_left_alone(
     assert len(list(killed.path.parent.iterdir())) == 1
 
 
-def test_a_run_with_nothing_readable_makes_no_folder(
+def test_a_run_without_readable_rows_makes_no_folder(
     killed: RunFolder, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     killed.file("recording.mcap").write_bytes(bytes(5000))
@@ -178,7 +178,7 @@ def test_a_run_with_nothing_readable_makes_no_folder(
     assert len(list(killed.path.parent.iterdir())) == 1
 
 
-def test_a_recording_under_way_is_refused(
+def test_a_recording_in_progress_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = RunFolder.create(tmp_path / "runs", "now")
@@ -189,7 +189,7 @@ def test_a_recording_under_way_is_refused(
     assert "RID-RUN-OPEN" in capsys.readouterr().err
 
 
-def test_a_file_alone_is_recovered_beside_itself_and_never_replaced(
+def test_a_single_file_is_recovered_into_a_new_file(
     killed: RunFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     torn = tmp_path / "torn.mcap"
@@ -213,7 +213,7 @@ def test_a_file_alone_is_recovered_beside_itself_and_never_replaced(
         ("", 2, "RID-RUN-UNKNOWN"),
     ],
 )
-def test_what_is_not_there_is_told(
+def test_a_run_or_file_that_does_not_exist_is_named(
     what: str, exit_code: int, code: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["recover", what, "--runs", str(tmp_path)]) == exit_code

@@ -1,4 +1,4 @@
-"""`rid-daq retime`: a motion file becomes a faster one, with its page; mistakes are reported."""
+"""`rid-daq retime`: a faster motion file and its report; invalid requests are refused."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def tool(folder: Path) -> Path:
     return folder / "payload.json"
 
 
-def test_no_motion_is_timed_with_a_payload_that_did_not_pass(
+def test_a_payload_that_did_not_pass_its_verdict_is_refused(
     folder: Path, tool: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     failed = replace(read_payload(tool), checks=(PayloadCheck("mass", 2.0, "≤", 1.0, "%"),))
@@ -79,7 +79,7 @@ def test_no_motion_is_timed_with_a_payload_that_did_not_pass(
 
 
 def torque_of_the_tool(samples: MotionSamples) -> FloatArray:
-    """Return what the tool adds to the torques: two plants in Pinocchio, with and without it."""
+    """Return the torques due to the tool, as the difference of two Pinocchio models."""
     cell = load_cell("ir361")
     assert cell.plant is not None
     xx, yy, zz = INERTIA_KG_M2
@@ -114,7 +114,7 @@ def planned_in(file: Path) -> MotionSamples:
     return load_motion(file).plan(cell.robot, cell.config.cycle_time_s)
 
 
-def test_what_it_carries_counts(
+def test_the_payload_reduces_the_speed_so_that_torque_limits_hold(
     folder: Path, tool: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     model = read_estimate(folder / "model.json")
@@ -132,13 +132,13 @@ def test_what_it_carries_counts(
     assert over["empty"] > 1.05
 
 
-def test_what_is_written_is_held_with_what_it_carries(
+def test_a_result_beyond_the_torque_limits_with_payload_is_not_written(
     folder: Path,
     tool: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """A search that forgets the payload does not write a file."""
+    """The search is patched to ignore the payload."""
     empty = read_estimate(folder / "model.json")
     monkeypatch.setattr(
         "rid_daq.operations.path.retiming.retime_path",
@@ -151,7 +151,9 @@ def test_what_is_written_is_held_with_what_it_carries(
     assert not (folder / "fast.yaml").exists()
 
 
-def test_a_motion_is_timed_and_shown(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_faster_motion_and_its_report_are_written(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run(words(folder, "--report", folder / "fast.html", "--json")) == 0
     told = document(capsys)
     assert told["shorter_percent"] > 20.0
@@ -220,7 +222,7 @@ position:
 
 
 @pytest.mark.parametrize("other", ["fast.yaml", "sub/../fast.yaml"])
-def test_a_page_in_the_motions_place_is_refused_before_anything_is_computed(
+def test_a_report_with_the_name_of_the_motion_is_refused_before_the_search(
     folder: Path, other: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (folder / "sub").mkdir()
@@ -229,7 +231,9 @@ def test_a_page_in_the_motions_place_is_refused_before_anything_is_computed(
     assert not (folder / "fast.yaml").exists()
 
 
-def test_turns_of_a_circle_become_one_way(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_several_turns_of_a_circle_become_one_path(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (folder / "path.yaml").write_text(CIRCLE)
     assert run(words(folder, "--report", folder / "fast.html")) == 0
     said = " ".join(capsys.readouterr().out.split())
@@ -260,7 +264,7 @@ def tool_at(samples: MotionSamples) -> FloatArray:
         ("joint_table", TABLE, "the table must begin and end at rest"),
     ],
 )
-def test_a_motion_that_is_no_way_from_rest_to_rest_is_refused(
+def test_a_motion_that_is_not_a_path_from_rest_to_rest_is_refused(
     kind: str, keys: str, told: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (folder / "path.yaml").write_text(f"kind: {kind}\nrobot: ir361{keys}")
@@ -269,7 +273,9 @@ def test_a_motion_that_is_no_way_from_rest_to_rest_is_refused(
     assert not (folder / "fast.yaml").exists()
 
 
-def test_the_next_command_is_to_record(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_output_ends_with_the_record_command(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run(words(folder, "--confidence", "0", "--margin", "0.1")) == 0
     said = capsys.readouterr().out
     assert "% shorter" in said
@@ -293,7 +299,7 @@ def test_the_next_command_is_to_record(folder: Path, capsys: pytest.CaptureFixtu
         (["--rms-torque", "5"], "RMS torque of axis2 is"),
     ],
 )
-def test_what_cannot_be_is_told(
+def test_invalid_options_are_named_and_no_file_is_written(
     more: list[str], told: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(words(folder, *more)) != 0

@@ -32,7 +32,7 @@ Meddle = Callable[[Disturb], None]
 
 @pytest.fixture
 def meddle(monkeypatch: pytest.MonkeyPatch) -> Meddle:
-    """Return a function that sets the change of the run folder during the motion."""
+    """Return a function that schedules a change of the run folder during the motion."""
     whole = record_motion
 
     def meddled(disturb: Disturb) -> None:
@@ -66,7 +66,7 @@ def add_strays(folder: RunFolder) -> None:
 
 
 @pytest.mark.fault(44)
-def test_strays_are_left_alone_named_and_the_run_is_finished(
+def test_foreign_files_are_kept_and_named_and_the_run_is_completed(
     workshop: Path,
     tmp_path: Path,
     meddle: Meddle,
@@ -125,7 +125,7 @@ def replace_recording(folder: RunFolder) -> None:
         (replace_recording, "was deleted while it was being written"),
     ],
 )
-def test_a_recording_that_is_deleted_or_cut_in_motion_stops_it_by_name(
+def test_a_deleted_or_truncated_recording_stops_the_motion(
     workshop: Path,
     tmp_path: Path,
     meddle: Meddle,
@@ -134,7 +134,7 @@ def test_a_recording_that_is_deleted_or_cut_in_motion_stops_it_by_name(
     disturb: Disturb,
     became: str,
 ) -> None:
-    """The motion is periodic: in lock-step it waits for a judge who reads the file."""
+    """The motion is periodic: in lock-step it waits for the process that reads the file."""
     meddle(disturb)
     words = ["record", str(workshop / "cell.yaml"), str(workshop / "motion.yaml")]
     assert run([*words, "--runs", str(tmp_path)]) == 7
@@ -150,7 +150,7 @@ def test_a_recording_that_is_deleted_or_cut_in_motion_stops_it_by_name(
 
 
 @pytest.mark.fault(42)
-def test_a_folder_that_takes_the_runs_place_in_motion_is_not_written_into(
+def test_a_folder_that_replaces_the_run_folder_is_not_written_to(
     workshop: Path,
     tmp_path: Path,
     meddle: Meddle,
@@ -195,7 +195,7 @@ def test_a_folder_that_takes_the_runs_place_in_motion_is_not_written_into(
         ),
     ],
 )
-def test_a_journal_knows_what_became_of_its_file(
+def test_a_journal_detects_a_change_of_its_file(
     tmp_path: Path, disturb: Callable[[Path], object], became: str
 ) -> None:
     path = tmp_path / RECORDING
@@ -207,7 +207,7 @@ def test_a_journal_knows_what_became_of_its_file(
         assert writer.trouble.startswith(became)
 
 
-def test_a_recorder_that_wants_an_end_says_why() -> None:
+def test_a_recorder_that_requests_a_stop_gives_the_reason() -> None:
     control = ControlBlock.create()
     control.recorder.end(RecordingError("recording.mcap: was deleted while it was being written"))
     assert control.recorder.state is RecorderState.ENDING

@@ -1,4 +1,4 @@
-"""A run is what it says: who reads one refuses files that are not its own, or that it lacks."""
+"""Commands that read a run refuse foreign and missing files in its folder."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def make(workshop: Path) -> Made:
-    """Return what writes a run of the bundled arm, as `record` and `identify` leave it."""
+    """Return a function that writes a run of the bundled arm like `record` and `identify`."""
     cell = load_cell("ir361")
     model = RobotModel.from_description(cell.robot)
     assert cell.plant is not None
@@ -114,26 +114,26 @@ def good(make: Made) -> RunFolder:
 
 @pytest.fixture(scope="module")
 def other(make: Made) -> RunFolder:
-    """A run of another motion."""
+    """Return a run of another motion."""
     return make("other", 2)
 
 
 @pytest.fixture(scope="module")
 def killed(make: Made) -> RunFolder:
-    """A run as a killed program leaves it."""
+    """Return the unfinished run of a killed program."""
     return make("killed", 3, None)
 
 
 @pytest.fixture
 def copy(good: RunFolder, workshop: Path, tmp_path: Path) -> RunFolder:
-    """A copy of the good run, beside the others, to be spoilt."""
+    """Return a copy of the good run, for tests that damage it."""
     place = workshop / "runs" / tmp_path.name
     shutil.copytree(good.path, place)
     return RunFolder.open(place)
 
 
 def words(reader: str, folder: RunFolder, other: RunFolder, tmp_path: Path) -> list[str]:
-    """Return a reader's command line."""
+    """Return the command line of a command that reads a run."""
     meant = {
         "RUN": str(folder.path),
         "OTHER": str(other.path),
@@ -186,7 +186,7 @@ def a_feedforward(folder: RunFolder, _other: RunFolder) -> str:
         (a_feedforward, "was put into the folder after the run had ended. Remove it"),
     ],
 )
-def test_every_reader_refuses_a_file_that_is_not_the_runs_own_and_names_it(
+def test_every_reader_refuses_and_names_a_foreign_file_in_a_run(
     copy: RunFolder,
     good: RunFolder,
     other: RunFolder,
@@ -212,7 +212,7 @@ def test_every_reader_refuses_a_file_that_is_not_the_runs_own_and_names_it(
 
 
 @pytest.mark.fault(42)
-def test_a_recording_that_names_another_run_is_refused_where_no_hash_tells(
+def test_a_recording_with_another_run_id_is_refused_without_a_hash(
     killed: RunFolder,
     other: RunFolder,
     tmp_path: Path,
@@ -231,7 +231,7 @@ def test_a_recording_that_names_another_run_is_refused_where_no_hash_tells(
 
 
 @pytest.mark.fault(42)
-def test_a_result_that_was_edited_is_no_report(
+def test_no_report_is_made_from_an_edited_result(
     copy: RunFolder, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["average", str(copy.path)]) == 0
@@ -253,7 +253,7 @@ def test_a_run_whose_manifest_names_no_files_is_refused(copy: RunFolder) -> None
 
 
 @pytest.mark.fault(47)
-def test_an_unfinished_run_is_used_only_where_that_is_asked_for_and_then_it_is_said(
+def test_an_unfinished_run_is_used_only_with_unfinished_and_is_noted(
     killed: RunFolder,
     other: RunFolder,
     tmp_path: Path,
@@ -283,7 +283,7 @@ def test_an_unfinished_run_is_used_only_where_that_is_asked_for_and_then_it_is_s
 
 
 @pytest.mark.fault(45)
-def test_a_cut_run_is_recovered_by_the_manifests_count_and_without_its_results(
+def test_a_truncated_run_is_recovered_without_results_and_lost_rows_are_counted(
     copy: RunFolder, capsys: pytest.CaptureFixture[str], measured: Measured
 ) -> None:
     assert run(["average", str(copy.path)]) == 0
@@ -314,7 +314,7 @@ def test_a_cut_run_is_recovered_by_the_manifests_count_and_without_its_results(
 
 
 @pytest.mark.fault(45)
-def test_a_recording_that_is_gone_counts_whole(
+def test_all_rows_of_a_missing_recording_count_as_lost(
     copy: RunFolder, good: RunFolder, capsys: pytest.CaptureFixture[str]
 ) -> None:
     rows = len(read_journal(good.path / RECORDING).rows)
@@ -323,7 +323,7 @@ def test_a_recording_that_is_gone_counts_whole(
     assert document(capsys)["rows_lost"] == rows
 
 
-def test_where_a_file_was_left_out_only_the_original_is_taken(
+def test_a_file_omitted_by_recover_can_only_be_replaced_by_the_original(
     copy: RunFolder, good: RunFolder, capsys: pytest.CaptureFixture[str]
 ) -> None:
     another_gear(copy, copy)
@@ -342,7 +342,7 @@ def test_where_a_file_was_left_out_only_the_original_is_taken(
 
 
 @pytest.mark.parametrize("named", ["", "01ABCDEFGHJKMNPQRSTVWXYZ00"])
-def test_a_recording_that_does_not_name_its_run_is_refused(
+def test_a_recording_without_a_run_id_is_refused(
     named: str, killed: RunFolder, tmp_path: Path
 ) -> None:
     folder = RunFolder.open(shutil.copytree(killed.path, tmp_path / "copy"))

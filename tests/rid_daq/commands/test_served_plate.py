@@ -1,4 +1,4 @@
-"""A cell that `rid-daq mock` serves is joined with the serial ports that were made for it."""
+"""Commands find the simulated serial ports of a cell that `rid-daq mock` serves."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_the_plate_of_a_served_cell_is_found(
     assert not plate_path(can.channel).exists()
 
 
-def test_the_serial_line_of_a_served_cells_drives_is_found(
+def test_the_serial_port_of_the_drives_of_a_served_cell_is_found(
     monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     folder = tmp_path_factory.mktemp("run")

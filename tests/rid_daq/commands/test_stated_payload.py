@@ -1,4 +1,4 @@
-"""`--payload`: what the robot carries counts in every command that predicts torques."""
+"""`--payload`: the stated payload is used by every command that predicts torques."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ LINK_3 = tuple(
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Files of a robot: alone and with the payload in its model, its loops and a path."""
+    """Return files of a robot: models without and with payload, velocity loops and a path."""
     folder = tmp_path_factory.mktemp("stated")
     cell = load_cell("ir361")
     alone = known(cell, {})
@@ -61,7 +61,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Runs of the robot alone and with a payload, and the files of model and payload."""
+    """Return runs of the robot without and with a payload, and the files of model and payload."""
     root = tmp_path_factory.mktemp("loaded")
     arm = arm_in_motion()
     model = identified_run(root / "runs", arm, "alone", 1)
@@ -122,7 +122,7 @@ def feedforward(folder: Path, model: str, *words: str) -> FloatArray:
     return np.array(feedforward_content(read_content(out, LARGEST_FILE_BYTES), out).feedforward)
 
 
-def test_the_feedforward_is_that_of_robot_and_payload(folder: Path) -> None:
+def test_the_feedforward_is_computed_for_robot_and_payload(folder: Path) -> None:
     by_file = feedforward(folder, "alone", "--payload", str(folder / "payload.json"))
     by_model = feedforward(folder, "both", "--payload", "model")
     np.testing.assert_allclose(by_file, by_model, rtol=1e-6, atol=1e-9)
@@ -131,7 +131,7 @@ def test_the_feedforward_is_that_of_robot_and_payload(folder: Path) -> None:
     assert np.abs(by_file - empty).max() > 1e-3
 
 
-def test_a_feedforward_names_the_payload_that_it_is_for(folder: Path) -> None:
+def test_a_feedforward_file_names_its_payload(folder: Path) -> None:
     for payload, origin in (("none", "none"), (str(folder / "payload.json"), None)):
         feedforward(folder, "alone", "--payload", payload)
         out = folder / "ff alone 2.json"
@@ -145,7 +145,7 @@ def errors(runs: Path, capsys: pytest.CaptureFixture[str], *words: str) -> tuple
     return code, [axis["relative_error_percent"] for axis in axes]
 
 
-def test_a_loaded_run_is_predicted_as_well_as_an_unloaded_one(
+def test_a_loaded_run_is_predicted_as_accurately_as_an_unloaded_one(
     runs: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     model, payload = str(runs / "model.json"), str(runs / "payload.json")
@@ -159,7 +159,7 @@ def test_a_loaded_run_is_predicted_as_well_as_an_unloaded_one(
 @pytest.mark.parametrize(
     "words", [("validate", "both.json", "loaded"), ("compare", "both.json", "alone")]
 )
-def test_no_run_is_predicted_by_a_model_whose_payload_is_not_stated(
+def test_validate_refuses_a_model_with_a_payload_that_is_not_stated(
     runs: Path, words: tuple[str, str, str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     asked = [words[0], str(runs / words[1]), words[2], "--runs", str(runs / "runs")]
@@ -180,7 +180,7 @@ def test_models_are_compared_on_a_loaded_run(
     assert percents[0] > 3.0 * percents[1]
 
 
-def test_the_runs_of_the_payload_give_no_verdict(
+def test_the_identification_runs_of_the_payload_give_no_verdict(
     runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run_id = find_run(runs / "runs", "loaded").run_id

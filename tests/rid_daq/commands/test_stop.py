@@ -46,8 +46,8 @@ with hold_cell(load_cell("ir361").config):
 
 
 @pytest.fixture(autouse=True)
-def locks_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let no test stop what else runs on this machine."""
+def separate_locks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Use separate locks, so that no test stops other programs of this computer."""
     monkeypatch.setenv("RID_DAQ_LOCKS", str(tmp_path))
 
 
@@ -66,7 +66,7 @@ def long_motion(loaded: LoadedCell) -> FourierMotion:
 
 
 @pytest.mark.fault(23)
-def test_a_motion_is_stopped_from_another_process_and_seen_to_rest(
+def test_stop_in_another_process_stops_a_motion_and_confirms_rest(
     loaded: LoadedCell, tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
     assert loaded.plant is not None
@@ -103,7 +103,7 @@ def test_a_motion_is_stopped_from_another_process_and_seen_to_rest(
     measured("`rid-daq stop` in mid-motion: " + session["text"].partition("; ")[2].split(",")[0])
 
 
-def test_a_session_without_a_motion_is_ended_by_a_name_whatever_else_is_wrong(
+def test_stop_ends_a_session_by_the_cell_name_of_a_damaged_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with subprocess.Popen(
@@ -121,12 +121,12 @@ def test_a_session_without_a_motion_is_ended_by_a_name_whatever_else_is_wrong(
     assert holder.returncode == 143
 
 
-def test_without_a_session_it_says_so_and_fails(capsys: pytest.CaptureFixture[str]) -> None:
+def test_stop_without_a_session_fails_with_a_message(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["stop", "--json"]) == 1
     assert json.loads(capsys.readouterr().out)["sessions"] == []
 
 
-def test_a_lock_file_that_nobody_holds_is_no_session(loaded: LoadedCell) -> None:
+def test_an_unlocked_lock_file_is_not_a_session(loaded: LoadedCell) -> None:
     with hold_cell(loaded.config):
         (session,) = running_sessions("ir361")
         assert session.pid == os.getpid()
@@ -135,7 +135,7 @@ def test_a_lock_file_that_nobody_holds_is_no_session(loaded: LoadedCell) -> None
     assert not session.is_running
 
 
-def test_a_motion_that_ended_meanwhile_is_no_failure(
+def test_a_motion_that_has_just_ended_counts_as_stopped(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     control = ControlBlock.create()

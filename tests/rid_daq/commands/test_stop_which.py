@@ -1,4 +1,4 @@
-"""`rid-daq stop` without a name: one session is stopped at once, of several one is chosen."""
+"""`rid-daq stop` without a name: a single session is stopped; the user selects one of several."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Held = Callable[[str], "subprocess.Popen[str]"]
 
 @pytest.fixture
 def held(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Held]:
-    """Return what begins a session on a cell; no other session of this computer is seen."""
+    """Return a function that starts a session on a cell; only these sessions are visible."""
     monkeypatch.setenv("RID_DAQ_LOCKS", str(tmp_path))
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     with ExitStack() as stack:
@@ -55,7 +55,7 @@ def stop(*words: str) -> subprocess.CompletedProcess[str]:
 
 
 def in_a_terminal(key: bytes) -> tuple[int, str]:
-    """Press a key once a stop has asked for it; return its exit code and what it showed."""
+    """Press a key when `stop` asks for it; return the exit code and the terminal's text."""
     ours, its = pty.openpty()
     command = [sys.executable, "-m", "rid_daq", "stop"]
     process = subprocess.Popen(command, stdin=its, stdout=its, stderr=its)
@@ -67,7 +67,7 @@ def in_a_terminal(key: bytes) -> tuple[int, str]:
         os.write(ours, key)
         while True:
             shown += os.read(ours, 4096)
-    except OSError:  # it has closed the terminal
+    except OSError:  # the program has closed the terminal
         pass
     finally:
         os.close(ours)
@@ -75,14 +75,14 @@ def in_a_terminal(key: bytes) -> tuple[int, str]:
 
 
 @pytest.mark.promise("stop-one-session")
-def test_the_only_session_is_stopped_at_once(held: Held) -> None:
+def test_a_single_session_is_stopped_at_once(held: Held) -> None:
     only = held("left")
     assert stop().returncode == 0
     assert only.wait(PATIENCE_S) == 143
 
 
 @pytest.mark.promise("stop-one-session")
-def test_a_script_stops_none_of_several_unless_it_says_which(held: Held) -> None:
+def test_without_a_terminal_no_session_of_several_is_stopped(held: Held) -> None:
     left, right = held("left"), held("right")
     told = stop()
     assert told.returncode == 2
@@ -94,7 +94,7 @@ def test_a_script_stops_none_of_several_unless_it_says_which(held: Held) -> None
 
 
 @pytest.mark.promise("stop-one-session")
-def test_all_of_them_are_stopped_if_asked(held: Held) -> None:
+def test_all_sessions_are_stopped_with_all(held: Held) -> None:
     both = held("left"), held("right")
     refused = stop("left", "--all")
     assert refused.returncode == 2
@@ -104,7 +104,7 @@ def test_all_of_them_are_stopped_if_asked(held: Held) -> None:
 
 
 @pytest.mark.promise("stop-one-session")
-def test_a_person_chooses_by_one_digit(held: Held) -> None:
+def test_a_user_selects_a_session_by_one_digit(held: Held) -> None:
     left, right = held("left"), held("right")
     code, shown = in_a_terminal(b"x")
     assert code == 2

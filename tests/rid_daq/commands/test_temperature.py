@@ -1,4 +1,4 @@
-"""`compensate`, `retime`, `refine` and `stream` with a model whose friction depends on warmth."""
+"""`compensate`, `retime`, `refine` and `stream` with temperature-dependent friction."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def words(folder: Path, command: str, model: str, *more: str) -> list[str]:
 @pytest.mark.parametrize(
     ("model", "asked"), [("followed", "warm"), ("followed", "cold"), ("measured", "55,40,30")]
 )
-def test_the_feedforward_is_that_of_the_model_as_warm_as_was_said(
+def test_the_feedforward_uses_the_friction_at_the_stated_temperature(
     folder: Path,
     cell: LoadedCell,
     capsys: pytest.CaptureFixture[str],
@@ -89,7 +89,7 @@ def test_the_feedforward_is_that_of_the_model_as_warm_as_was_said(
     np.testing.assert_allclose(written, expected, atol=1e-9)
 
 
-def test_a_path_is_timed_to_the_warmth_that_it_makes(
+def test_retime_warm_uses_the_temperature_that_the_path_causes(
     folder: Path, cell: LoadedCell, capsys: pytest.CaptureFixture[str]
 ) -> None:
     peaks = {}
@@ -104,13 +104,13 @@ def test_a_path_is_timed_to_the_warmth_that_it_makes(
     rise = estimate.warming.steady_temperatures(estimate.robot, driven.velocity)[0] - 298.15
     said = float(told["notes"][0].split(" W in axis1")[0].rsplit(" ", 1)[1])
     assert said == pytest.approx(rise, rel=0.05)
-    # Warm joints rub less, and axis 1 carries nothing: its motor needs as much less at its peak.
+    # Friction falls with temperature, and axis 1 carries no gravity: its peak torque falls equally.
     coulomb = estimate.values[estimate.base.names.index("fc_axis1")]
     assert peaks["warm"] < peaks["cold"] - 0.9 * FALL * rise * coulomb
 
 
 @pytest.mark.parametrize("command", ["compensate", "retime", "stream"])
-def test_how_warm_it_is_must_be_said(
+def test_a_missing_temperature_option_is_refused(
     folder: Path, capsys: pytest.CaptureFixture[str], command: str
 ) -> None:
     assert run(words(folder, command, "followed")) == 2
@@ -122,7 +122,7 @@ def test_how_warm_it_is_must_be_said(
 
 
 @pytest.mark.parametrize("model", ["followed", "measured"])
-def test_torque_limits_are_held_without_it_and_how_warm_is_told(
+def test_torque_limits_are_checked_at_a_default_temperature_which_is_noted(
     folder: Path, cell: LoadedCell, capsys: pytest.CaptureFixture[str], model: str
 ) -> None:
     file = folder / f"{model}.json"
@@ -138,7 +138,7 @@ def test_torque_limits_are_held_without_it_and_how_warm_is_told(
     assert {"followed": "cold or the warm", "measured": "reference temperature"}[model] in drawn
 
 
-def test_a_motion_that_takes_too_much_of_a_cold_joint_is_refused(
+def test_a_motion_beyond_the_torque_limit_of_a_cold_joint_is_refused(
     folder: Path, cell: LoadedCell
 ) -> None:
     motion = load_motion(folder / "path.yaml")

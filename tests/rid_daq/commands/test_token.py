@@ -1,4 +1,4 @@
-"""`rid-daq token`: the owner of a service's folder creates tokens and needs no token for it."""
+"""`rid-daq token`: the owner of a service's folder creates tokens without having one."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_a_lost_administrator_token_is_replaced(
 
 
 @pytest.mark.promise("lost-token")
-def test_a_device_is_let_in_by_its_code(
+def test_a_device_is_paired_by_its_code(
     shared: ServedProcess, capsys: pytest.CaptureFixture[str]
 ) -> None:
     service = shared.url.partition("/?")[0]
@@ -45,7 +45,7 @@ def test_a_device_is_let_in_by_its_code(
     assert role_of(shared, state["key"]) == "operator"
 
 
-def test_without_a_service_there_is_nothing_to_be_let_in_to(
+def test_pairing_without_a_service_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["token", "anna", "--folder", str(tmp_path)]) == 2

@@ -1,4 +1,4 @@
-"""A robot that warms up: the commands from another program's table to a validated model."""
+"""Import, identification and validation of a robot that warms up."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def imported(folder: Path, label: str, seconds: float, seed: int) -> None:
 
 
 @pytest.mark.slow
-def test_identify_chooses_it_and_validate_follows_it(
+def test_identify_selects_warming_and_validate_applies_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     imported(tmp_path, "long", 300.0, 0)

@@ -22,7 +22,7 @@ from dynamics.geometry.kinematics import Chain
 from rid_daq.app import run
 
 ROOT = Path(__file__).parents[3]
-MADE = "tests/rid_daq/commands/test_mistakes.py::test_a_mistake_is_refused_or_named"
+MADE = "tests/rid_daq/commands/test_mistakes.py::test_each_mistake_is_refused_or_named"
 HERE = "tests/rid_daq/commands/test_what_a_stranger_runs_into.py::"
 IMPORT = "tests/rid_daq/commands/test_import.py::"
 COMMANDS = "tests/rid_daq/commands/test_commands.py::"
@@ -39,20 +39,20 @@ HELD: dict[str, tuple[str, ...]] = {
     ),
     "the DH convention": (
         MADE,
-        MISFIT + "test_a_model_that_does_not_explain_its_data_is_not_exported",
+        MISFIT + "test_a_model_with_a_poor_fit_is_not_exported",
     ),
     "an encoder's resolution": (MADE,),
     "swapped columns": (
         MADE,
-        MISFIT + "test_swapped_columns_are_told_with_keys_and_lines_to_change",
+        MISFIT + "test_swapped_columns_are_reported_with_the_keys_and_lines_to_change",
     ),
-    "another robot's file": (HERE + "test_a_file_of_another_robot_is_told_by_the_residuals",),
+    "another robot's file": (HERE + "test_a_file_of_another_robot_is_detected_by_the_residuals",),
     "a torque constant": (
         MADE,
-        IMPORT + "test_a_mistake_that_ruins_it_is_exit_6_with_the_likely_cause",
+        IMPORT + "test_a_serious_mistake_gives_exit_code_6_and_its_likely_cause",
     ),
     "a load mass in grams or halved": (
-        REAL + "test_a_load_mass_that_no_drive_gain_explains_is_refused",
+        REAL + "test_a_load_mass_that_needs_an_implausible_drive_gain_is_refused",
         "tests/config/test_plausible.py"
         "::test_a_command_s_number_in_another_unit_is_refused_by_its_option",
     ),
@@ -68,29 +68,33 @@ HELD: dict[str, tuple[str, ...]] = {
     "half the payload left on the flange": (
         IMPORTED + "test_a_heavy_body_left_on_the_flange_is_named_as_the_likely_mistake",
     ),
-    "a zero position, a length": (MADE, HERE + "test_the_guide_lists_what_data_do_not_show"),
+    "a zero position, a length": (
+        MADE,
+        HERE + "test_the_guide_lists_mistakes_that_data_cannot_show",
+    ),
     "units in files": (
-        HERE + "test_check_refuses_a_value_in_another_unit",
+        HERE + "test_check_refuses_a_value_in_a_wrong_unit",
         "tests/config/test_plausible.py::test_a_command_refuses_limits_in_degrees",
     ),
-    "a coupling": (MADE, HERE + "test_consistent_is_not_said_as_right"),
+    "a coupling": (
+        MADE,
+        HERE + "test_physical_consistency_is_reported_together_with_the_residuals",
+    ),
     "the wiring diagnosis": (
         MADE,
-        MISFIT + "test_a_sound_recording_is_good_and_nothing_is_wrong",
+        MISFIT + "test_a_valid_recording_is_graded_good_without_findings",
     ),
     "doubled time stamps": (
-        IMPORT + "test_a_mistake_that_ruins_it_is_exit_6_with_the_likely_cause",
-        IMPORT + "test_what_is_left_out_is_counted_by_reason_and_may_be_more_where_the_map_says_so",
+        IMPORT + "test_a_serious_mistake_gives_exit_code_6_and_its_likely_cause",
+        IMPORT + "test_omitted_rows_are_counted_by_reason_and_the_map_sets_their_limit",
     ),
     "a clock that is 10 % off": (
-        IMPORT
-        + "test_a_mistake_that_only_the_engineer_can_judge_is_a_finding_and_stands_in_the_report",
-        HERE + "test_a_clock_of_a_real_recording_is_told_with_its_factor",
+        IMPORT + "test_a_possible_mistake_is_a_finding_in_the_report",
+        HERE + "test_a_wrong_clock_of_a_real_recording_is_reported_with_its_factor",
     ),
     "a stuck current": (
         MADE,
-        IMPORT
-        + "test_a_mistake_that_only_the_engineer_can_judge_is_a_finding_and_stands_in_the_report",
+        IMPORT + "test_a_possible_mistake_is_a_finding_in_the_report",
     ),
     "swapped currents of a payload's runs": (
         PAYLOAD + "test_a_session_with_the_currents_of_two_axes_swapped_does_not_pass",
@@ -98,11 +102,9 @@ HELD: dict[str, tuple[str, ...]] = {
     "intervals of model and apart": (
         PAYLOAD + "test_every_procedure_weighs_a_real_payload_inside_its_interval",
     ),
-    "few seconds": (MISFIT + "test_a_few_seconds_give_wide_intervals_and_it_is_said",),
-    "a parameter at its bound": (
-        REAL + "test_a_parameter_at_its_bound_is_marked_wherever_it_is_shown",
-    ),
-    "zeros of drawings": (HERE + "test_zeros_of_drawings_do_not_become_knowledge",),
+    "few seconds": (MISFIT + "test_a_short_recording_gives_wide_intervals_and_a_finding",),
+    "a parameter at its bound": (REAL + "test_a_parameter_at_its_bound_is_marked_in_every_output",),
+    "zeros of drawings": (HERE + "test_zero_inertias_of_cad_data_are_not_used_as_prior",),
     "a model of another robot": (
         MISFIT + "test_a_model_of_another_robot_is_refused",
         "tests/rid_daq/operations/test_cell_files.py"
@@ -111,52 +113,56 @@ HELD: dict[str, tuple[str, ...]] = {
         "::test_refine_and_a_payload_session_compare_it_with_the_robot_that_moves",
     ),
     "a validation that says nothing": (
-        COMMANDS + "test_no_verdict_on_the_run_that_the_model_comes_from",
-        COMMANDS + "test_no_verdict_on_three_seconds_of_a_stopped_run",
+        COMMANDS + "test_validation_on_the_identification_run_gives_no_verdict",
+        COMMANDS + "test_validation_on_a_too_short_run_gives_no_verdict",
     ),
     "an early end": (
         "tests/rid_daq/commands/test_payload_interrupted.py"
-        "::test_ctrl_c_ends_a_session_that_resumes_and_stops_each_run_when_the_mass_is_sure",
+        "::test_a_session_resumes_after_ctrl_c_and_until_mass_ends_its_runs_early",
     ),
     "a validation without limits": (
-        MISFIT + "test_a_recording_that_a_model_cannot_predict_fails_without_limits",
+        MISFIT + "test_validation_fails_on_an_unpredicted_recording_even_without_limits",
         "tests/rid_daq/commands/test_init.py"
-        "::test_what_init_writes_loads_and_stays_within_the_limits",
+        "::test_files_of_init_load_and_the_motions_keep_the_limits",
     ),
     "no time column, two files, a zero, a bag, the motor's side": (
-        HERE + "test_rows_without_stamps_and_a_zero_of_its_own_are_read_by_the_map",
-        IMPORT + "test_two_files_are_kept_and_read_back",
-        IMPORT + "test_a_bag_becomes_a_validated_model_by_three_commands",
-        IMPORT + "test_a_mistake_that_ruins_it_is_exit_6_with_the_likely_cause",
+        HERE + "test_a_map_with_rate_and_zero_offset_reads_rows_without_time_stamps",
+        IMPORT + "test_a_run_of_two_source_files_contains_and_reads_both",
+        IMPORT + "test_a_ros_bag_is_imported_identified_and_validated",
+        IMPORT + "test_a_serious_mistake_gives_exit_code_6_and_its_likely_cause",
     ),
-    "one jump of a clock": (HERE + "test_rows_behind_a_jump_of_the_clock_are_believed_again",),
+    "one jump of a clock": (HERE + "test_rows_after_a_jump_of_the_clock_are_used",),
     "limits, static recordings": (
-        IMPORT + "test_a_mistake_that_ruins_it_is_exit_6_with_the_likely_cause",
-        IMPORT + "test_a_static_recording_is_compared_with_a_model_by_its_gravity",
+        IMPORT + "test_a_serious_mistake_gives_exit_code_6_and_its_likely_cause",
+        IMPORT + "test_a_static_recording_validates_the_gravity_of_a_model",
     ),
     "the cost of the choice": (
-        REAL + "test_a_model_chosen_by_the_training_runs_alone_predicts_another_motion",
+        REAL + "test_a_model_selected_on_training_runs_predicts_another_motion",
     ),
     "a choice that loses against its own table": (
-        HERE + "test_no_term_is_chosen_that_the_data_do_not_tell_from_zero",
+        HERE + "test_no_friction_term_is_selected_that_is_insignificant",
     ),
     "a chosen model and a payload": (
         PAYLOAD + "test_a_model_with_friction_terms_of_its_own_weighs_a_payload",
         PAYLOAD + "test_friction_terms_are_an_option_where_no_model_brings_its_own",
     ),
-    "a report of several models": (REAL + "test_a_report_is_of_one_model_however_many_were_made",),
-    "the guide's way to a payload": (HERE + "test_the_guide_weighs_a_payload_as_is_best",),
+    "a report of several models": (
+        REAL + "test_a_report_contains_only_sections_of_the_latest_model",
+    ),
+    "the guide's way to a payload": (
+        HERE + "test_the_guide_identifies_a_payload_with_an_unloaded_run",
+    ),
     "documents that are cited": ("tests/test_theory.py",),
     "friction of a coupled wrist": (
         "tests/rid_daq/commands/test_friction.py",
-        HERE + "test_the_guide_says_whose_friction_that_of_a_coupled_wrist_is",
+        HERE + "test_the_guide_states_that_wrist_friction_is_per_motor",
     ),
 }
 """Tests of 26 silent mistakes, and of ten mistakes with another program's recording."""
 
 
 @pytest.mark.parametrize("found", HELD)
-def test_every_one_has_its_test(found: str) -> None:
+def test_each_listed_mistake_has_an_existing_test(found: str) -> None:
     assert len(HELD) == 36
     for name in HELD[found]:
         path, _, test = name.partition("::")
@@ -167,7 +173,7 @@ def guide(name: str) -> str:
     return " ".join((ROOT / "docs" / "guide" / name).read_text(encoding="utf-8").split())
 
 
-def test_the_guide_lists_what_data_do_not_show() -> None:
+def test_the_guide_lists_mistakes_that_data_cannot_show() -> None:
     listed = guide("find-a-mistake.md").partition("## What can go wrong")[2]
     for words in ("vertical first axis", "torque constant", "Weigh a known load", "lengths"):
         assert words in listed
@@ -175,11 +181,11 @@ def test_the_guide_lists_what_data_do_not_show() -> None:
         assert words in listed
 
 
-def test_the_guide_weighs_a_payload_as_is_best() -> None:
+def test_the_guide_identifies_a_payload_with_an_unloaded_run() -> None:
     assert "rid-daq payload identify --unloaded without" in guide("someone-elses-recording.md")
 
 
-def test_the_guide_says_whose_friction_that_of_a_coupled_wrist_is() -> None:
+def test_the_guide_states_that_wrist_friction_is_per_motor() -> None:
     assert "With a coupled wrist, the result is each motor's friction" in guide("friction.md")
 
 
@@ -194,7 +200,7 @@ def sound() -> UserFiles:
 
 @pytest.fixture
 def engineer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Engineer:
-    """Import a recording as an engineer states it, and identify it with options."""
+    """Return a function that imports a recording with an engineer's files and identifies it."""
 
     def works(stated: UserFiles, *options: str, map_text: str | None = None) -> SimpleNamespace:
         table = np.column_stack([stated.time_s, stated.position, stated.torque_nm])
@@ -214,7 +220,7 @@ def engineer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Engineer:
     return works
 
 
-def test_a_file_of_another_robot_is_told_by_the_residuals(
+def test_a_file_of_another_robot_is_detected_by_the_residuals(
     engineer: Engineer, sound: UserFiles
 ) -> None:
     rows = load_robot("kr15").kinematics.rows[:3]
@@ -225,7 +231,7 @@ def test_a_file_of_another_robot_is_told_by_the_residuals(
     assert "doubtful" in [axis["grade"] for axis in found.estimate["axes"]]
 
 
-def test_consistent_is_not_said_as_right(
+def test_physical_consistency_is_reported_together_with_the_residuals(
     engineer: Engineer, sound: UserFiles, capsys: pytest.CaptureFixture[str]
 ) -> None:
     found = engineer(sound)
@@ -237,7 +243,7 @@ def test_consistent_is_not_said_as_right(
 
 
 def drawn(robot: RobotDescription, inertia: tuple[float, ...]) -> RobotDescription:
-    """Return a robot with drawings of its links, the last one's inertia as given."""
+    """Return a robot with CAD data of its links and a given inertia of the last link."""
     chain = Chain.from_description(robot)
     links = [
         link.model_copy(update={"uncertainty": 0.1})
@@ -247,7 +253,9 @@ def drawn(robot: RobotDescription, inertia: tuple[float, ...]) -> RobotDescripti
     return robot.model_copy(update={"cad": tuple(links)})
 
 
-def test_zeros_of_drawings_do_not_become_knowledge(engineer: Engineer, sound: UserFiles) -> None:
+def test_zero_inertias_of_cad_data_are_not_used_as_prior(
+    engineer: Engineer, sound: UserFiles
+) -> None:
     values = {}
     for name, options in (("data", ()), ("drawn", ("--cad-prior",))):
         stated = replace(sound, robot=drawn(sound.robot, (0.0,) * 6))
@@ -259,10 +267,10 @@ def test_zeros_of_drawings_do_not_become_knowledge(engineer: Engineer, sound: Us
         assert drawn_sigma > 0.8 * sigma
 
 
-def test_no_term_is_chosen_that_the_data_do_not_tell_from_zero(
+def test_no_friction_term_is_selected_that_is_insignificant(
     engineer: Engineer, sound: UserFiles
 ) -> None:
-    """Nine seconds, and no joint whose friction grows with its load."""
+    """The recording lasts nine seconds, and no joint has load-dependent friction."""
     short = sound.time_s < 9.0
     cut = {key: getattr(sound, key)[short] for key in ("time_s", "position", "torque_nm")}
     found = engineer(replace(sound, **cut), "--choose")
@@ -286,7 +294,7 @@ A12 = [
 
 
 @pytest.mark.parametrize(("file", "right", "wrong", "said"), A12)
-def test_check_refuses_a_value_in_another_unit(
+def test_check_refuses_a_value_in_a_wrong_unit(
     file: str,
     right: str,
     wrong: str,
@@ -307,7 +315,7 @@ def test_check_refuses_a_value_in_another_unit(
     assert said in " ".join(capsys.readouterr().err.split())
 
 
-def test_a_clock_of_a_real_recording_is_told_with_its_factor(
+def test_a_wrong_clock_of_a_real_recording_is_reported_with_its_factor(
     real_robot: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     table = np.loadtxt(real_robot / "ur-20_01_31-unload.csv", delimiter=",")[300:1800]
@@ -323,7 +331,7 @@ def test_a_clock_of_a_real_recording_is_told_with_its_factor(
     assert "Multiply the times by 0.9" in said[0]
 
 
-def test_rows_without_stamps_and_a_zero_of_its_own_are_read_by_the_map(
+def test_a_map_with_rate_and_zero_offset_reads_rows_without_time_stamps(
     engineer: Engineer, sound: UserFiles
 ) -> None:
     turned = sound.position + np.array([0.0, 0.5, 0.0])
@@ -336,10 +344,8 @@ def test_rows_without_stamps_and_a_zero_of_its_own_are_read_by_the_map(
     np.testing.assert_allclose(read, plain, rtol=1e-3, atol=1e-3)
 
 
-def test_rows_behind_a_jump_of_the_clock_are_believed_again(
-    engineer: Engineer, sound: UserFiles
-) -> None:
-    """A stamp comes late, those behind it are in time: thousands of rows were left out once."""
+def test_rows_after_a_jump_of_the_clock_are_used(engineer: Engineer, sound: UserFiles) -> None:
+    """One time stamp is late and the following ones are right; the following rows must be used."""
     time_s = sound.time_s.copy()
     time_s[1500:] -= 0.0098
     text = sound.map_text + "plausible: {position: 7.0, speed: 2.7, torque: 800.0}\n"

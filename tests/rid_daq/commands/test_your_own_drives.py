@@ -1,4 +1,4 @@
-"""Drives of another family on the command line, and the preflight's lines about them."""
+"""Drives of other manufacturers on the command line, and their lines in the preflight."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def checked(
 
 
 @pytest.mark.slow
-def test_a_drive_without_6007h_is_ready_by_its_trial(
+def test_a_drive_without_6007h_is_accepted_after_its_watchdog_trial(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     lines = checked(tmp_path, EPOS, capsys, 0)
@@ -44,7 +44,7 @@ def test_a_drive_without_6007h_is_ready_by_its_trial(
 
 
 @pytest.mark.slow
-def test_a_drive_that_says_it_is_not_homed_stops_check_and_record(
+def test_a_drive_that_is_not_homed_fails_check_and_record(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["init", str(tmp_path / "mine")]) == 0
@@ -69,7 +69,7 @@ def test_a_drive_that_says_it_is_not_homed_stops_check_and_record(
 
 
 @pytest.mark.slow
-def test_drives_with_life_guarding_are_ready_by_their_trial(
+def test_drives_with_life_guarding_are_accepted_after_their_watchdog_trial(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     guarded = "servo: {watch: life_guarding, lacks: [1016h, 1017h, 1400h:05]}\n"
@@ -82,7 +82,7 @@ def test_drives_with_life_guarding_are_ready_by_their_trial(
 
 
 @pytest.mark.slow
-def test_drives_that_lack_what_the_standard_has_are_told_which_key_stands_for_it(
+def test_the_key_that_replaces_a_missing_standard_object_is_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     lines = checked(tmp_path, "servo: {lacks: [608Fh, 60C2h]}\n", capsys, 3)
@@ -93,10 +93,10 @@ def test_drives_that_lack_what_the_standard_has_are_told_which_key_stands_for_it
 
 
 @pytest.mark.slow
-def test_fixed_pdos_and_a_torque_that_is_asked_for_are_recorded_like_others(
+def test_drives_with_fixed_pdos_or_polled_torque_record_the_same_torques(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """One axis of each kind, from the trial of the watches to the recording, in lock-step."""
+    """One axis of each kind is checked and recorded in lock-step."""
     assert run(["init", str(tmp_path)]) == 0
     motion = tmp_path / "validation.yaml"
     motion.write_text(motion.read_text().replace("points: 20", "points: 3"))
@@ -121,5 +121,5 @@ def test_fixed_pdos_and_a_torque_that_is_asked_for_are_recorded_like_others(
     standard, other = standard[:length], other[:length]
     power = np.mean(standard**2, axis=0)
     assert np.mean(standard * other, axis=0) / power == pytest.approx(np.ones(3), abs=0.03)
-    # commands in whole rpm, taken up by a ramp and not in between two SYNCs, are not so smooth
+    # commands in whole rpm, executed with a ramp and without interpolation, are less smooth
     assert np.all(np.mean((standard - other) ** 2, axis=0) < 0.2**2 * power)
