@@ -15,7 +15,7 @@ from identification.design.two_harmonic import TwoHarmonicOptions, design_two_ha
 from tests.builders.invented import whole_result
 
 PATIENCE_MS = 180_000
-"""It ends a test of a page that fails; one that passes never waits for it."""
+"""Timeout of a page test that fails; a test that passes never waits so long."""
 QUIET = (
     *("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
@@ -24,9 +24,9 @@ QUIET = (
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    """Debian's chromium, one for a file of tests; without it they are skipped, in CI they fail.
+    """Start Debian's chromium once for each file; without it tests are skipped, in CI they fail.
 
-    Playwright has an event loop under way as long as it lasts: no other may begin in its process.
+    Playwright keeps an event loop running until the end: its process must not start another one.
     """
     chromium = shutil.which("chromium")
     if chromium is None and not os.environ.get("CI"):
@@ -41,7 +41,7 @@ def browser() -> Iterator[Browser]:
 
 @pytest.fixture(scope="session")
 def six_axis_motion(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int], Path]:
-    """Return what writes a short motion of the six-axis cell, of so many periods, to a file."""
+    """Return a function that writes a short periodic motion of the six-axis cell to a file."""
 
     def written(periods: int) -> Path:
         cell = load_cell("kr15")
@@ -61,19 +61,19 @@ def six_axis_motion(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int],
 
 @pytest.fixture
 def runs(workshop: Path) -> list[str]:
-    """The option that names the runs of a file's own `workshop`."""
+    """Return the option for the runs folder of the file's `workshop`."""
     return ["--runs", str(workshop / "runs")]
 
 
 @pytest.fixture
 def result() -> dict[str, Any]:
-    """A whole result document with invented numbers: every section of the report is there."""
+    """Return a result document with invented numbers and every section of the report."""
     return whole_result()
 
 
 @pytest.fixture(scope="session")
 def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A certificate with its key, for servers by TLS."""
+    """Return files of a TLS certificate and its key."""
     folder = tmp_path_factory.mktemp("tls")
     key, cert = folder / "key.pem", folder / "cert.pem"
     subprocess.run(

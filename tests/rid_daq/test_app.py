@@ -41,13 +41,11 @@ CODES = {
 
 
 @pytest.mark.parametrize(("kind", "code"), CODES.items(), ids=lambda x: getattr(x, "__name__", x))
-def test_every_error_of_the_tree_has_its_exit_code(
-    kind: type[errors.RidDaqError], code: int
-) -> None:
+def test_every_error_class_has_its_exit_code(kind: type[errors.RidDaqError], code: int) -> None:
     assert exit_code_of(kind("what, where, what to do")) == code
 
 
-def test_no_error_of_the_tree_is_without_a_code_of_its_own() -> None:
+def test_the_table_of_exit_codes_lists_every_error_class() -> None:
     def below(kind: type[errors.RidDaqError]) -> set[type[errors.RidDaqError]]:
         return {kind}.union(*(below(child) for child in kind.__subclasses__()))
 
@@ -56,7 +54,7 @@ def test_no_error_of_the_tree_is_without_a_code_of_its_own() -> None:
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_every_command_explains_itself(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_command_has_a_help_text(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run([name, "--help"]) == 0
     assert f"rid-daq {name}" in capsys.readouterr().out
 
@@ -85,7 +83,7 @@ def test_the_list_of_commands_is_shown_without_importing_any(
         (["demo", "--sed", "1"], "No such option"),
     ],
 )
-def test_a_mistyped_command_line_is_usage(
+def test_a_mistyped_command_line_gives_exit_code_2(
     words: list[str], said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(words) == ExitCode.USAGE
@@ -96,18 +94,18 @@ def test_a_mistyped_command_line_is_usage(
     assert json.loads(capsys.readouterr().out)["error"]["kind"] == "UsageError"
 
 
-class Nothing(Request):
-    """Do what a test wants."""
+class EmptyRequest(Request):
+    """Do what a test needs."""
 
 
 def command_that(does: Callable[[], object], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let `rid-daq recover` do something else."""
+    """Replace the operation of `rid-daq recover`."""
 
-    def run_it(_request: Nothing, _context: object) -> OperationResult:
+    def run_it(_request: EmptyRequest, _context: object) -> OperationResult:
         does()
         raise AssertionError
 
-    found = Operation("recover", "Recover", Nothing, run_it, ())
+    found = Operation("recover", "Recover", EmptyRequest, run_it, ())
     monkeypatch.setattr("rid_daq.command_line.root.operation", lambda _name: found)
 
 
@@ -118,7 +116,7 @@ def command_that_raises(error: BaseException, monkeypatch: pytest.MonkeyPatch) -
     command_that(fail, monkeypatch)
 
 
-def test_an_error_is_one_message_and_its_code(
+def test_an_error_gives_one_message_and_its_exit_code(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     error = errors.PreflightError("node 3: 6007h is 0")
@@ -129,7 +127,7 @@ def test_an_error_is_one_message_and_its_code(
     assert captured.out == ""
 
 
-def test_what_the_system_says_of_a_file_is_one_message(
+def test_an_operating_system_error_of_a_file_gives_one_message(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def closed(*_arguments: object) -> object:
@@ -141,7 +139,7 @@ def test_what_the_system_says_of_a_file_is_one_message(
     assert capsys.readouterr().err == expected
 
 
-def test_with_json_an_error_is_a_document_too(
+def test_with_json_an_error_is_a_document(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     error = errors.LockedError("held by process 7")
@@ -151,20 +149,20 @@ def test_with_json_an_error_is_a_document_too(
     assert problem == {"kind": "LockedError", "message": "held by process 7", "exit_code": 8}
 
 
-def test_ctrl_c_is_130(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_gives_exit_code_130(monkeypatch: pytest.MonkeyPatch) -> None:
     command_that_raises(KeyboardInterrupt(), monkeypatch)
     assert run(["recover"]) == ExitCode.INTERRUPTED
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_is_told_with_json_too(
+def test_with_json_a_signal_is_a_document(
     number: signal.Signals, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def be_told() -> None:
+    def raise_signal() -> None:
         signal.signal(number, app._end_once)
         signal.raise_signal(number)
 
-    command_that(be_told, monkeypatch)
+    command_that(raise_signal, monkeypatch)
     code, word = (130, "interrupted") if number is signal.SIGINT else (143, "terminated")
     assert run(["recover", "--json"]) == code
     captured = capsys.readouterr()
@@ -176,7 +174,9 @@ def test_a_signal_is_told_with_json_too(
     }
 
 
-def test_ctrl_c_while_a_command_is_imported_waits(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_during_the_import_of_a_command_takes_effect_afterwards(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     heard: list[int] = []
     signal.signal(signal.SIGINT, lambda number, _frame: heard.append(number))
 
@@ -204,13 +204,13 @@ def test_ctrl_c_while_the_program_is_imported_leaves_no_traceback() -> None:
     assert (ended.returncode, ended.stderr) == (-signal.SIGINT, b"")
 
 
-def test_a_bug_is_not_dressed_up_as_a_users_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_internal_error_is_not_reported_as_a_user_error(monkeypatch: pytest.MonkeyPatch) -> None:
     command_that_raises(ZeroDivisionError(), monkeypatch)
     with pytest.raises(ZeroDivisionError):
         run(["recover"])
 
 
-def test_a_reader_of_the_help_may_close_the_pipe() -> None:
+def test_a_closed_pipe_during_help_is_not_an_error() -> None:
     reading, writing = os.pipe()
     os.close(reading)
     ended = subprocess.run(
@@ -223,7 +223,7 @@ def test_a_reader_of_the_help_may_close_the_pipe() -> None:
     assert (ended.returncode, ended.stderr) == (0, b"")
 
 
-def test_a_pipe_that_breaks_elsewhere_is_no_closed_output(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_broken_pipe_other_than_the_output_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     with Path(os.devnull).open("w") as output:
         monkeypatch.setattr(sys, "stdout", output)
         command_that_raises(BrokenPipeError(errno.EPIPE, "Broken pipe"), monkeypatch)
@@ -238,7 +238,7 @@ def test_control_characters_of_devices_never_reach_the_terminal() -> None:
 @pytest.mark.parametrize(
     ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 143)]
 )
-def test_the_first_signal_ends_the_program_and_later_ones_change_nothing(
+def test_the_first_signal_ends_the_program_and_later_ones_are_ignored(
     number: signal.Signals, code: int
 ) -> None:
     numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -253,7 +253,7 @@ def test_the_first_signal_ends_the_program_and_later_ones_change_nothing(
             signal.signal(other, handler)
 
 
-def test_a_command_that_is_shown_can_be_typed() -> None:
+def test_a_shown_command_is_quoted_for_the_shell() -> None:
     words = ("check", Path("Zelle Ü 1") / "cell.yaml")
     assert as_command(*words) == "rid-daq check 'Zelle Ü 1/cell.yaml'"
     assert as_command("check", "ir361") == "rid-daq check ir361"

@@ -1,4 +1,4 @@
-"""Bash, zsh and fish complete commands, options and what they choose among, without numerics."""
+"""Bash, zsh and fish complete commands, options and choices without importing NumPy."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rid_daq.command_line.root import COMMANDS
 
 @pytest.fixture
 def environment(tmp_path: Path) -> dict[str, str]:
-    """Return an environment with a program that says what it has imported when it ends."""
+    """Return an environment with a program that reports its imported modules at its end."""
     program = tmp_path / "rid-daq"
     program.write_text(
         f"#!{sys.executable}\nimport atexit, sys\n"
@@ -34,7 +34,7 @@ def environment(tmp_path: Path) -> dict[str, str]:
 
 
 def typed_in(shell: str, arguments: list[str], environment: dict[str, str]) -> list[str]:
-    """Let a shell run a script, and return the lines that it writes."""
+    """Run a script in a shell, and return its output lines."""
     if shutil.which(shell) is None:
         pytest.skip(f"{shell} is not installed")
     done = subprocess.run(
@@ -63,7 +63,7 @@ def test_bash_completes_commands_without_importing_any(environment: dict[str, st
     assert sorted(names.split()) == WITH_RE
 
 
-def test_zsh_completes_commands_and_options_with_what_they_are(
+def test_zsh_completes_commands_and_options_with_descriptions(
     environment: dict[str, str],
 ) -> None:
     typed = (
@@ -95,7 +95,7 @@ def test_fish_completes_commands_options_and_commands_of_groups(
 
 
 @pytest.mark.parametrize("command", ["design", "retime"])
-def test_bash_completes_what_is_no_option_as_a_file(
+def test_bash_completes_a_word_that_is_not_an_option_as_a_file(
     command: str, environment: dict[str, str]
 ) -> None:
     typed = (
@@ -105,7 +105,7 @@ def test_bash_completes_what_is_no_option_as_a_file(
     assert typed_in("bash", ["--norc", "-c", typed], environment) == ["default", "0"]
 
 
-def test_a_word_after_an_option_is_one_of_its_choices(environment: dict[str, str]) -> None:
+def test_the_choices_of_an_option_are_completed(environment: dict[str, str]) -> None:
     typed = (
         'eval "$(_RID_DAQ_COMPLETE=bash_source rid-daq)";'
         "COMP_WORDS=(rid-daq design --kind rev) COMP_CWORD=3; _rid_daq_completion rid-daq;"
@@ -135,7 +135,7 @@ def test_completion_is_installed_once_and_for_one_user(
     for name in ("XDG_DATA_HOME", "XDG_CONFIG_HOME"):
         monkeypatch.delenv(name, raising=False)
         environment.pop(name, None)
-    (tmp_path / ".bashrc").write_text("alias ll='ls -l'")  # no end of line
+    (tmp_path / ".bashrc").write_text("alias ll='ls -l'")  # without a line end
     assert run(["--install-completion"]) == 0
     written = {name: (tmp_path / name).read_bytes() for name in files}
     assert run(["--install-completion", shell]) == 0

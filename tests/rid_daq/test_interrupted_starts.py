@@ -1,4 +1,4 @@
-"""Ctrl-C while a process starts: its owner is interrupted and leaves no process behind."""
+"""Ctrl-C while a process starts: the starting program leaves no process behind."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ pytestmark = pytest.mark.slow
 
 
 def wait_at(pipe: Any) -> None:
-    """Be a device that waits."""
+    """Run as a device that waits."""
     leave_signals_to_parent()
     pipe.recv()
 
@@ -48,14 +48,14 @@ def start_stories(folder: Path) -> None:
 
 @pytest.fixture
 def started(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
-    """Let Ctrl-C come as each process has just been started; list them.
+    """Raise SIGINT after the start of each process; list the processes.
 
-    The kernel hands it to any thread that takes it: here not to the one that starts processes.
+    The kernel delivers a signal to any thread: here not to the one that starts processes.
     """
     pids: list[int] = []
     start = SpawnProcess.start
     with ThreadPoolExecutor(1) as other:
-        other.submit(int).result()  # it runs, and takes signals
+        other.submit(int).result()  # the thread runs and can receive signals
 
         def interrupted(process: SpawnProcess) -> None:
             start(process)
@@ -78,7 +78,7 @@ def started(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
     ],
     ids=["device", "frames", "points", "check", "demo"],
 )
-def test_no_process_is_left_behind(
+def test_ctrl_c_during_a_start_leaves_no_process(
     owner: Callable[[Path], object], started: list[int], tmp_path: Path
 ) -> None:
     with pytest.raises(KeyboardInterrupt):

@@ -24,7 +24,7 @@ def columns(request: pytest.FixtureRequest) -> int:
 
 @pytest.fixture
 def bare(tmp_path: Path) -> str:
-    """The bundled cell without its force plate, under a name and on a bus of its own."""
+    """Return the bundled cell without its force plate, with another name and bus."""
     found = load_cell("ir361").config
     can = found.can.model_copy(update={"channel": f"screens{os.getpid()}"})
     changes = {"plate": None, "name": "arm", "can": can}
@@ -32,23 +32,23 @@ def bare(tmp_path: Path) -> str:
     return str(tmp_path / "arm.yaml")
 
 
-def at(columns: int, folder: Path, *words: object) -> Typist:
-    """Have a command in a terminal, and no other session in its way."""
+def run_in_terminal(columns: int, folder: Path, *words: object) -> Typist:
+    """Return a terminal in which a command runs, with separate session locks."""
     size = {"COLUMNS": str(columns), "LINES": "100", "TERM": "xterm-256color"}
     places = {"RID_DAQ_LOCKS": str(folder)}
     return Typist(*words, environment={**size, **places, "FORCE_COLOR": "1"})
 
 
 def shown(person: Typist, columns: int, words: Sequence[str]) -> list[str]:
-    """Keep what a terminal shows, and return its lines, which fit."""
+    """Store the screen of a terminal; return its lines, which must fit the width."""
     screen = Screen(tuple(words), columns, person.shown)
     keep(screen, "live")
     assert too_wide([line for line in screen.lines if line], columns) == []
     return screen.lines
 
 
-def test_a_served_cell_says_how_it_is_used(columns: int, tmp_path: Path, bare: str) -> None:
-    with at(columns, tmp_path, "mock", bare) as person:
+def test_mock_shows_how_to_use_the_served_cell(columns: int, tmp_path: Path, bare: str) -> None:
+    with run_in_terminal(columns, tmp_path, "mock", bare) as person:
         person.sees("Next, in another terminal:")
         person.program.send_signal(signal.SIGINT)
         assert person.ends() == 0
@@ -57,11 +57,11 @@ def test_a_served_cell_says_how_it_is_used(columns: int, tmp_path: Path, bare: s
     assert lines[-1] == "Ended."
 
 
-def test_a_service_says_where_its_pages_are(columns: int, tmp_path: Path, bare: str) -> None:
+def test_a_service_shows_the_address_of_its_pages(columns: int, tmp_path: Path, bare: str) -> None:
     folder = tmp_path / "folder"
     folder.mkdir()
     words = ["serve", bare, "--folder", folder, "--listen", "127.0.0.1:0"]
-    with at(columns, tmp_path, *words) as person:
+    with run_in_terminal(columns, tmp_path, *words) as person:
         person.sees("Ctrl-C")
         person.sees("serving arm")
         person.program.send_signal(signal.SIGINT)
@@ -74,12 +74,12 @@ def test_a_service_says_where_its_pages_are(columns: int, tmp_path: Path, bare: 
 
 
 def test_a_jog_is_stopped_from_another_terminal(columns: int, tmp_path: Path, bare: str) -> None:
-    with at(columns, tmp_path, "jog", bare, "--runs", tmp_path / "runs") as person:
+    with run_in_terminal(columns, tmp_path, "jog", bare, "--runs", tmp_path / "runs") as person:
         person.sees("Ready: hold the key.")
         person.type("3")
         with person.holding("-"):
             person.sees("measuring", 2)
-        with at(columns, tmp_path, "stop") as other:
+        with run_in_terminal(columns, tmp_path, "stop") as other:
             assert other.ends() == 0
         assert person.ends() == 5
         person.sees("report.html")
@@ -93,8 +93,8 @@ def test_a_jog_is_stopped_from_another_terminal(columns: int, tmp_path: Path, ba
     assert stopped.endswith("before the next motion.")
 
 
-def test_a_jog_that_is_ended_by_its_key_says_where_its_run_is(tmp_path: Path, bare: str) -> None:
-    with at(80, tmp_path, "jog", bare, "--runs", tmp_path / "runs") as person:
+def test_a_jog_ended_by_its_key_shows_its_run_folder(tmp_path: Path, bare: str) -> None:
+    with run_in_terminal(80, tmp_path, "jog", bare, "--runs", tmp_path / "runs") as person:
         person.sees("Ready: hold the key.")
         person.type("q")
         assert person.ends() == 0

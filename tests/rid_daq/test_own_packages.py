@@ -1,4 +1,4 @@
-"""Foreign packages and files with our names, in the folder and in the environment."""
+"""Foreign packages and files with the names of our packages."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from config.process.own_process import own_python
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Return a person's folder with files of our packages' names."""
+    """Return a user's folder with files that have the names of our packages."""
     (tmp_path / "config.py").write_text("raise SystemExit('the wrong config')\n")
     (tmp_path / "drivers").mkdir()
     (tmp_path / "drivers" / "__init__.py").write_text("raise SystemExit('the wrong drivers')\n")
@@ -28,14 +28,16 @@ def folder(tmp_path: Path) -> Path:
         own_python("rid_daq", "--version"),
     ],
 )
-def test_a_persons_files_are_not_taken_for_ours(command: list[str], folder: Path) -> None:
+def test_files_in_the_working_folder_do_not_hide_our_packages(
+    command: list[str], folder: Path
+) -> None:
     done = subprocess.run(
         command, cwd=folder, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False
     )
     assert done.returncode == 0, done.stderr
 
 
-def test_a_foreign_package_in_the_environment_is_named_with_what_to_do(folder: Path) -> None:
+def test_a_foreign_package_in_the_environment_is_named_with_a_remedy(folder: Path) -> None:
     done = subprocess.run(
         own_python("rid_daq", "--version"),
         env={**os.environ, "PYTHONPATH": str(folder)},

@@ -21,10 +21,10 @@ def test_the_help_of_every_command_fits(columns: int) -> None:
         assert len(screen.lines) > 5
         assert not [line for line in screen.lines[1:] if " range>" in line or line.endswith("...")]
     widest = max(cell_len(line) for screen in screens for line in screen.lines)
-    assert widest > columns - 5  # the width that is there is used
+    assert widest > columns - 5  # the available width is used
 
 
-def test_a_screen_is_a_picture_in_either_theme() -> None:
+def test_a_screen_is_written_as_a_picture_in_both_themes() -> None:
     screen = next(each for each in helps(80) if each.words == ("stop", "--help"))
     light, dark = (screen.svg(theme) for theme in THEMES.values())
     assert light.startswith("<svg")
@@ -33,7 +33,7 @@ def test_a_screen_is_a_picture_in_either_theme() -> None:
 
 
 @pytest.mark.long
-def test_what_commands_say_on_a_simulated_cell_fits(tmp_path: Path) -> None:
+def test_the_output_of_commands_on_a_simulated_cell_fits(tmp_path: Path) -> None:
     count = 0
     for count, (words, calls) in enumerate(story(tmp_path), start=1):
         require_fitting(words, calls, f"{count:02d}")

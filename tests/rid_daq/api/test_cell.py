@@ -1,4 +1,4 @@
-"""A cell of a service from Python: its state, a job, a motion that is recorded."""
+"""A cell of a service from Python: its state, a job, a recorded motion."""
 
 from __future__ import annotations
 
@@ -41,6 +41,6 @@ def test_a_motion_is_recorded_and_identified(service: str) -> None:
     assert identify(recording, diagnose=False).problems == ()
 
 
-def test_a_cell_that_is_not_leased_does_nothing() -> None:
+def test_a_job_on_a_cell_that_is_not_leased_is_refused() -> None:
     with raises_code(ConfigError, "RID-API-ARGUMENT"):
         Cell("ir361").run("check")

@@ -1,4 +1,4 @@
-"""A model from arrays: recordings in, parameters, torques and other programs' models out."""
+"""A model identified from arrays: parameters, torques and models for other programs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.builders.raised_codes import raises_code
 from tests.rid_daq.api.conftest import Arm
 
 
-def test_intervals_hold_the_true_parameters(model: Model, arm: Arm) -> None:
+def test_intervals_contain_the_true_parameters(model: Model, arm: Arm) -> None:
     true = model.estimate.base.from_standard(arm.theta)
     inside = [
         low <= value <= high
@@ -28,7 +28,7 @@ def test_intervals_hold_the_true_parameters(model: Model, arm: Arm) -> None:
     assert np.all(model.residual_percent < 5.0)
 
 
-def test_the_torques_are_those_of_the_true_arm(model: Model, arm: Arm) -> None:
+def test_predicted_torques_equal_those_of_the_true_arm(model: Model, arm: Arm) -> None:
     _, q, v, a = arm.motion(7, 5.0)
     error = model.inverse_dynamics(q, v, a) - arm.torque_nm(q, v, a)
     assert np.all(np.sqrt(np.mean(error**2, axis=0)) < 2.0)
@@ -56,7 +56,7 @@ def test_mass_matrix_and_friction_are_parts_of_the_inverse_dynamics(model: Model
     np.testing.assert_allclose(moved, model.friction(creeping), atol=0.05)
 
 
-def test_a_saved_model_is_the_same_model(model: Model, tmp_path: Path) -> None:
+def test_a_saved_and_loaded_model_is_equal(model: Model, tmp_path: Path) -> None:
     model.save(tmp_path / "model.json")
     again = Model.load(tmp_path / "model.json")
     np.testing.assert_array_equal(again.values, model.values)
@@ -96,7 +96,7 @@ def test_without_mujoco_the_error_says_what_to_install(
         model.to_mujoco()
 
 
-def test_the_urdf_is_read_back_as_a_robot(model: Model, tmp_path: Path) -> None:
+def test_an_exported_urdf_is_read_as_a_robot(model: Model, tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text(model.to_urdf(), encoding="utf-8")
     robot = Robot.from_urdf(tmp_path / "arm.urdf")
     assert robot.joint_names == model.robot.joint_names
@@ -119,7 +119,7 @@ def test_a_validation_passes_on_another_motion_only(
         validate(model, train)
 
 
-def test_a_wrong_sign_is_a_problem_of_the_model(arm: Arm) -> None:
+def test_a_wrong_torque_sign_is_reported_as_a_problem(arm: Arm) -> None:
     time_s, q, v, a = arm.motion(5, 20.0)
     wrong = arm.torque_nm(q, v, a) * np.array([1.0, -1.0, 1.0])
     model = identify(Recording.from_arrays(time_s, q, wrong, robot=arm.robot))
@@ -146,12 +146,12 @@ def test_options_of_the_request_are_checked(train: Recording) -> None:
         identify([])
 
 
-def test_friction_terms_are_those_asked_for(train: Recording) -> None:
+def test_the_model_has_the_requested_friction_terms(train: Recording) -> None:
     model = identify(train, friction=["coulomb", "viscous"], diagnose=False)
     assert not [p for p in model.parameters if p.name.startswith("fo_")]
 
 
-def test_a_run_folder_of_rid_daq_is_a_recording(run_folder: Path, model: Model) -> None:
+def test_a_run_folder_is_read_as_a_recording(run_folder: Path, model: Model) -> None:
     before = {path: path.read_bytes() for path in run_folder.iterdir()}
     recording = read_recording(run_folder)
     assert recording.is_periodic
@@ -178,7 +178,7 @@ def test_progress_is_reported_and_nothing_is_printed(
     assert capfd.readouterr() == ("", "")
 
 
-def test_another_description_of_the_robot_needs_the_same_joints(train: Recording, arm: Arm) -> None:
+def test_a_robot_description_with_other_joints_is_refused(train: Recording, arm: Arm) -> None:
     with raises_code(ConfigError, "RID-ROBOT-OTHER", "joint1"):
         identify(train, robot=Robot.load("ur10e"))
     with raises_code(ConfigError, "RID-API-ARGUMENT", "(samples, 6)"):

@@ -1,4 +1,4 @@
-"""Motions from Python: designed, through points, retimed, compensated, drawn."""
+"""Motions from Python: design, points, retiming, compensation and plots."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_a_design_reports_its_starts() -> None:
     assert seen[-1] >= 1.0
 
 
-def test_a_path_is_driven_faster_within_the_torque_limits(path: Motion, model: Model) -> None:
+def test_a_path_is_retimed_within_the_torque_limits(path: Motion, model: Model) -> None:
     faster = retime(path, model, margin=0.1)
     assert faster.duration_s < path.duration_s
     limits = [joint.limits.torque for joint in model.robot.description.joints]
@@ -83,7 +83,7 @@ def test_a_feedforward_changes_the_speeds_and_is_saved(
         ahead.save(tmp_path / "feedforward.json")
 
 
-def test_everything_is_drawn(
+def test_motion_model_recording_and_validation_are_plotted(
     path: Motion, model: Model, train: Recording, arm: Arm, tmp_path: Path
 ) -> None:
     validation = validate(model, arm.recording(2))

@@ -1,4 +1,4 @@
-"""A payload from Python: identified from arrays, judged, saved and handed to a controller."""
+"""A payload from Python: identified from arrays, checked, saved and exported for a controller."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def payload(arm: Arm) -> Payload:
     return identify_payload(with_payload(arm, 21, MASS_KG), arm.recording(22, 30.0))
 
 
-def test_the_intervals_hold_mass_and_centre(payload: Payload) -> None:
+def test_the_intervals_contain_mass_and_centre(payload: Payload) -> None:
     true = (MASS_KG, *CENTRE_M)
     for parameter, value in zip(payload.parameters, true, strict=False):
         low, high = parameter.interval
@@ -55,7 +55,7 @@ def test_a_payload_is_saved_and_loaded(payload: Payload, tmp_path: Path) -> None
         payload.save(tmp_path / "payload.json")
 
 
-def test_only_a_payload_that_passed_is_handed_to_a_controller(payload: Payload) -> None:
+def test_only_a_payload_that_passed_is_exported_for_a_controller(payload: Payload) -> None:
     with raises_code(ConfigError, "RID-REQUEST-INVALID", "kuka"):
         payload.load_data("none")
     if payload.passed:
@@ -65,7 +65,7 @@ def test_only_a_payload_that_passed_is_handed_to_a_controller(payload: Payload) 
         payload.load_data("ur")
 
 
-def test_a_known_mass_is_held(arm: Arm) -> None:
+def test_a_known_mass_is_not_estimated(arm: Arm) -> None:
     found = identify_payload(
         with_payload(arm, 21, MASS_KG), arm.recording(22, 30.0), known={"m": (MASS_KG, 0.0)}
     )

@@ -15,7 +15,7 @@ BLOCK = re.compile(r"((?:^    .*\n|^\n)+)", re.MULTILINE)
 
 
 @pytest.mark.slow
-def test_the_example_of_the_readme_prints_what_it_says(
+def test_the_example_of_the_readme_prints_the_shown_output(
     real_robot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     text = README.read_text(encoding="utf-8")

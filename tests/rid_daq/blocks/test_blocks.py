@@ -92,17 +92,17 @@ def test_digits_follow_from_the_interval_or_from_the_column() -> None:
 
 
 @pytest.mark.parametrize("rows", [(("axis1",),), (("axis1", 1.0, 2.0),)])
-def test_a_row_has_a_cell_for_every_column(rows: tuple[tuple[str | float, ...], ...]) -> None:
+def test_a_row_with_a_missing_cell_is_refused(rows: tuple[tuple[str | float, ...], ...]) -> None:
     with pytest.raises(ValidationError):
         Table(columns=TABLE.columns, rows=rows)
 
 
-def test_a_line_has_as_many_x_as_y() -> None:
+def test_a_line_with_unequal_numbers_of_x_and_y_is_refused() -> None:
     with pytest.raises(ValidationError):
         Line(label="a", x=(0.0, 1.0), y=(0.0,), stroke="ink")
 
 
-def test_blocks_survive_json() -> None:
+def test_blocks_are_restored_from_json() -> None:
     blocks = (
         Heading(text="Result"),
         Text(text="A sentence."),
@@ -129,7 +129,7 @@ def test_a_terminal_shows_text_tables_and_the_next_command(
     ]
 
 
-def test_a_plot_that_is_zoomed_has_every_part() -> None:
+def test_an_interactive_plot_has_every_part() -> None:
     figure = plot_figure(PLOT)
     glyphs = [
         type(each.glyph).__name__ for each in figure.references() if isinstance(each, GlyphRenderer)
@@ -151,7 +151,7 @@ def test_a_plot_that_is_zoomed_has_every_part() -> None:
         assert word in text
 
 
-def test_a_plot_on_paper_has_the_same_words() -> None:
+def test_a_static_plot_has_the_same_texts() -> None:
     text = str(plot_svg(PLOT, "a"))
     for word in ("time [s]", "torque [N m]", "frequency [Hz]", "model", "measured", "residual"):
         assert f">{word}<" in text
@@ -161,7 +161,7 @@ def test_a_plot_on_paper_has_the_same_words() -> None:
     assert "var(--red)" in text
 
 
-def test_panels_stand_beside_each_other_as_far_as_columns_allow() -> None:
+def test_panels_are_arranged_in_rows_of_the_given_number_of_columns() -> None:
     panels = tuple(PLOT.panels[1].model_copy(update={"title": f"axis{j}"}) for j in range(5))
     grid = Plot(name="grid", panels=panels, columns=3)
     text = str(plot_svg(grid, "a"))

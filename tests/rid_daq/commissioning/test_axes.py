@@ -1,4 +1,4 @@
-"""`rid-daq axes` on simulated drives, in lock-step: mistakes of wiring and files are named."""
+"""`rid-daq axes` on simulated drives in lock-step: mistakes in wiring and files are named."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def served() -> Iterator[SimulatedCell]:
-    """The devices of the bundled cell, on its own bus."""
+    """Serve the devices of the bundled cell on its bus."""
     loaded = load_cell("ir361")
     assert loaded.plant is not None
     simulation = CellSimulation(
@@ -36,7 +36,7 @@ def served() -> Iterator[SimulatedCell]:
         yield simulated
 
 
-def test_a_reversed_axis_is_found_within_two_degrees_and_the_others_are_signed(
+def test_a_reversed_axis_is_found_within_two_degrees_and_the_other_axes_pass(
     served: SimulatedCell, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     text = read_named("ir361", "cells", None)[0].decode()
@@ -56,7 +56,7 @@ def test_a_reversed_axis_is_found_within_two_degrees_and_the_others_are_signed(
     assert [each["joint"] for each in signed["axes"]] == ["axis2", "axis3"]
 
 
-def test_a_wrong_gear_in_the_robot_file_is_found_by_what_the_robot_does(
+def test_a_wrong_gear_ratio_is_found_from_the_motion(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     cell = read_named("ir361", "cells", None)[0].decode()
@@ -78,7 +78,7 @@ def test_a_wrong_gear_in_the_robot_file_is_found_by_what_the_robot_does(
     assert found == pytest.approx(121.0, rel=0.1)
 
 
-def test_a_person_holds_the_key_and_says_what_was_seen(
+def test_a_reversed_direction_reported_by_the_user_is_named(
     served: SimulatedCell, tmp_path: Path
 ) -> None:
     words = ["axes", "ir361", "--joint", "axis2", "--runs", tmp_path]
@@ -94,7 +94,7 @@ def test_a_person_holds_the_key_and_says_what_was_seen(
         assert "axis2: direction: -1 (is 1)" in " ".join(person.shown.split())
 
 
-def test_a_real_cell_is_recorded_after_the_axis_test_or_with_a_word_in_its_manifest(
+def test_record_needs_the_axis_test_or_notes_its_waiver_in_the_manifest(
     served: SimulatedCell, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     cell = tmp_path / "cell.json"

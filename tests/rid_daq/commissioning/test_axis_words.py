@@ -1,4 +1,4 @@
-"""Direction of a joint in words that a person can compare with the visible motion."""
+"""Descriptions of a joint's direction that a user can compare with the visible motion."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ ARM = RobotDescription(
 POSE = np.zeros(3)
 
 
-def test_an_upright_axis_is_seen_from_above() -> None:
+def test_the_rotation_about_a_vertical_axis_is_described_from_above() -> None:
     words = direction_words(ARM, POSE, 0, np.deg2rad(2.0))
     assert words == (
         "turn will turn by 2° counter-clockwise, seen from above; the tool point goes 35 mm towards"
@@ -39,7 +39,7 @@ def test_an_upright_axis_is_seen_from_above() -> None:
     assert "-y" in back
 
 
-def test_what_has_moved_is_told_in_the_same_words() -> None:
+def test_a_completed_motion_is_described_in_the_same_terms() -> None:
     assert direction_words(ARM, POSE, 0, np.deg2rad(2.0), over=True) == (
         "turn has turned by 2° counter-clockwise, seen from above; the tool point went 35 mm"
         " towards the base's +y"
@@ -49,8 +49,8 @@ def test_what_has_moved_is_told_in_the_same_words() -> None:
     )
 
 
-def test_up_is_where_gravity_comes_from() -> None:
-    """Bases whose z points down, those on a wall and those that lean have their own."""
+def test_up_is_opposite_to_gravity() -> None:
+    """Test bases whose z points down, bases on a wall, and inclined bases."""
     turn = np.deg2rad(2.0)
     hung = ARM.model_copy(update={"gravity_m_s2": (0.0, 0.0, 9.81)})
     assert "2° clockwise, seen from above" in direction_words(hung, POSE, 0, turn)
@@ -67,7 +67,7 @@ def test_up_is_where_gravity_comes_from() -> None:
     assert "seen from the side of the base's +z" in direction_words(leaning, POSE, 0, turn)
 
 
-def test_an_upright_axis_in_a_base_whose_z_points_down() -> None:
+def test_a_vertical_axis_in_a_base_with_z_down_is_described_from_above() -> None:
     """Axis 1 of the arm points up, against z of its base."""
     robot = load_cell("ir361").robot
     words = direction_words(robot, POSE, 0, np.deg2rad(2.0))
@@ -77,17 +77,17 @@ def test_an_upright_axis_in_a_base_whose_z_points_down() -> None:
     )
 
 
-def test_a_level_axis_is_seen_from_its_side() -> None:
+def test_the_rotation_about_a_horizontal_axis_is_described_from_a_base_side() -> None:
     words = direction_words(ARM, POSE, 1, np.deg2rad(2.0))
     assert "from the side of the base's +y" in words
     assert "35 mm down (the base's -z)" in words
 
 
-def test_a_linear_axis_goes_along_itself() -> None:
+def test_a_linear_axis_is_described_by_its_direction() -> None:
     assert direction_words(ARM, POSE, 2, 0.005) == "lift will move by 5 mm towards the base's +y"
 
 
-def test_a_tool_point_on_the_axis_goes_nowhere() -> None:
+def test_a_tool_point_on_the_axis_is_not_mentioned() -> None:
     robot = load_cell("kr15").robot
     last = len(robot.joints) - 1
     at_the_axis = robot.model_copy(update={"tool_offset_m": (0.0, 0.0, 0.1)})

@@ -1,4 +1,4 @@
-"""`rid-daq jog` in a terminal: a key is held, let go, and its program killed or suspended."""
+"""`rid-daq jog` in a terminal: a key is held or released, the program is killed or suspended."""
 
 from __future__ import annotations
 
@@ -55,9 +55,7 @@ def rows(runs: Path) -> np.ndarray:
     return journal.rows
 
 
-def test_a_joint_moves_while_a_key_is_held_and_rests_when_it_is_let_go(
-    served: SimulatedCell, tmp_path: Path
-) -> None:
+def test_a_joint_moves_only_while_its_key_is_held(served: SimulatedCell, tmp_path: Path) -> None:
     with Typist("jog", "ir361", "--runs", tmp_path) as person:
         person.sees("Ready")
         before = served.axes().position
@@ -76,9 +74,7 @@ def test_a_joint_moves_while_a_key_is_held_and_rests_when_it_is_let_go(
     assert np.abs(slope).max() <= 0.3 * limit.acceleration * 1.001
 
 
-def test_home_is_driven_to_while_the_key_is_held_and_ends_by_itself(
-    served: SimulatedCell, tmp_path: Path
-) -> None:
+def test_jog_home_reaches_the_home_pose_and_ends(served: SimulatedCell, tmp_path: Path) -> None:
     home = np.array(LOADED.config.home)
     away = np.abs(served.axes().position - home).max()
     with Typist("jog", "ir361", "--home", "--runs", tmp_path) as person:
@@ -92,7 +88,7 @@ def test_home_is_driven_to_while_the_key_is_held_and_ends_by_itself(
 
 @pytest.mark.fault(43)
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
-def test_with_the_key_held_the_axes_rest_though_the_program_is_killed_or_suspended(
+def test_the_axes_stop_if_the_program_is_killed_or_suspended_with_a_held_key(
     served: SimulatedCell, tmp_path: Path, how: signal.Signals, measured: Callable[[str], None]
 ) -> None:
     with Typist("jog", "ir361", "--runs", tmp_path) as person:

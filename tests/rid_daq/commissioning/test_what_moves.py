@@ -1,4 +1,4 @@
-"""Motion under a held key: axis, distance, and the check of the drive's own counts afterwards."""
+"""Motion with a held key: axis, distance, and the drive's counts afterwards."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class MessageLog:
 
 
 def jogging(log: MessageLog, home: FloatArray | None = None, obstacle: str = "") -> JogKeys:
-    """Return the keys of a jog in which all lines are clear, or none."""
+    """Return the keys of a jog with clear lines, or with an obstacle on all lines."""
 
     def check(start: FloatArray, wanted: FloatArray) -> HoldLine:
         return HoldLine(start, start if obstacle else wanted, 1.0, obstacle)
@@ -53,7 +53,7 @@ def jogging(log: MessageLog, home: FloatArray | None = None, obstacle: str = "")
 
 
 @pytest.mark.parametrize(("key", "end"), [("+", "position_max"), ("-", "position_min")])
-def test_a_held_key_leads_the_chosen_joint_and_no_other_to_its_end(key: str, end: str) -> None:
+def test_a_held_key_moves_only_the_selected_joint_towards_its_limit(key: str, end: str) -> None:
     keys, pose = jogging(MessageLog()), np.full(N, 0.1)
     keys.tapped("3")
     line = keys.line(key, pose)
@@ -64,7 +64,7 @@ def test_a_held_key_leads_the_chosen_joint_and_no_other_to_its_end(key: str, end
 
 
 @pytest.mark.promise("held-key-tap")
-def test_a_key_may_name_its_joint_whatever_is_chosen() -> None:
+def test_a_key_that_names_a_joint_moves_it_regardless_of_the_selection() -> None:
     keys = jogging(MessageLog())
     keys.tapped("1")
     line = keys.line("2+", np.zeros(N))
@@ -73,12 +73,12 @@ def test_a_key_may_name_its_joint_whatever_is_chosen() -> None:
 
 
 @pytest.mark.parametrize("key", ["2", "0+", f"{N + 1}+", "-1+", "x+", "²+", "2h", "++"])
-def test_a_key_that_names_no_joint_leads_nowhere(key: str) -> None:
+def test_a_key_that_names_no_valid_joint_moves_nothing(key: str) -> None:
     assert jogging(MessageLog()).line(key, np.zeros(N)) is None
 
 
 @pytest.mark.parametrize("key", [" ", "x", "0", "9", "h", "²"])
-def test_any_other_key_moves_nothing_and_chooses_nothing(key: str) -> None:
+def test_any_other_key_moves_and_selects_nothing(key: str) -> None:
     log = MessageLog()
     keys = jogging(log)
     assert not keys.tapped(key)
@@ -87,7 +87,7 @@ def test_any_other_key_moves_nothing_and_chooses_nothing(key: str) -> None:
     assert "Chosen: axis1" in keys.help
 
 
-def test_home_is_a_key_where_there_is_one() -> None:
+def test_h_moves_to_the_home_pose_of_the_cell() -> None:
     home = np.linspace(0.0, 0.5, N)
     keys = jogging(MessageLog(), home)
     line = keys.line("h", np.zeros(N))
@@ -96,7 +96,7 @@ def test_home_is_a_key_where_there_is_one() -> None:
     assert "hold h to go to the home pose" in keys.help
 
 
-def test_q_ends_a_jog_and_an_obstacle_is_said_where_nothing_moves() -> None:
+def test_q_ends_a_jog_and_a_blocked_motion_names_the_obstacle() -> None:
     log = MessageLog()
     keys = jogging(log, obstacle="floor")
     line = keys.line("+", np.zeros(N))
@@ -107,14 +107,14 @@ def test_q_ends_a_jog_and_an_obstacle_is_said_where_nothing_moves() -> None:
 
 
 def bench(pose: FloatArray, number: int) -> HoldLine:
-    """Return the small way that the axis test takes from a pose."""
+    """Return the small motion of the axis test from a pose."""
     session = SimpleNamespace(loaded=LOADED, cell=LOADED.config)
     made = AxisTester(cast(RunSession, session), cast(Console, MessageLog()), unattended=True)
     return made._plan_small_move(number, pose)
 
 
 def inside(number: int, share: float) -> FloatArray:
-    """Return the middle of every range, one joint at another share of its own."""
+    """Return a pose in the middle of all ranges, except one joint at another share of its range."""
     low = np.array([joint.limits.position_min for joint in ROBOT.joints])
     high = np.array([joint.limits.position_max for joint in ROBOT.joints])
     pose = 0.5 * (low + high)
@@ -140,7 +140,7 @@ def test_an_axis_without_room_is_not_tested(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def rows(moved_rad: float, *, told_rad: float | None = None, valid: int = 1) -> NDArray[Any]:
-    """Return a recording in which axis 2 rests, moves and rests; the drive went `moved_rad`."""
+    """Return rows in which axis 2 rests, moves by `moved_rad` and rests."""
     count = 200
     told = moved_rad if told_rad is None else told_rad
     found = np.zeros(count, dtype=row_dtype(N))
@@ -157,7 +157,7 @@ def rows(moved_rad: float, *, told_rad: float | None = None, valid: int = 1) -> 
     return found
 
 
-def test_an_axis_motion_is_what_the_drive_went_and_counted() -> None:
+def test_an_axis_motion_contains_distance_and_encoder_counts() -> None:
     moved = AxisMotion.of(rows(math.radians(2.0)), ROBOT, 1)
     assert (moved.joint, moved.unit) == ("axis2", "°")
     assert moved.commanded == pytest.approx(2.0)
@@ -166,20 +166,20 @@ def test_an_axis_motion_is_what_the_drive_went_and_counted() -> None:
     assert moved.increments_per_rev == pytest.approx(PER_REV, rel=1e-3)
 
 
-def test_a_drive_that_goes_ten_times_as_far_shows_in_its_share() -> None:
+def test_the_command_share_shows_a_drive_that_moves_ten_times_too_far() -> None:
     moved = AxisMotion.of(rows(math.radians(20.0), told_rad=math.radians(2.0)), ROBOT, 1)
     assert moved.commanded == pytest.approx(2.0)
     assert moved.measured == pytest.approx(20.0)
     assert moved.command_share == pytest.approx(0.1)
 
 
-def test_rows_without_an_answer_do_not_count() -> None:
+def test_rows_without_an_answer_are_ignored() -> None:
     lost = rows(math.radians(2.0), valid=0)
     lost["position"][60:80, 1] = 99.0
     assert AxisMotion.of(lost, ROBOT, 1).measured == pytest.approx(2.0)
 
 
-def test_an_encoder_that_stands_still_is_named_if_the_axis_moved() -> None:
+def test_a_stuck_encoder_is_named_if_the_axis_moved() -> None:
     dead = AxisMotion.of(rows(0.0, told_rad=math.radians(2.0)), ROBOT, 1)
     assert dead.counts == 0
     verdict = check_axis_motion(dead, ObservedMotion("axis2", 2.0), LOADED.config, ROBOT)
@@ -187,14 +187,14 @@ def test_an_encoder_that_stands_still_is_named_if_the_axis_moved() -> None:
     assert "6064h" in verdict.sentence
 
 
-def test_how_much_of_a_line_was_driven_is_told_by_the_set_points() -> None:
+def test_the_travelled_share_is_computed_from_the_set_points() -> None:
     start, goal = np.zeros(N), np.zeros(N)
     start[1], goal[1] = 0.3, 0.3 + math.radians(2.0)
     half = rows(math.radians(2.0))[:101]
     assert travelled_share(HoldLine(start, goal, 1.0), half, 1) == pytest.approx(0.5)
 
 
-def test_eyes_see_the_joint_that_moved_most_and_nothing_below_a_tenth_of_a_degree() -> None:
+def test_the_visible_motion_is_the_largest_one_above_a_tenth_of_a_degree() -> None:
     moved = np.zeros(N)
     moved[2], moved[1] = math.radians(-1.9), math.radians(0.2)
     seen = visible_motion(ROBOT, moved)
@@ -204,7 +204,7 @@ def test_eyes_see_the_joint_that_moved_most_and_nothing_below_a_tenth_of_a_degre
 
 
 def test_q_ends_the_axis_test_before_the_next_axis(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also if the axis has moved far enough to be judged."""
+    """The axis has moved far enough for a verdict, but the test still ends."""
     session = SimpleNamespace(loaded=LOADED, cell=LOADED.config, simulated=None)
     made = AxisTester(cast(RunSession, session), cast(Console, MessageLog()), unattended=True)
     ended = SimpleNamespace(outcome=SimpleNamespace(stop=None))

@@ -1,4 +1,4 @@
-"""Figures show what results hold: numbers, names, units; as JSON without NaN, as CSV."""
+"""Figures show the numbers, names and units of results, as JSON without NaN and as CSV."""
 
 from __future__ import annotations
 
@@ -56,16 +56,14 @@ def test_there_is_a_figure_of_every_kind(figures: dict[str, UIElement]) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("dark", [False, True])
-def test_its_item_is_json_without_nan(figures: dict[str, UIElement], name: str, dark: bool) -> None:
+def test_a_figure_is_json_without_nan(figures: dict[str, UIElement], name: str, dark: bool) -> None:
     text = json.dumps(as_item(figures[name], dark), allow_nan=False)
     light = INK in text
     assert light is not dark
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_panel_zooms_hovers_and_says_its_units(
-    figures: dict[str, UIElement], name: str
-) -> None:
+def test_every_panel_has_zoom_hover_and_units(figures: dict[str, UIElement], name: str) -> None:
     panels = [each for each in figures[name].references() if isinstance(each, Plot)]
     assert panels
     for plot in panels:
@@ -85,12 +83,14 @@ def test_every_panel_zooms_hovers_and_says_its_units(
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_no_figure_holds_code(figures: dict[str, UIElement], name: str) -> None:
+def test_no_figure_contains_code(figures: dict[str, UIElement], name: str) -> None:
     assert not [each for each in figures[name].references() if "CustomJS" in type(each).__name__]
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_its_table_has_a_name_over_every_column(figures: dict[str, UIElement], name: str) -> None:
+def test_every_column_of_a_figures_table_has_a_name(
+    figures: dict[str, UIElement], name: str
+) -> None:
     head, *rows = csv.reader(io.StringIO(as_csv(figures[name])))
     assert len(head) == len(set(head)) > 1
     assert rows
@@ -102,7 +102,7 @@ def test_its_table_has_a_name_over_every_column(figures: dict[str, UIElement], n
     assert not {"nan", "inf"} & {cell for row in rows for cell in row}
 
 
-def test_a_table_tells_seven_digits_and_leaves_gaps_empty() -> None:
+def test_a_table_has_seven_digits_and_empty_cells_for_gaps() -> None:
     from rid_daq.figures.panel import csv_source, figure_layout
 
     plot = panel("two", "time [s]", "torque [N m]")
@@ -114,7 +114,7 @@ def test_a_table_tells_seven_digits_and_leaves_gaps_empty() -> None:
     )
 
 
-def test_fit_and_residual_are_the_result_s() -> None:
+def test_fit_and_residual_equal_those_of_the_result() -> None:
     curves = invented().curves
     assert curves is not None
     assert curves.torque is not None
@@ -135,7 +135,7 @@ def test_fit_and_residual_are_the_result_s() -> None:
         assert not counted.all()
 
 
-def test_all_joints_are_zoomed_together_in_time() -> None:
+def test_all_joints_share_one_time_axis() -> None:
     curves = invented().curves
     assert curves is not None
     assert curves.torque is not None
@@ -148,7 +148,7 @@ def test_all_joints_are_zoomed_together_in_time() -> None:
     assert len({each.x_range.id for each in panels}) == 1
 
 
-def test_spectrum_is_the_result_s() -> None:
+def test_the_spectrum_equals_that_of_the_result() -> None:
     curves = written("identification").curves
     assert curves is not None
     assert curves.spectrum is not None
@@ -178,7 +178,7 @@ def test_bode_shows_the_margins_of_the_result() -> None:
     np.testing.assert_allclose(10.0 ** (gain / 20.0), axis.response.magnitude, rtol=1e-5)
 
 
-def test_path_deviations_are_the_result_s_in_millimetres() -> None:
+def test_path_deviations_are_those_of_the_result_in_millimetres() -> None:
     tracking = invented().tracking
     assert tracking is not None
     motion = tracking.motions[0]
@@ -188,7 +188,7 @@ def test_path_deviations_are_the_result_s_in_millimetres() -> None:
     assert after.y == pytest.approx([1e3 * each for each in motion.drawn.after.deviation_m[0]])
 
 
-def test_a_path_without_a_run_before_is_drawn_alone() -> None:
+def test_a_path_without_a_reference_run_is_drawn_alone() -> None:
     tracking = invented().tracking
     assert tracking is not None
     motion = tracking.motions[0]
@@ -213,7 +213,7 @@ def test_motion_is_drawn_in_percent_of_its_limits() -> None:
     np.testing.assert_allclose(found, samples.position[::step, 1], atol=1e-9)
 
 
-def test_warm_up_shows_the_change_that_the_session_waits_for() -> None:
+def test_warm_up_shows_the_friction_change_with_its_limit() -> None:
     power = [[10.0, 4.0, 1.0], [9.0, 4.0, 1.0], [8.0, 4.0, 1.0], [7.0, 4.0, 1.0]]
     friction, change = warm_up_plot(JOINTS, power, 1.0).panels
     assert [line.y for line in friction.lines] == [*zip(*power, strict=True)]
@@ -227,12 +227,12 @@ def test_warm_up_can_be_drawn_before_its_first_period() -> None:
     assert [line.x for line in friction.lines] == [()] * 3
 
 
-def test_warm_up_s_change_has_a_range_before_there_is_a_change() -> None:
+def test_the_warm_up_change_has_an_axis_range_before_the_first_value() -> None:
     _, change = warm_up_plot(JOINTS, [[1.0, 1.0, 1.0]], 1.0).panels
     assert (change.y.least, change.y.most) == (-2.0, 2.0)
 
 
-def test_payload_s_centre_lies_where_the_estimate_says() -> None:
+def test_the_payload_centre_is_drawn_at_the_estimate() -> None:
     estimate = payload()
     plot = centre_plot(CentreOfGravity.of(estimate))
     for view, shown in zip(VIEWS, plot.panels, strict=True):
@@ -243,7 +243,7 @@ def test_payload_s_centre_lies_where_the_estimate_says() -> None:
         assert found == pytest.approx(wanted)
 
 
-def test_ellipse_of_the_centre_is_the_covariance_of_the_estimate() -> None:
+def test_the_ellipse_of_the_centre_equals_the_covariance_of_the_estimate() -> None:
     estimate = payload()
     drawn = CentreOfGravity.of(estimate)
     assert drawn.covariance_mm2 is not None
@@ -253,23 +253,23 @@ def test_ellipse_of_the_centre_is_the_covariance_of_the_estimate() -> None:
     assert abs(drawn.covariance_mm2[0, 2]) > 0.1 * drawn.covariance_mm2[0, 0]
 
 
-def test_even_density_s_ellipsoid_has_the_payload_s_inertia() -> None:
+def test_the_ellipsoid_of_even_density_has_the_payloads_inertia() -> None:
     drawn = CentreOfGravity.of(payload())
     assert drawn.spread_mm2 is not None
-    second = 1e-6 * drawn.spread_mm2 * (5.0 / 5.0)  # its mass over five
+    second = 1e-6 * drawn.spread_mm2 * (5.0 / 5.0)  # the mass divided by five
     np.testing.assert_allclose(
         np.trace(second) * np.eye(3) - second, np.diag([0.04, 0.05, 0.02]), atol=1e-9
     )
 
 
-def test_a_centre_that_was_held_has_no_width() -> None:
+def test_a_known_centre_coordinate_has_no_uncertainty() -> None:
     drawn = CentreOfGravity.of(payload(held="cx"))
     assert drawn.sigma_mm[0] == 0.0
     assert drawn.covariance_mm2 is not None
     assert not drawn.covariance_mm2[0].any()
 
 
-def test_what_a_motion_does_not_show_is_said() -> None:
+def test_a_view_of_an_unidentifiable_coordinate_says_so() -> None:
     estimate = payload(unseen="sz")
     plot = centre_plot(CentreOfGravity.of(estimate))
     assert sum("z not identifiable" in each.title for each in plot.panels) == 2
@@ -278,7 +278,7 @@ def test_what_a_motion_does_not_show_is_said() -> None:
     ]
 
 
-def test_texts_are_no_formulas_and_show_what_is_invisible() -> None:
+def test_texts_are_not_rendered_as_formulas_and_invisible_characters_are_escaped() -> None:
     assert plot_text("$$x$$") == "$ $x$ $"
     assert "\u202e" not in plot_text("a\u202eb")
 
@@ -287,18 +287,18 @@ def test_dark_colours_replace_light_ones_and_nothing_else() -> None:
     assert to_dark({"a": [INK, "other", 3]}) == {"a": ["#e9eef3", "other", 3]}
 
 
-def test_scripts_are_files_of_this_computer() -> None:
+def test_scripts_are_local_files() -> None:
     assert bokeh_script().stat().st_size > 1_000_000
     assert "export function showFigure" in figure_script().read_text(encoding="utf-8")
 
 
-def test_a_drag_zooms_since_every_panel_says_so(figures: dict[str, UIElement]) -> None:
-    """Without it in the panel's toolbar, BokehJS pans, whatever the figure's toolbar says."""
+def test_dragging_zooms_in_every_panel(figures: dict[str, UIElement]) -> None:
+    """If a panel's toolbar lacks the zoom tool, BokehJS pans regardless of the figure's toolbar."""
     panels = [each for each in figures["fit"].references() if isinstance(each, Plot)]
     assert {type(each.toolbar.active_drag).__name__ for each in panels} == {"BoxZoomTool"}
 
 
-def test_a_figure_has_always_the_same_bytes() -> None:
+def test_equal_results_give_identical_figures() -> None:
     curves = invented().curves
     assert curves is not None
     assert curves.torque is not None
@@ -308,7 +308,7 @@ def test_a_figure_has_always_the_same_bytes() -> None:
     assert first == again
 
 
-def test_the_centre_of_a_result_is_that_of_its_estimate() -> None:
+def test_the_drawn_centre_and_ellipsoid_equal_those_of_the_result() -> None:
     section = written("payload_session").payload
     assert section is not None
     drawn = CentreOfGravity.of_section(section)

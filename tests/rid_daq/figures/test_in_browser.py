@@ -1,4 +1,4 @@
-"""Figures in a real browser under the strict policy: no error, no wider than the page."""
+"""Figures in a real browser with the strict content policy: no error, not wider than the page."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ def opened(browser: Browser, address: str, width: int, scheme: str, errors: list
         has_touch=width < 500,
     )
 
-    def heard(said: ConsoleMessage) -> None:
+    def log_error(said: ConsoleMessage) -> None:
         if said.type != "info":
             errors.append(said.text)
 
-    page.on("console", heard)
+    page.on("console", log_error)
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.goto(address)
     return page
@@ -106,7 +106,7 @@ def test_a_figure_turns_dark_with_the_page(browser: Browser, figures) -> None:
     assert errors == []
 
 
-def test_what_went_wrong_is_said_in_words(browser: Browser, figures) -> None:
+def test_a_figure_that_cannot_be_loaded_shows_the_reason(browser: Browser, figures) -> None:
     shown = dict(figures)
     with served_figures({"payload": shown["payload"], "friction": shown["friction"]}) as address:
         page = browser.new_page(viewport={"width": 390, "height": 900})

@@ -1,4 +1,4 @@
-"""Permissions to stop a motion from a browser and to view it; the stop requires less."""
+"""Permissions to view a motion in a browser and to stop it; a stop needs fewer permissions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ BEARER = {"Authorization": f"Bearer {TOKEN}"}
 
 
 class Page:
-    """The application, with a count of the stops that it has asked for."""
+    """The application and the number of stops that it has requested."""
 
     def __init__(self) -> None:
         self.access = Access("127.0.0.1", 8642, TOKEN)
@@ -64,7 +64,7 @@ def test_a_stop_from_this_computer_needs_no_token(page: Page) -> None:
     assert page.stops == 1
 
 
-def test_a_stop_from_another_machine_needs_it(page: Page) -> None:
+def test_a_stop_from_another_computer_needs_the_token(page: Page) -> None:
     refused = page.ask("/stop", "POST", STOP, client=ELSEWHERE)
     assert refused.status_code == 403
     assert page.stops == 0
@@ -74,19 +74,21 @@ def test_a_stop_from_another_machine_needs_it(page: Page) -> None:
     assert page.stops == 2
 
 
-def test_a_stop_over_the_local_socket_needs_none_wherever_it_seems_to_come_from(page: Page) -> None:
+def test_a_stop_over_the_local_socket_needs_no_token(page: Page) -> None:
     assert page.ask("/stop", "POST", STOP, client=ELSEWHERE, local=True).status_code == 202
     assert page.stops == 1
 
 
-def test_a_form_of_another_page_is_not_even_read(page: Page) -> None:
+def test_a_form_of_another_page_is_refused(page: Page) -> None:
     form = {STOP_HEADER: "stop", "Content-Type": "application/x-www-form-urlencoded"}
     assert page.ask("/stop", "POST", form).status_code == 415
     assert page.stops == 0
 
 
 @pytest.mark.parametrize("headers", [JSON, {**JSON, STOP_HEADER: "yes"}])
-def test_who_does_not_say_stop_stops_nothing(page: Page, headers: dict[str, str]) -> None:
+def test_a_request_without_the_stop_header_or_body_stops_nothing(
+    page: Page, headers: dict[str, str]
+) -> None:
     assert page.ask("/stop", "POST", headers).status_code == 403
     assert page.stops == 0
 
@@ -98,12 +100,12 @@ def test_only_a_post_stops(page: Page, method: str) -> None:
 
 
 @pytest.mark.parametrize("path", ["/", "/?s=", "/?s=wrong", "/events", "/events?s=wrong"])
-def test_nobody_looks_on_without_the_token_not_even_from_here(page: Page, path: str) -> None:
+def test_viewing_needs_the_token_even_on_this_computer(page: Page, path: str) -> None:
     refused = page.ask(path)
     assert refused.status_code == 403
 
 
-def test_the_token_leaves_the_address_and_the_session_of_this_start_takes_its_place(
+def test_the_token_in_the_address_is_replaced_by_the_session(
     page: Page,
 ) -> None:
     let_in = page.ask(f"/?t={TOKEN}")
@@ -119,17 +121,17 @@ def test_the_token_leaves_the_address_and_the_session_of_this_start_takes_its_pl
 
 
 @pytest.mark.promise("no-cookie-without-tls")
-def test_a_cookie_admits_nobody(page: Page) -> None:
+def test_a_cookie_gives_no_access(page: Page) -> None:
     for secret in (TOKEN, page.access.session):
         for name in ("s", "t", "rid_daq_8642"):
             assert page.ask("/", headers={"Cookie": f"{name}={secret}"}).status_code == 403
 
 
-def test_a_wrong_token_is_refused_even_beside_the_right_session(page: Page) -> None:
+def test_a_wrong_token_is_refused_even_with_the_right_session(page: Page) -> None:
     assert page.ask(f"/?t=wrong&s={page.access.session}").status_code == 403
 
 
-def test_events_come_as_they_were_shown(page: Page) -> None:
+def test_the_event_stream_contains_the_published_pictures(page: Page) -> None:
     page.feed.publish_picture(b'{"row":1}')
     page.feed.end()
     told = page.ask("/events", headers=BEARER)

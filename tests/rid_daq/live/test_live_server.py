@@ -1,6 +1,6 @@
-"""The live page's process, asked over real connections: by its page, by strangers, by a thousand.
+"""The process of the live page over real connections: its page, strangers, a thousand clients.
 
-Nothing here depends on how fast it is: who waits, waits for an answer or for the connection's end.
+No test depends on speed: a test waits for an answer or for the end of the connection.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ STOP_BODY = b"Content-Length: 2\r\n\r\n{}"
 
 
 class Served:
-    """The live page of a motion that this test pretends, in a process of its own."""
+    """The live page of a simulated motion, in a separate process."""
 
     def __init__(self, access: Access) -> None:
         loaded = load_cell("ir361")
@@ -76,7 +76,7 @@ class Served:
         return STOP % self.host
 
     def watch(self) -> socket.socket:
-        """Return a stream of events that has begun; who has just left may still have a place."""
+        """Return an open event stream; retry while clients that have left still occupy places."""
         until_s = time.monotonic() + PATIENCE_S
         while True:
             line = self._ask_for_events()
@@ -112,7 +112,7 @@ def _read_all(line: socket.socket) -> bytes:
         while data := line.recv(65536):
             received += data
     except ConnectionResetError:
-        pass  # it had sent more than was read
+        pass  # the client had sent more than was read
     return received
 
 
@@ -124,7 +124,7 @@ def _parts(answer: bytes) -> tuple[int, str, bytes]:
 def _event(line: socket.socket) -> bytes:
     """Return the next whole event of a stream."""
     received = b""
-    while b"\ndata: " not in received or not received.endswith(b"\n\n\r\n"):  # a chunk's end
+    while b"\ndata: " not in received or not received.endswith(b"\n\n\r\n"):  # the end of a chunk
         data = line.recv(65536)
         assert data, "the stream has ended"
         received += data
@@ -144,12 +144,12 @@ def served() -> Iterator[Served]:
 
 @pytest.fixture
 def unstopped(served: Served) -> Served:
-    """The page of a motion without a stop request."""
+    """Return the page after a reset of the stop request."""
     served.control.program._stop_code = 0
     return served
 
 
-def test_the_address_of_the_terminal_opens_the_page(served: Served) -> None:
+def test_the_address_from_the_terminal_opens_the_page(served: Served) -> None:
     status, head, _ = served.get(f"/?t={TOKEN}")
     assert status == 303
     assert f"\r\nlocation: /?s={served.access.session}\r\n" in head
@@ -176,7 +176,7 @@ def test_unknown_paths_are_not_found(served: Served) -> None:
         assert served.get(path, served.bearer)[0] == 404
 
 
-def test_a_name_that_was_rebound_to_this_machine_gets_nothing(unstopped: Served) -> None:
+def test_a_foreign_host_name_of_this_computer_is_refused(unstopped: Served) -> None:
     name = b"evil.example:%d" % unstopped.access.port
     bearer = unstopped.bearer.encode()
     for path in (b"/", b"/events", b"/?t=" + TOKEN.encode()):
@@ -193,7 +193,9 @@ def test_a_name_that_was_rebound_to_this_machine_gets_nothing(unstopped: Served)
 @pytest.mark.parametrize(
     "header", ["Origin: https://evil.example", "Origin: null", "Sec-Fetch-Site: cross-site"]
 )
-def test_a_strangers_page_gets_nothing_even_with_the_token(unstopped: Served, header: str) -> None:
+def test_a_page_of_another_origin_is_refused_even_with_the_token(
+    unstopped: Served, header: str
+) -> None:
     for path in ("/", "/events", "/page.js"):
         assert unstopped.get(path, unstopped.bearer, header)[0] == 403
     sent = unstopped.stop_head() + f"X-Rid-Daq: stop\r\n{header}\r\n".encode() + STOP_BODY
@@ -201,7 +203,7 @@ def test_a_strangers_page_gets_nothing_even_with_the_token(unstopped: Served, he
     assert unstopped.control.program.stop_code == 0
 
 
-def test_what_a_form_of_a_strangers_page_can_send_stops_nothing(unstopped: Served) -> None:
+def test_a_form_of_another_origin_stops_nothing(unstopped: Served) -> None:
     host = b"POST /stop HTTP/1.1\r\nHost: %s\r\n" % unstopped.host
     for kind in (b"text/plain", b"application/x-www-form-urlencoded", b"multipart/form-data"):
         sent = host + b"Content-Type: %s\r\nX-Rid-Daq: stop\r\n" % kind + STOP_BODY
@@ -215,7 +217,7 @@ def test_what_a_form_of_a_strangers_page_can_send_stops_nothing(unstopped: Serve
     assert unstopped.control.program.stop_code == 0
 
 
-def test_from_this_machine_the_stop_needs_no_token_and_nothing_else_is_offered(
+def test_on_this_computer_only_the_stop_needs_no_token(
     unstopped: Served,
 ) -> None:
     origin = b"Origin: http://%s\r\nSec-Fetch-Site: same-origin\r\n" % unstopped.host
@@ -230,7 +232,7 @@ def test_from_this_machine_the_stop_needs_no_token_and_nothing_else_is_offered(
     assert unstopped.control.program.stop_code == StopCode.STOP_BUTTON
 
 
-def test_a_request_in_single_bytes_is_understood(unstopped: Served) -> None:
+def test_a_request_sent_in_single_bytes_is_answered(unstopped: Served) -> None:
     with unstopped.connect() as line:
         line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         for byte in unstopped.stop_head() + b"X-Rid-Daq: stop\r\n" + STOP_BODY:
@@ -258,7 +260,7 @@ def test_slow_requests_are_ended(served: Served) -> None:
 
 
 @pytest.mark.fault(22)
-def test_a_thousand_clients_cost_a_bounded_amount_and_the_stop_gets_through(
+def test_a_thousand_clients_use_bounded_memory_and_a_stop_still_works(
     unstopped: Served, measured: object
 ) -> None:
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
@@ -287,24 +289,24 @@ def test_a_thousand_clients_cost_a_bounded_amount_and_the_stop_gets_through(
     )
 
 
-def test_more_viewers_than_there_is_room_for_are_told_to_come_again(served: Served) -> None:
+def test_too_many_viewers_are_refused_with_retry_after(served: Served) -> None:
     viewers = [served._ask_for_events() for _ in range(LIMITS.streams + 1)]
     answers = [_parts(viewer.recv(65536)) for viewer in viewers]
     for viewer in viewers:
         viewer.close()
     refused = [head for status, head, _ in answers if status == 503]
-    # one who has just left, in an earlier test, may still have had a place
+    # a client of an earlier test can still occupy a place
     assert 1 <= len(refused) <= 2
     assert all("retry-after" in head.lower() for head in refused)
     assert LIMITS.streams + LIMITS.answering + LIMITS.waiting < MOST_DESCRIPTORS
 
 
-def test_texts_of_devices_are_data_on_the_page_and_nothing_else(served: Served) -> None:
+def test_texts_of_devices_cannot_become_markup_or_events(served: Served) -> None:
     text = 'drive says <script>alert("1")</script>\n\ndata: {"over": true}\x1b[31m \u2028'
     served.control.task._reason_code = 0
     served.control.task.report_stop(StopReason(StopCode.EMERGENCY, text, "axis1"))
     with served.watch() as viewer:
-        events = iter(lambda: _event(viewer), None)  # the first may be from before
+        events = iter(lambda: _event(viewer), None)  # the first event can be an earlier one
         event = next(each for each in events if json.loads(each)["stop_joint"] == "axis1")
     assert event.isascii()
     assert b"\n" not in event
@@ -319,7 +321,7 @@ def test_texts_of_devices_are_data_on_the_page_and_nothing_else(served: Served) 
     assert not re.search(r"https?://", script + page)
 
 
-def test_the_picture_has_every_joint_against_its_limits(served: Served) -> None:
+def test_the_picture_shows_every_joint_relative_to_its_limits(served: Served) -> None:
     picture = MotionPicture(served.motion, served.ring, served.control)
     row = np.zeros((), dtype=row_dtype(3))
     row["position"] = (0.1, 0.2, np.nan)
@@ -338,7 +340,7 @@ def test_the_picture_has_every_joint_against_its_limits(served: Served) -> None:
     assert (one["position_min"], one["velocity_limit"]) == (limits.position_min, limits.velocity)
 
 
-def test_on_another_address_it_is_tls_and_the_token(certificate: Path) -> None:
+def test_another_address_needs_tls_and_the_token(certificate: Path) -> None:
     live = Served(Access("0.0.0.0", 0, TOKEN, certificate))
     try:
         trust = ssl.create_default_context(cafile=str(certificate))
@@ -357,7 +359,7 @@ def test_on_another_address_it_is_tls_and_the_token(certificate: Path) -> None:
         live.close()
 
 
-def test_it_ends_with_the_motion_and_its_viewers_see_the_end() -> None:
+def test_the_page_ends_with_the_motion_and_viewers_receive_the_end() -> None:
     live = Served(Access("127.0.0.1", 0, TOKEN))
     with live.watch() as viewer:
         _event(viewer)

@@ -1,4 +1,4 @@
-"""Files that are named beside a cell belong to its robot, or are refused."""
+"""Files that are given together with a cell must belong to its robot."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def written(folder: Path, robot: str) -> Path:
     return path
 
 
-def test_a_motion_of_the_cells_robot_is_kept_with_its_comments(
+def test_the_motion_file_is_returned_with_its_unchanged_bytes(
     cell: LoadedCell, tmp_path: Path
 ) -> None:
     path = written(tmp_path, cell.robot.name)
@@ -48,7 +48,7 @@ def test_a_motion_of_the_cells_robot_is_kept_with_its_comments(
     assert kept == path.read_bytes()
 
 
-def test_a_motion_of_another_robot_is_refused_by_both_names(
+def test_a_motion_of_another_robot_is_refused_with_both_names(
     cell: LoadedCell, tmp_path: Path
 ) -> None:
     path = written(tmp_path, "another")
@@ -78,7 +78,7 @@ def test_a_model_of_the_cells_robot_may_have_other_limits_and_friction(
         ("r_m: 0.100", "r_m: 0.110", "spring"),
     ],
 )
-def test_a_model_of_another_robot_with_the_same_joints_is_refused_by_what_differs(
+def test_a_model_of_another_robot_is_refused_with_the_differences(
     cell: LoadedCell, tmp_path: Path, right: str, wrong: str, key: str
 ) -> None:
     write_estimate(tmp_path / "model.json", known(cell, {}))
@@ -88,7 +88,7 @@ def test_a_model_of_another_robot_with_the_same_joints_is_refused_by_what_differ
         read_estimate_for(tmp_path / "model.json", robot)
 
 
-def test_what_differs_at_many_joints_is_told_once(cell: LoadedCell) -> None:
+def test_a_difference_of_several_joints_is_reported_once(cell: LoadedCell) -> None:
     robot = cell.robot
     renamed = [joint.model_copy(update={"name": f"j{n}"}) for n, joint in enumerate(robot.joints)]
     renamed[1:] = [each.model_copy(update={"gear_ratio": 9.0}) for each in renamed[1:]]
@@ -97,7 +97,7 @@ def test_what_differs_at_many_joints_is_told_once(cell: LoadedCell) -> None:
 
 
 @pytest.mark.parametrize("command", ["design", "compensate", "stream", "record"])
-def test_every_command_beside_a_cell_compares_the_model_with_its_robot(
+def test_every_command_with_a_cell_compares_the_model_with_its_robot(
     command: str, cell: LoadedCell, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["init", str(tmp_path / "cell")]) == 0
@@ -119,7 +119,7 @@ def test_every_command_beside_a_cell_compares_the_model_with_its_robot(
 
 
 @pytest.mark.slow
-def test_refine_and_a_payload_session_compare_it_with_the_robot_that_moves(
+def test_refine_and_payload_compare_the_model_with_the_robot(
     cell: LoadedCell, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arm = cell.config.model_copy(update={"plate": None})
@@ -143,4 +143,4 @@ def test_refine_and_a_payload_session_compare_it_with_the_robot_that_moves(
     ):
         assert run([*words, "--model", str(model)]) == 2
         assert "RID-ROBOT-OTHER" in capsys.readouterr().err
-    assert sorted((tmp_path / "runs").iterdir()) == made  # nothing was moved
+    assert sorted((tmp_path / "runs").iterdir()) == made  # no motion was recorded

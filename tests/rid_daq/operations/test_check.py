@@ -32,20 +32,20 @@ def real_cell(*, with_power: bool) -> LoadedCell:
 
 
 @pytest.fixture
-def looks() -> list[bool]:
-    """One entry for each look at the drives: True if the user has confirmed a clear cell."""
+def preflights() -> list[bool]:
+    """One entry per preflight: True if the user has confirmed that the cell is clear."""
     return []
 
 
 @pytest.fixture
-def looked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, looks: list[bool]) -> Looked:
-    """Return what checks a cell whose drives tell by trial only how they react."""
+def check_cell(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, preflights: list[bool]) -> Looked:
+    """Return a function that checks a cell whose watchdogs can only be tested with power."""
 
-    def look(typed: str = "", *, cleared: bool = False, with_power: bool = False) -> None:
+    def check_once(typed: str = "", *, cleared: bool = False, with_power: bool = False) -> None:
         loaded = real_cell(with_power=with_power)
 
         def preflight(*_: object, cleared: bool, **__: object) -> tuple[list[CheckLine], None]:
-            looks.append(cleared)
+            preflights.append(cleared)
             return [FINE if cleared else WAITS], None
 
         @contextmanager
@@ -61,41 +61,43 @@ def looked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, looks: list[bool]) -
         request = check.CheckRequest(cell="real", runs=tmp_path, cleared=cleared)
         perform(check.OPERATION, request, Console(False))
 
-    return look
+    return check_once
 
 
-def test_a_trial_with_power_waits_until_a_person_has_cleared_the_cell(
-    looked: Looked, looks: list[bool]
+def test_a_trial_with_power_is_made_after_the_user_has_cleared_the_cell(
+    check_cell: Looked, preflights: list[bool]
 ) -> None:
-    looked(typed="ir361")
-    assert looks == [False, True]
+    check_cell(typed="ir361")
+    assert preflights == [False, True]
 
 
-def test_where_that_was_said_nobody_is_asked(looked: Looked, looks: list[bool]) -> None:
-    looked(cleared=True)
-    assert looks == [True]
-
-
-def test_where_the_cell_file_wants_power_it_is_asked_first(
-    looked: Looked, looks: list[bool]
+def test_a_cell_cleared_by_option_needs_no_question(
+    check_cell: Looked, preflights: list[bool]
 ) -> None:
-    looked(typed="ir361", with_power=True)
-    assert looks == [True]
+    check_cell(cleared=True)
+    assert preflights == [True]
+
+
+def test_a_cell_file_that_requires_power_asks_before_the_first_preflight(
+    check_cell: Looked, preflights: list[bool]
+) -> None:
+    check_cell(typed="ir361", with_power=True)
+    assert preflights == [True]
     with raises_code(PreflightError, "RID-ANSWER-NOBODY", "ir361"):
-        looked(with_power=True)
-    assert looks == [True]
+        check_cell(with_power=True)
+    assert preflights == [True]
 
 
-def test_where_nobody_can_be_asked_it_stays_red(looked: Looked, looks: list[bool]) -> None:
+def test_without_a_terminal_the_trial_stays_red(check_cell: Looked, preflights: list[bool]) -> None:
     with raises_code(PreflightError, "RID-PREFLIGHT-RED", "ir361", "preflight"):
-        looked()
-    assert looks == [False]
+        check_cell()
+    assert preflights == [False]
 
 
-def test_who_does_not_type_the_name_of_the_cell_gets_no_power(
-    looked: Looked, looks: list[bool], capsys: pytest.CaptureFixture[str]
+def test_another_answer_than_the_cell_name_gives_no_power(
+    check_cell: Looked, preflights: list[bool], capsys: pytest.CaptureFixture[str]
 ) -> None:
     with raises_code(PreflightError, "RID-ANSWER-NO", "no motion", "'yes'", "'ir361'"):
-        looked(typed="yes")
-    assert looks == [False]
+        check_cell(typed="yes")
+    assert preflights == [False]
     assert "brakes" in capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""The command line of an operation: words in, exit code and messages out."""
+"""The command line of an operation: arguments, exit codes and messages."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_a_bad_value_has_a_stable_code(
 
 
 @pytest.mark.parametrize("words", [WORDS[:2], WORDS[:3], [*WORDS, "--mas", "3"], [*WORDS, "extra"]])
-def test_a_mistyped_command_line_is_usage(
+def test_a_mistyped_option_gives_exit_code_2(
     words: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run([*words, "--json"]) == 2
@@ -41,7 +41,7 @@ def test_a_mistyped_command_line_is_usage(
     assert json.loads(captured.out)["error"]["kind"] == "UsageError"
 
 
-def test_the_help_ends_with_0(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_gives_exit_code_0(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["retime", "--help"]) == 0
     text = capsys.readouterr().out
     titles = ["Arguments:", "Options:", "Limits:", "Files and services:", "Examples:"]

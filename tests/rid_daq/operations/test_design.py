@@ -1,4 +1,4 @@
-"""`design`: options that belong to one kind of motion, and documents of programs."""
+"""`design`: options of one kind of motion, and JSON requests."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_an_option_of_another_kind_of_motion_is_refused(
     assert not output.exists()
 
 
-def test_what_to_know_best_takes_the_place_of_the_criterion() -> None:
+def test_wanted_parameters_and_a_criterion_exclude_each_other() -> None:
     request = DesignRequest.of(
         {**REQUIRED, "excitation": {"wanted": ("torque",), "criterion": "condition"}}
     )
@@ -54,14 +54,14 @@ def test_what_to_know_best_takes_the_place_of_the_criterion() -> None:
         ({"method": "two-harmonic", "harmonics": 6}, "two-harmonic", 6),
     ],
 )
-def test_a_program_chooses_the_method_by_name_or_by_its_options(
+def test_a_request_selects_the_method_by_name_or_by_its_options(
     excitation: dict[str, object], method: str, harmonics: int | None
 ) -> None:
     found = DesignRequest.of_json({**REQUIRED, "excitation": excitation}).excitation
     assert (found.method, found.harmonics) == (method, harmonics)
 
 
-def test_one_option_sets_the_fields_of_the_same_name(
+def test_one_option_sets_all_fields_of_its_name(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["design", "ir361", "-o", str(tmp_path / "motion.yaml"), "--kind", "multisine"]
@@ -78,6 +78,6 @@ def test_a_band_is_two_frequencies(band: str, capsys: pytest.CaptureFixture[str]
     assert capsys.readouterr().err.startswith("rid-daq: --band: ")
 
 
-def test_a_client_cannot_name_a_scheduler() -> None:
+def test_a_client_cannot_set_a_scheduler() -> None:
     assert "scheduler" in operation("design").owned
     assert "scheduler" not in operation("design").schema()["properties"]  # type: ignore[operator]

@@ -1,4 +1,4 @@
-"""Labels that look like names of files: what takes a file or a run finds their runs."""
+"""Run labels that look like file names: commands that accept files or runs find the runs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.builders.raised_codes import raises_code
 LABEL = "ur10 v1.json"
 
 
-def test_a_payload_is_found_by_such_a_label(tmp_path: Path) -> None:
+def test_a_payload_is_found_by_a_label_with_a_dot(tmp_path: Path) -> None:
     folder = RunFolder.create(tmp_path, LABEL)
     file = folder.write("payload.json", b"{}")
     assert payload_file(tmp_path, LABEL) == file
@@ -24,7 +24,7 @@ def test_a_payload_is_found_by_such_a_label(tmp_path: Path) -> None:
         payload_file(tmp_path, "tool.json")
 
 
-def test_compare_finds_a_run_by_such_a_label(
+def test_compare_finds_a_run_by_a_label_with_a_dot(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     RunFolder.create(tmp_path, LABEL)

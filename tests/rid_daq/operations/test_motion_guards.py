@@ -1,4 +1,4 @@
-"""Nothing moves a real cell before its guards have agreed: a case for each guard."""
+"""A real cell moves only after all its guards have passed: one case for each guard."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ MOVING = pytest.mark.parametrize("name", [*HELD, *BY_ITSELF])
 
 
 class OpenedError(Exception):
-    """Raised instead of opening a session on the cell: all previous guards have passed."""
+    """Raised instead of opening the cell, after all guards have passed."""
 
 
 @dataclass(frozen=True)
 class Person(Console):
-    """A user who types an answer; without an answer, a console without a user."""
+    """A user who types an answer, or a console without a user if there is no answer."""
 
     answer: str = ""
     said: list[str] = field(default_factory=list)
@@ -66,7 +66,7 @@ class Person(Console):
 
 @dataclass(frozen=True)
 class Cell:
-    """A real cell, what an operation on it is asked, and the rules with which it is opened."""
+    """A real cell, the requests of operations on it, and the rules with which it is opened."""
 
     loaded: LoadedCell
     folder: Path
@@ -113,8 +113,8 @@ def cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Cell:
     return found
 
 
-def test_what_opens_a_cell_what_moves_and_what_is_held_is_this() -> None:
-    """The service asks for lease, preflight, clearance and axis test by these."""
+def test_the_operations_that_open_a_cell_move_it_or_need_a_held_key() -> None:
+    """A service requires lease, preflight, clearance and axis test by these declarations."""
     declared = {name: operation(name) for name, entry in CATALOGUE.items() if entry.is_job}
     assert {name for name, each in declared.items() if each.opens_cell} == {
         *("check", "reset", "payload session"),
@@ -131,21 +131,21 @@ def test_what_opens_a_cell_what_moves_and_what_is_held_is_this() -> None:
 
 
 @pytest.mark.parametrize("name", BY_ITSELF)
-def test_a_real_cell_moves_by_itself_only_after_its_axis_test(name: str, cell: Cell) -> None:
+def test_an_automatic_motion_of_a_real_cell_needs_the_axis_test(name: str, cell: Cell) -> None:
     with raises_code(PreflightError, "RID-AXIS-TEST-MISSING", "axis1"):
         cell.run(name, Person(answer="ir361"))
     assert cell.rules == []
 
 
 @pytest.mark.parametrize("name", BY_ITSELF)
-def test_a_waived_axis_test_is_waived_for_the_session_too(name: str, cell: Cell) -> None:
+def test_a_waived_axis_test_is_also_waived_for_the_session(name: str, cell: Cell) -> None:
     with pytest.raises(OpenedError):
         cell.run(name, Person(answer="ir361"), axis_test="waived")
     assert cell.rules == [AxisTestRule.WAIVED]
 
 
 @pytest.mark.parametrize("name", HELD)
-def test_what_is_held_needs_keys_that_are_fit_for_a_real_cell(name: str, cell: Cell) -> None:
+def test_a_hold_to_run_operation_requires_keys_for_a_real_cell(name: str, cell: Cell) -> None:
     person = Person(answer="ir361")
     with pytest.raises(OpenedError):
         cell.run(name, person)
@@ -154,7 +154,7 @@ def test_what_is_held_needs_keys_that_are_fit_for_a_real_cell(name: str, cell: C
 
 
 @MOVING
-def test_nobody_who_could_be_asked_moves_no_real_cell(name: str, cell: Cell) -> None:
+def test_a_real_cell_does_not_move_without_a_user_to_confirm(name: str, cell: Cell) -> None:
     waived = {} if name in HELD else {"axis_test": "waived"}
     with raises_code(PreflightError, "RID-ANSWER-NOBODY", "ir361"):
         cell.run(name, Person(), **waived)
@@ -162,7 +162,7 @@ def test_nobody_who_could_be_asked_moves_no_real_cell(name: str, cell: Cell) -> 
 
 
 @MOVING
-def test_another_answer_than_the_cells_name_moves_nothing(name: str, cell: Cell) -> None:
+def test_another_answer_than_the_cell_name_is_refused(name: str, cell: Cell) -> None:
     waived = {} if name in HELD else {"axis_test": "waived"}
     with raises_code(PreflightError, "RID-ANSWER-NO", "ir361"):
         cell.run(name, Person(answer="yes"), **waived)
@@ -170,19 +170,19 @@ def test_another_answer_than_the_cells_name_moves_nothing(name: str, cell: Cell)
 
 
 @MOVING
-def test_a_cell_that_was_cleared_is_not_asked_about_again(name: str, cell: Cell) -> None:
+def test_a_cleared_cell_needs_no_further_question(name: str, cell: Cell) -> None:
     waived = {} if name in HELD else {"axis_test": "waived"}
     with pytest.raises(OpenedError):
         cell.run(name, Person(), cleared=True, **waived)
 
 
-def test_a_real_cell_has_nobody_who_looks_in_its_place(cell: Cell) -> None:
+def test_an_unattended_axis_test_of_a_real_cell_is_refused(cell: Cell) -> None:
     with raises_code(PreflightError, "RID-KEY-NEEDED", "ir361"):
         cell.run("axes", Person(answer="ir361"), unattended=True)
     assert cell.rules == []
 
 
-def test_a_session_on_a_real_cell_holds_the_axis_test_itself(cell: Cell) -> None:
+def test_opening_a_session_on_a_real_cell_checks_the_axis_test(cell: Cell) -> None:
     with (
         raises_code(PreflightError, "RID-AXIS-TEST-MISSING", "axis1"),
         open_session(cell.loaded, cell.folder / "runs", Person(), None, AxisTestRule.REQUIRED),
@@ -194,7 +194,7 @@ def test_a_session_on_a_real_cell_holds_the_axis_test_itself(cell: Cell) -> None
     ("name", "value"),
     [("cell", "ir361"), ("runs", "/tmp"), ("cleared", True), ("live", {}), ("tester", "anna")],
 )
-def test_the_process_that_drives_takes_no_field_of_the_services_from_a_client(
+def test_the_worker_refuses_fields_that_only_the_service_sets(
     name: str, value: object, tmp_path: Path
 ) -> None:
     kind = JobKind("axes") if name == "tester" else JobKind("record")
@@ -205,9 +205,7 @@ def test_the_process_that_drives_takes_no_field_of_the_services_from_a_client(
 
 @pytest.mark.parametrize("cleared", [False, True])
 @MOVING
-def test_whether_a_cell_is_clear_comes_from_the_service(
-    name: str, cleared: bool, tmp_path: Path
-) -> None:
+def test_the_service_sets_the_clearance_of_a_cell(name: str, cleared: bool, tmp_path: Path) -> None:
     kind = JobKind(operation(name).kind)
     needed: Mapping[str, object] = {
         "record": {"motion": "motion.yaml"},
@@ -221,7 +219,7 @@ def test_whether_a_cell_is_clear_comes_from_the_service(
     ("kind", "field_name"),
     [(kind, each) for kind in JobKind for each in ("cell", "runs", "cleared", "live", "tester")],
 )
-def test_the_service_takes_no_field_of_its_own_from_a_client(
+def test_the_service_refuses_fields_that_only_the_service_sets(
     kind: JobKind, field_name: str, tmp_path: Path
 ) -> None:
     with raises_code(ConfigError, "RID-REQUEST-INVALID", kind.value):
@@ -229,7 +227,7 @@ def test_the_service_takes_no_field_of_its_own_from_a_client(
 
 
 @pytest.mark.parametrize("beat", [None, object()])
-def test_a_motion_watches_the_service_that_has_ordered_it(
+def test_a_motion_monitors_the_service_that_started_it(
     beat: Any, cell: Cell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     watched: list[object] = []
@@ -254,7 +252,7 @@ def test_a_motion_watches_the_service_that_has_ordered_it(
 
 
 class Client:
-    """A service with one real cell, which notes what it is asked for."""
+    """A service with one real cell, which stores the requested jobs."""
 
     def __init__(self) -> None:
         self.begun: list[tuple[JobKind, bool]] = []
@@ -278,7 +276,7 @@ class Client:
 
 
 @pytest.mark.parametrize("name", ["check", *HELD, *BY_ITSELF])
-def test_a_served_real_cell_is_said_to_be_clear_by_a_person_only(
+def test_only_a_user_can_clear_a_served_real_cell(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     client = Client()

@@ -1,4 +1,4 @@
-"""Every operation: one declaration, the same limits and descriptions at every way in."""
+"""Every operation: one declaration, with equal limits and descriptions at every entry point."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def fields(name: str) -> list[ShownField]:
 
 
 def nested(values: dict[str, object], path: tuple[str, ...], value: object) -> dict[str, object]:
-    """Return values with one more, in a nested model if the path is long."""
+    """Return values with one more value at a path, which can lead into a nested model."""
     if len(path) == 1:
         return {**values, path[0]: value}
     inner = values.get(path[0], {})
@@ -40,12 +40,12 @@ def nested(values: dict[str, object], path: tuple[str, ...], value: object) -> d
 
 
 def least_text(kind: Any) -> str:
-    """Return a text that the type of a field accepts."""
+    """Return a short text that the type of a field accepts."""
     return str(next(iter(kind))) if isinstance(kind, EnumType) else "a.yaml"
 
 
 def required(name: str) -> dict[str, object]:
-    """Return the fewest values of a request, as the command line gives them."""
+    """Return the required values of a request as texts from the command line."""
     values: dict[str, object] = {}
     for each in fields(name):
         if each.info.is_required():
@@ -61,7 +61,7 @@ def numeric(name: str) -> Iterator[ShownField]:
 
 
 @NAMES
-def test_an_operation_is_declared_whole(name: str) -> None:
+def test_an_operation_declares_label_request_section_and_job_kind(name: str) -> None:
     found = operation(name)
     assert found.name == name
     assert found.label
@@ -76,13 +76,13 @@ def test_an_operation_is_declared_whole(name: str) -> None:
 
 
 @NAMES
-def test_every_field_has_a_description_of_its_own(name: str) -> None:
+def test_every_field_has_a_separate_description(name: str) -> None:
     for each in fields(name):
         assert str(each.info.description).endswith("."), each.path
 
 
 @NAMES
-def test_every_example_is_a_command_line_of_the_operation(name: str) -> None:
+def test_every_example_is_a_valid_command_line_of_its_operation(name: str) -> None:
     found = operation(name)
     assert len(found.examples) >= 2
     for example in found.examples:
@@ -94,7 +94,7 @@ def test_every_example_is_a_command_line_of_the_operation(name: str) -> None:
 
 
 @NAMES
-def test_an_option_says_its_unit_and_its_section(name: str) -> None:
+def test_an_option_has_a_unit_and_a_section(name: str) -> None:
     found = operation(name)
     context = click.Context(OperationCommand(found), info_name=name)
     text = " ".join(context.get_help().split())
@@ -107,7 +107,7 @@ def test_an_option_says_its_unit_and_its_section(name: str) -> None:
 
 
 @NAMES
-def test_a_number_that_is_none_is_refused_with_the_name_of_its_option(name: str) -> None:
+def test_an_invalid_number_is_refused_with_the_name_of_its_option(name: str) -> None:
     for each in numeric(name):
         for odd in ("nan", "inf", "-inf", "1e300", "-1e300", "", "1,5", "one"):
             value = (odd,) if each.is_repeated else odd
@@ -118,7 +118,7 @@ def test_a_number_that_is_none_is_refused_with_the_name_of_its_option(name: str)
 
 
 @NAMES
-def test_a_program_cannot_give_a_text_for_a_number(name: str) -> None:
+def test_a_json_request_with_a_text_for_a_number_is_refused(name: str) -> None:
     for each in numeric(name):
         value = ["1"] if each.is_repeated else "1"
         with pytest.raises(ConfigError) as caught:
@@ -141,7 +141,7 @@ def test_an_option_without_effect_is_refused(name: str) -> None:
 
 
 @NAMES
-def test_the_schema_describes_every_field_that_a_client_may_set(name: str) -> None:
+def test_the_schema_describes_every_field_that_a_client_can_set(name: str) -> None:
     found = operation(name)
     schema: Any = found.schema()
     assert schema["additionalProperties"] is False
@@ -152,7 +152,7 @@ def test_the_schema_describes_every_field_that_a_client_may_set(name: str) -> No
         assert is_group or each["description"] == info.description
 
 
-def test_declarations_load_no_numerics() -> None:
+def test_declarations_do_not_import_numpy() -> None:
     names = ", ".join(f"operation({name!r})" for name in CATALOGUE)
     program = (
         "import sys; from rid_daq.operations.catalogue import operation;"
@@ -164,7 +164,7 @@ def test_declarations_load_no_numerics() -> None:
     assert shown.stdout.strip() == f"{len(CATALOGUE)} set()"
 
 
-def test_a_request_is_frozen_and_closed() -> None:
+def test_a_request_refuses_unknown_fields() -> None:
     request = operation("retime").request.of({**required("retime"), "margin": "0.5"})
     assert request.model_dump()["margin"] == 0.5
     with pytest.raises(ConfigError) as caught:
@@ -173,10 +173,10 @@ def test_a_request_is_frozen_and_closed() -> None:
 
 
 class EndedError(Exception):
-    """A signal came."""
+    """A signal has arrived."""
 
 
-def test_a_signal_waits_until_the_module_of_an_operation_is_imported(
+def test_a_signal_takes_effect_after_the_import_of_an_operation(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     program = "import signal\nsignal.raise_signal(signal.SIGTERM)\nWHOLE = True\n"
@@ -195,7 +195,7 @@ def test_a_signal_waits_until_the_module_of_an_operation_is_imported(
     assert sys.modules.pop("interrupted_module").WHOLE
 
 
-def test_what_opens_a_cell_and_takes_long_to_import_is_imported_ahead() -> None:
+def test_every_moving_operation_names_a_module_to_import_in_advance() -> None:
     for name in CATALOGUE:
         found = operation(name)
         if found.moves:

@@ -1,4 +1,4 @@
-"""An option without effect and an unintended replacement of a file are refused at once."""
+"""Options without effect and outputs that would replace a file are refused at once."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_an_option_without_effect_is_refused(
         ("nowhere/mine", 7, "RID-FILE-WRITE"),
     ],
 )
-def test_an_output_is_judged_before_anything_is_computed(
+def test_an_unsuitable_output_is_refused_before_the_computation(
     words: str,
     name: str,
     exit_code: int,

@@ -1,4 +1,4 @@
-"""Torques of a periodic run that come late: found by `--choose`, used by all that follows."""
+"""Delayed torques of a periodic run: found by `--choose`, used by the following commands."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ CYCLE_S = 0.008
 
 @pytest.fixture(scope="module")
 def recordings() -> tuple[Recording, ...]:
-    """Drive the simulated arm along two motions, its torques late."""
+    """Record two motions of the simulated arm with delayed torques."""
     cell = load_cell("ir361")
     assert cell.plant is not None
     plant, late = cell.plant.without_unmodelled(), []
@@ -48,7 +48,7 @@ def recordings() -> tuple[Recording, ...]:
     return tuple(late)
 
 
-def test_delays_of_a_periodic_run_are_found_said_and_used(
+def test_torque_delays_of_a_periodic_run_are_found_reported_and_used(
     recordings: tuple[Recording, ...], tmp_path: Path
 ) -> None:
     robot, how = load_cell("ir361").robot, EstimationJob()

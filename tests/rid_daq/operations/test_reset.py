@@ -1,4 +1,4 @@
-"""Output of `reset` about drives: a remaining fault is shown and ends the command."""
+"""Output of `reset` about the drives: a remaining fault is an error."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def drive(after: PowerState, refusal: str = "") -> FaultReset:
 @pytest.mark.parametrize(
     "stuck", [drive(PowerState.FAULT), drive(PowerState.SWITCH_ON_DISABLED, "0609 0030h")]
 )
-def test_a_fault_that_remains_is_an_error_with_exit_code_3(
+def test_a_remaining_fault_is_an_error_with_exit_code_3(
     stuck: FaultReset, capsys: pytest.CaptureFixture[str]
 ) -> None:
     result = ResetResult(ResetRequest(cell="ir361"), "ir361", (stuck,))

@@ -1,4 +1,4 @@
-"""The loops that `init --urdf` invents: stiff enough and slow enough in every pose."""
+"""The velocity loops that `init --urdf` selects: stiff and not too fast in every pose."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ CYCLE_S = 0.008
 
 
 def arm(torques: tuple[float, ...], wrist_kg: float = 0.05) -> RobotDescription:
-    """Return an upright shoulder, an upper arm of 8 kg and a wrist, with next to no rotors."""
+    """Return an arm with a vertical first axis, an upper arm of 8 kg, and very small rotors."""
     rows = (
         KinematicRow(d_m=0.3),
         KinematicRow(alpha_rad=np.pi / 2),
@@ -59,7 +59,7 @@ def arm(torques: tuple[float, ...], wrist_kg: float = 0.05) -> RobotDescription:
     )
 
 
-def test_no_loop_is_too_fast_in_any_pose_however_the_joints_are_coupled() -> None:
+def test_no_loop_is_too_fast_in_any_pose_with_coupled_joints() -> None:
     robot = arm((120.0, 150.0, 4.0))
     plant = simulated_plant(robot)
     model = RobotModel.from_description(robot, rotors=False, friction=False, spring=False)
@@ -72,7 +72,7 @@ def test_no_loop_is_too_fast_in_any_pose_however_the_joints_are_coupled() -> Non
         assert fastest <= FASTEST_LOOP_RAD_S * 1.001
 
 
-def test_the_torque_limit_pushes_no_joint_farther_off_than_the_loops_are_made_for() -> None:
+def test_the_error_at_the_torque_limit_stays_within_its_design_value() -> None:
     robot = arm((120.0, 150.0, 4.0))
     for joint, axis in zip(robot.joints, simulated_plant(robot).axes, strict=True):
         off = joint.limits.torque * INTEGRAL_TIME_S / axis.velocity_gain_nm_s
@@ -80,7 +80,7 @@ def test_the_torque_limit_pushes_no_joint_farther_off_than_the_loops_are_made_fo
 
 
 @pytest.mark.parametrize("wrist_kg", [0.002, 0.05, 2.0])
-def test_a_light_wrist_stands_still_while_a_heavy_arm_swings_below_it(wrist_kg: float) -> None:
+def test_a_light_wrist_stays_at_rest_while_a_heavy_arm_moves(wrist_kg: float) -> None:
     robot = arm((120.0, 150.0, 4.0), wrist_kg)
     robot, _ = limit_to_motors(robot)
     plant = Plant(robot, simulated_plant(robot))
@@ -99,7 +99,7 @@ def test_a_light_wrist_stands_still_while_a_heavy_arm_swings_below_it(wrist_kg: 
     assert (off < 2.0 * ERROR_AT_LIMIT_RAD).all()
 
 
-def test_a_torque_limit_below_gravity_is_raised_and_said_by_name() -> None:
+def test_a_torque_limit_below_gravity_is_raised_with_a_note() -> None:
     robot = arm((120.0, 20.0, 4.0))
     fitted, notes = limit_to_motors(robot)
     load = Workload.of(robot)
@@ -109,7 +109,7 @@ def test_a_torque_limit_below_gravity_is_raised_and_said_by_name() -> None:
     assert "limits.torque 20 leaves too little" in notes[0]
 
 
-def test_weak_motors_make_every_joint_slower_in_the_same_path() -> None:
+def test_a_weak_motor_reduces_the_speed_of_all_joints_equally() -> None:
     fitted, notes = limit_to_motors(arm((6.0, 150.0, 4.0)))
     first, second = fitted.joints[0].limits, fitted.joints[1].limits
     share = first.velocity / 3.0
@@ -119,7 +119,7 @@ def test_weak_motors_make_every_joint_slower_in_the_same_path() -> None:
     assert "the torque limit of joint 'j1'" in notes[-1]
 
 
-def test_a_joint_that_crosses_its_range_before_a_fault_stops_it_is_slowed_down() -> None:
+def test_a_joint_that_could_cross_its_range_before_a_stop_is_slowed_down() -> None:
     robot = arm((500.0, 500.0, 40.0))
     short = robot.joints[2].limits.model_copy(
         update={"position_min": -0.2, "position_max": 0.2, "velocity": 5.0}

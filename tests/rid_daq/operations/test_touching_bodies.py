@@ -1,4 +1,4 @@
-"""Bodies that touch wherever the robot stands are not held apart; those that can part are."""
+"""Body pairs that touch in every pose need no distance; pairs that can separate need one."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def capsule(link: int, name: str, length: float, radius: float = 0.05) -> Capsul
 
 
 def arm(**more: object) -> RobotDescription:
-    """Return a plane arm of three links, which folds onto itself."""
+    """Return a planar arm of three links that can fold onto itself."""
     limits = JointLimits(
         position_min=-3.0, position_max=3.0, velocity=1.0, acceleration=5.0, torque=10.0
     )
@@ -38,7 +38,7 @@ def arm(**more: object) -> RobotDescription:
         ),
         joints=tuple(Joint(name=name, limits=limits) for name in ("one", "two", "three")),
         bodies=(
-            capsule(0, "base", REACH, radius=0.35),  # its end reaches over the second axis
+            capsule(0, "base", REACH, radius=0.35),  # its end extends beyond the second axis
             capsule(2, "upper", 0.1),
             capsule(3, "fore", REACH),
         ),
@@ -46,7 +46,7 @@ def arm(**more: object) -> RobotDescription:
     return RobotDescription.model_validate(robot.model_dump() | more)
 
 
-def test_what_touches_in_every_pose_may_touch_and_what_can_part_may_not() -> None:
+def test_only_bodies_that_touch_in_every_pose_are_allowed_to_touch() -> None:
     robot, notes = allow_touching_pairs(arm(), np.zeros(3))
     assert robot.may_touch == (("base", "upper"),)
     assert notes == (
@@ -60,12 +60,12 @@ def test_what_touches_in_every_pose_may_touch_and_what_can_part_may_not() -> Non
     assert Clearances.of(robot).names == ("the base's body base and link 3's body fore",)
 
 
-def test_a_robot_whose_bodies_part_stays_as_it_is() -> None:
+def test_a_robot_without_touching_bodies_is_unchanged() -> None:
     apart = arm(bodies=(capsule(0, "base", 0.1), capsule(3, "fore", 0.1)))
     assert allow_touching_pairs(apart, np.zeros(3)) == (apart, ())
 
 
 @pytest.mark.parametrize("pair", [("base", "base"), ("base", "hand")])
-def test_may_touch_needs_the_names_of_two_bodies(pair: tuple[str, str]) -> None:
+def test_may_touch_requires_the_names_of_two_bodies(pair: tuple[str, str]) -> None:
     with raises_invalid("", "may_touch", "base,"):
         arm(may_touch=(pair,))

@@ -24,13 +24,13 @@ from tests.builders.raised_codes import raises_code
 
 @pytest.fixture(autouse=True)
 def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The folder of this account's state, new."""
+    """Return a new state folder for this user account."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     return tmp_path / "state" / "rid-daq"
 
 
 def real(folder: Path) -> LoadedCell:
-    """Return the bundled cell as one of a person's own, and real."""
+    """Return the bundled cell as a user's real cell."""
     path = folder / "cell.yaml"
     if not path.exists():
         path.write_bytes(read_named("ir361", "cells", None)[0])
@@ -43,7 +43,7 @@ def sign_all(loaded: LoadedCell) -> None:
         sign_axis(loaded, name, "a run")
 
 
-def test_a_real_cell_is_moved_only_after_the_axis_test(tmp_path: Path) -> None:
+def test_a_real_cell_moves_only_after_the_axis_test(tmp_path: Path) -> None:
     loaded = real(tmp_path)
     with raises_code(PreflightError, "RID-AXIS-TEST-MISSING", "axis1", "axis2", "axis3", "cell.y"):
         require_axis_test(loaded, AxisTestRule.REQUIRED)
@@ -64,7 +64,7 @@ def test_an_axis_that_is_missing_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("file", ["cell.yaml", "robot.yaml"])
-def test_it_counts_no_more_once_a_file_has_changed(file: str, tmp_path: Path) -> None:
+def test_an_axis_test_is_invalid_after_a_change_of_a_file(file: str, tmp_path: Path) -> None:
     loaded = real(tmp_path)
     sign_all(loaded)
     changed = replace(loaded, files=loaded.files | {file: loaded.files[file] + b"\n# changed"})
@@ -75,14 +75,14 @@ def test_it_counts_no_more_once_a_file_has_changed(file: str, tmp_path: Path) ->
         require_axis_test(changed, AxisTestRule.REQUIRED)
 
 
-def test_who_waives_it_is_told_what_is_missing_for_the_run(tmp_path: Path) -> None:
+def test_a_waived_axis_test_lists_the_missing_axes(tmp_path: Path) -> None:
     loaded = real(tmp_path)
     sign_axis(loaded, "axis1", "a run")
     assert require_axis_test(loaded, AxisTestRule.WAIVED) == "waived; missing: axis2, axis3"
     assert axis_test_line(loaded, AxisTestRule.WAIVED).verdict == "allowed"
 
 
-def test_a_simulated_cell_needs_none() -> None:
+def test_a_simulated_cell_needs_no_axis_test() -> None:
     loaded = load_cell("ir361")
     assert require_axis_test(loaded, AxisTestRule.REQUIRED) == ""
     assert axis_test_line(loaded, AxisTestRule.REQUIRED).verdict == "shown"
@@ -90,7 +90,7 @@ def test_a_simulated_cell_needs_none() -> None:
     assert sign_axis(loaded, "axis1", "a run") is None
 
 
-def test_a_file_that_is_no_axis_test_is_refused_by_its_name(tmp_path: Path) -> None:
+def test_an_invalid_axis_test_file_is_named(tmp_path: Path) -> None:
     loaded = real(tmp_path)
     sign_all(loaded)
     path = axis_test_file(loaded)
@@ -107,7 +107,7 @@ def record(loaded: LoadedCell) -> Path:
 
 
 @pytest.mark.promise("axis-test-signed")
-def test_no_file_beside_the_cell_counts(tmp_path: Path) -> None:
+def test_an_axis_test_file_next_to_the_cell_file_does_not_count(tmp_path: Path) -> None:
     loaded = real(tmp_path)
     sign_all(loaded)
     record(loaded).rename(tmp_path / "cell.axes.json")
@@ -138,7 +138,7 @@ def another_cell(told: dict[str, object], axis: dict[str, object]) -> None:
 @pytest.mark.parametrize(
     "edit", [another_joint, another_person, another_signature, no_signature, another_cell]
 )
-def test_a_record_that_was_edited_does_not_count(
+def test_an_edited_axis_test_does_not_count(
     edit: Callable[[dict[str, object], dict[str, object]], None], tmp_path: Path
 ) -> None:
     loaded = real(tmp_path)
@@ -153,7 +153,7 @@ def test_a_record_that_was_edited_does_not_count(
 
 
 @pytest.mark.promise("axis-test-signed")
-def test_a_record_that_was_copied_for_other_files_does_not_count(tmp_path: Path) -> None:
+def test_an_axis_test_copied_for_other_files_does_not_count(tmp_path: Path) -> None:
     loaded = real(tmp_path)
     sign_all(loaded)
     changed = replace(loaded, files=loaded.files | {"cell.yaml": b"# another\n"})
@@ -169,7 +169,7 @@ def test_a_record_that_was_copied_for_other_files_does_not_count(tmp_path: Path)
 
 
 @pytest.mark.promise("axis-test-signed")
-def test_a_record_of_another_account_or_computer_does_not_count(
+def test_an_axis_test_of_another_account_or_computer_does_not_count(
     tmp_path: Path, state: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     loaded = real(tmp_path)
@@ -184,7 +184,7 @@ def test_a_record_of_another_account_or_computer_does_not_count(
 
 
 @pytest.mark.promise("axis-test-signed")
-def test_the_secret_is_this_accounts_alone(tmp_path: Path, state: Path) -> None:
+def test_a_signing_key_that_others_can_access_is_refused(tmp_path: Path, state: Path) -> None:
     loaded = real(tmp_path)
     sign_all(loaded)
     secret = state / "axis-test.key"
@@ -201,7 +201,7 @@ def test_the_secret_is_this_accounts_alone(tmp_path: Path, state: Path) -> None:
     assert refused.value.refusal == "RID-STATE-FOREIGN"
 
 
-def test_a_damaged_secret_signs_nothing(tmp_path: Path, state: Path) -> None:
+def test_a_damaged_signing_key_is_refused(tmp_path: Path, state: Path) -> None:
     loaded = real(tmp_path)
     sign_all(loaded)
     secret = state / "axis-test.key"
@@ -212,7 +212,7 @@ def test_a_damaged_secret_signs_nothing(tmp_path: Path, state: Path) -> None:
             require_axis_test(loaded, AxisTestRule.REQUIRED)
 
 
-def test_who_has_tested_is_named(tmp_path: Path) -> None:
+def test_the_axis_test_names_the_tester(tmp_path: Path) -> None:
     loaded = real(tmp_path)
     for name in loaded.robot.joint_names:
         sign_axis(loaded, name, "a run", "Anna")

@@ -30,7 +30,7 @@ LINES = [
 ]
 
 
-def test_a_device_is_a_line_and_below_it_what_is_red_or_was_only_allowed(
+def test_each_device_has_a_line_followed_by_its_red_and_allowed_lines(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     show_devices(Console(), LINES)
@@ -44,7 +44,7 @@ def test_a_device_is_a_line_and_below_it_what_is_red_or_was_only_allowed(
     ]
 
 
-def test_a_headline_is_shown_even_if_all_is_well(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_headline_is_shown_even_if_all_lines_are_ok(capsys: pytest.CaptureFixture[str]) -> None:
     reference = line("axis1, node 1", "6064h:00 position reference", "not known", verdict="shown")
     show_devices(Console(), [*LINES[1:3], replace(reference, headline="position reference")])
     assert capsys.readouterr().out.splitlines() == [
@@ -52,7 +52,7 @@ def test_a_headline_is_shown_even_if_all_is_well(capsys: pytest.CaptureFixture[s
     ]
 
 
-def test_all_lines_are_what_drives_share_and_each_devices_own_red_ones_first(
+def test_all_lines_are_grouped_by_device_with_red_lines_first(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     print_blocks(all_blocks(LINES), Console())

@@ -18,7 +18,7 @@ from rid_daq.preflight.computer_check import (
 from rid_daq.preflight.lateness import sleep_like_the_task
 
 
-def test_keeping_processors_awake_is_tried_and_given_back(tmp_path: Path) -> None:
+def test_the_latency_request_for_processors_is_tested_and_released(tmp_path: Path) -> None:
     latency = tmp_path / "cpu_dma_latency"
     assert try_awake(latency) == f"this system has no {latency}"
     latency.touch()
@@ -26,14 +26,14 @@ def test_keeping_processors_awake_is_tried_and_given_back(tmp_path: Path) -> Non
     assert latency.read_bytes() == b""
 
 
-def test_a_refusal_says_what_to_do(tmp_path: Path) -> None:
+def test_a_refused_latency_request_has_advice(tmp_path: Path) -> None:
     told = (
         f"refused: cycles begin later ({tmp_path}: Is a directory); give this user write permission"
     )
     assert try_awake(tmp_path) == told
 
 
-def test_how_late_cycles_begin_is_measured_as_the_task_would_begin_them() -> None:
+def test_the_lateness_of_cycles_is_measured_like_in_the_cyclic_task() -> None:
     found = {line.what: line.found for line in time_lines()}
     source, late = found["clock source; lateness of a cycle, median and largest"].split("; ")
     median, worst = (float(each.removesuffix(" ms")) for each in late.split(", "))
@@ -66,14 +66,14 @@ def test_a_date_before_the_program_existed_is_red(monkeypatch: pytest.MonkeyPatc
     assert line.verdict == "red"
 
 
-def test_a_folder_that_cannot_be_written_to_is_no_slow_disk() -> None:
+def test_an_unwritable_folder_is_not_reported_as_a_slow_disk() -> None:
     (line,) = [each for each in disk_lines(Path("/proc/runs")) if each.what == "writing to disk"]
     assert (line.verdict, line.found.split(":")[0]) == ("red", "/proc")
     assert line.next_action.startswith("choose another folder with --runs")
 
 
-def test_nobody_who_waits_for_the_measurement_any_more_is_no_error() -> None:
-    """Ctrl-C ends the program while its process still sleeps."""
+def test_a_measuring_process_without_its_program_ends_without_error() -> None:
+    """Ctrl-C ends the program while its measuring process still sleeps."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     ours.close()

@@ -28,13 +28,13 @@ def test_a_drive_without_heartbeats_may_be_guarded(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["1016h:01", "100Ch:00", "100Dh:00"])
-def test_a_watch_that_is_not_taken_leaves_a_drive_that_goes_on(name: str) -> None:
+def test_the_advice_for_a_missing_watchdog_warns_of_a_drive_that_continues(name: str) -> None:
     advice = next_action(red(name, "0"))
     assert "would not stop if this computer fails" in advice
     assert GUARDED not in advice
 
 
-def test_pdos_that_cannot_be_mapped_or_know_no_sync_have_keys_of_their_own() -> None:
+def test_the_advice_for_fixed_or_asynchronous_pdos_names_their_keys() -> None:
     assert "(pdos)" in next_action(red("1601h:00", "refused: the object is read-only (06010002h)"))
     assert "commands: on_arrival" in next_action(red("1400h:02", "FFh"))
     assert "(pdos)" not in next_action(red("1601h:01", "60400010h"))

@@ -28,7 +28,7 @@ SETTING = DriveSetting("axis1", 1, "6085h:00", "quick-stop deceleration", "10", 
 
 @dataclass
 class Axes:
-    """Drives that answer as a test says, on a clock that stands still but for their answers."""
+    """Drives with preset answers, on a clock that advances only by their answer times."""
 
     lost: Sequence[tuple[int, int]] = ()
     answer_s: Sequence[float] = (0.001,)
@@ -82,7 +82,7 @@ class Axes:
 
 @pytest.fixture
 def checked(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Return what checks such drives over a hundred cycles."""
+    """Return a function that checks such drives during a hundred cycles."""
 
     def check(axes: Axes, lost_frames: int = 0) -> list[CheckLine]:
         clock = SimpleNamespace(now_s=lambda: axes.now_s, sleep_until=axes.sleep_until)
@@ -112,37 +112,37 @@ def red(lines: Sequence[CheckLine]) -> list[str]:
     return [f"{line.where}: {line.what} {line.found}" for line in lines if line.verdict == "red"]
 
 
-def test_drives_that_answer_are_green_and_their_watch_is_tried_last(checked: Any) -> None:
+def test_drives_that_answer_are_ok_and_their_watchdogs_are_tested_last(checked: Any) -> None:
     axes = Axes()
     lines = checked(axes)
     assert red(lines) == []
     assert lines[0].what == "6085h:00 quick-stop deceleration"
     assert lines[-1] is WATCHED
-    assert axes.quick_stops == CYCLES  # nothing may move
+    assert axes.quick_stops == CYCLES  # nothing must move
 
 
-def test_each_answer_that_is_missing_is_counted_at_its_drive(checked: Any) -> None:
+def test_missing_answers_are_counted_for_each_drive(checked: Any) -> None:
     lines = checked(Axes(lost=[(0, 1), (7, 1), (99, 2)]))
     assert red(lines) == [
         "axis2, node 2: answers missing of 100 2",
         "axis3, node 3: answers missing of 100 1",
     ]
-    assert WATCHED not in lines  # drives that lose answers are not tried further
+    assert WATCHED not in lines  # drives that lose answers get no watchdog trial
 
 
-def test_one_slow_answer_in_a_hundred_is_forgiven_and_two_are_not(checked: Any) -> None:
+def test_one_slow_answer_in_a_hundred_is_ok_and_two_are_red(checked: Any) -> None:
     slow = 0.0051
     assert red(checked(Axes(answer_s=[slow, *[0.001] * 99]))) == []
     (line,) = red(checked(Axes(answer_s=[slow, slow, *[0.001] * 98])))
     assert line == "drives: time from SYNC to the last answer (99th percentile) 5.10 ms"
 
 
-def test_frames_that_this_computer_lost_are_red(checked: Any) -> None:
+def test_frames_lost_by_this_computer_are_red(checked: Any) -> None:
     (line,) = red(checked(Axes(), lost_frames=3))
     assert line.endswith("frames lost by this computer 3")
 
 
-def test_a_fault_is_red_and_what_only_happened_is_not(checked: Any) -> None:
+def test_a_fault_is_red_and_a_cleared_fault_is_not(checked: Any) -> None:
     told = [
         DriveEvent(EventKind.EMERGENCY, "axis1", 0.0, "axis1: emergency 7121h", 0x7121),
         DriveEvent(EventKind.EMERGENCY_CLEARED, "axis1", 0.0, "axis1: over", 0),
@@ -151,7 +151,7 @@ def test_a_fault_is_red_and_what_only_happened_is_not(checked: Any) -> None:
     assert red(checked(Axes(events=told))) == ["drives: faults axis1: emergency 7121h"]
 
 
-def test_a_fault_that_comes_again_is_told_once_and_how_often(checked: Any) -> None:
+def test_a_repeated_fault_is_reported_once_with_its_count(checked: Any) -> None:
     lost, left = (
         DriveEvent(EventKind.EMERGENCY, axis, 0.0, f"{axis}: heartbeat lost", 0x8130)
         for axis in ("axis1", "axis2")
@@ -160,7 +160,7 @@ def test_a_fault_that_comes_again_is_told_once_and_how_often(checked: Any) -> No
     assert line == "drives: faults axis1: heartbeat lost (3 times); axis2: heartbeat lost"
 
 
-def test_what_was_read_before_a_drive_refused_is_kept(checked: Any) -> None:
+def test_settings_read_before_a_drive_error_are_reported(checked: Any) -> None:
     axes = Axes(trouble=DriverError("axis2 does not answer"))
     with pytest.raises(DriveTrouble) as caught:
         checked(axes)
@@ -169,7 +169,7 @@ def test_what_was_read_before_a_drive_refused_is_kept(checked: Any) -> None:
     assert axes.cycle == -1
 
 
-def test_a_joint_that_stands_outside_its_limits_is_red(
+def test_a_joint_outside_its_limits_is_red(
     checked: Callable[..., list[CheckLine]],
 ) -> None:
     lines = [line for line in checked(Axes(stands=9.0)) if "6064h" in line.what]

@@ -1,4 +1,4 @@
-"""The last pose of a cell, in this account's state: kept, compared, accepted."""
+"""The last pose of a cell in this account's state folder: stored, compared, accepted."""
 
 from __future__ import annotations
 
@@ -34,33 +34,35 @@ def verdict(loaded: LoadedCell, position: list[float], rule: PoseRule = PoseRule
     return line.verdict
 
 
-def test_the_first_check_has_nothing_to_compare_with_and_the_next_has(real: LoadedCell) -> None:
+def test_the_first_check_stores_the_pose_and_later_checks_compare_it(real: LoadedCell) -> None:
     assert verdict(real, HERE) == "shown"
     assert verdict(real, HERE) == "ok"
     assert verdict(real, ELSEWHERE) == "red"
     assert verdict(real, ELSEWHERE) == "red", "a check that is red changes nothing"
 
 
-def test_a_person_accepts_another_pose(real: LoadedCell) -> None:
+def test_an_accepted_pose_replaces_the_stored_one(real: LoadedCell) -> None:
     store_pose(real, HERE, "run A")
     assert verdict(real, ELSEWHERE, PoseRule.ACCEPTED) == "allowed"
     assert verdict(real, ELSEWHERE) == "ok"
     assert verdict(real, HERE) == "red"
 
 
-def test_a_simulated_cell_that_is_served_is_told_and_not_refused(real: LoadedCell) -> None:
+def test_another_pose_of_a_served_simulated_cell_is_allowed(real: LoadedCell) -> None:
     config = real.config.model_copy(update={"simulated": True})
     simulated = replace(real, config=config)
     store_pose(simulated, HERE, "run A")
     assert verdict(simulated, ELSEWHERE) == "allowed"
 
 
-def test_mock_hardware_that_is_started_here_is_not_compared(real: LoadedCell, state: Path) -> None:
+def test_a_simulated_cell_started_by_the_command_has_no_stored_pose(
+    real: LoadedCell, state: Path
+) -> None:
     assert pose_lines(real, HERE, PoseRule.LEFT_OUT) == []
     assert not state.exists()
 
 
-def test_each_cell_file_has_a_pose_of_its_own(real: LoadedCell, tmp_path: Path) -> None:
+def test_each_cell_file_has_a_separate_pose(real: LoadedCell, tmp_path: Path) -> None:
     store_pose(real, HERE, "run A")
     assert known_pose(replace(real, path=tmp_path / "other.yaml"), binding=True) is None
     linked = tmp_path / "linked.yaml"
@@ -68,7 +70,7 @@ def test_each_cell_file_has_a_pose_of_its_own(real: LoadedCell, tmp_path: Path) 
     assert known_pose(replace(real, path=linked), binding=True) is not None
 
 
-def test_a_pose_of_other_joints_is_none_of_this_robot(real: LoadedCell) -> None:
+def test_a_stored_pose_of_other_joints_is_ignored(real: LoadedCell) -> None:
     store_pose(real, HERE, "run A")
     joints = tuple(
         joint.model_copy(update={"name": f"{joint.name}b"}) for joint in real.robot.joints
@@ -77,7 +79,7 @@ def test_a_pose_of_other_joints_is_none_of_this_robot(real: LoadedCell) -> None:
     assert known_pose(renamed, binding=True) is None
 
 
-def test_the_page_of_a_cell_knows_the_line_by_its_name() -> None:
+def test_the_cell_page_finds_the_line_by_its_name() -> None:
     script = files("rid_daq.workbench").joinpath("static/cell.js").read_text(encoding="utf-8")
     assert f'"{LAST_POSE}"' in script
 

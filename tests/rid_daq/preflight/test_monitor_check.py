@@ -1,4 +1,4 @@
-"""Preflight lines about motors that are hot, silent, or different from the robot file."""
+"""Preflight lines about hot motors, silent drives and deviating torque constants."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def loaded() -> LoadedCell:
 
 @pytest.fixture
 def serve(loaded: LoadedCell, tmp_path: Path) -> Iterator[Serve]:
-    """Serve six drives with motors of the robot file, one of which may differ."""
+    """Return a function that serves six drives with the robot file's motors; one can differ."""
     profile = loaded.drive_profile
     monitor = loaded.config.monitor
     assert isinstance(profile, DriveProfile)
@@ -67,32 +67,32 @@ def red(loaded: LoadedCell, cell: CellConfig) -> list[CheckLine]:
     return [line for line in lines if line.verdict == "red"]
 
 
-def test_all_is_well(loaded: LoadedCell, serve: Serve) -> None:
+def test_normal_motors_give_no_red_line(loaded: LoadedCell, serve: Serve) -> None:
     cell = serve()
     assert red(loaded, cell) == []
     lines = monitor_lines(cell, loaded.robot, loaded.drive_profile)
     assert sum(line.of_drive for line in lines) == 12
 
 
-def test_a_hot_motor(loaded: LoadedCell, serve: Serve) -> None:
+def test_a_hot_motor_is_red(loaded: LoadedCell, serve: Serve) -> None:
     (line,) = red(loaded, serve(temperature_k=395.0))
     assert (line.where, line.found, line.required) == ("axis3, node 3", "121.9", "≤ 120")
     assert line.next_action == "let the motor cool down"
 
 
-def test_another_torque_constant_than_the_robot_files(loaded: LoadedCell, serve: Serve) -> None:
+def test_a_deviating_torque_constant_is_red(loaded: LoadedCell, serve: Serve) -> None:
     (line,) = red(loaded, serve(constant=1.05))
     assert (line.where, line.found, line.required) == ("axis3, node 3", "103.9", "99")
     assert "torque_constant_nm_per_a" in line.next_action
 
 
-def test_a_drive_that_is_not_there(loaded: LoadedCell, serve: Serve) -> None:
+def test_a_missing_drive_is_red(loaded: LoadedCell, serve: Serve) -> None:
     (line,) = red(loaded, serve(units=5))
     assert line.found == "no answer of unit 6"
     assert "exception 11" in line.next_action
 
 
-def test_nobody_at_the_line(loaded: LoadedCell, serve: Serve) -> None:
+def test_an_unreachable_monitor_link_is_red(loaded: LoadedCell, serve: Serve) -> None:
     cell = serve()
     assert cell.monitor is not None
     link = cell.monitor.link.model_copy(update={"port": 1})
@@ -102,6 +102,6 @@ def test_nobody_at_the_line(loaded: LoadedCell, serve: Serve) -> None:
     assert "monitor.units" in line.next_action
 
 
-def test_a_cell_without_monitor_has_no_such_lines(loaded: LoadedCell) -> None:
+def test_a_cell_without_a_monitor_has_no_lines_about_motors(loaded: LoadedCell) -> None:
     bare = loaded.config.model_copy(update={"monitor": None})
     assert monitor_lines(bare, loaded.robot, None) == []

@@ -44,7 +44,7 @@ def red(lines: dict[str, CheckLine]) -> list[str]:
     return [what for what, line in lines.items() if line.verdict == "red"]
 
 
-def test_a_zeroed_plate_passes(serve_amplifier: Serve) -> None:
+def test_a_zeroed_plate_gives_no_red_line(serve_amplifier: Serve) -> None:
     served = serve_amplifier()
     prepare_plate(served.plate, served.profile, operate=True)
     lines = lines_of(served)
@@ -54,7 +54,7 @@ def test_a_zeroed_plate_passes(serve_amplifier: Serve) -> None:
     assert "force at rest" in lines
 
 
-def test_a_line_that_the_rows_would_fill_is_red(
+def test_an_overloaded_serial_line_is_red(
     serve_amplifier: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("rid_daq.preflight.plate_check.LINE_LOAD_LIMIT", 0.01)
@@ -63,7 +63,7 @@ def test_a_line_that_the_rows_would_fill_is_red(
     assert red(lines_of(served)) == ["line load"]
 
 
-def test_one_in_reset_is_red_and_left_in_reset(serve_amplifier: Serve) -> None:
+def test_an_amplifier_in_reset_is_red_and_stays_in_reset(serve_amplifier: Serve) -> None:
     served = serve_amplifier()
     lines = lines_of(served)
     assert red(lines) == ["channels measure"]
@@ -74,7 +74,7 @@ def test_one_in_reset_is_red_and_left_in_reset(serve_amplifier: Serve) -> None:
         assert not amplifier.is_operating()
 
 
-def test_a_range_set_here_has_lost_the_zero(serve_amplifier: Serve) -> None:
+def test_a_changed_range_makes_the_zero_invalid(serve_amplifier: Serve) -> None:
     served = serve_amplifier()
     prepare_plate(served.plate, served.profile, operate=True)
     other = served.plate.amplifier.model_copy(
@@ -86,7 +86,7 @@ def test_a_range_set_here_has_lost_the_zero(serve_amplifier: Serve) -> None:
 
 
 def stream_some(served: Any) -> None:
-    """Let simulated time pass: it runs while rows are streamed."""
+    """Let simulated time pass, which advances while rows are streamed."""
     with open_amplifier(served.plate.amplifier, served.profile) as amplifier:
         amplifier.connect()
         amplifier.start()
@@ -114,7 +114,7 @@ def test_a_force_beyond_five_newtons_is_red_by_channel(
     measured("6 N at zero: red")
 
 
-def test_an_overload_is_red_once_and_named(serve_amplifier: Serve) -> None:
+def test_an_overload_is_red_and_named_once(serve_amplifier: Serve) -> None:
     jump = (0.0, 0.0, 0.0, 0.0, 0.0, 60_000.0, 0.0, 0.0)
     truth = SimulatedPlate(sensitivity_pc_n=SENSITIVITIES, zero_jump_pc=jump)
     served = serve_amplifier(truth=truth)
@@ -125,9 +125,7 @@ def test_an_overload_is_red_once_and_named(serve_amplifier: Serve) -> None:
     assert lines["overloads"].found == "fz2"
 
 
-def test_a_plate_that_is_not_there_is_an_error_of_the_line(
-    serve_amplifier: Serve, tmp_path: Any
-) -> None:
+def test_a_missing_plate_is_refused_by_its_address(serve_amplifier: Serve, tmp_path: Any) -> None:
     served = serve_amplifier()
     gone = served.plate.amplifier.model_copy(update={"address": str(tmp_path / "none")})
     with raises_code(TransportError, "RID-SERIAL-OPEN", "plate.amplifier.address"):
@@ -135,7 +133,7 @@ def test_a_plate_that_is_not_there_is_an_error_of_the_line(
 
 
 @pytest.mark.slow
-def test_the_bundled_cells_plate_is_checked_with_it(capsys: pytest.CaptureFixture[str]) -> None:
+def test_checking_the_bundled_cell_includes_its_plate(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["check", "ir361", "--seconds", "0.3", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     found = {line["what"]: line["verdict"] for line in document["lines"]}
