@@ -83,7 +83,7 @@ class People:
 
     def session(self, *words: object, user: int = ME) -> subprocess.Popen[str]:
         process = self.start(PERSON, user, "hold", *words)
-        assert heard(process)
+        assert reports_alive(process)
         return process
 
     def stop(self, user: int) -> tuple[int, list[dict[str, Any]]]:
@@ -92,14 +92,14 @@ class People:
         return process.returncode, json.loads(said)["sessions"]
 
 
-def heard(process: subprocess.Popen[str]) -> bool:
+def reports_alive(process: subprocess.Popen[str]) -> bool:
     assert process.stdout is not None
     return process.stdout.readline() == "alive\n"
 
 
-def lives(process: subprocess.Popen[str]) -> bool:
+def is_alive(process: subprocess.Popen[str]) -> bool:
     """Return True if a process still answers."""
     assert process.stdin is not None
     process.stdin.write("?\n")
     process.stdin.flush()
-    return heard(process)
+    return reports_alive(process)

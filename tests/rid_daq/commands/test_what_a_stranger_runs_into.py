@@ -63,7 +63,7 @@ HELD: dict[str, tuple[str, ...]] = {
     "something left on the flange": (
         IMPORTED + "test_what_was_left_on_the_flange_shows_where_a_model_of_the_robot_is_given",
         "tests/rid_daq/recording/test_empty_flange.py"
-        "::test_a_person_is_asked_and_the_verdict_says_so",
+        "::test_the_verdict_states_that_the_user_confirmed_the_empty_flange",
     ),
     "half the payload left on the flange": (
         IMPORTED + "test_a_heavy_body_left_on_the_flange_is_named_as_the_likely_mistake",

@@ -1,4 +1,4 @@
-"""The mean period of a motion that still runs is that of everything read and cut anew."""
+"""The incremental mean period equals the average of all periods so far."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ K, PERIODS, T = 50, 8, 0.01
 
 @pytest.fixture
 def robot() -> RobotDescription:
-    """Torque constants fall as motors warm up."""
+    """Return a robot whose torque constants decrease with temperature."""
     plain = load_robot("ir361")
     joints = tuple(
         joint.model_copy(update={"torque_constant_per_k": -0.002}) for joint in plain.joints
@@ -57,7 +57,7 @@ def recording(robot: RobotDescription) -> Recording:
 
 
 def monitored_until(path: Path, end_s: float) -> None:
-    """Write what the monitor has written by then: a round every 0.7 s, one drive is late."""
+    """Write the monitor's file up to a time: readings every 0.7 s; one drive answers late."""
     path.unlink(missing_ok=True)
     names = ("axis1", "axis2", "axis3")
     with MonitorWriter(path, MonitorHeader(joint_names=names, period_s=0.7)) as writer:
@@ -67,7 +67,7 @@ def monitored_until(path: Path, end_s: float) -> None:
 
 
 @pytest.mark.parametrize("warm", [False, True])
-def test_it_is_that_of_all_periods_at_once(
+def test_the_incremental_average_equals_the_average_of_all_periods(
     robot: RobotDescription, recording: Recording, tmp_path: Path, warm: bool
 ) -> None:
     average = AverageSoFar(robot)
@@ -80,7 +80,7 @@ def test_it_is_that_of_all_periods_at_once(
         raw = recording.part(slice(0, periods * K))
         stream, _ = monitored(raw, tmp_path)
         whole = average_periods(with_temperature_compensation(raw, stream, robot))
-        assert (found.temperature_k is not None) is (warm and periods > 3)  # one was late
+        assert (found.temperature_k is not None) is (warm and periods > 3)  # one drive was late
         for field in fields(whole):
             one, other = getattr(whole, field.name), getattr(found, field.name)
             if isinstance(one, np.ndarray):

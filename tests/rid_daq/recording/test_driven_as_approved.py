@@ -52,7 +52,7 @@ def reached(loaded: LoadedCell, *_: object) -> Iterator[tuple[CellConfig, None]]
     yield loaded.config, None
 
 
-def driven(session: RunSession, asked: RunRequest) -> None:
+def raise_driven(session: RunSession, asked: RunRequest) -> None:
     raise DrivenError(asked, session.loaded)
 
 
@@ -83,9 +83,9 @@ class Person(Console):
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder with a cell of its own, a motion, its feedforward, a model and velocity loops."""
+    """Return a folder with a new cell, a motion, its feedforward, a model and velocity loops."""
     monkeypatch.setattr(run_session, "hold_reachable_cell", reached)
-    monkeypatch.setattr(run_session.RunSession, "record", driven)
+    monkeypatch.setattr(run_session.RunSession, "record", raise_driven)
     bundled = load_cell("ir361")
     for name, content in bundled.files.items():
         (tmp_path / name).write_bytes(content)
@@ -113,7 +113,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def remove_all(folder: Path) -> Callable[[], None]:
-    """Return what takes every file away: nothing can be read again."""
+    """Return a function that deletes every file, so that nothing can be read again."""
 
     def remove() -> None:
         for path in folder.iterdir():
@@ -139,12 +139,14 @@ def recorded(folder: Path, **more: Any) -> tuple[DrivenError, Person]:
 
 def test_no_file_of_a_recording_is_read_after_the_question(folder: Path) -> None:
     content = {name: (folder / name).read_bytes() for name in ("motion.yaml", "ahead.json")}
-    driven, _ = recorded(folder, feedforward=folder / "ahead.json", model=folder / "model.json")
-    assert driven.asked.files == {
+    raise_driven, _ = recorded(
+        folder, feedforward=folder / "ahead.json", model=folder / "model.json"
+    )
+    assert raise_driven.asked.files == {
         MOTION: content["motion.yaml"],
         FEEDFORWARD: content["ahead.json"],
     }
-    samples = driven.asked.samples
+    samples = raise_driven.asked.samples
     assert isinstance(samples, MotionSamples)
     assert samples.feedforward is not None
     np.testing.assert_allclose(samples.feedforward, samples.velocity, atol=1e-8)
@@ -152,30 +154,30 @@ def test_no_file_of_a_recording_is_read_after_the_question(folder: Path) -> None
 
 def test_a_fault_script_is_read_once(folder: Path) -> None:
     (folder / "faults.yaml").write_text("seed: 3\n")
-    driven, _ = recorded(folder, faults=folder / "faults.yaml")
-    assert driven.asked.files["faults.yaml"] == b"seed: 3\n"
+    raise_driven, _ = recorded(folder, faults=folder / "faults.yaml")
+    assert raise_driven.asked.files["faults.yaml"] == b"seed: 3\n"
 
 
-def test_the_rows_of_a_joint_table_are_those_that_were_read_first(folder: Path) -> None:
+def test_the_executed_joint_table_is_the_one_read_before_the_question(folder: Path) -> None:
     way = 0.1 * (1.0 - np.cos(2.0 * np.pi * np.arange(51) / 50)) ** 2
     rows = "\n".join(f"{0.1 * k:g},{at:.9g},0,0" for k, at in enumerate(way))
     (folder / "rows.csv").write_text(f"time_s,axis1,axis2,axis3\n{rows}\n")
     (folder / "motion.yaml").write_text("kind: joint_table\nrobot: ir361\nfile: rows.csv\n")
     wanted = load_motion(folder / "motion.yaml")
-    driven, _ = recorded(folder)
-    assert isinstance(driven.asked.samples, MotionSamples)
+    raise_driven, _ = recorded(folder)
+    assert isinstance(raise_driven.asked.samples, MotionSamples)
     cell = load_cell("ir361")
     planned = wanted.plan(cell.robot, cell.config.cycle_time_s)
-    np.testing.assert_array_equal(driven.asked.samples.position, planned.position)
-    (folder / "kept.yaml").write_bytes(driven.asked.files[MOTION])
+    np.testing.assert_array_equal(raise_driven.asked.samples.position, planned.position)
+    (folder / "kept.yaml").write_bytes(raise_driven.asked.files[MOTION])
     assert load_motion(folder / "kept.yaml") == wanted
 
 
-def test_the_hashes_beside_the_question_are_those_of_what_the_run_keeps(folder: Path) -> None:
-    driven, person = recorded(folder, feedforward=folder / "ahead.json")
+def test_the_hashes_shown_with_the_question_match_the_files_of_the_run(folder: Path) -> None:
+    raise_driven, person = recorded(folder, feedforward=folder / "ahead.json")
     told: Any = person
     (shown,) = [line for line in told.said if "SHA-256" in line]
-    kept = {**driven.loaded.files, **driven.asked.files}
+    kept = {**raise_driven.loaded.files, **raise_driven.asked.files}
     assert {"cell.yaml", "robot.yaml", MOTION, FEEDFORWARD} <= kept.keys()
     for name, content in kept.items():
         assert f"{name} {hashlib.sha256(content).hexdigest()[:12]}" in shown
@@ -206,7 +208,7 @@ def test_no_file_of_a_streamed_path_is_read_after_the_question(folder: Path) -> 
 
 
 @pytest.mark.promise("sum-verified")
-def test_a_feedforward_beyond_the_limits_is_refused_before_anybody_is_asked(folder: Path) -> None:
+def test_a_feedforward_beyond_the_limits_is_refused_before_the_question(folder: Path) -> None:
     file = json.loads((folder / "ahead.json").read_text())
     for number, row in enumerate(file["feedforward"]):
         row[0] = 0.3 * (-1.0) ** number
@@ -229,7 +231,7 @@ def test_a_feedforward_beyond_the_limits_is_refused_before_anybody_is_asked(fold
 
 
 @pytest.mark.promise("sum-verified")
-def test_a_feedforward_alone_beyond_a_speed_limit_is_refused(folder: Path) -> None:
+def test_a_feedforward_that_alone_exceeds_a_speed_limit_is_refused(folder: Path) -> None:
     file = json.loads((folder / "ahead.json").read_text())
     limit = load_cell("ir361").robot.joints[0].limits.velocity
     for row in file["feedforward"]:
@@ -247,7 +249,7 @@ def test_a_feedforward_alone_beyond_a_speed_limit_is_refused(folder: Path) -> No
 
 
 @pytest.mark.promise("sum-verified")
-def test_the_planned_motion_is_held_against_torque_limits_too(
+def test_the_planned_motion_is_checked_against_torque_limits(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Check the motion itself, and not only the output of the position loop."""
@@ -271,8 +273,8 @@ def test_the_planned_motion_is_held_against_torque_limits_too(
 
 
 @pytest.mark.promise("sum-verified")
-def test_the_sum_is_held_against_torque_limits_where_a_model_is_given(folder: Path) -> None:
-    """The planned motion takes little torque; what the feedforward adds takes too much."""
+def test_motion_plus_feedforward_is_checked_against_torque_limits(folder: Path) -> None:
+    """The planned motion needs little torque; with the feedforward it needs too much."""
     cell = load_cell(str(folder / "cell.yaml"))
     plan = load_motion(folder / "motion.yaml").plan(cell.robot, cell.config.cycle_time_s).whole()
     moved = (plan.position, plan.velocity, plan.acceleration)

@@ -1,4 +1,4 @@
-"""A payload session asks whether the flange is empty, and its verdict says what was answered."""
+"""A payload session asks if the flange is empty, and its verdict contains the answer."""
 
 from __future__ import annotations
 
@@ -68,13 +68,13 @@ def motion(six_axis_motion: Callable[[int], Path]) -> AnyMotion:
 
 
 @pytest.fixture
-def lead(monkeypatch: pytest.MonkeyPatch, state: SessionFile, motion: AnyMotion) -> Lead:
-    """Lead through a session whose first motion is stopped at once."""
+def run_session(monkeypatch: pytest.MonkeyPatch, state: SessionFile, motion: AnyMotion) -> Lead:
+    """Return a function that runs a session whose first motion is stopped at once."""
     monkeypatch.setattr(session_steps, "preflight", lambda *_, **__: ([], None))
     loaded, stopped = load_cell("kr15"), SimpleNamespace(outcome=SimpleNamespace(stop="stopped"))
     stopped.quality = None
 
-    def led(
+    def run_guide(
         console: Console, *, simulated: object = None, **words: Any
     ) -> tuple[str, RecordedRun] | None:
         session = SimpleNamespace(
@@ -86,92 +86,100 @@ def lead(monkeypatch: pytest.MonkeyPatch, state: SessionFile, motion: AnyMotion)
         )
         return guide.perform_steps()
 
-    return led
+    return run_guide
 
 
 def flange_note(state: SessionFile) -> str:
-    """Return the verdict's sentence by what the session's folder says."""
+    """Return the sentence of the verdict that follows from the session's folder."""
     estimate = estimate_of(load_cell("kr15"), ())
     payload = PayloadResult(estimate, check_payload(estimate, PayloadLimits()))
     return payload_verdict(payload, SessionFile.read(state.folder).empty_flange).sentence
 
 
-def test_a_person_is_asked_and_the_verdict_says_so(lead: Lead, state: SessionFile) -> None:
+def test_the_verdict_states_that_the_user_confirmed_the_empty_flange(
+    run_session: Lead, state: SessionFile
+) -> None:
     person = Person()
-    assert lead(person) is not None
+    assert run_session(person) is not None
     assert [EMPTY in question for question in person.asked].count(True) == 1
     assert "You confirmed that the flange was empty" in flange_note(state)
 
 
-def test_whoever_has_something_on_the_flange_moves_nothing(lead: Lead, state: SessionFile) -> None:
+def test_a_flange_that_is_not_empty_prevents_motion(run_session: Lead, state: SessionFile) -> None:
     with raises_code(PreflightError, "RID-ANSWER-NO", "moved", "--resume", "--model"):
-        lead(Person(EMPTY))
+        run_session(Person(EMPTY))
     assert state.empty_flange is None
 
 
-def test_a_red_line_in_the_preflight_moves_nothing(
-    lead: Lead, state: SessionFile, monkeypatch: pytest.MonkeyPatch
+def test_a_red_preflight_prevents_motion(
+    run_session: Lead, state: SessionFile, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     red = CheckLine("axis1", "drive", "", "fault", "red", "reset it")
     monkeypatch.setattr(session_steps, "preflight", lambda *_, **__: ([red], None))
     with raises_code(PreflightError, "RID-PREFLIGHT-RED"):
-        lead(Person(), simulated=SimpleNamespace())
+        run_session(Person(), simulated=SimpleNamespace())
     assert not state.done
 
 
-def test_the_cell_is_cleared_again_once_a_person_has_attached_the_payload(
-    lead: Lead, state: SessionFile
+def test_the_cell_must_be_cleared_again_after_the_payload_is_attached(
+    run_session: Lead, state: SessionFile
 ) -> None:
     for step in ("rehearsal", "unloaded"):
         state.note_step(step, "RUN")
     person = Person()
-    assert lead(person, practise=True) is not None
+    assert run_session(person, practise=True) is not None
     cleared = [number for number, each in enumerate(person.asked) if "free of people" in each]
     (attached,) = (number for number, each in enumerate(person.asked) if "attached" in each)
     assert len(cleared) == 2
     assert cleared[0] < attached < cleared[1]
 
 
-def test_a_flag_answers_but_the_verdict_does_not_say_that_you_did(
-    lead: Lead, state: SessionFile
+def test_with_yes_the_verdict_states_that_the_question_was_skipped(
+    run_session: Lead, state: SessionFile
 ) -> None:
-    lead(Person(), yes=True)
+    run_session(Person(), yes=True)
     assert "--yes skipped the question whether the flange was empty" in flange_note(state)
 
 
-def test_a_simulated_flange_is_known(lead: Lead, state: SessionFile) -> None:
+def test_the_flange_of_a_simulated_cell_needs_no_question(
+    run_session: Lead, state: SessionFile
+) -> None:
     person = Person(EMPTY)
-    lead(person, simulated=SimpleNamespace())
+    run_session(person, simulated=SimpleNamespace())
     assert state.empty_flange is EmptyFlange.SIMULATED
     assert "The simulated flange was empty" in flange_note(state)
 
 
 @pytest.mark.parametrize("words", [{"model": Path("model.json")}, {}])
-def test_nobody_is_asked_where_there_is_no_unloaded_run_to_come(
-    lead: Lead, state: SessionFile, words: dict[str, Any]
+def test_no_question_is_asked_if_no_unloaded_run_follows(
+    run_session: Lead, state: SessionFile, words: dict[str, Any]
 ) -> None:
     if not words:
         state.note_step("unloaded", "RUN")
     person = Person()
-    lead(person, **words)
+    run_session(person, **words)
     assert not any(EMPTY in question for question in person.asked)
 
 
-def test_a_page_is_asked_the_same(lead: Lead, state: SessionFile, tmp_path: Path) -> None:
+def test_a_page_gets_the_same_question(
+    run_session: Lead, state: SessionFile, tmp_path: Path
+) -> None:
     orders = Orders(io.StringIO())
     for number in (1, 2):
         orders.take({"answer": number, "text": "yes"})
     with EventFile(tmp_path / "events.jsonl") as events:
-        lead(JobConsole(events=events, orders=orders))
+        run_session(JobConsole(events=events, orders=orders))
     assert EMPTY in (tmp_path / "events.jsonl").read_text(encoding="utf-8")
     assert state.empty_flange is EmptyFlange.SAID
 
 
-def test_a_session_is_practised_on_a_simulated_cell_with_one_question_each(lead: Lead) -> None:
+def test_practice_on_a_simulated_cell_asks_every_question(run_session: Lead) -> None:
     attached: list[str | None] = []
     simulated = SimpleNamespace(attach=attached.append)
     person = Person()
-    lead(person, simulated=simulated, practise=True, rehearsal_percent=0.0, warm_up_percent=0.0)
+    run_session(
+        person, simulated=simulated, practise=True, rehearsal_percent=0.0, warm_up_percent=0.0
+    )
     assert person.asked == [
         "Is cell kr15 free of people? Type the cell's name to confirm",
         "Is the emergency stop within reach?",
@@ -179,5 +187,5 @@ def test_a_session_is_practised_on_a_simulated_cell_with_one_question_each(lead:
     ]
     assert attached == []
     silent = Person()
-    lead(silent, simulated=simulated)
+    run_session(silent, simulated=simulated)
     assert silent.asked == []

@@ -1,4 +1,4 @@
-"""A stop between two motions of a job: the first is kept, the next is not begun."""
+"""A stop between two motions of a job: the first one is kept, the next one does not start."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ LATE = StopReason(StopCode.STOP_BUTTON, "stopped once the motion was over; no ot
 
 
 @pytest.fixture
-def driven(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
-    """Names of the executed motions; each reaches its end and is stopped slightly too late."""
+def executed_motions(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
+    """List the executed motions; each reaches its end, and a stop arrives just after it."""
     roles: list[str] = []
 
     @contextlib.contextmanager
@@ -73,36 +73,36 @@ def require_stopped(ended: RecordedRun) -> None:
     assert ended.stop_sentence.startswith("Stopped once the motion was over; no other one is begun")
 
 
-def test_a_rehearsal_is_not_followed_by_the_motion(
-    driven: list[str], six_axis_motion: Callable[[int], Path], tmp_path: Path
+def test_a_stop_after_the_rehearsal_prevents_the_motion(
+    executed_motions: list[str], six_axis_motion: Callable[[int], Path], tmp_path: Path
 ) -> None:
     request = RecordRequest(cell="kr15", motion=six_axis_motion(2), runs=tmp_path, rehearse=True)
     recorded = record_motion_file(request, Console())
     assert recorded.rehearsal_only
-    assert driven == ["rehearsal"]
+    assert executed_motions == ["rehearsal"]
     require_stopped(recorded.run)
 
 
-def test_a_motion_that_nothing_follows_is_recorded_all_the_same(
-    driven: list[str], six_axis_motion: Callable[[int], Path], tmp_path: Path
+def test_a_late_stop_of_a_single_motion_keeps_the_recording(
+    executed_motions: list[str], six_axis_motion: Callable[[int], Path], tmp_path: Path
 ) -> None:
     request = RecordRequest(cell="kr15", motion=six_axis_motion(2), runs=tmp_path)
     recorded = record_motion_file(request, Console())
-    assert driven == ["recording"]
+    assert executed_motions == ["recording"]
     assert recorded.run.exit_code is ExitCode.DONE
 
 
-def test_the_plate_is_not_turned_after_the_way_to_its_first_pose(
-    driven: list[str], tmp_path: Path
+def test_a_stop_after_the_approach_prevents_the_plate_poses(
+    executed_motions: list[str], tmp_path: Path
 ) -> None:
     zeroed = zero_plate(PlateZeroRequest(cell="ir361", runs=tmp_path), Console())
     assert zeroed.approach_only
-    assert driven == ["approach"]
+    assert executed_motions == ["approach"]
     require_stopped(zeroed.run)
 
 
-def test_a_payload_session_keeps_the_step_and_begins_no_other(
-    driven: list[str],
+def test_a_stop_after_a_payload_step_keeps_it_and_prevents_the_next(
+    executed_motions: list[str],
     six_axis_motion: Callable[[int], Path],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -121,17 +121,17 @@ def test_a_payload_session_keeps_the_step_and_begins_no_other(
         PayloadRequest(),
         Console(),
     )
-    for step in ("rehearsal", "unloaded"):  # each time it is resumed
+    for step in ("rehearsal", "unloaded"):  # the session is resumed each time
         failed = guide.perform_steps()
         assert failed is not None
         assert failed[0] == step
         require_stopped(failed[1])
-    assert guide.perform_steps() is None  # nothing is driven after the last one
-    assert driven == list(state.done) == ["rehearsal", "unloaded", "loaded 1"]
+    assert guide.perform_steps() is None  # no motion follows the last one
+    assert executed_motions == list(state.done) == ["rehearsal", "unloaded", "loaded 1"]
 
 
-def test_no_other_axis_is_tested(
-    driven: list[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+def test_a_stop_after_an_axis_test_prevents_the_next(
+    executed_motions: list[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     loaded = load_cell("ir361")
     session = RunSession(loaded, loaded.config, tmp_path, Console())
@@ -143,12 +143,12 @@ def test_no_other_axis_is_tested(
     monkeypatch.setattr(axis_tester, "true_position_reader", lambda _session: None)
     bench = AxisTester(session, Console(), unattended=True)
     assert bench.test(0) is None
-    assert driven == ["axis test"]
+    assert executed_motions == ["axis test"]
     require_stopped(bench.last)
 
 
 @pytest.mark.slow
-def test_a_signal_while_a_rehearsal_winds_up_ends_the_command(
+def test_a_signal_at_the_end_of_a_rehearsal_ends_the_command(
     workshop: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,

@@ -23,7 +23,7 @@ def folder(tmp_path: Path) -> RunFolder:
     return RunFolder.create(tmp_path, "payload", kind="payload session")
 
 
-def test_every_step_is_written_as_soon_as_it_is_done(folder: RunFolder) -> None:
+def test_every_step_is_written_when_it_is_done(folder: RunFolder) -> None:
     state = SessionFile.begin(folder, "kr15")
     state.note_step("warm-up", "RUN1")
     state.note_fact("warm_up", {"verdict": "settled"})
@@ -34,7 +34,7 @@ def test_every_step_is_written_as_soon_as_it_is_done(folder: RunFolder) -> None:
     assert again.measurements == ("unloaded", "loaded 1")
 
 
-def test_rehearsal_and_warm_up_are_not_weighed(folder: RunFolder) -> None:
+def test_rehearsal_and_warm_up_are_not_used_for_identification(folder: RunFolder) -> None:
     file = SessionFile.begin(folder, "kr15")
     for step in ("rehearsal", "warm-up", "unloaded", "loaded 12"):
         file.note_step(step, "RUN")
@@ -46,7 +46,7 @@ def test_a_folder_without_a_session_is_named(folder: RunFolder) -> None:
         SessionFile.read(folder)
 
 
-def test_an_edited_state_says_which_key_is_wrong(folder: RunFolder) -> None:
+def test_the_wrong_key_of_an_edited_state_is_named(folder: RunFolder) -> None:
     SessionFile.begin(folder, "kr15")
     document = json.loads(folder.read("session.json"))
     document["done"] = 3
@@ -55,7 +55,7 @@ def test_an_edited_state_says_which_key_is_wrong(folder: RunFolder) -> None:
         SessionFile.read(folder)
 
 
-def test_a_rehearsal_is_one_period_of_whole_cycles_no_faster_than_was_asked() -> None:
+def test_a_rehearsal_is_one_slow_period_of_whole_cycles() -> None:
     cell = load_cell("ir361")
     cycle_s = cell.config.cycle_time_s
     motion = design_two_harmonic(
@@ -70,7 +70,7 @@ def test_a_rehearsal_is_one_period_of_whole_cycles_no_faster_than_was_asked() ->
     assert slow.period_s < motion.period_s / 0.3 + cycle_s
 
 
-def test_a_session_that_goes_on_keeps_what_it_was_begun_with_unless_that_is_said_anew(
+def test_a_resumed_session_keeps_its_options_unless_given_again(
     folder: RunFolder,
 ) -> None:
     begun = PayloadSessionRequest(
@@ -97,7 +97,7 @@ def test_a_session_that_goes_on_keeps_what_it_was_begun_with_unless_that_is_said
         again.with_original_options({"repeats": "many"})
 
 
-def test_what_a_person_says_anew_counts_be_it_the_usual(folder: RunFolder) -> None:
+def test_an_option_given_again_applies_even_with_its_default_value(folder: RunFolder) -> None:
     begun = PayloadSessionRequest(
         cell="kr15",
         runs=folder.path.parent,
@@ -107,7 +107,7 @@ def test_what_a_person_says_anew_counts_be_it_the_usual(folder: RunFolder) -> No
         limits=VerdictLimits(mass_percent=20.0, centre_mm=30.0),
     )
     again = PayloadSessionRequest(cell="kr15", runs=folder.path.parent, resume="latest")
-    usual = VerdictLimits(**VerdictLimits().model_dump())  # each limit is given
+    usual = VerdictLimits(**VerdictLimits().model_dump())  # each limit is given explicitly
     taken_back = {"known": (), "model": None, "repeats": 1, "limits": usual}
     kept = again.model_copy(update=taken_back).with_original_options(begun.choices)
     assert (kept.known, kept.model, kept.repeats) == ((), None, 1)

@@ -26,7 +26,7 @@ def folder(tmp_path: Path) -> RunFolder:
 
 
 def states_from(request: PayloadSessionRequest, *done: str) -> list[State]:
-    """Return the states of a session that begins, or goes on with some steps done."""
+    """Return the states of a new session, or of one in which some steps are done."""
     runs = dict.fromkeys(done, "RUN")
     state, passed = State.PREPARE, list[State]()
     is_warm = False
@@ -64,13 +64,13 @@ def test_the_table_has_every_state_in_the_order_of_a_session() -> None:
     ],
     ids=str,
 )
-def test_a_session_enters_only_states_that_may_follow(choices: dict[str, object]) -> None:
+def test_a_session_enters_only_permitted_states(choices: dict[str, object]) -> None:
     passed = [State.PREPARE, *states_from(session(**choices)), State.DONE]
     for now, after in itertools.pairwise(passed):
         assert after in STATES[now].next
 
 
-def test_a_session_that_is_not_interrupted_goes_through_its_states_once() -> None:
+def test_an_uninterrupted_session_passes_each_state_once() -> None:
     assert states_from(session()) == [
         each for each in ORDER[1:-1] if each is not State.WARM_UP_WITH
     ]
@@ -93,7 +93,7 @@ def test_a_session_that_is_not_interrupted_goes_through_its_states_once() -> Non
         (State.DONE, 4, State.IDENTIFY),  # with other limits
     ],
 )
-def test_an_interrupted_session_goes_on(
+def test_an_interrupted_session_continues_with_its_missing_steps(
     folder: RunFolder, interrupted: State, done: int, goes_on: State
 ) -> None:
     begun = SessionFile.begin(folder, "kr15", session().choices)
@@ -113,7 +113,7 @@ def test_an_interrupted_session_goes_on(
 @pytest.mark.parametrize(
     ("now", "after"), [(now, after) for now, after in PAIRS if after not in STATES[now].next]
 )
-def test_a_state_that_must_not_follow_is_refused(
+def test_a_transition_that_is_not_permitted_is_refused(
     folder: RunFolder, now: State, after: State
 ) -> None:
     file = SessionFile.begin(folder, "kr15")
@@ -123,7 +123,7 @@ def test_a_state_that_must_not_follow_is_refused(
     assert SessionFile.read(folder).state is now
 
 
-def test_two_programs_do_not_go_on_with_one_session(folder: RunFolder) -> None:
+def test_two_programs_cannot_continue_one_session(folder: RunFolder) -> None:
     first = SessionFile.begin(folder, "kr15")
     second = SessionFile.read(folder)
     second.enter(State.REHEARSE)
@@ -131,7 +131,7 @@ def test_two_programs_do_not_go_on_with_one_session(folder: RunFolder) -> None:
         first.enter(State.REHEARSE)
 
 
-def test_a_state_that_is_unknown_is_named(folder: RunFolder) -> None:
+def test_an_unknown_state_is_named(folder: RunFolder) -> None:
     SessionFile.begin(folder, "kr15")
     document = json.loads(folder.read("session.json")) | {"state": "elsewhere"}
     folder.write("session.json", json.dumps(document).encode())
@@ -139,7 +139,7 @@ def test_a_state_that_is_unknown_is_named(folder: RunFolder) -> None:
         SessionFile.read(folder)
 
 
-def test_a_simulated_payload_that_is_unknown_is_refused_before_there_is_a_session(
+def test_an_unknown_simulated_payload_is_refused_before_the_session(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["payload", "kr15", "--payload", "elephant", "--yes", "--runs", str(tmp_path / "runs")]

@@ -1,4 +1,4 @@
-"""When a payload session ends a motion early: once friction has settled, once the mass is sure."""
+"""Early end of motions in a payload session: friction has settled, or the mass is accurate."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ JOINTS = ("axis1", "axis2")
 NEW = cast(NewPeriods, SimpleNamespace(recording=SimpleNamespace(joint_names=JOINTS), first_row=0))
 
 
-def watched(
+def decisions(
     watch: WarmUpWatch, monkeypatch: pytest.MonkeyPatch, *pieces: list[list[float]]
 ) -> list[bool]:
-    """Return what the watch says after each piece of more periods, given by their powers [W]."""
+    """Return the watch's decision after each piece of periods, given by their powers [W]."""
     said = []
     for piece in pieces:
         power = np.array(piece).reshape(-1, len(JOINTS))
@@ -44,50 +44,50 @@ def watched(
     return said
 
 
-def test_a_cold_robot_is_warmed_until_no_joint_changes_any_more(
+def test_a_warm_up_ends_when_no_joint_changes_any_more(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     watch = WarmUpWatch(1.0)
     falling = [[10.0, 20.0 - k] for k in range(6)]
     even = [[10.0, 15.0]] * 6
-    assert watched(watch, monkeypatch, falling, even[:2], even) == [False, False, True]
+    assert decisions(watch, monkeypatch, falling, even[:2], even) == [False, False, True]
     assert watch.settled
     assert watch.periods == 14
 
 
-def test_one_joint_that_still_changes_is_enough_to_go_on_and_is_named(
+def test_a_warm_up_continues_while_one_joint_changes_and_names_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     watch = WarmUpWatch(1.0)
-    assert watched(watch, monkeypatch, [[10.0, 20.0 * 0.97**k] for k in range(6)]) == [False]
+    assert decisions(watch, monkeypatch, [[10.0, 20.0 * 0.97**k] for k in range(6)]) == [False]
     assert watch.worst == "axis2"
     assert "friction of axis2 changes by 3" in watch.line()
     assert "(goal: 1 %)" in watch.line()
 
 
-def test_three_periods_settle_nothing_however_even_they_are(
+def test_three_equal_periods_do_not_end_a_warm_up(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     watch = WarmUpWatch(1.0)
-    assert watched(watch, monkeypatch, [[10.0, 10.0]] * 3, []) == [False, False]
+    assert decisions(watch, monkeypatch, [[10.0, 10.0]] * 3, []) == [False, False]
     assert watch.sentences() == ["warming up"]
-    assert watched(watch, monkeypatch, [[10.0, 10.0]]) == [True]
+    assert decisions(watch, monkeypatch, [[10.0, 10.0]]) == [True]
 
 
-def test_friction_that_grows_is_not_settled_either(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_increasing_friction_is_not_settled(monkeypatch: pytest.MonkeyPatch) -> None:
     watch = WarmUpWatch(1.0)
-    assert watched(watch, monkeypatch, [[10.0 * 1.03**k, 10.0] for k in range(6)]) == [False]
+    assert decisions(watch, monkeypatch, [[10.0 * 1.03**k, 10.0] for k in range(6)]) == [False]
 
 
-def test_who_draws_the_warm_up_is_told_each_period_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_warm_up_period_is_reported_once_for_the_plot(monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[tuple[object, ...]] = []
     watch = WarmUpWatch(2.0, lambda *what: told.append(what))
-    watched(watch, monkeypatch, [[1.0, 2.0]], [], [[3.0, 4.0]])
+    decisions(watch, monkeypatch, [[1.0, 2.0]], [], [[3.0, 4.0]])
     assert told == [(JOINTS, [[1.0, 2.0]], 2.0), (JOINTS, [[3.0, 4.0]], 2.0)]
 
 
 def weighing(goal_kg: float | None, monkeypatch: pytest.MonkeyPatch, sigma_kg: float) -> MassWatch:
-    """Return a watch whose estimate is 9.3 kg with a standard deviation."""
+    """Return a watch whose estimate is 9.3 kg with a given standard deviation."""
     watch = MassWatch(load_robot("ir361"), None, PayloadRequest(), goal_kg)
     average = cast(PeriodAverage, SimpleNamespace())
     monkeypatch.setattr(AverageSoFar, "with_new_periods", lambda _self, _new: average)
@@ -102,7 +102,7 @@ PERIODS = cast(NewPeriods, SimpleNamespace(periods=5))
 @pytest.mark.parametrize(
     ("goal_kg", "enough"), [(0.1, True), (0.04, True), (0.0399, False), (None, False)]
 )
-def test_a_mass_is_sure_where_two_standard_deviations_are_within_the_goal(
+def test_a_mass_is_accurate_if_two_standard_deviations_are_within_the_goal(
     goal_kg: float | None, enough: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     watch = weighing(goal_kg, monkeypatch, sigma_kg=0.02)
@@ -111,7 +111,9 @@ def test_a_mass_is_sure_where_two_standard_deviations_are_within_the_goal(
     assert watch.line() == "5 periods: 9.300 ± 0.040 kg"
 
 
-def test_an_estimate_that_fails_says_why_and_ends_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failed_estimate_gives_its_reason_and_does_not_end_the_motion(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     watch = weighing(1e9, monkeypatch, sigma_kg=0.0)
 
     def fail(*_: object) -> None:
@@ -122,8 +124,8 @@ def test_an_estimate_that_fails_says_why_and_ends_nothing(monkeypatch: pytest.Mo
     assert watch.sentences() == ["the motion does not show the mass"]
 
 
-def says_of_time(what: str) -> Estimate:
-    """Return a model that says what no mean period shows."""
+def model_beyond_mean_period(what: str) -> Estimate:
+    """Return a model with an effect that a mean period does not contain."""
     if what == "the warming of the joints":
         return by_temperature(load_cell("ir361"), measured=False)
     narrow = replace(TorqueChannel.none(3), width_s=np.full(3, 0.05))
@@ -131,10 +133,10 @@ def says_of_time(what: str) -> Estimate:
 
 
 @pytest.mark.parametrize("what", ["the warming of the joints", "a low-pass filter of the torques"])
-def test_a_mass_is_not_followed_by_a_model_that_holds_in_time_alone(
+def test_a_mass_is_not_estimated_in_motion_with_a_time_dependent_model(
     what: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    how = PayloadRequest(PayloadOptions("model", robot=says_of_time(what)))
+    how = PayloadRequest(PayloadOptions("model", robot=model_beyond_mean_period(what)))
     weighing(None, monkeypatch, sigma_kg=0.001)
     watch = MassWatch(load_robot("ir361"), None, how, 0.1)
     assert not watch.add_periods(PERIODS)
@@ -145,10 +147,12 @@ def test_a_mass_is_not_followed_by_a_model_that_holds_in_time_alone(
 
 
 @pytest.mark.parametrize("what", ["the warming of the joints", "a low-pass filter of the torques"])
-def test_until_mass_with_such_a_model_is_refused_before_there_is_a_session(
+def test_until_mass_with_a_time_dependent_model_is_refused(
     what: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(guided_session, "read_estimate_for", lambda *_: says_of_time(what))
+    monkeypatch.setattr(
+        guided_session, "read_estimate_for", lambda *_: model_beyond_mean_period(what)
+    )
     request = PayloadSessionRequest(
         cell="ir361",
         runs=tmp_path / "runs",

@@ -42,26 +42,26 @@ def outcome(stop: StopReason | None = None) -> RecordOutcome:
 
 @pytest.fixture
 def ended(tmp_path: Path) -> RecordedRun:
-    """A motion that ended as planned, and lost nothing."""
+    """Return a motion that ended as planned without lost answers."""
     folder = RunFolder.create(tmp_path, "a run")
     quality = RunQuality(("axis1",), 100, (0,))
     return RecordedRun(folder, outcome(), None, quality, Result.new("Recording", "arm"))
 
 
-def test_a_whole_run_is_done(ended: RecordedRun) -> None:
+def test_a_complete_run_gives_exit_code_0(ended: RecordedRun) -> None:
     verdict = ended.verdict([])
     assert (ended.status, ended.exit_code) == (RunStatus.COMPLETE, ExitCode.DONE)
     assert (verdict.headline, verdict.passed) == ("Recorded completely", None)
     assert ended.stop_sentence == ""
 
 
-def test_goals_take_the_place_of_the_timing_in_the_verdict(ended: RecordedRun) -> None:
+def test_reached_goals_replace_the_timing_in_the_verdict(ended: RecordedRun) -> None:
     goals = ["sx3 reached after 5 periods", "fv_axis1 reached after 6 periods"]
     sentence = ended.verdict(goals).sentence
     assert sentence == "sx3 reached after 5 periods. fv_axis1 reached after 6 periods."
 
 
-def test_a_run_that_lost_too_much_says_so_first_and_is_exit_6(ended: RecordedRun) -> None:
+def test_too_many_lost_answers_come_first_and_give_exit_code_6(ended: RecordedRun) -> None:
     poor = replace(ended, quality=RunQuality(("axis1",), 100, (12,), trouble=TROUBLE))
     verdict = poor.verdict([])
     assert poor.exit_code == ExitCode.DATA_QUALITY
@@ -76,7 +76,7 @@ def test_a_run_that_lost_too_much_says_so_first_and_is_exit_6(ended: RecordedRun
 @pytest.mark.parametrize(
     ("held", "after"), [(False, "; the robot moves to the start pose by itself"), (True, "")]
 )
-def test_nothing_goes_anywhere_by_itself_where_a_key_is_held(
+def test_the_stop_sentence_announces_automatic_motion_only_without_a_held_key(
     ended: RecordedRun, held: bool, after: str
 ) -> None:
     asked = StopReason(StopCode.STOP_COMMAND, "stopped by `rid-daq stop`")
@@ -86,7 +86,7 @@ def test_nothing_goes_anywhere_by_itself_where_a_key_is_held(
     )
 
 
-def test_a_stop_says_what_where_and_what_to_do(ended: RecordedRun) -> None:
+def test_the_stop_sentence_gives_cause_place_and_advice(ended: RecordedRun) -> None:
     stopped = replace(ended, outcome=outcome(LOST), quality=None)
     verdict = stopped.verdict(["never told"])
     assert (stopped.status, stopped.exit_code) == (RunStatus.STOPPED, ExitCode.COMMUNICATION)
@@ -101,7 +101,7 @@ def test_a_stop_says_what_where_and_what_to_do(ended: RecordedRun) -> None:
     ("came", "code"),
     [(signal.SIGINT, ExitCode.INTERRUPTED), (signal.SIGTERM, ExitCode.TERMINATED)],
 )
-def test_a_signal_is_told_by_its_exit_code(
+def test_a_signal_determines_the_exit_code(
     ended: RecordedRun, came: signal.Signals, code: ExitCode
 ) -> None:
     reason = StopReason(StopCode.INTERRUPTED, "stopped by the operator")
@@ -110,14 +110,14 @@ def test_a_signal_is_told_by_its_exit_code(
     assert stopped.exit_code == code
 
 
-def test_programs_are_told_the_code_of_a_stop_and_the_notes() -> None:
+def test_the_stop_document_contains_code_and_notes() -> None:
     assert stop_document(outcome()) == {"stop": None, "notes": []}
     told = stop_document(replace(outcome(LOST), notes=("the recorder died",)))
     assert told["stop"] == {"code": "MISSED_FRAMES", "text": LOST.text}
     assert told["notes"] == ["the recorder died"]
 
 
-def test_nothing_recorded_is_named_where_it_is_asked_for(ended: RecordedRun) -> None:
+def test_an_empty_recording_is_refused_when_it_is_used(ended: RecordedRun) -> None:
     with raises_code(DataQualityError, "RID-RECORDING-EMPTY"):
         _ = ended.measured
 
@@ -129,7 +129,7 @@ def test_nothing_recorded_is_named_where_it_is_asked_for(ended: RecordedRun) -> 
         (LOST, f"Stopped: {LOST.text}. That was the rehearsal. disk full"),
     ],
 )
-def test_a_disk_that_fails_afterwards_does_not_hide_how_the_motion_ended(
+def test_a_storage_error_includes_the_outcome_of_the_motion(
     stop: StopReason | None, words: str
 ) -> None:
     with (

@@ -23,8 +23,8 @@ NOTE = "the drives of axis2 did not confirm being disabled"
 
 
 @pytest.fixture
-def lost(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A disk that takes no result any more, after drives that did not confirm."""
+def unwritable_result(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make writing of results fail, after a motion with a warning about the drives."""
 
     def refuse(folder: RunFolder, _result: dict[str, Any]) -> Path:
         raise RecordingError(f"{folder.path}/result.json: cannot be written: Input/output error")
@@ -38,13 +38,13 @@ def lost(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rid_daq.recording.run_session.record_motion", with_note)
 
 
-def test_a_motion_goes_on_where_nobody_takes_what_is_said(
+def test_a_motion_continues_if_the_output_cannot_be_written(
     workshop: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     files = [str(workshop / "cell.yaml"), str(workshop / "validation.yaml")]
     monkeypatch.setattr("rid_daq.terminal.console._output.refused", None)
     with (
-        contextlib.suppress(OSError),  # closing it fails too
+        contextlib.suppress(OSError),  # closing the file also fails
         open("/dev/full", "w") as full,
         monkeypatch.context() as swapped,
     ):
@@ -65,7 +65,7 @@ def test_a_motion_goes_on_where_nobody_takes_what_is_said(
         (">&-", 0, ""),
     ],
 )
-def test_nobody_who_listens_is_no_error_and_a_full_disk_is_one(
+def test_a_closed_output_is_not_an_error_and_a_full_disk_is_one(
     tmp_path: Path, output: str, code: int, complains: str
 ) -> None:
     words = f"set -o pipefail; {sys.executable} -m rid_daq runs --runs {tmp_path} {output}"
@@ -73,7 +73,7 @@ def test_nobody_who_listens_is_no_error_and_a_full_disk_is_one(
     assert (done.returncode, done.stderr) == (code, complains)
 
 
-@pytest.mark.usefixtures("lost")
+@pytest.mark.usefixtures("unwritable_result")
 @pytest.mark.parametrize(
     ("option", "ended"),
     [
@@ -85,7 +85,7 @@ def test_nobody_who_listens_is_no_error_and_a_full_disk_is_one(
         ),
     ],
 )
-def test_a_result_that_cannot_be_written_hides_neither_the_end_nor_a_warning(
+def test_an_unwritable_result_hides_neither_outcome_nor_warning(
     workshop: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],

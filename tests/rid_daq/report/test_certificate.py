@@ -1,4 +1,4 @@
-"""The certificate of a payload: its contents, its page and PDF, and what is not certified."""
+"""The certificate of a payload: contents, page, PDF, and refused sessions."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Session:
 
 @pytest.fixture
 def session(kept: Session, tmp_path: Path) -> Session:
-    """A copy of what is kept, to be changed."""
+    """Return a copy of the session that a test can change."""
     runs = shutil.copytree(kept.folder.path.parent, tmp_path / "runs")
     folder = RunFolder.open(runs / kept.folder.run_id)
     return Session(folder, SessionFile.read(folder), kept.payload)
@@ -58,7 +58,7 @@ def text(kept: Session) -> str:
 
 
 def words_of(certificate: Certificate) -> str:
-    """Return the words of a certificate's page."""
+    """Return the text of a certificate's page."""
     page = render_certificate(certificate).partition("</head>")[2]
     page = re.sub(r"<svg.*?</svg>", "", page, flags=re.DOTALL)
     shown = html.unescape(re.sub(r"<[^>]*>", " ", page))
@@ -66,18 +66,18 @@ def words_of(certificate: Certificate) -> str:
 
 
 def row_of(text: str, quantity: str) -> tuple[float, float]:
-    """Return value and interval of the first row that is called so."""
+    """Return value and interval of the first row of a quantity."""
     found = re.search(rf"{quantity} (-?[\d.]+) ± ([\d.]+) (?:kg|mm)", text)
     assert found is not None, quantity
     return float(found[1]), float(found[2])
 
 
-def test_the_residual_of_every_axis_stands_with_its_noise_and_grade(text: str) -> None:
+def test_the_residual_of_every_axis_has_noise_and_grade(text: str) -> None:
     for joint in ("axis1", "axis6"):
         assert f"{joint} N m 0.5 0.5 5 good" in text
 
 
-def test_the_numbers_are_those_of_the_payload_file(kept: Session, text: str) -> None:
+def test_the_numbers_equal_those_of_the_payload_file(kept: Session, text: str) -> None:
     estimate = read_payload(kept.folder.file("payload.json")).estimate
     names = ["mass m", *(f"centre of gravity {name}" for name in REPORTED[1:4])]
     names += [f"inertia {name}" for name in REPORTED[4:]]
@@ -90,7 +90,7 @@ def test_the_numbers_are_those_of_the_payload_file(kept: Session, text: str) -> 
         assert value == pytest.approx(factor * expected, abs=0.05 * two_sigma)
 
 
-def test_load_data_are_those_of_the_exported_body(kept: Session, text: str) -> None:
+def test_load_data_equal_those_of_the_exported_payload(kept: Session, text: str) -> None:
     text = text.partition("Load data for a controller")[2]
     body = kept.payload.estimate.body
     assert f"mass m {body.mass_kg:.6g} kg" in text
@@ -103,7 +103,7 @@ def test_load_data_are_those_of_the_exported_body(kept: Session, text: str) -> N
     assert "Frame: the flange, which is the tool frame of the robot file" in text
 
 
-def test_it_says_who_when_where_by_what_and_with_which_files(kept: Session, text: str) -> None:
+def test_the_certificate_states_person_time_cell_method_and_files(kept: Session, text: str) -> None:
     manifest = kept.folder.manifest()
     assert manifest.finished_utc is not None
     for stamp in (manifest.created_utc, manifest.finished_utc):
@@ -125,7 +125,7 @@ def test_it_says_who_when_where_by_what_and_with_which_files(kept: Session, text
     assert "Recorded with rid-daq 0.1.0" in text
 
 
-def test_every_page_of_a_simulated_cell_says_so_and_has_its_number(
+def test_every_page_of_a_simulated_cell_is_marked_and_numbered(
     session: Session, tmp_path: Path
 ) -> None:
     if not any(map(shutil.which, BROWSERS)):
@@ -140,7 +140,7 @@ def test_every_page_of_a_simulated_cell_says_so_and_has_its_number(
         assert f"page {number} of {len(pages)}" in each
 
 
-def test_without_chromium_the_page_is_written_and_the_pdf_refused(
+def test_without_chromium_the_page_is_written_and_a_pdf_is_refused(
     session: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("rid_daq.report_page.printed_page.BROWSERS", ("no-such-browser",))
@@ -162,14 +162,14 @@ def test_a_browser_that_fails_is_named(session: Session, monkeypatch: pytest.Mon
         write_certificate(request)
 
 
-def test_a_real_cell_is_not_called_simulated(tmp_path: Path) -> None:
+def test_a_certificate_of_a_real_cell_is_not_marked_as_simulated(tmp_path: Path) -> None:
     real = certified_session(tmp_path / "runs", simulated=False)
     text = words_of(certificate_of(real.folder, None))
     assert "simulated" not in text.lower()
     assert "By not recorded" in text
 
 
-def test_the_same_session_gives_the_same_page(session: Session) -> None:
+def test_equal_sessions_give_equal_pages(session: Session) -> None:
     output = session.folder.file("certificate.html")
     runs = session.folder.path.parent
     request = PayloadCertificateRequest(
@@ -179,12 +179,12 @@ def test_the_same_session_gives_the_same_page(session: Session) -> None:
     first = file.read_bytes()
     write_certificate(request)
     assert file.read_bytes() == first
-    # What is there is of the run now, and no stray.
+    # The certificate now belongs to the run and is not a foreign file.
     assert "certificate.html" in session.folder.manifest().files
     assert session.folder.strays() == ()
 
 
-def test_the_latest_session_is_certified_though_its_runs_are_newer(session: Session) -> None:
+def test_latest_selects_the_session_even_if_its_runs_are_newer(session: Session) -> None:
     runs = session.folder.path.parent
     request = PayloadCertificateRequest(
         session="latest", runs=runs, output=runs / "latest.html", overwrite=True
@@ -193,7 +193,7 @@ def test_the_latest_session_is_certified_though_its_runs_are_newer(session: Sess
     assert certificate.folder.run_id == session.folder.run_id
 
 
-def test_an_unfinished_session_is_not_replaced_by_an_earlier_one(tmp_path: Path) -> None:
+def test_latest_does_not_skip_an_unfinished_session(tmp_path: Path) -> None:
     certified_session(tmp_path / "runs")
     SessionFile.begin(RunFolder.create(tmp_path / "runs", "later", kind="payload session"), "kr15")
     request = PayloadCertificateRequest(session="latest", runs=tmp_path / "runs")
@@ -210,7 +210,7 @@ def test_a_failed_verdict_is_certified_as_failed_and_gives_no_load_data(tmp_path
     assert "principal moment" not in text
 
 
-def test_what_is_not_seen_has_no_number(session: Session) -> None:
+def test_an_unidentifiable_parameter_has_no_number(session: Session) -> None:
     note_payload(session.folder, with_unseen_inertia(session.payload))
     text = words_of(certificate_of(session.folder, None))
     assert "inertia Izz not identified kg m²" in text
@@ -218,7 +218,7 @@ def test_what_is_not_seen_has_no_number(session: Session) -> None:
 
 
 @pytest.mark.parametrize("by", ["", "  ", "x" * 201])
-def test_a_name_is_one_to_two_hundred_characters(by: str) -> None:
+def test_an_empty_or_too_long_name_is_refused(by: str) -> None:
     with raises_code(ConfigError, "RID-REQUEST-INVALID", "--by"):
         PayloadCertificateRequest.of({"session": "latest", "by": by}, flags=True)
 
@@ -266,7 +266,7 @@ def test_a_run_that_was_never_finished_is_refused(session: Session) -> None:
         certificate_of(session.folder, None)
 
 
-def test_a_payload_that_is_not_that_of_the_result_is_refused(session: Session) -> None:
+def test_a_payload_file_that_differs_from_the_result_is_refused(session: Session) -> None:
     result = json.loads(session.folder.read("result.json"))
     result["payload"]["parameters"][0]["value"] *= 1.01
     session.folder.write("result.json", json.dumps(result).encode())
@@ -283,7 +283,7 @@ def test_a_changed_file_is_refused(session: Session, name: str) -> None:
         certificate_of(session.folder, None)
 
 
-def test_a_file_that_is_there_is_replaced_only_when_told(
+def test_an_existing_file_is_replaced_only_with_overwrite(
     session: Session, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "mine.html"
@@ -298,7 +298,7 @@ def test_a_file_that_is_there_is_replaced_only_when_told(
     assert run([*words, "--overwrite"]) == 0
 
 
-def test_a_certificate_is_a_page_or_a_pdf(session: Session, tmp_path: Path) -> None:
+def test_a_certificate_with_another_file_type_is_refused(session: Session, tmp_path: Path) -> None:
     request = PayloadCertificateRequest(
         session=session.folder.run_id, runs=session.folder.path.parent, output=tmp_path / "c.txt"
     )

@@ -1,4 +1,4 @@
-"""Numbers as people write them: a value has the digits that its interval leaves."""
+"""Formatted numbers: a value is rounded according to its interval."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from rid_daq.blocks.formats import format_measured
         (3.0, 1000.0, ("0", "1000")),
     ],
 )
-def test_a_value_has_the_digits_that_its_interval_leaves(
+def test_a_value_is_rounded_according_to_its_interval(
     value: float, reach: float, shown: tuple[str, str]
 ) -> None:
     assert format_measured(value, reach) == shown
@@ -39,7 +39,7 @@ def test_a_value_has_the_digits_that_its_interval_leaves(
         (math.nan, 0.1, ("not finite", "0.1")),
     ],
 )
-def test_a_value_without_an_interval_is_written_as_it_is(
+def test_a_value_without_an_interval_is_not_rounded(
     value: float | None, reach: float | None, shown: tuple[str, str]
 ) -> None:
     assert format_measured(value, reach) == shown

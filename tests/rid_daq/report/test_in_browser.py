@@ -1,4 +1,4 @@
-"""A report as people meet it: zoomed, printed, dark, on a phone, without scripts or network."""
+"""A report in a browser: zoom, print, dark theme, phone, without scripts, without network."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """A stopped run's report with curves, tables and a payload, as a file."""
+    """Return the file address of a stopped run's report with curves, tables and a payload."""
     document = {key: part for key, part in whole_result().items() if key not in LEFT_OUT}
     payload = json.loads((KEPT / "payload_session.json").read_bytes())["payload"]
     result = Result.model_validate_json(json.dumps({**document, "payload": payload}))
@@ -71,7 +71,7 @@ def wait_until_shown(page: Page) -> None:
         plot.locator('.live[data-figure-state="shown"]').wait_for(timeout=PATIENCE_MS)
 
 
-def test_every_plot_zooms_and_turns_dark_and_is_printed_light(
+def test_plots_can_be_zoomed_follow_the_theme_and_print_in_light_colours(
     browser: Browser, report: str, complaints: list[str]
 ) -> None:
     page = opened(browser, report, complaints, width=1280, dark=False, scripts=True)
@@ -102,7 +102,7 @@ def test_every_plot_zooms_and_turns_dark_and_is_printed_light(
     assert complaints == []
 
 
-def test_a_phone_shows_it_without_scrolling_sideways_and_axe_finds_nothing(
+def test_the_report_fits_a_phone_and_passes_axe(
     browser: Browser, report: str, complaints: list[str]
 ) -> None:
     page = opened(browser, report, complaints, width=390, dark=True, scripts=True)
@@ -113,7 +113,7 @@ def test_a_phone_shows_it_without_scrolling_sideways_and_axe_finds_nothing(
     assert found.violations_count == 0, found.generate_report()
 
 
-def test_without_scripts_the_drawings_are_there(
+def test_without_scripts_static_drawings_are_shown(
     browser: Browser, report: str, complaints: list[str]
 ) -> None:
     page = opened(browser, report, complaints, width=390, dark=True, scripts=False)

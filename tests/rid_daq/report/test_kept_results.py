@@ -1,7 +1,7 @@
 """A result of each kind: read without loss, and drawn on a page.
 
-The folder `results` holds one of each kind, as its command wrote it on a bundled cell, with long
-curves cut to twelve values.
+The folder `results` contains a result of each kind, written by its command on a bundled cell.
+Long curves are shortened to twelve values.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ def with_kinds(value: Any) -> Any:
     return (type(value).__name__, value)
 
 
-def test_every_section_is_there() -> None:
+def test_the_results_cover_every_section() -> None:
     found = {key for kind in KINDS for key in json.loads((WRITTEN / f"{kind}.json").read_text())}
     known = {field.alias or name for name, field in Result.model_fields.items()}
     assert known - found == {"notes", "model"}
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_it_is_read_and_written_without_loss_and_its_page_has_its_verdict(
+def test_a_result_is_restored_exactly_and_its_page_shows_the_verdict(
     kind: str, tmp_path: Path
 ) -> None:
     folder = RunFolder.create(tmp_path, "kept")

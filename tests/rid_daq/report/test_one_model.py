@@ -1,4 +1,4 @@
-"""A report is of one model: what a newer one replaces is left out, and each part names its own."""
+"""A report contains sections of one model only; a newer model removes those of an older one."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from rid_daq.report_page.write import write_result
 from tests.builders.invented import whole_result
 
 
-def judged() -> Result:
-    """A result with every section, of a model."""
+def full_result() -> Result:
+    """Return a result with every section that belongs to a model."""
     return Result.model_validate_json(json.dumps(whole_result())).updated(
         model=ModelFile(name="model.json", sha256="1" * 64)
     )
 
 
-def test_a_newer_model_takes_the_place_of_all_that_was_of_the_older_one() -> None:
-    old = judged()
+def test_a_newer_model_removes_all_sections_of_the_older_one() -> None:
+    old = full_result()
     new = old.with_model_sections(
         ModelFile(name="model.json", sha256="2" * 64), estimate=old.estimate
     )
@@ -36,14 +36,14 @@ def test_a_newer_model_takes_the_place_of_all_that_was_of_the_older_one() -> Non
     assert (new.runs, new.average, new.tracking) == (old.runs, old.average, old.tracking)
 
 
-def test_the_same_model_leaves_what_was_said_of_it() -> None:
-    old = judged()
+def test_the_same_model_keeps_its_sections() -> None:
+    old = full_result()
     assert old.model is not None
     assert old.with_model_sections(old.model, plate=None) == old.updated(plate=None)
 
 
-def test_every_section_has_the_time_at_which_it_was_made(tmp_path: Path) -> None:
-    undrawn = judged().updated(curves=None, truth=None, tracking=None)
+def test_every_section_has_its_creation_time(tmp_path: Path) -> None:
+    undrawn = full_result().updated(curves=None, truth=None, tracking=None)
     folder, result = RunFolder.create(tmp_path, "one"), undrawn
     timing = result.timing
     assert timing is not None

@@ -34,7 +34,7 @@ LARGEST_BYTES = 3_000_000
 
 
 class _Page(HTMLParser):
-    """Collects what a browser would load, the ids, the policy, and scripts by their kind."""
+    """Collects loaded addresses, ids, the content policy and scripts of a page."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -70,24 +70,24 @@ def _read(page: str) -> _Page:
 
 
 def typed(document: dict[str, Any]) -> Result:
-    """Return what a result.json of this content holds."""
+    """Return the result of a document."""
     return Result.model_validate_json(json.dumps(document))
 
 
 @pytest.fixture
 def undrawn(result: dict[str, Any]) -> dict[str, Any]:
-    """The result without all that is drawn, which takes its time."""
+    """Return the result without drawings, which are slow to render."""
     drawn = ("curves", "truth", "tracking", "timing")
     return {key: value for key, value in result.items() if key not in drawn}
 
 
 @pytest.fixture(scope="module")
 def page() -> str:
-    """The report with everything in it."""
+    """Return the report with every section."""
     return render_report(typed(whole_result()))
 
 
-def test_the_page_needs_nothing_from_anywhere(page: str) -> None:
+def test_the_page_loads_no_other_file(page: str) -> None:
     parsed = _read(page)
     assert all(link.startswith("#") for link in parsed.loaded)
     assert "connect-src" not in parsed.policy
@@ -96,8 +96,8 @@ def test_the_page_needs_nothing_from_anywhere(page: str) -> None:
     assert "@import" not in page
 
 
-def test_no_table_is_cut_on_a_narrow_screen() -> None:
-    """A table that is wider than a telephone scrolls by itself; the page around it stays."""
+def test_a_wide_table_scrolls_on_a_narrow_screen() -> None:
+    """A table that is wider than a phone scrolls; the page does not."""
     pages = files("rid_daq.report_page") / "templates"
     cut = {
         template.name
@@ -113,24 +113,24 @@ def unpacked(text: str) -> str:
     return gzip.decompress(base64.b64decode(text)).decode()
 
 
-def hashed(text: str) -> str:
+def csp_hash(text: str) -> str:
     return "'sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() + "'"
 
 
-def test_two_scripts_may_run_and_the_policy_knows_them_by_their_hashes(page: str) -> None:
+def test_the_policy_allows_two_scripts_by_their_hashes(page: str) -> None:
     parsed = _read(page)
     run = [text for of, text in parsed.scripts if of["type"] == "module"]
     library = [text for of, text in parsed.scripts if of.get("id") == "plot-library"]
     allowed = re.search(r"script-src ([^;]*)", parsed.policy)
     assert allowed is not None
-    assert allowed[1].split() == [hashed(unpacked(library[0])), hashed(run[0])]
+    assert allowed[1].split() == [csp_hash(unpacked(library[0])), csp_hash(run[0])]
     assert len(run) == len(library) == 1
     assert {of["type"] for of, _ in parsed.scripts} == {
         *("module", "application/json", "application/octet-stream"),
     }
 
 
-def test_every_drawing_has_a_figure_that_is_zoomed(page: str) -> None:
+def test_every_drawing_has_an_interactive_figure(page: str) -> None:
     parsed = _read(page)
     items = {str(of["data-item"]): text for of, text in parsed.scripts if "data-item" in of}
     assert [name.partition("-")[0] for name in parsed.plots] == [
@@ -161,7 +161,7 @@ def test_measured_torque_is_a_thin_line_over_a_wide_one(page: str) -> None:
     assert float(predicted[1]) > 3.0 * float(measured[1])
 
 
-def test_drawings_take_their_colours_from_the_page_which_has_them_light_and_dark(
+def test_drawings_use_the_light_and_dark_colours_of_the_page(
     page: str,
 ) -> None:
     drawings = "".join(re.findall(r"<svg.*?</svg>", page, flags=re.DOTALL))
@@ -174,14 +174,14 @@ def test_drawings_take_their_colours_from_the_page_which_has_them_light_and_dark
 
 
 def test_the_page_is_valid_html(page: str) -> None:
-    """By the parser of the standard, in which any error is one; blocks of letters left out."""
+    """Parse by the HTML standard; every parse error fails the test. Encoded data are left out."""
     short = re.sub(r'(<script type="application/octet-stream"[^>]*>)[^<]*', r"\1", page)
     assert not JustHTML(short, strict=True).errors
 
 
 @pytest.mark.slow
-def test_six_axes_with_curves_as_long_as_they_get_stay_below_3_mb(result: dict[str, Any]) -> None:
-    """Sixteen periods or one: a curve keeps so many points, and noise compresses worst."""
+def test_a_report_of_six_axes_with_the_longest_curves_is_below_3_mb(result: dict[str, Any]) -> None:
+    """A curve has a fixed maximum number of points; noise is the hardest to compress."""
     draw = random.Random(1)
     joints = [f"axis{i}" for i in range(1, 7)]
 
@@ -201,18 +201,18 @@ def test_six_axes_with_curves_as_long_as_they_get_stay_below_3_mb(result: dict[s
     assert len(render_report(typed(result)).encode()) < LARGEST_BYTES
 
 
-def test_every_drawing_has_ids_of_its_own(page: str) -> None:
+def test_every_drawing_has_unique_ids(page: str) -> None:
     ids = _read(page).ids
     assert len(ids) == len(set(ids))
 
 
-def test_links_inside_the_drawings_arrive(page: str) -> None:
+def test_links_inside_drawings_have_targets(page: str) -> None:
     parsed = _read(page)
     wanted = {link[1:] for link in parsed.loaded} | set(re.findall(r"url\(#([^)]+)\)", page))
     assert wanted <= set(parsed.ids)
 
 
-def test_the_verdict_stands_before_everything_else(page: str, undrawn: dict[str, Any]) -> None:
+def test_the_verdict_is_the_first_section(page: str, undrawn: dict[str, Any]) -> None:
     assert page.index("Passed: the model predicts") < page.index("<h2>")
     judged = VerdictSection.of(
         [VerdictCheck.of("error", 2.0, "≤", 1.3)], "Failed: badly off", "It is."
@@ -220,7 +220,7 @@ def test_the_verdict_stands_before_everything_else(page: str, undrawn: dict[str,
     assert 'class="verdict failed"' in render_report(typed(undrawn).updated(verdict=judged))
 
 
-def test_the_page_shows_what_the_issue_asks_for(page: str) -> None:
+def test_the_page_shows_all_required_parts(page: str) -> None:
     for part in (
         "Runs",
         "Predicted and measured torque",
@@ -241,7 +241,7 @@ def test_the_page_shows_what_the_issue_asks_for(page: str) -> None:
     assert page.count("<svg") == 3 + 1 + 1 + 1 + 1 + 3 * 2
 
 
-def test_a_value_has_the_digits_of_its_interval_and_all_of_them_where_it_is_pointed_at(
+def test_a_value_is_rounded_by_its_interval_and_its_tooltip_has_all_digits(
     page: str,
 ) -> None:
     row = 'title="1.5432 ± 0.0246">1.543 ± 0.025</td>'
@@ -272,7 +272,7 @@ def test_a_result_with_nothing_but_a_title_has_a_report() -> None:
     assert "Nothing to judge" in page
 
 
-def test_text_of_devices_and_files_cannot_become_markup(undrawn: dict[str, Any]) -> None:
+def test_texts_of_devices_and_files_cannot_become_markup(undrawn: dict[str, Any]) -> None:
     evil = "<script>alert(1)</script>"
     undrawn["average"]["rejected"][0]["reason"] = evil
     undrawn["runs"][0]["stop"] = evil
@@ -297,11 +297,11 @@ def test_the_same_numbers_give_the_same_bytes(page: str, result: dict[str, Any])
         (float("nan"), "not finite"),
     ],
 )
-def test_numbers_are_written_for_people(value: float | None, text: str) -> None:
+def test_numbers_are_formatted_with_rounded_digits(value: float | None, text: str) -> None:
     assert number(value) == text
 
 
-def test_durations_are_written_for_people() -> None:
+def test_durations_are_formatted_with_units() -> None:
     assert duration(47.11) == "47.1 s"
     assert duration(185.0) == "3 min 5 s"
 
@@ -311,7 +311,7 @@ def folder(tmp_path: Path) -> RunFolder:
     return RunFolder.create(tmp_path, "test")
 
 
-def test_a_result_survives_its_file(result: dict[str, Any], folder: RunFolder) -> None:
+def test_a_result_is_restored_from_its_file(result: dict[str, Any], folder: RunFolder) -> None:
     report = write_result(folder, typed(result))
     written = json.loads(folder.read("result.json"))
     result["timing"]["made"] = written["timing"]["made"]
@@ -322,7 +322,7 @@ def test_a_result_survives_its_file(result: dict[str, Any], folder: RunFolder) -
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"[]", b'{"schema": "else"}', b"\xff\xfe"])
-def test_a_file_that_is_no_result_is_refused(content: bytes, folder: RunFolder) -> None:
+def test_a_file_that_is_not_a_result_is_refused(content: bytes, folder: RunFolder) -> None:
     folder.write("result.json", content)
     with raises_code(RecordingError, "RID-RESULT-UNSOUND", "result.json"):
         read_result(folder)
@@ -334,19 +334,19 @@ def test_a_result_of_another_format_is_refused(folder: RunFolder) -> None:
         read_result(folder)
 
 
-def test_a_key_that_nobody_knows_is_named(result: dict[str, Any], folder: RunFolder) -> None:
+def test_an_unknown_key_is_named(result: dict[str, Any], folder: RunFolder) -> None:
     result["runs"][0]["colour"] = "red"
     folder.write("result.json", json.dumps(result).encode())
     with raises_code(RecordingError, "RID-RESULT-UNSOUND", "runs.0.colour:"):
         read_result(folder)
 
 
-def test_a_run_without_a_result_is_told_apart(folder: RunFolder) -> None:
+def test_a_run_without_a_result_is_refused_with_its_code(folder: RunFolder) -> None:
     with raises_code(RecordingError, "RID-RUN-NO-RESULT", "result.json"):
         read_result(folder)
 
 
-def test_a_verdict_without_checks_is_none_and_one_failure_fails_it() -> None:
+def test_one_failed_check_fails_a_verdict_and_no_check_gives_none() -> None:
     assert VerdictSection.of([], "", "").passed is None
     good, bad = VerdictCheck.of("a", 1.0, "≤", 1.0), VerdictCheck.of("b", 0.8, "≥", 0.9)
     assert good.passed
@@ -354,7 +354,7 @@ def test_a_verdict_without_checks_is_none_and_one_failure_fails_it() -> None:
     assert VerdictSection.of([good, bad], "", "").passed is False
 
 
-def test_a_motion_that_never_began_has_a_report(result: dict[str, Any]) -> None:
+def test_a_motion_that_did_not_start_has_a_report(result: dict[str, Any]) -> None:
     (loop,) = result["timing"]["loops"]
     loop["counts"] = [0] * len(loop["counts"])
     head = {key: result[key] for key in ("title", "robot", "verdict", "software", "timing")}
@@ -362,7 +362,7 @@ def test_a_motion_that_never_began_has_a_report(result: dict[str, Any]) -> None:
 
 
 def test_simulated_time_has_no_histogram_of_late_cycles(result: dict[str, Any]) -> None:
-    """Rounding makes its cycles late by some 1e-13 s; that tells nothing of the computer."""
+    """Cycles are late by about 1e-13 s due to rounding, which says nothing about the computer."""
     head = {key: result[key] for key in ("title", "robot", "verdict", "software", "timing")}
     (loop,) = head["timing"]["loops"]
     loop["lateness_max_s"] = 2e-13

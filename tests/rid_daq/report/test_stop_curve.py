@@ -1,4 +1,4 @@
-"""The curve of the joint that a motion was stopped for: what was judged, up to the stop."""
+"""The curve of the joint that caused a stop: the supervised quantity up to the stop."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def loaded() -> LoadedCell:
 
 @pytest.fixture
 def recording(loaded: LoadedCell) -> Recording:
-    """Two seconds at even speed, axis2 falling behind; from the row after STOP on at rest."""
+    """Return two seconds at constant speed with growing error of axis2; at rest after row STOP."""
     joints = len(loaded.robot.joints)
     since_s = PERIOD_S * np.minimum(np.arange(ROWS), STOP)[:, np.newaxis]
     target = np.tile(0.1 * since_s, joints)
@@ -53,7 +53,7 @@ def curve(recording: Recording, loaded: LoadedCell, code: StopCode, **what: Any)
     return found
 
 
-def test_following_error_ends_with_the_value_that_was_told(
+def test_the_following_error_ends_with_the_reported_value(
     recording: Recording, loaded: LoadedCell
 ) -> None:
     drawn = curve(recording, loaded, StopCode.FOLLOWING_ERROR, value=0.025, limit=0.02)
@@ -77,7 +77,7 @@ def test_following_error_ends_with_the_value_that_was_told(
         (StopCode.DRIVE_FAULT, "torque", "N m", STOP),
     ],
 )
-def test_each_stop_has_the_quantity_that_it_was_for(
+def test_each_stop_shows_the_quantity_that_caused_it(
     recording: Recording,
     loaded: LoadedCell,
     code: StopCode,
@@ -91,7 +91,9 @@ def test_each_stop_has_the_quantity_that_it_was_for(
     assert max(drawn.low) < min(drawn.high)
 
 
-def test_limits_are_those_of_the_supervision(recording: Recording, loaded: LoadedCell) -> None:
+def test_the_limits_equal_those_of_the_supervision(
+    recording: Recording, loaded: LoadedCell
+) -> None:
     drawn = curve(recording, loaded, StopCode.TORQUE_LIMIT)
     margin = 1.0 + loaded.config.supervision.limit_margin_fraction
     assert drawn.high[-1] == pytest.approx(loaded.robot.joints[1].limits.torque * margin, rel=1e-4)
@@ -102,7 +104,7 @@ def test_a_stop_without_a_joint_has_no_curve(recording: Recording, loaded: Loade
     assert StopCurve.of(recording, reason, loaded.config, loaded.robot) is None
 
 
-def test_two_rows_are_the_least_that_is_a_curve(recording: Recording, loaded: LoadedCell) -> None:
+def test_a_curve_needs_at_least_two_rows(recording: Recording, loaded: LoadedCell) -> None:
     reason = StopReason(StopCode.TORQUE_LIMIT, "stopped", joint="axis2")
     first = recording.part(slice(0, 1))
     assert StopCurve.of(first, reason, loaded.config, loaded.robot) is None

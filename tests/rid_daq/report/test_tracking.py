@@ -19,7 +19,7 @@ RESULT = Path(__file__).parent / "results" / "tracking.json"
 
 
 def compared(*ratios: float | None) -> TrackingSection:
-    """Return a section whose motions have become so many times closer."""
+    """Return a section with one motion for each error ratio."""
     section = Result.model_validate_json(RESULT.read_text(encoding="utf-8")).tracking
     assert section is not None
     (motion,) = section.motions
@@ -53,17 +53,19 @@ def compared(*ratios: float | None) -> TrackingSection:
         ((None,), f"{MEAN} 0.0245 mm"),
     ],
 )
-def test_an_error_is_reduced_or_has_grown(ratios: tuple[float | None, ...], words: str) -> None:
+def test_the_verdict_states_if_an_error_is_reduced_or_has_grown(
+    ratios: tuple[float | None, ...], words: str
+) -> None:
     assert compared(*ratios).verdict.headline == words
 
 
-def test_no_verdict_stands_without_what_the_encoders_do_not_see() -> None:
+def test_every_verdict_names_the_errors_that_encoders_do_not_measure() -> None:
     for ratios in ((111.0,), (None,)):
         section = compared(*ratios)
         assert section.unseen in section.verdict.sentence
 
 
-def bent_run(*stiffness: float | None) -> TrackingSection:
+def run_with_deflection(*stiffness: float | None) -> TrackingSection:
     """Return the section of a run with a path error of 0.1 mm due to loaded gears."""
     robot = load_robot("ir361")
     joints = tuple(
@@ -78,8 +80,8 @@ def bent_run(*stiffness: float | None) -> TrackingSection:
     return TrackingSection.of([FollowedMotion.of("A pose.", "plain", run, None)], robot)
 
 
-def test_the_estimated_bending_stands_beside_the_distance() -> None:
-    section = bent_run(None, 6e4, 2e4)
+def test_the_estimated_deflection_is_shown_with_the_distance() -> None:
+    section = run_with_deflection(None, 6e4, 2e4)
     (motion,) = section.motions
     assert motion.after.bending is not None
     assert motion.after.bending.max_m == pytest.approx(motion.after.bending.rms_m)
@@ -90,8 +92,8 @@ def test_the_estimated_bending_stands_beside_the_distance() -> None:
     assert "The stiffness of axis1 is not known" in section.unseen
 
 
-def test_an_unknown_stiffness_is_said() -> None:
-    section = bent_run(None, None, None)
+def test_an_unknown_stiffness_is_reported() -> None:
+    section = run_with_deflection(None, None, None)
     assert section.motions[0].after.bending is None
     assert section.without_stiffness == ("axis1", "axis2", "axis3")
     assert "not known" in (section.unseen or "")

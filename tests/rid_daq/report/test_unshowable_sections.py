@@ -18,18 +18,18 @@ from tests.builders.raised_codes import raises_code
 
 Columns = tuple[tuple[float, ...], ...]
 FLAT: Columns = ((0.0,) * 100, (0.1,) * 100)
-"""A path in two axes, which no path is."""
+"""An invalid path of only two coordinates."""
 
 
 def head() -> Result:
-    """A result without sections."""
+    """Return a result without sections."""
     whole = whole_result()
     kept = {key: whole[key] for key in ("schema", "title", "robot", "verdict", "software")}
     return Result.model_validate_json(json.dumps(kept))
 
 
 def tracking(wanted_m: Columns) -> TrackingSection:
-    """The invented section of one motion, its path another one."""
+    """Return the invented tracking section of one motion with another path."""
     section = Result.model_validate_json(json.dumps(whole_result())).tracking
     assert section is not None
     motion = section.motions[0]
@@ -50,10 +50,10 @@ def folder(tmp_path: Path) -> RunFolder:
 
 
 @pytest.mark.parametrize("shake_m", [0.0, 1e-16])
-def test_a_tool_point_that_stands_still_has_a_page_without_a_scale_bar(
+def test_a_tool_point_at_rest_has_a_page_without_a_scale_bar(
     folder: RunFolder, shake_m: float
 ) -> None:
-    """Only the joint turns on whose axis the tool point is."""
+    """Only one joint moves, and the tool point is on its axis."""
     still = tracking(tuple((at, at + shake_m) * 50 for at in (0.0, 0.5, 1.7)))
     for panel in path_plots(still.motions[0], still.joints)[0].panels:
         assert not panel.marks
@@ -63,7 +63,7 @@ def test_a_tool_point_that_stands_still_has_a_page_without_a_scale_bar(
     assert "of deviation" not in page
 
 
-def test_a_new_section_that_cannot_be_shown_leaves_the_run_as_it_was(folder: RunFolder) -> None:
+def test_a_new_section_that_cannot_be_drawn_leaves_the_run_unchanged(folder: RunFolder) -> None:
     write_result(folder, head())
     before = {name: folder.read(name) for name in ("result.json", "report.html")}
     with raises_code(RecordingError, "RID-RESULT-UNSOUND", "result.json", "tracking") as told:
@@ -72,7 +72,7 @@ def test_a_new_section_that_cannot_be_shown_leaves_the_run_as_it_was(folder: Run
     assert {name: folder.read(name) for name in before} == before
 
 
-def test_whether_it_was_edited_is_asked_of_a_section_that_a_file_has(folder: RunFolder) -> None:
+def test_an_existing_section_that_cannot_be_drawn_is_reported_as_edited(folder: RunFolder) -> None:
     edited = head().updated(tracking=tracking(FLAT))
     folder.write("result.json", edited.model_dump_json(by_alias=True).encode())
     with raises_code(RecordingError, "RID-RESULT-UNSOUND", "tracking: ", "edited"):

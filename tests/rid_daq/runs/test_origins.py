@@ -1,4 +1,4 @@
-"""A key to change is shown in the file that a run's copy was made from, line by line."""
+"""A key to change is shown with file and line of the original from which a run's copy was made."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def cell_file(tmp_path: Path) -> Path:
 
 
 def recorded(tmp_path: Path, reference: str) -> RunFolder:
-    """Return a run folder as `record` begins it."""
+    """Return a run folder in the state that `record` leaves at its start."""
     folder = RunFolder.create(tmp_path / "runs", "a run")
     loaded = load_cell(reference)
     for name, content in loaded.files.items():
@@ -43,9 +43,7 @@ def number_of(file: Path, text: str, which: int = 0) -> int:
     return found[which]
 
 
-def test_a_key_is_shown_where_it_stands_in_the_users_own_files(
-    tmp_path: Path, cell_file: Path
-) -> None:
+def test_a_key_is_shown_with_its_line_in_the_users_file(tmp_path: Path, cell_file: Path) -> None:
     folder = recorded(tmp_path, str(cell_file))
     node, row = lines_of(folder, "cell.yaml axes.1.node_id", "robot.yaml kinematics.rows.2.a_m")
     assert node.file == str(cell_file)
@@ -56,7 +54,7 @@ def test_a_key_is_shown_where_it_stands_in_the_users_own_files(
     assert (node.remark, row.remark) == ("", "")
 
 
-def test_a_key_that_is_not_stated_is_added_where_its_axis_begins(
+def test_a_missing_key_is_shown_at_the_first_line_of_its_axis(
     tmp_path: Path, cell_file: Path
 ) -> None:
     (line,) = lines_of(recorded(tmp_path, str(cell_file)), DIRECTION)
@@ -65,18 +63,18 @@ def test_a_key_that_is_not_stated_is_added_where_its_axis_begins(
     assert str(line) == f"{cell_file}:{line.line}: add direction"
 
 
-def test_a_file_that_has_changed_since_shows_the_key_where_it_is_now(
+def test_a_key_in_a_changed_file_is_shown_at_its_current_line(
     tmp_path: Path, cell_file: Path
 ) -> None:
     folder = recorded(tmp_path, str(cell_file))
     cell_file.write_text("\n\n\n" + cell_file.read_text())
     (line,) = lines_of(folder, "cell.yaml cycle_time_ms")
     assert line.line == number_of(cell_file, "cycle_time_ms")
-    assert line.text is None  # another file by now: none of the run's business
+    assert line.text is None  # the file has changed, so its text is not quoted
     assert str(line) == f"{cell_file}:{line.line}: cycle_time_ms (changed since the run)"
 
 
-def test_a_file_that_is_gone_leaves_the_runs_copy(tmp_path: Path, cell_file: Path) -> None:
+def test_a_key_of_a_deleted_file_is_shown_in_the_runs_copy(tmp_path: Path, cell_file: Path) -> None:
     folder = recorded(tmp_path, str(cell_file))
     cell_file.unlink()
     (line,) = lines_of(folder, "cell.yaml cycle_time_ms")
@@ -84,16 +82,14 @@ def test_a_file_that_is_gone_leaves_the_runs_copy(tmp_path: Path, cell_file: Pat
     assert line.remark == f"the run's copy; {cell_file} can no longer be read"
 
 
-def test_a_run_that_does_not_tell_its_origins_shows_its_copies(
-    tmp_path: Path, cell_file: Path
-) -> None:
+def test_a_run_without_stored_origins_shows_its_copies(tmp_path: Path, cell_file: Path) -> None:
     folder = recorded(tmp_path, str(cell_file))
     folder.file(ORIGINS).unlink()
     (line,) = lines_of(folder, "cell.yaml cycle_time_ms")
     assert (line.file, line.remark) == (str(folder.file("cell.yaml")), "the run's copy")
 
 
-def test_a_bundled_file_is_said_to_be_one(tmp_path: Path) -> None:
+def test_a_bundled_file_is_marked_as_bundled(tmp_path: Path) -> None:
     cell, robot = lines_of(
         recorded(tmp_path, "ir361"), "cell.yaml cycle_time_ms", "robot.yaml gravity_m_s2"
     )

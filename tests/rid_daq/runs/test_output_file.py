@@ -1,4 +1,4 @@
-"""Files that commands write: none takes the place of a part of a run."""
+"""Output files of commands: none can replace a part of a run."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PARTS = ("recording.mcap", "cell.yaml", "result.json", "report.html", "session.j
 
 @pytest.fixture
 def folder(tmp_path: Path) -> RunFolder:
-    """A run that has ended, with a result of its own name."""
+    """Return a completed run that also contains a result with a user-defined name."""
     folder = RunFolder.create(tmp_path / "runs", "swing")
     for name in (*PARTS, "model.json", "own.json"):
         folder.write(name, name.encode())
@@ -28,13 +28,15 @@ def folder(tmp_path: Path) -> RunFolder:
 
 
 @pytest.mark.parametrize("name", [*PARTS, "manifest.json", "map.yaml", "feedforward.json"])
-def test_no_output_takes_the_place_of_a_part_of_a_run(folder: RunFolder, name: str) -> None:
+def test_an_output_that_would_replace_a_part_of_a_run_is_refused(
+    folder: RunFolder, name: str
+) -> None:
     with raises_code(ConfigError, "RID-OUTPUT-RUN", f"{name}: ", folder.run_id):
         refuse_output(folder.path / name, overwrite=True, made=MOTION)
 
 
 @pytest.mark.parametrize("name", ["model.json", "own.json", "new.json", "robot.urdf", "new.yaml"])
-def test_results_may_stand_in_a_run_folder(folder: RunFolder, name: str) -> None:
+def test_results_can_be_written_into_a_run_folder(folder: RunFolder, name: str) -> None:
     (folder.path / name).write_text('{"kind": "rid-daq estimate"}')
     refuse_output(folder.path / name, overwrite=True, made=MODEL)
 
@@ -51,9 +53,7 @@ def test_results_may_stand_in_a_run_folder(folder: RunFolder, name: str) -> None
         ("payload.json", '{"kind": "rid-daq payload"}'),
     ],
 )
-def test_overwrite_replaces_what_rid_daq_wrote_of_the_same_kind_only(
-    tmp_path: Path, name: str, content: str
-) -> None:
+def test_overwrite_refuses_files_of_another_kind(tmp_path: Path, name: str, content: str) -> None:
     (tmp_path / name).write_text(content)
     for made in (MOTION, MODEL, LOOPS):
         with pytest.raises(ConfigError) as refused:
@@ -67,22 +67,20 @@ def test_overwrite_replaces_an_output_of_the_same_kind(tmp_path: Path) -> None:
     refuse_output(motion, overwrite=True, made=MOTION)
 
 
-def test_a_renamed_run_and_a_link_to_its_part_are_seen_through(
-    folder: RunFolder, tmp_path: Path
-) -> None:
+def test_a_link_to_a_part_of_a_renamed_run_is_refused(folder: RunFolder, tmp_path: Path) -> None:
     renamed = folder.path.rename(tmp_path / "mine")
     (tmp_path / "link").symlink_to(renamed / "recording.mcap")
     with raises_code(ConfigError, "RID-OUTPUT-RUN", "link"):
         refuse_output(tmp_path / "link", overwrite=True, made=MOTION)
 
 
-def test_where_the_manifest_is_torn_the_names_still_tell(folder: RunFolder) -> None:
+def test_with_a_damaged_manifest_parts_are_recognised_by_name(folder: RunFolder) -> None:
     (folder.path / "manifest.json").write_text("{")
     with raises_code(ConfigError, "RID-OUTPUT-RUN", "recording.mcap"):
         refuse_output(folder.path / "recording.mcap", overwrite=True, made=MOTION)
 
 
-def test_a_manifest_of_something_else_makes_no_run(tmp_path: Path) -> None:
+def test_a_foreign_manifest_does_not_make_a_run(tmp_path: Path) -> None:
     (tmp_path / "manifest.json").write_text("{}")
     refuse_output(tmp_path / "motion.yaml", overwrite=True, made=MOTION)
 
@@ -102,7 +100,7 @@ def test_a_manifest_of_something_else_makes_no_run(tmp_path: Path) -> None:
         "sensitivity -o",
     ],
 )
-def test_every_command_refuses_it_and_the_run_stays_whole(
+def test_every_command_refuses_a_part_of_a_run_as_output(
     words: str,
     folder: RunFolder,
     monkeypatch: pytest.MonkeyPatch,

@@ -1,4 +1,4 @@
-"""A plate's zero put into a cell file keeps everything else as the user wrote it."""
+"""Writing a plate's zero into a cell file leaves everything else unchanged."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ def without_new(text: str) -> str:
     return "".join(lines[:start] + lines[start + 5 :])
 
 
-def test_it_is_read_back_and_nothing_else_has_changed(tmp_path: Path) -> None:
+def test_the_zero_is_read_back_and_nothing_else_has_changed(tmp_path: Path) -> None:
     changed = replace_zero(BUNDLED, ZERO, "cell.yaml", "run 1")
     assert zero_of(changed, tmp_path) == ZERO
     assert without_new(changed) == BUNDLED
     assert "  zero: # run 1\n" in changed
 
 
-def test_an_older_one_is_replaced_in_its_place(tmp_path: Path) -> None:
+def test_an_older_zero_is_replaced(tmp_path: Path) -> None:
     old = BUNDLED.replace(
         "  amplifier:\n",
         "  zero: # of May\n    offset_n: [1.0, 2.0, 3.0, 4.0,\n      5.0, 6.0, 7.0, 8.0]\n"
@@ -56,19 +56,19 @@ def test_an_older_one_is_replaced_in_its_place(tmp_path: Path) -> None:
     assert replace_zero(changed, ZERO, "c").count("zero:") == 1
 
 
-def test_other_line_ends_and_a_last_line_without_one_are_kept(tmp_path: Path) -> None:
+def test_line_ends_are_preserved(tmp_path: Path) -> None:
     windows = BUNDLED.rstrip("\n").replace("\n", "\r\n")
     changed = replace_zero(windows, ZERO, "cell.yaml")
     assert "\n" not in changed.replace("\r\n", "")
     assert without_new(changed) == windows
 
 
-def test_a_zero_at_the_very_end_without_a_line_end(tmp_path: Path) -> None:
+def test_a_zero_at_the_end_without_a_line_end_is_replaced(tmp_path: Path) -> None:
     old = BUNDLED.rstrip("\n") + "\n  zero: {offset_n: [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]}"
     assert zero_of(replace_zero(old, ZERO, "cell.yaml"), tmp_path) == ZERO
 
 
-def test_a_plate_that_stands_on_one_line_is_left_alone() -> None:
+def test_a_plate_section_on_one_line_is_refused() -> None:
     text = "name: x\nplate: {a_m: 0.1}\n"
     with raises_code(ConfigError, "RID-PLATE-ZERO-WRITE"):
         replace_zero(text, ZERO, "cell.yaml")
@@ -76,7 +76,7 @@ def test_a_plate_that_stands_on_one_line_is_left_alone() -> None:
         replace_zero("name: x\n", ZERO, "cell.yaml")
 
 
-def test_the_file_is_replaced_behind_a_link_and_keeps_its_mode(tmp_path: Path) -> None:
+def test_the_target_of_a_link_is_replaced_and_keeps_its_mode(tmp_path: Path) -> None:
     real, link = tmp_path / "real.yaml", tmp_path / "link.yaml"
     real.write_text(BUNDLED)
     real.chmod(0o640)
@@ -87,5 +87,5 @@ def test_the_file_is_replaced_behind_a_link_and_keeps_its_mode(tmp_path: Path) -
     assert zero_of(real.read_text(), tmp_path) == ZERO
 
 
-def test_the_printed_lines_are_the_written_ones() -> None:
+def test_the_printed_lines_equal_the_written_ones() -> None:
     assert zero_lines(ZERO, "run 1") in replace_zero(BUNDLED, ZERO, "cell.yaml", "run 1")

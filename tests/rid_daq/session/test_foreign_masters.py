@@ -29,7 +29,7 @@ from tests.builders.raised_codes import raises_code
 
 pytestmark = pytest.mark.slow
 
-PROBE = 0x655  # an SDO request to a node that is not there: it changes nothing
+PROBE = 0x655  # an SDO request to a node that does not exist: it has no effect
 QUICK_STOP = "020000000000"
 
 
@@ -42,7 +42,7 @@ class Logged:
     log: Path
 
     def frames(self) -> list[tuple[float, int, str]]:
-        """Return (time [s], identifier, data) of everything that was on the bus."""
+        """Return (time [s], identifier, data) of all frames on the bus."""
         rows = (line.split() for line in self.log.read_text(encoding="ascii").splitlines())
         return [
             (float(row[0].strip("()")), int(row[2].split("#")[0], 16), row[2].split("#")[1])
@@ -105,7 +105,7 @@ def test_a_foreign_master_before_the_session_is_refused(
 
 
 @pytest.mark.fault(32)
-def test_a_foreign_master_in_motion_is_a_quick_stop_in_the_next_cycle(
+def test_a_foreign_master_in_motion_causes_a_quick_stop_in_the_next_cycle(
     logged: Logged, tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
     config = logged.simulated.cell

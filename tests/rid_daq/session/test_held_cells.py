@@ -1,4 +1,4 @@
-"""A cell is opened by one session at a time, and not beside a service that owns it."""
+"""A cell is opened by one session at a time, and not while a service owns it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def real(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> LoadedCell:
     return replace(loaded, config=config)
 
 
-def test_a_real_cell_is_held_alone_while_it_is_open(real: LoadedCell) -> None:
+def test_an_open_real_cell_is_refused_to_other_sessions(real: LoadedCell) -> None:
     with (
         hold_reachable_cell(real),
         raises_code(LockedError, "RID-CELL-BUSY"),
@@ -36,7 +36,7 @@ def test_a_real_cell_is_held_alone_while_it_is_open(real: LoadedCell) -> None:
         pass
 
 
-def test_a_cell_that_a_service_owns_is_not_opened_by_others(
+def test_a_cell_owned_by_a_service_is_refused_to_others(
     real: LoadedCell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("rid_daq.session.ownership.file_holder", lambda _: 1)
@@ -44,12 +44,12 @@ def test_a_cell_that_a_service_owns_is_not_opened_by_others(
         pass
 
 
-def test_a_cell_has_one_service(real: LoadedCell) -> None:
+def test_a_second_service_of_a_cell_is_refused(real: LoadedCell) -> None:
     with own_cell(real.config), raises_code(LockedError, "RID-CELL-BUSY"), own_cell(real.config):
         pass
 
 
-def test_a_cell_with_unfit_data_sheets_is_not_opened(
+def test_a_cell_with_unsuitable_data_sheets_is_not_opened(
     real: LoadedCell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(_loaded: LoadedCell) -> None:

@@ -1,4 +1,4 @@
-"""Continuous reading of locks does not make a session fail that takes one."""
+"""Reading locks at any time does not make a session fail that acquires one."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def cell() -> CellConfig:
 
 
 @pytest.mark.fault(50)
-def test_looking_never_keeps_a_session_from_starting(
+def test_reading_locks_never_prevents_a_session_from_starting(
     locks: Path,
     cell: CellConfig,
     tmp_path: Path,
@@ -43,7 +43,7 @@ def test_looking_never_keeps_a_session_from_starting(
 ) -> None:
     with hold_cell(cell):
         names = [path.name for path in locks.iterdir()]
-    for name in names:  # as of a session that was killed
+    for name in names:  # as left by a killed session
         (locks / name).touch()
     bus = CanBusConfig(interface="udp_multicast", channel="239.74.163.2")
     journal = tmp_path / "recording.mcap"
@@ -71,14 +71,14 @@ def test_looking_never_keeps_a_session_from_starting(
         (lambda: being_written(journal), record),
     ):
         with monkeypatch.context() as patch:
-            freeze_at_every_step(patch, start)
+            call_at_every_step(patch, start)
             assert not look()
     assert set(starts) == {"session", "bus", "journal"}
     measured(f"{len(starts)} starts at every step of an inspection of the locks: none fails")
 
 
-def freeze_at_every_step(patch: pytest.MonkeyPatch, start: Callable[[], None]) -> None:
-    """Call `start` before and after every operation of a look on a descriptor."""
+def call_at_every_step(patch: pytest.MonkeyPatch, start: Callable[[], None]) -> None:
+    """Call `start` before and after every operation on a file descriptor."""
     busy = False
 
     def at_this_moment(call: Callable[..., Any]) -> Callable[..., Any]:
@@ -102,7 +102,7 @@ def freeze_at_every_step(patch: pytest.MonkeyPatch, start: Callable[[], None]) -
         patch.setattr(os, name, at_this_moment(getattr(os, name)))
 
 
-def test_a_recorder_is_seen_while_it_records(tmp_path: Path) -> None:
+def test_a_recording_is_detected_while_it_is_written(tmp_path: Path) -> None:
     with JournalFile(tmp_path / "recording.mcap", {}):
         assert being_written(tmp_path / "recording.mcap")
     assert not being_written(tmp_path / "recording.mcap")

@@ -1,7 +1,7 @@
-"""Locks that lie: `rid-daq stop` believes the kernel, and stops every session all the same.
+"""Locks with false content: `rid-daq stop` relies on the kernel and still stops every session.
 
-Each lie is held by a real process, as an adversary or an accident would; the strangers that it
-points at answer afterwards, which they could not if anything had been sent to them.
+A real process holds each false lock. The unrelated processes that the locks name must still
+run afterwards: no signal was sent to them.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from config.process import file_locks
 from rid_daq.app import run
 from rid_daq.session.running_sessions import ProcessIdentity, RunningSession, running_sessions
 from rid_daq.session.session import hold_cell
-from tests.builders.people import LIAR, ME, PERSON, STRANGER, People, heard, lives
+from tests.builders.people import LIAR, ME, PERSON, STRANGER, People, is_alive, reports_alive
 from tests.builders.raised_codes import raises_code
 
 pytestmark = pytest.mark.slow
@@ -42,7 +42,7 @@ def people() -> Iterator[People]:
 
 @pytest.fixture
 def locks(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A separate folder that all users can write to, like /run/lock."""
+    """A separate folder for locks that all users can write to, like /run/lock."""
     with tempfile.TemporaryDirectory(dir="/tmp") as folder:
         os.chmod(folder, 0o777 | stat.S_ISVTX)
         monkeypatch.setenv("RID_DAQ_LOCKS", folder)
@@ -56,8 +56,8 @@ def cell() -> CellConfig:
     return cell.model_copy(update={"can": bus})
 
 
-def lies(innocent: int) -> dict[str, tuple[str, str]]:
-    """Return what may be held and say anything, by a name: its kind, its text."""
+def false_locks(innocent: int) -> dict[str, tuple[str, str]]:
+    """Return false lock files: kind and content by name."""
     identity = ProcessIdentity.of(innocent)
     assert identity is not None
     told = {
@@ -76,45 +76,49 @@ def lies(innocent: int) -> dict[str, tuple[str, str]]:
     return kinds | {name: ("file", text) for name, text in told.items()}
 
 
-def hold_lies(people: People, locks: Path, innocent: int) -> list[subprocess.Popen[str]]:
-    """Hold every lie as the lock of a bus and as what a session signs."""
+def hold_false_locks(people: People, locks: Path, innocent: int) -> list[subprocess.Popen[str]]:
+    """Hold every false file, both as the lock of a bus and as the file of a session."""
     liars = [
         people.start(LIAR, locks / file, kind, text.encode("latin-1").hex())
-        for name, (kind, text) in lies(innocent).items()
+        for name, (kind, text) in false_locks(innocent).items()
         for file in (f"rid-daq-{name}.lock", f"rid-daq-{name}.{ME}.session")
     ]
-    assert all(heard(liar) for liar in liars)
+    assert all(reports_alive(liar) for liar in liars)
     return liars
 
 
 @pytest.mark.fault(40)
-def test_no_lie_leads_to_a_stranger_or_keeps_a_session_from_being_stopped(
+def test_false_locks_neither_signal_a_stranger_nor_prevent_a_stop(
     people: People,
     locks: Path,
     capsys: pytest.CaptureFixture[str],
     measured: Callable[[str], None],
 ) -> None:
     innocent = people.start(STRANGER)
-    liars = hold_lies(people, locks, innocent.pid)
+    liars = hold_false_locks(people, locks, innocent.pid)
     (locks / "rid-daq-left-over.0.session").write_text("process 1: rid-daq\ncell x\n")
     session = people.session()
     assert run(["stop", "--json"]) == 4, "a lock holder that is not a session is reported"
     told = json.loads(capsys.readouterr().out)["sessions"]
     assert session.wait(120.0) == 143
     strangers = [innocent, *liars]
-    assert all(lives(stranger) for stranger in strangers)
+    assert all(is_alive(stranger) for stranger in strangers)
     stopped = [entry for entry in told if entry["stopped"]]
     assert [(entry["process"], entry["cell"]) for entry in stopped] == [(session.pid, "ir361")]
     left_alone = [entry for entry in told if not entry["stopped"]]
     assert {entry["process"] for entry in left_alone} <= {liar.pid for liar in liars}
-    assert len(left_alone) == len(lies(innocent.pid)) - 1 - (ME != 0), "a link cannot be locked"
+    assert len(left_alone) == len(false_locks(innocent.pid)) - 1 - (ME != 0), (
+        "a link cannot be locked"
+    )
     assert all("not stopped; `ps -fp" in entry["text"] for entry in left_alone)
-    measured(f"{len(liars)} lies: 0 signals to {len(strangers)} strangers, the session stopped")
+    measured(
+        f"{len(liars)} false locks: 0 signals to {len(strangers)} strangers, the session stopped"
+    )
 
 
 @pytest.mark.fault(40)
 @needs_root
-def test_root_believes_no_other_user(
+def test_stop_by_root_ignores_a_lock_forged_by_another_user(
     people: People, locks: Path, measured: Callable[[str], None]
 ) -> None:
     innocent = people.start(STRANGER)
@@ -129,17 +133,20 @@ fcntl.flock(forged, fcntl.LOCK_EX)
     session = people.session(forge, user=COLLEAGUE)
     code, told = people.stop(user=0)
     assert session.wait(120.0) == 143, "the session is his own, and so is what he loses"
-    assert lives(innocent)
+    assert is_alive(innocent)
     ends = {(entry["process"], entry["stopped"]) for entry in told}
     assert (session.pid, True) in ends
-    left_alone = (session.pid, False) in ends  # the forged one, unless its owner was gone before
+    left_alone = (
+        session.pid,
+        False,
+    ) in ends  # the forged session, unless its owner has already ended
     assert len(ends) == 1 + left_alone
     assert code == (4 if left_alone else 0)
     measured("another user's forged lock: root's `stop` signals that user's own process alone")
 
 
 @pytest.mark.fault(40)
-def test_a_number_that_passed_to_another_process_is_not_believed(
+def test_a_process_id_that_was_reused_is_not_signalled(
     people: People,
     locks: Path,
     tmp_path: Path,
@@ -159,13 +166,13 @@ def test_a_number_that_passed_to_another_process_is_not_believed(
     ours.terminate()
     entry.terminate()
     assert run(["stop"]) == 4
-    assert lives(stranger)
+    assert is_alive(stranger)
     assert session.poll() is None
     measured("a process id that was used again: detected by its start time")
 
 
 @pytest.mark.parametrize("moment", ["before the check", "after the check"])
-def test_a_session_that_ends_as_it_is_told_is_no_failure(
+def test_a_session_that_ends_during_the_stop_is_not_an_error(
     people: People,
     locks: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -205,7 +212,7 @@ SEALED = MEMORY + "fcntl.fcntl(memory, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK)"
 
 
 @pytest.mark.parametrize(("memory", "code"), [(MEMORY, 0), (SEALED, 4)], ids=["open", "sealed"])
-def test_a_session_whose_memory_makes_no_sense_is_ended_by_its_signal(
+def test_a_session_with_invalid_shared_memory_is_ended_by_a_signal(
     people: People,
     locks: Path,
     capsys: pytest.CaptureFixture[str],
@@ -219,7 +226,7 @@ def test_a_session_whose_memory_makes_no_sense_is_ended_by_its_signal(
     assert ("it was not observed if its axes are at rest" in said) == bool(code)
 
 
-def test_an_error_of_any_kind_is_that_sessions_alone(
+def test_an_error_with_one_session_does_not_prevent_stopping_others(
     people: People,
     locks: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -244,7 +251,7 @@ def test_an_error_of_any_kind_is_that_sessions_alone(
     assert [each["stopped"] for each in stopped] == [False, True]
 
 
-def test_this_very_program_is_not_ended(
+def test_stop_does_not_end_its_own_program(
     locks: Path, cell: CellConfig, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with hold_cell(cell):
@@ -253,7 +260,7 @@ def test_this_very_program_is_not_ended(
 
 @pytest.mark.fault(41)
 @needs_root
-def test_a_lock_that_another_user_left_is_taken_over_and_stopped_by_who_has_it_now(
+def test_a_lock_left_by_another_user_belongs_to_the_new_session(
     people: People, locks: Path, measured: Callable[[str], None]
 ) -> None:
     dead = people.session(user=COLLEAGUE)
@@ -279,7 +286,7 @@ def test_a_lock_that_another_user_left_is_taken_over_and_stopped_by_who_has_it_n
 
 @pytest.mark.fault(41)
 @needs_root
-def test_a_place_that_another_user_has_taken_is_explained(
+def test_a_lock_file_owned_by_another_user_is_explained(
     people: People, locks: Path, cell: CellConfig, measured: Callable[[str], None]
 ) -> None:
     with hold_cell(cell):
@@ -316,7 +323,7 @@ if True:
 """
 
 
-def test_a_lock_that_the_kernel_does_not_show_is_explained(
+def test_a_lock_missing_in_the_kernel_table_is_explained(
     locks: Path, cell: CellConfig, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     (tmp_path / "empty").touch()

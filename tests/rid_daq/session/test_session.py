@@ -27,7 +27,7 @@ def _hold(cell: CellConfig, folder: Path, line: Connection) -> None:
         line.recv()
 
 
-def test_a_second_session_on_the_same_bus_is_refused_and_told_who_holds_it(
+def test_a_second_session_on_a_bus_is_refused_with_the_holder(
     cell: CellConfig, tmp_path: Path
 ) -> None:
     context = multiprocessing.get_context("spawn")
@@ -48,17 +48,17 @@ def test_a_second_session_on_the_same_bus_is_refused_and_told_who_holds_it(
         other.kill()
         other.join()
     with hold_cell(cell, tmp_path):
-        pass  # the operating system released it when the other died
+        pass  # the operating system released it when the other process ended
 
 
-def test_two_buses_do_not_know_each_other(cell: CellConfig, tmp_path: Path) -> None:
+def test_sessions_on_two_buses_are_independent(cell: CellConfig, tmp_path: Path) -> None:
     second = cell.model_copy(update={"can": cell.can.model_copy(update={"channel": "other"})})
     with hold_cell(cell, tmp_path), hold_cell(second, tmp_path):
         assert len([*tmp_path.glob("*.lock")]) == 2
     assert os.listdir(tmp_path) == [], "nothing is left"
 
 
-def test_the_lock_is_free_again_after_the_with(cell: CellConfig, tmp_path: Path) -> None:
+def test_the_lock_is_released_after_the_with_block(cell: CellConfig, tmp_path: Path) -> None:
     for _ in range(2):
         with hold_cell(cell, tmp_path):
             (lock,) = tmp_path.glob("*.lock")
@@ -66,9 +66,7 @@ def test_the_lock_is_free_again_after_the_with(cell: CellConfig, tmp_path: Path)
         assert not lock.exists()
 
 
-def test_a_lock_folder_that_is_not_there_is_a_storage_error(
-    cell: CellConfig, tmp_path: Path
-) -> None:
+def test_a_missing_lock_folder_is_a_storage_error(cell: CellConfig, tmp_path: Path) -> None:
     missing = tmp_path / "missing"
     with raises_code(RecordingError, "RID-FILE-ACCESS"), hold_cell(cell, missing):
         pass
@@ -83,7 +81,7 @@ def test_a_symbolic_link_is_not_followed(cell: CellConfig, tmp_path: Path) -> No
     assert not (tmp_path / "victim").exists()
 
 
-def test_a_run_that_fails_says_why(tmp_path: Path) -> None:
+def test_a_failed_run_stores_the_reason(tmp_path: Path) -> None:
     folder = RunFolder.create(tmp_path, "test")
     with pytest.raises(RecordingError), mark_unfinished(folder):
         raise RecordingError("the disk is full")
@@ -92,12 +90,12 @@ def test_a_run_that_fails_says_why(tmp_path: Path) -> None:
     assert manifest.facts == {"why": "the disk is full"}
 
 
-def test_any_file_name_makes_a_label() -> None:
+def test_any_file_name_becomes_a_valid_label() -> None:
     assert as_label("my motion (2)") == "my motion _2_"
     label = as_label("../" * 40)
     assert "/" not in label
     assert len(label) <= 64
 
 
-def test_a_file_called_as_the_newest_run_is_makes_another_label(tmp_path: Path) -> None:
+def test_a_file_called_latest_gets_another_label(tmp_path: Path) -> None:
     assert RunFolder.create(tmp_path, as_label("latest")).manifest().label == "latest_"

@@ -1,4 +1,4 @@
-"""`rid-daq stop`: everyone is asked before anyone is waited for, and nothing unseen is claimed."""
+"""`rid-daq stop`: it requests all stops before it waits, and reports only confirmed outcomes."""
 
 from __future__ import annotations
 
@@ -50,14 +50,14 @@ class FakeSession:
 
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Set all waiting times to 0: a session has reacted already, or never reacts."""
+    """Set all timeouts to 0: a session has already reacted, or never reacts."""
     for name in ("STOP_PATIENCE_S", "REST_PATIENCE_S", "END_PATIENCE_S"):
         monkeypatch.setattr(stopping, name, 0.0)
 
 
 @pytest.fixture
 def stopped(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[SessionStop]]:
-    """Return a function that stops such sessions and returns each outcome."""
+    """Return a function that stops fake sessions and returns each outcome."""
 
     def stop(*sessions: FakeSession) -> list[SessionStop]:
         found = cast("Sequence[RunningSession]", sessions)
@@ -86,7 +86,7 @@ def moving(
     return control
 
 
-def test_a_motion_is_stopped_where_its_axes_were_seen_at_rest(
+def test_a_motion_counts_as_stopped_if_its_axes_are_confirmed_at_rest(
     stopped: Callable[..., list[SessionStop]],
 ) -> None:
     control = moving(reason=COMMAND, rest_s=0.25)
@@ -98,7 +98,7 @@ def test_a_motion_is_stopped_where_its_axes_were_seen_at_rest(
     assert result.rest_at is not None
 
 
-def test_a_motion_that_was_stopping_already_says_why(
+def test_a_motion_that_was_already_stopping_gives_its_reason(
     stopped: Callable[..., list[SessionStop]],
 ) -> None:
     (result,) = stopped(FakeSession(moving(reason=LIMIT, rest_s=0.1), lives=lambda: True))
@@ -113,7 +113,7 @@ def test_a_motion_that_does_not_answer_was_not_stopped(
     assert result == SessionStop(False, "did not answer within 0 s")
 
 
-def test_axes_whose_rest_nobody_saw_do_not_count_as_stopped(
+def test_axes_without_confirmed_rest_do_not_count_as_stopped(
     stopped: Callable[..., list[SessionStop]],
 ) -> None:
     ended = moving(reason=COMMAND, state=TaskState.FINISHED)
@@ -121,14 +121,14 @@ def test_axes_whose_rest_nobody_saw_do_not_count_as_stopped(
     assert result == SessionStop(False, "stopped, but the axes were not seen to come to rest")
 
 
-def test_a_program_that_died_on_the_way_leaves_nobody_in_the_know(
+def test_after_a_crash_the_state_of_the_axes_is_reported_as_unknown(
     stopped: Callable[..., list[SessionStop]],
 ) -> None:
     (result,) = stopped(FakeSession(moving(reason=COMMAND), lives=lambda: False))
     assert result == SessionStop(False, "did not end: the state of its axes is unknown")
 
 
-def test_a_motion_told_before_it_began_did_not_move(
+def test_a_motion_stopped_before_its_start_did_not_move(
     stopped: Callable[..., list[SessionStop]],
 ) -> None:
     ended = moving(reason=COMMAND, state=TaskState.FINISHED, cycles=0)
@@ -143,7 +143,7 @@ def test_a_motion_that_ended_by_itself_is_over(stopped: Callable[..., list[Sessi
 
 
 @pytest.mark.parametrize("reason", [None, COMMAND])
-def test_drives_that_were_not_seen_without_power_are_never_called_off(
+def test_drives_without_confirmed_power_off_are_not_reported_as_off(
     stopped: Callable[..., list[SessionStop]], reason: StopReason | None
 ) -> None:
     ended = moving(reason=reason, state=TaskState.FINISHED, cycles=0, power_off=False)
@@ -175,7 +175,7 @@ def test_a_session_that_does_not_end_is_not_stopped(
 
 
 @pytest.mark.parametrize("broken", [PermissionError("no"), ValueError("no block")])
-def test_what_cannot_be_watched_is_told_to_end_and_never_called_stopped(
+def test_an_unobservable_session_is_terminated_and_not_reported_as_stopped(
     broken: Exception, stopped: Callable[..., list[SessionStop]]
 ) -> None:
     guarded = FakeSession(broken=broken)
@@ -186,7 +186,7 @@ def test_what_cannot_be_watched_is_told_to_end_and_never_called_stopped(
     )
 
 
-def test_what_may_not_be_stopped_from_here_is_left_alone(
+def test_a_session_of_another_user_is_not_terminated(
     stopped: Callable[..., list[SessionStop]],
 ) -> None:
     other = FakeSession(refusal="belongs to another user")
@@ -194,7 +194,7 @@ def test_what_may_not_be_stopped_from_here_is_left_alone(
     assert other.terminated == 0
 
 
-def test_everyone_is_asked_before_anyone_is_waited_for_and_one_failure_stops_no_other(
+def test_all_stops_are_requested_before_waiting_despite_a_failure(
     stopped: Callable[..., list[SessionStop]],
 ) -> None:
     second = moving(reason=COMMAND, rest_s=0.1)
@@ -215,7 +215,7 @@ def test_everyone_is_asked_before_anyone_is_waited_for_and_one_failure_stops_no_
 @pytest.mark.parametrize(
     "text", ["name: cell-7\n", 'name: "cell-7"\naxes: [broken', "# x\nname:\tcell-7 # mine\n"]
 )
-def test_a_cell_file_names_its_cell_whatever_else_is_wrong_in_it(text: str, tmp_path: Path) -> None:
+def test_a_damaged_cell_file_still_gives_the_name_of_its_cell(text: str, tmp_path: Path) -> None:
     from rid_daq.operations.cell.stop import _cell_name
 
     file = tmp_path / "cell.yaml"
