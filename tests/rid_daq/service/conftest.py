@@ -1,4 +1,4 @@
-"""A service in this process, without workers; and one as a process, on a simulated cell."""
+"""Services for tests: in this process without workers, or as a process with a simulated cell."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ PATIENCE_S = 180.0
 
 @pytest.fixture(scope="session")
 def motion() -> str:
-    """A short periodic motion of the bundled cell: three periods of 4.8 s."""
+    """Return a short periodic motion of the bundled cell: three periods of 4.8 s."""
     return periodic(3)
 
 
 @pytest.fixture(scope="session")
 def long_motion() -> str:
-    """The same for two minutes: what ends it is the test, however busy the computer is."""
+    """Return the same motion for two minutes, so that even on a busy computer the test ends it."""
     return periodic(25)
 
 
@@ -52,7 +52,7 @@ def periodic(periods: int) -> str:
 
 @pytest.fixture
 def service(tmp_path: Path) -> CellService:
-    """A service of one simulated cell that starts no workers."""
+    """Return a service of one simulated cell that starts no workers."""
     return CellService(tmp_path, [ServedCell("ir361", 20.0)])
 
 
@@ -70,7 +70,7 @@ def job(kind: str = "payload_session") -> Job:
 
 
 class Worker:
-    """The process of a worker, which is this one: its motions are made by the test."""
+    """A worker whose process is the test's own; the test simulates its motions."""
 
     pid = os.getpid()
     returncode: int | None = None
@@ -93,7 +93,7 @@ def as_worker(process: Worker) -> WorkerProcess:
 
 @pytest.fixture
 def worker(monkeypatch: pytest.MonkeyPatch) -> Worker:
-    """The next worker, which is ready at the second request for it."""
+    """Return the next worker of the service, which becomes available after one event loop step."""
     worker = Worker()
 
     async def take(_warm: ReadyWorker) -> Any:
@@ -113,8 +113,8 @@ class ServedProcess:
     """`rid-daq serve` as a process.
 
     Attributes:
-        process: It.
-        url: The address of its pages, with the secret of its terminal.
+        process: The process.
+            url: Address of its pages, with the secret shown in its terminal.
     """
 
     folder: Path
@@ -130,7 +130,7 @@ class ServedProcess:
         return self.process.wait(PATIENCE_S)
 
     def leave_nothing(self) -> None:
-        """End it after any outcome of a test, so that it does not disturb the following tests."""
+        """End the process after any outcome of a test, so that it does not disturb other tests."""
         if self.process.poll() is None:
             try:
                 self.end()
@@ -140,7 +140,7 @@ class ServedProcess:
 
 @contextlib.contextmanager
 def serving(folder: Path, *more: str, cell: str = "ir361") -> Iterator[ServedProcess]:
-    """Have a service of a bundled cell for as long as the `with` lasts."""
+    """Run a service of a bundled cell while the `with` block is active."""
     running = serve(folder, *more, cell=cell)
     try:
         yield running
@@ -176,14 +176,14 @@ def serve(folder: Path, *more: str, cell: str = "ir361") -> ServedProcess:
 
 @pytest.fixture
 def served(tmp_path: Path) -> Iterator[ServedProcess]:
-    """A service of a bundled simulated cell, as a process of its own for one test."""
+    """Run a service of a bundled simulated cell as a separate process for one test."""
     with serving(tmp_path) as running:
         yield running
 
 
 @pytest.fixture(scope="module")
 def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedProcess]:
-    """The same for the tests of a file that leave it as it was."""
+    """Run one such service for all tests of a file that do not change it."""
     with serving(tmp_path_factory.mktemp("served")) as running:
         yield running
         assert running.end() == 0

@@ -1,4 +1,4 @@
-"""Steps that tests of a served cell share: to lease the cell and to start a motion."""
+"""Shared steps of tests with a served cell: lease the cell, start a motion."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CHECK = {"seconds": 0.2}
 
 
 def until(condition: Callable[[], bool], patience_s: float = PATIENCE_S) -> None:
-    """Wait for a condition that must come true."""
+    """Wait until a condition is true; fail after a timeout."""
     end_s = time.monotonic() + patience_s
     while not condition():
         assert time.monotonic() < end_s, "it did not come true"
@@ -28,7 +28,7 @@ def until(condition: Callable[[], bool], patience_s: float = PATIENCE_S) -> None
 
 
 def begin_motion(served: ServedProcess, lease: str, pace: float = 1.0, **wanted: object) -> Job:
-    """Begin a recording, and return once the robot moves."""
+    """Start a recording, and return when the robot moves."""
     with served.client as client:
         request = {"motion": "motion.yaml", "simulation": {"pace": pace}}
         body = {"kind": "record", "request": request, **wanted}
@@ -40,7 +40,7 @@ def begin_motion(served: ServedProcess, lease: str, pace: float = 1.0, **wanted:
 
 
 def is_in_motion(pid: int) -> bool:
-    """Return whether a worker's robot is in the main part of its motion."""
+    """Return True if a worker's robot is in the main part of its motion."""
     control = ControlBlock.of_process(pid)
     return control is not None and control.progress.phase is Phase.MAIN
 
@@ -52,7 +52,7 @@ def events(client: ServiceClient, job: Job) -> list[dict[str, object]]:
 
 @contextlib.contextmanager
 def leased_cell(served: ServedProcess, motion: str) -> Iterator[str]:
-    """Lease the cell, ready to move, and yield the key of the lease."""
+    """Lease a cell that is ready to move, and yield the key of the lease."""
     (served.folder / "motion.yaml").write_text(motion, encoding="utf-8")
     with served.client as client:
         key = str(client.ask("POST", "/cells/ir361/lease", {"seconds": 600.0})["key"])

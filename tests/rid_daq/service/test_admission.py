@@ -57,7 +57,7 @@ class Admissions:
         assert head is not None
         return self.admission.receive(head, HERE)
 
-    def most(self, role: Role | None, method: str, path: str) -> int:
+    def largest_body(self, role: Role | None, method: str, path: str) -> int:
         found = self.ask(role, method, path)
         assert isinstance(found, Admitted)
         refused = self.ask(role, method, path, f"Content-Length: {found.body_bytes + 1}")
@@ -74,7 +74,7 @@ def admissions(service: CellService) -> Admissions:
 @pytest.mark.promise("known-before-a-body-is-read")
 @pytest.mark.parametrize("length", ["Content-Length: 17000000", "Transfer-Encoding: chunked"])
 @pytest.mark.parametrize(("method", "path"), [("POST", JOBS), ("PUT", FILE), ("POST", "/any")])
-def test_who_is_not_known_sends_no_body(
+def test_a_request_without_authentication_is_refused_before_its_body(
     admissions: Admissions, method: str, path: str, length: str
 ) -> None:
     refused = admissions.ask(None, method, path, length)
@@ -82,38 +82,38 @@ def test_who_is_not_known_sends_no_body(
     assert (refused.status, refused.document["code"]) == (401, "RID-ACCESS-UNKNOWN")
 
 
-def test_a_page_of_another_server_is_refused_by_code(admissions: Admissions) -> None:
+def test_a_request_from_another_origin_is_refused(admissions: Admissions) -> None:
     refused = admissions.ask(Role.ADMINISTRATOR, "POST", JOBS, "Origin: https://elsewhere.example")
     assert isinstance(refused, Reply)
     assert (refused.status, refused.document["code"]) == (403, "RID-ACCESS-SENDER")
 
 
 @pytest.mark.promise("known-before-a-body-is-read")
-def test_everybody_has_a_bound(admissions: Admissions) -> None:
-    assert admissions.most(Role.OPERATOR, "POST", JOBS) == JSON_BYTES
-    assert admissions.most(Role.ADMINISTRATOR, "POST", JOBS) == JSON_BYTES
-    assert admissions.most(Role.OPERATOR, "PUT", FILE) == FILE_BYTES
-    assert admissions.most(Role.VIEWER, "PUT", FILE) == SMALL_BYTES
-    assert admissions.most(Role.VIEWER, "POST", JOBS) == SMALL_BYTES
-    assert admissions.most(None, "POST", PAIRING) == SMALL_BYTES
-    assert admissions.most(Role.ADMINISTRATOR, "GET", JOBS) == 0
+def test_every_role_has_a_limit_of_the_body(admissions: Admissions) -> None:
+    assert admissions.largest_body(Role.OPERATOR, "POST", JOBS) == JSON_BYTES
+    assert admissions.largest_body(Role.ADMINISTRATOR, "POST", JOBS) == JSON_BYTES
+    assert admissions.largest_body(Role.OPERATOR, "PUT", FILE) == FILE_BYTES
+    assert admissions.largest_body(Role.VIEWER, "PUT", FILE) == SMALL_BYTES
+    assert admissions.largest_body(Role.VIEWER, "POST", JOBS) == SMALL_BYTES
+    assert admissions.largest_body(None, "POST", PAIRING) == SMALL_BYTES
+    assert admissions.largest_body(Role.ADMINISTRATOR, "GET", JOBS) == 0
 
 
 @pytest.mark.parametrize("length", ["-1", "1e3", "١", "", "0x10"])
-def test_a_length_that_is_no_number_is_refused(admissions: Admissions, length: str) -> None:
+def test_an_invalid_content_length_is_refused(admissions: Admissions, length: str) -> None:
     assert isinstance(
         admissions.ask(Role.OPERATOR, "POST", JOBS, f"Content-Length: {length}"), Reply
     )
 
 
-def test_requests_without_a_token_are_rare(admissions: Admissions) -> None:
+def test_requests_without_a_token_have_a_rate_limit(admissions: Admissions) -> None:
     found = [admissions.ask(None, "POST", PAIRING) for _ in range(int(OPEN_BURST) + 20)]
     refused = [each for each in found if isinstance(each, Reply)]
     assert refused
     assert refused[0].document["code"] == "RID-REQUEST-RATE"
 
 
-def test_a_rate_is_each_owners_own_and_comes_back() -> None:
+def test_each_owner_has_a_separate_rate_limit_that_recovers() -> None:
     now_s = 0.0
     rate = Rate(2.0, 1.0, lambda: now_s)
     assert [rate.allows("a") for _ in range(3)] == [True, True, False]
@@ -131,7 +131,7 @@ async def served(service: CellService) -> AsyncIterator[tuple[Place, dict[str, s
 
 
 @pytest.mark.promise("known-before-a-body-is-read")
-def test_a_refusal_arrives_although_the_body_is_still_on_its_way(service: CellService) -> None:
+def test_a_refusal_arrives_while_the_body_is_still_being_sent(service: CellService) -> None:
     async def main() -> None:
         async with served(service) as (made, _):
             body = b"x" * 200_000
@@ -143,7 +143,7 @@ def test_a_refusal_arrives_although_the_body_is_still_on_its_way(service: CellSe
 
 
 @pytest.mark.promise("sockets-of-one")
-def test_a_viewer_cannot_take_the_websockets_of_all(service: CellService) -> None:
+def test_one_viewer_cannot_occupy_all_websockets(service: CellService) -> None:
     async def main() -> None:
         async with served(service) as (made, viewer), contextlib.AsyncExitStack() as stack:
             url = f"ws://127.0.0.1:{made.port}/api/v1/ws"
@@ -170,7 +170,7 @@ async def until_closed(line: ClientConnection) -> int:
 
 @pytest.mark.promise("sockets-of-one")
 @pytest.mark.parametrize("said", ["x", "[" * 2000, '{"other": 1}', '{"job": "none"}'])
-def test_nonsense_and_floods_end_a_websocket(service: CellService, said: str) -> None:
+def test_invalid_messages_and_floods_close_a_websocket(service: CellService, said: str) -> None:
     async def main() -> None:
         async with served(service) as (made, viewer):
             url = f"ws://127.0.0.1:{made.port}/api/v1/ws"
@@ -186,7 +186,7 @@ def test_nonsense_and_floods_end_a_websocket(service: CellService, said: str) ->
 
 
 @pytest.mark.promise("sockets-of-one")
-def test_a_flood_of_pings_ends_a_websocket(service: CellService) -> None:
+def test_a_flood_of_pings_closes_a_websocket(service: CellService) -> None:
     async def main() -> None:
         async with served(service) as (made, viewer):
             for path in ("ws", "stop-line"):

@@ -1,4 +1,4 @@
-"""The API's rules, asked as a client asks: who may, when, what a refusal says."""
+"""Rules of the API: permissions, required states, and refusals."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ READ = [
 
 
 @pytest.mark.parametrize("path", READ)
-def test_reading_is_free_for_those_who_are_known(api: Api, path: str) -> None:
+def test_every_role_can_read(api: Api, path: str) -> None:
     assert api.ask(None, "GET", path).status_code == 401
     assert api.ask(Role.VIEWER, "GET", path).status_code == 200
 
@@ -95,19 +95,19 @@ def test_health_needs_no_token(api: Api) -> None:
 
 
 @pytest.mark.parametrize("path", ["/api/v1/tokens", "/api/v1/pairing", "/api/v1/audit"])
-def test_who_may_come_in_is_the_administrators(api: Api, path: str) -> None:
+def test_only_an_administrator_can_list_tokens_pairings_and_audit(api: Api, path: str) -> None:
     assert api.ask(Role.OPERATOR, "GET", path).status_code == 403
     assert api.ask(Role.ADMINISTRATOR, "GET", path).status_code == 200
 
 
-def test_a_viewer_takes_no_cell_and_begins_nothing(api: Api) -> None:
+def test_a_viewer_can_neither_lease_a_cell_nor_start_a_job(api: Api) -> None:
     assert api.ask(Role.VIEWER, "POST", "/api/v1/cells/ir361/lease", {}).status_code == 403
     answer = api.ask(Role.VIEWER, "POST", "/api/v1/cells/ir361/jobs", RECORD)
     assert answer.status_code == 403
     assert answer.json()["code"] == "RID-ACCESS-ROLE"
 
 
-def test_a_simulated_cell_says_so(api: Api) -> None:
+def test_a_simulated_cell_is_marked(api: Api) -> None:
     told = api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361").json()
     assert told["simulated"] is True
     assert told["pace"] == 20.0
@@ -124,7 +124,7 @@ def test_a_job_on_the_cell_needs_its_lease(api: Api) -> None:
     assert answer.status_code == 409
 
 
-def test_two_cannot_have_one_cell(api: Api) -> None:
+def test_a_second_lease_of_a_cell_is_refused(api: Api) -> None:
     api.lease(Role.OPERATOR, note="weighing")
     wanted = {"seconds": 60.0}
     answer = api.ask(Role.ADMINISTRATOR, "POST", "/api/v1/cells/ir361/lease", wanted)
@@ -134,7 +134,7 @@ def test_two_cannot_have_one_cell(api: Api) -> None:
     assert api.lease(Role.ADMINISTRATOR, confirmed="ir361")
 
 
-def test_a_motion_needs_a_cell_that_is_ready(api: Api) -> None:
+def test_a_motion_is_refused_if_the_cell_is_not_ready(api: Api) -> None:
     key = api.lease()
     answer = api.ask(Role.OPERATOR, "POST", "/api/v1/cells/ir361/jobs", RECORD, lease=key)
     assert answer.status_code == 409
@@ -163,7 +163,7 @@ def test_a_fault_must_be_reset_by_a_person(api: Api) -> None:
 
 
 @pytest.mark.parametrize("code", ["STOP_BUTTON", "STOP_COMMAND", "INTERRUPTED", "CLIENT_LOST"])
-def test_a_stop_that_a_person_asked_for_is_no_fault(api: Api, code: str) -> None:
+def test_a_requested_stop_is_not_a_fault(api: Api, code: str) -> None:
     api.make_ready()
     cell = api.service.cell("ir361")
     api.service.readiness.note_end(cell, {"stop": {"code": code, "text": "stopped"}})
@@ -206,17 +206,19 @@ def test_a_stop_from_another_computer_needs_a_token(api: Api) -> None:
         ("/api/v1/files/.rid-daq-service/jobs/x.json", 422, "RID-PATH-HIDDEN"),
     ],
 )
-def test_what_is_not_there_is_said(api: Api, path: str, status: int, code: str) -> None:
+def test_unknown_names_and_paths_outside_the_folder_are_refused(
+    api: Api, path: str, status: int, code: str
+) -> None:
     answer = api.ask(Role.OPERATOR, "GET", path)
     assert (answer.status_code, answer.json()["code"]) == (status, code)
 
 
-def test_a_path_that_leads_out_of_the_runs_is_no_route(api: Api) -> None:
+def test_a_path_outside_the_runs_folder_is_not_found(api: Api) -> None:
     assert api.ask(Role.OPERATOR, "GET", "/api/v1/runs/..").status_code == 404
 
 
 @pytest.mark.parametrize("name", ["report", "result", "files/report.html"])
-def test_a_report_that_is_not_there_yet_is_not_found(api: Api, name: str) -> None:
+def test_a_missing_report_is_not_found(api: Api, name: str) -> None:
     run = RunFolder.create(api.service.runs, "fresh").run_id
     answer = api.ask(Role.VIEWER, "GET", f"/api/v1/runs/{run}/{name}")
     assert answer.status_code == 404
@@ -224,7 +226,7 @@ def test_a_report_that_is_not_there_yet_is_not_found(api: Api, name: str) -> Non
     assert run in answer.json()["message"]
 
 
-def test_a_request_with_a_mistake_is_refused_before_it_is_journalled(api: Api) -> None:
+def test_an_invalid_request_is_refused_before_it_becomes_a_job(api: Api) -> None:
     api.make_ready()
     key = api.lease()
     for request, code, field in [
@@ -240,7 +242,7 @@ def test_a_request_with_a_mistake_is_refused_before_it_is_journalled(api: Api) -
     assert api.service.jobs.newest() == []
 
 
-def test_a_file_is_put_once_and_read_back(api: Api) -> None:
+def test_a_file_can_be_uploaded_once_and_read(api: Api) -> None:
     put = api.ask(Role.OPERATOR, "PUT", "/api/v1/files/motions/a.json", {"kind": "none"})
     assert put.status_code == 201
     assert api.ask(Role.VIEWER, "GET", "/api/v1/files/motions/a.json").json() == {"kind": "none"}
@@ -261,12 +263,12 @@ def test_a_file_is_put_once_and_read_back(api: Api) -> None:
         ("cell.axes.json", "RID-FILE-AXIS-TEST"),
     ],
 )
-def test_only_motions_and_models_are_put(api: Api, path: str, code: str) -> None:
+def test_only_motions_and_models_can_be_uploaded(api: Api, path: str, code: str) -> None:
     answer = api.ask(Role.OPERATOR, "PUT", f"/api/v1/files/{path}", {})
     assert (answer.status_code, answer.json()["code"]) == (422, code)
 
 
-def test_a_motion_that_reads_outside_the_folder_is_not_put(api: Api) -> None:
+def test_a_motion_with_a_table_outside_the_folder_is_refused(api: Api) -> None:
     motion = {"kind": "joint_table", "robot": "ir361", "file": "../table.csv"}
     put = api.ask(Role.OPERATOR, "PUT", "/api/v1/files/a.yaml", motion)
     assert put.status_code == 422
@@ -274,7 +276,7 @@ def test_a_motion_that_reads_outside_the_folder_is_not_put(api: Api) -> None:
     assert api.ask(Role.OPERATOR, "GET", "/api/v1/files/a.yaml").status_code == 404
 
 
-def test_devices_that_another_program_serves_keep_their_own_time(
+def test_devices_served_by_another_program_keep_their_pace(
     service: CellService, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cell = service.cell("ir361")
@@ -283,7 +285,7 @@ def test_devices_that_another_program_serves_keep_their_own_time(
     assert cell.own_pace() is None
 
 
-def test_what_people_do_is_kept(api: Api) -> None:
+def test_actions_of_users_are_stored_in_the_audit_log(api: Api) -> None:
     api.lease(note="payload day")
     made = {"name": "CI", "role": "operator"}
     api.ask(Role.ADMINISTRATOR, "POST", "/api/v1/tokens", made)
@@ -294,7 +296,7 @@ def test_what_people_do_is_kept(api: Api) -> None:
     ]
 
 
-def test_who_is_let_in_no_more_has_the_cell_no_more(api: Api) -> None:
+def test_revoking_a_token_ends_its_lease(api: Api) -> None:
     api.lease()
     tokens = api.ask(Role.ADMINISTRATOR, "GET", "/api/v1/tokens").json()
     (token,) = (each["id"] for each in tokens if each["role"] == "operator")
@@ -308,12 +310,12 @@ def test_who_is_let_in_no_more_has_the_cell_no_more(api: Api) -> None:
     ]
 
 
-def test_a_token_that_does_not_exist_is_not_revoked(api: Api) -> None:
+def test_revoking_an_unknown_token_is_refused(api: Api) -> None:
     answer = api.ask(Role.ADMINISTRATOR, "DELETE", "/api/v1/tokens/none")
     assert (answer.status_code, answer.json()["code"]) == (404, "RID-TOKEN-UNKNOWN")
 
 
-def test_a_ticket_needs_a_token_also_on_this_computer(api: Api) -> None:
+def test_a_ticket_needs_a_token_even_on_this_computer(api: Api) -> None:
     async def local(scope: Any, receive: Any, send: Any) -> None:
         await api.app({**scope, "state": {"local": True}}, receive, send)
 
@@ -326,13 +328,13 @@ def test_a_ticket_needs_a_token_also_on_this_computer(api: Api) -> None:
     assert (answer.status_code, answer.json()["code"]) == (401, "RID-TICKET-NO-TOKEN")
 
 
-def test_metrics_have_the_names_that_monitoring_expects(api: Api) -> None:
+def test_metrics_have_their_documented_names(api: Api) -> None:
     text = api.ask(Role.VIEWER, "GET", "/metrics").text
     assert 'rid_daq_cell_state{cell="ir361",state="closed"} 1.0' in text
     assert "rid_daq_start_time_seconds" in text
 
 
-def test_a_program_chooses_from_what_lies_in_the_folder(api: Api) -> None:
+def test_the_api_lists_motions_models_and_runs_of_the_folder(api: Api) -> None:
     motion = "kind: reversed\nrobot: ir361\n"
     (api.service.folder / "back.yaml").write_text(motion)
     folder = RunFolder.create(api.service.runs, "friction")

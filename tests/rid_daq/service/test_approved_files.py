@@ -1,4 +1,4 @@
-"""A job receives the files with which it was accepted, and does not move with other ones."""
+"""A job receives the hashes of its accepted files, and refuses to move with other files."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def sha256(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def test_the_files_that_a_request_names_are_hashed_and_their_tables(tmp_path: Path) -> None:
+def test_the_files_of_a_request_and_their_tables_are_hashed(tmp_path: Path) -> None:
     motion = b"kind: joint_table\nrobot: ir361\nfile: rows.csv\n"
     (tmp_path / "motions").mkdir()
     (tmp_path / "motions" / "m.yaml").write_bytes(motion)
@@ -55,7 +55,7 @@ def cell_folder(folder: Path) -> Path:
     return cell
 
 
-def test_a_motion_is_ordered_with_the_hashes_of_its_files_and_of_the_cells(
+def test_the_order_of_a_motion_contains_the_hashes_of_all_its_files(
     tmp_path: Path, worker: Worker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     orders: list[dict[str, Any]] = []
@@ -78,9 +78,7 @@ def test_a_motion_is_ordered_with_the_hashes_of_its_files_and_of_the_cells(
 
 
 @pytest.mark.parametrize("changed", ["cell.yaml", "robot.yaml", "m.yaml"])
-def test_a_worker_refuses_files_that_changed_before_it_read_them(
-    tmp_path: Path, changed: str
-) -> None:
+def test_a_worker_refuses_files_that_changed_after_the_order(tmp_path: Path, changed: str) -> None:
     cell_file = cell_folder(tmp_path)
     (tmp_path / "m.yaml").write_bytes(b"kind: fourier\n")
     files = [cell_file, tmp_path / "robot.yaml", tmp_path / "m.yaml"]
@@ -96,7 +94,7 @@ def test_a_worker_refuses_files_that_changed_before_it_read_them(
     )
     path = tmp_path / changed
     path.write_bytes(path.read_bytes() + b"# edited meanwhile\n")
-    orders, _kept_open = os.pipe()  # its end would be the service's
+    orders, _kept_open = os.pipe()  # its end would also end the service
     try:
         assert work(order, os.fdopen(orders)) == 2
     finally:

@@ -38,7 +38,7 @@ def door(tokens: TokenStore) -> Authenticator:
     return Authenticator(tokens, 8642, secure=False)
 
 
-def test_a_token_lets_in_until_it_is_revoked(door: Authenticator, tokens: TokenStore) -> None:
+def test_a_token_is_valid_until_it_is_revoked(door: Authenticator, tokens: TokenStore) -> None:
     token, secret = tokens.add("line computer", Role.VIEWER, person=False)
     shown = {"authorization": f"Bearer {secret}"}
     assert door.require_identity(shown, local=False).name == "line computer"
@@ -47,7 +47,7 @@ def test_a_token_lets_in_until_it_is_revoked(door: Authenticator, tokens: TokenS
         door.require_identity(shown, local=False)
 
 
-def test_a_database_that_another_program_holds_keeps_nobody_out(tmp_path: Path) -> None:
+def test_tokens_are_valid_while_another_program_locks_the_database(tmp_path: Path) -> None:
     database = open_database(tmp_path / "service.db")
     tokens = TokenStore(database)
     _, secret = tokens.add("tablet", Role.OPERATOR, person=True)
@@ -60,7 +60,7 @@ def test_a_database_that_another_program_holds_keeps_nobody_out(tmp_path: Path) 
         assert who.name == "tablet"
 
 
-def test_the_secret_itself_is_not_kept(tmp_path: Path) -> None:
+def test_the_secret_itself_is_not_stored(tmp_path: Path) -> None:
     database = open_database(tmp_path / "service.db")
     _, secret = TokenStore(database).add("CI", Role.OPERATOR, person=False)
     assert database.flush(PATIENCE_S)
@@ -68,7 +68,7 @@ def test_the_secret_itself_is_not_kept(tmp_path: Path) -> None:
     assert secret.encode() not in kept
 
 
-def test_nobody_is_trusted_for_where_they_ask_from(door: Authenticator) -> None:
+def test_a_forwarded_address_gives_no_access(door: Authenticator) -> None:
     assert door.find_identity({}, local=False) is None
     assert door.find_identity({"x-forwarded-for": "127.0.0.1"}, local=False) is None
     local = door.require_identity({}, local=True)
@@ -79,14 +79,14 @@ def bearer(secret: str) -> dict[str, str]:
     return {"authorization": f"Bearer {secret}"}
 
 
-def test_the_address_from_the_terminal_lets_a_browser_in(door: Authenticator) -> None:
+def test_the_address_from_the_terminal_logs_a_browser_in(door: Authenticator) -> None:
     who = door.require_identity(bearer(door.log_in(door.link_secret)), local=False)
     assert (who.role, who.person) == (Role.ADMINISTRATOR, True)
     with raises_code(NotAllowedError, "RID-ACCESS-UNKNOWN"):
         door.log_in("guessed")
 
 
-def test_browsers_let_in_by_the_address_are_told_apart(door: Authenticator) -> None:
+def test_browsers_logged_in_by_the_address_get_different_names(door: Authenticator) -> None:
     firefox = "Mozilla/5.0 (X11; Linux x86_64; rv:140.0) Gecko/20100101 Firefox/140.0"
     edge = "Mozilla/5.0 (Windows NT 10.0) AppleWebKit/537.36 Chrome/140.0 Safari/537.36 Edg/140.0"
     names = []
@@ -103,7 +103,7 @@ def test_browsers_let_in_by_the_address_are_told_apart(door: Authenticator) -> N
 
 
 @pytest.mark.promise("no-cookie-without-tls")
-def test_without_tls_no_cookie_is_given_or_taken(door: Authenticator) -> None:
+def test_without_tls_cookies_are_neither_set_nor_accepted(door: Authenticator) -> None:
     secret = door.log_in(door.link_secret)
     for name in ("rid_daq_service_8642", "__Host-rid-daq-8642", "rid-daq session"):
         assert door.find_identity({"cookie": f"{name}={secret}"}, local=False) is None
@@ -111,7 +111,7 @@ def test_without_tls_no_cookie_is_given_or_taken(door: Authenticator) -> None:
         door.cookie(secret)
 
 
-def test_a_websocket_shows_its_session_as_a_protocol(door: Authenticator) -> None:
+def test_a_websocket_authenticates_by_its_subprotocol(door: Authenticator) -> None:
     secret = door.log_in(door.link_secret)
     shown = {"sec-websocket-protocol": f"rid-daq, rid-daq.{secret}"}
     assert door.find_identity(shown, local=False) is not None
@@ -119,7 +119,7 @@ def test_a_websocket_shows_its_session_as_a_protocol(door: Authenticator) -> Non
 
 
 @pytest.mark.promise("session-ends-with-the-service")
-def test_a_session_ends_with_the_run_of_the_service_and_may_still_stop(
+def test_a_session_of_an_earlier_start_can_only_stop(
     door: Authenticator, tokens: TokenStore
 ) -> None:
     link = door.log_in(door.link_secret)
@@ -136,18 +136,18 @@ def test_a_session_ends_with_the_run_of_the_service_and_may_still_stop(
 
 
 @pytest.mark.promise("cookie-of-this-host")
-def test_a_cookie_is_for_tls_and_this_host_alone(tokens: TokenStore) -> None:
+def test_a_cookie_is_limited_to_tls_and_this_host(tokens: TokenStore) -> None:
     door = Authenticator(tokens, 8642, secure=True)
     cookie = door.cookie(door.log_in(door.link_secret))
     assert cookie.startswith("__Host-rid-daq-8642=")
     assert "; Secure; HttpOnly; SameSite=Strict; Path=/" in cookie
-    assert "Max-Age" not in cookie  # it goes with the browser
+    assert "Max-Age" not in cookie  # it ends with the browser
     assert (
         door.find_identity({"cookie": f"a=b; {cookie.partition(';')[0]}"}, local=False) is not None
     )
 
 
-def test_a_paired_device_stays_known_over_a_restart_while_it_is_used(
+def test_a_paired_device_in_use_stays_valid_after_a_restart(
     tokens: TokenStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     door = Authenticator(tokens, 8642, secure=True)
@@ -168,7 +168,7 @@ def test_a_paired_device_stays_known_over_a_restart_while_it_is_used(
 
 
 @pytest.mark.promise("one-download-a-ticket")
-def test_a_ticket_is_good_once_for_one_path(door: Authenticator) -> None:
+def test_a_ticket_is_valid_once_for_one_path(door: Authenticator) -> None:
     secret = door.log_in(door.link_secret)
     path = "/api/v1/runs/one/report"
     elsewhere, used = door.tickets.issue(secret, path), door.tickets.issue(secret, path)
@@ -178,7 +178,7 @@ def test_a_ticket_is_good_once_for_one_path(door: Authenticator) -> None:
     assert door.tickets.redeem(used, path) is None
 
 
-def test_a_device_is_let_in_by_the_code_that_it_shows(tokens: TokenStore) -> None:
+def test_a_device_is_paired_by_the_code_that_it_shows(tokens: TokenStore) -> None:
     pairing = Pairing(tokens)
     code, secret = pairing.begin("10.0.0.7")
     assert pairing.collect(secret) is None
@@ -225,7 +225,7 @@ def wrong_code(code: str) -> str:
     return f"{(int(code) + 1) % 1_000_000:06d}"
 
 
-def test_a_code_runs_out_and_a_wrong_one_lets_nobody_in(tokens: TokenStore) -> None:
+def test_an_expired_or_wrong_code_pairs_no_device(tokens: TokenStore) -> None:
     clock = Clock()
     pairing = Pairing(tokens, now_s=clock)
     code, secret = pairing.begin("10.0.0.7")
@@ -255,7 +255,7 @@ def test_wrong_codes_are_counted(tokens: TokenStore) -> None:
 
 
 @pytest.mark.promise("places-by-address")
-def test_a_stranger_fills_the_places_of_their_own_address_only(tokens: TokenStore) -> None:
+def test_pairing_requests_are_limited_for_each_address(tokens: TokenStore) -> None:
     pairing = Pairing(tokens)
     for _ in range(MOST_OF_ADDRESS):
         pairing.begin("10.0.0.66")

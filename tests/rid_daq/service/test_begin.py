@@ -40,40 +40,40 @@ def jog(service: CellService, lease: HeldLease, who: Identity = ANNA) -> None:
 
 
 def running(service: CellService, lease: HeldLease) -> RunningJob:
-    """Begin a motion of which the worker is this process."""
+    """Start a motion whose worker is this process."""
     wanted = job(JobKind("record")).model_copy(update={"lease": lease.id, "on_lost_client": "stop"})
     asyncio.run(service.job_runner.begin(wanted, service.cell("ir361"), cleared=False))
     (begun,) = service.job_runner
     return begun
 
 
-def test_a_motion_begins_where_nothing_keeps_it(
+def test_a_motion_starts_if_all_conditions_are_met(
     service: CellService, worker: Worker, lease: HeldLease
 ) -> None:
     jog(service, lease)
     assert service.job_runner.is_busy("ir361")
 
 
-def test_a_service_that_is_ending_begins_nothing(service: CellService, lease: HeldLease) -> None:
+def test_a_service_that_is_ending_starts_no_job(service: CellService, lease: HeldLease) -> None:
     service.job_runner.closing = True
     with raises_code(LockedError, "RID-SERVICE-ENDING"):
         jog(service, lease)
 
 
-def test_a_viewer_begins_nothing_whatever_lease_they_show(
+def test_a_viewer_cannot_start_a_job_even_with_a_lease(
     service: CellService, lease: HeldLease
 ) -> None:
     with raises_code(NotAllowedError, "RID-ACCESS-ROLE"):
         jog(service, lease, VIEWER)
 
 
-def test_without_the_lease_nothing_begins(service: CellService, lease: HeldLease) -> None:
+def test_a_motion_without_the_lease_is_refused(service: CellService, lease: HeldLease) -> None:
     service.leases.give_back("ir361", lease.key)
     with raises_code(LockedError, "RID-LEASE-NONE"):
         jog(service, lease)
 
 
-def test_a_cell_with_a_job_begins_no_other(
+def test_a_second_job_of_a_cell_is_refused(
     service: CellService, worker: Worker, lease: HeldLease
 ) -> None:
     running(service, lease)
@@ -81,7 +81,7 @@ def test_a_cell_with_a_job_begins_no_other(
         jog(service, lease)
 
 
-def test_a_real_cell_must_be_said_to_be_clear_each_time(
+def test_a_real_cell_must_be_cleared_for_each_motion(
     service: CellService, lease: HeldLease, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     loaded = service.cell("ir361").loaded
@@ -92,7 +92,7 @@ def test_a_real_cell_must_be_said_to_be_clear_each_time(
         jog(service, lease)
 
 
-def test_a_file_that_was_changed_a_moment_ago_is_seen(tmp_path: Path) -> None:
+def test_a_change_of_a_cell_file_voids_the_preflight_at_once(tmp_path: Path) -> None:
     for name, content in load_cell("ir361").files.items():
         (tmp_path / name).write_bytes(content)
     file = tmp_path / "cell.yaml"
@@ -111,7 +111,7 @@ def ask(begun: RunningJob) -> None:
     begun.question = QuestionEvent(at_s=0.0, question=3, form="yes_no", text="Mounted?")
 
 
-def test_only_who_has_the_cell_answers_and_only_what_is_asked(
+def test_only_the_lease_owner_can_answer_and_only_the_open_question(
     service: CellService, worker: Worker, lease: HeldLease
 ) -> None:
     begun = running(service, lease)
@@ -127,7 +127,7 @@ def test_only_who_has_the_cell_answers_and_only_what_is_asked(
     service.answer(begun.job, 3, "y", ANNA, lease.key)
 
 
-def test_a_motion_whose_lease_was_given_back_is_stopped(
+def test_a_motion_whose_lease_was_returned_is_stopped(
     service: CellService, worker: Worker, lease: HeldLease
 ) -> None:
     begun = running(service, lease)
@@ -150,7 +150,7 @@ def test_a_service_that_ends_stops_its_motions(
     control.program.declare_task_gone()
 
 
-def test_a_stop_of_a_job_that_moves_nothing_yet_ends_its_process(
+def test_a_stop_before_the_motion_ends_the_process_of_the_job(
     service: CellService, worker: Worker, lease: HeldLease
 ) -> None:
     running(service, lease)

@@ -1,4 +1,4 @@
-"""Limits on the content and length of requests and on files in the folder; bad ones do no harm."""
+"""Limits on content and size of requests and files; invalid ones do no harm."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ BODIES = [
 @pytest.mark.parametrize(
     "value", [rb'"\ud800"', rb'{"\udfff": 1}', b"NaN", b"1e999", b"9" * 50, b'{"a":1,"a":2}', DEEP]
 )
-def test_what_readers_of_json_disagree_about_is_refused(
+def test_ambiguous_json_is_refused(
     asker: Asker, method: str, path: str, body: bytes, value: bytes
 ) -> None:
     answer = asker.ask(method, path, body % value)
@@ -79,7 +79,7 @@ def test_what_readers_of_json_disagree_about_is_refused(
 
 @pytest.mark.promise("bounded-texts")
 @pytest.mark.parametrize(("method", "path", "body"), BODIES[:5])
-def test_a_long_text_is_refused_and_not_repeated(
+def test_a_long_text_is_refused_and_not_quoted(
     asker: Asker, method: str, path: str, body: bytes
 ) -> None:
     answer = asker.ask(method, path, body % (b'"' + b"x" * 3000 + b'"'))
@@ -101,7 +101,7 @@ def test_a_long_text_is_refused_and_not_repeated(
         (JobKind("loop"), {"run": "latest", "output": "cell4.pem"}, "RID-OUTPUT-ENDING"),
     ],
 )
-def test_requests_are_bounded(
+def test_oversized_requests_are_refused(
     tmp_path: Path, kind: JobKind, request_: dict[str, Any], code: str
 ) -> None:
     with pytest.raises(ConfigError) as refused:
@@ -120,14 +120,14 @@ def _properties(schema: Any) -> Iterator[str]:
 
 
 @pytest.mark.promise("no-scheduler")
-def test_no_request_names_an_address() -> None:
+def test_no_request_has_a_field_for_an_address() -> None:
     names = {name for kind in request_schemas().values() for name in _properties(kind)}
     assert not {name for name in names if name in ("scheduler", "address", "host", "url", "port")}
 
 
 @pytest.mark.promise("no-scheduler")
 @pytest.mark.parametrize("where", ["excitation", "multisine", ""])
-def test_a_scheduler_is_refused_wherever_it_stands(tmp_path: Path, where: str) -> None:
+def test_a_scheduler_is_refused_in_every_place(tmp_path: Path, where: str) -> None:
     named = {"scheduler": "tcp://127.0.0.1:8786"}
     excitation = {"period_s": 10.0, **(named if where == "excitation" else {})}
     request = {"output": "m.yaml", "kind": "excitation", "excitation": excitation, "multisine": {}}
@@ -138,7 +138,7 @@ def test_a_scheduler_is_refused_wherever_it_stands(tmp_path: Path, where: str) -
 
 
 @pytest.mark.promise("bad-files")
-def test_bad_files_in_the_folder_keep_nobody_from_the_others(asker: Asker) -> None:
+def test_invalid_files_in_the_folder_do_not_hide_the_others(asker: Asker) -> None:
     folder = asker.folder
     (folder / "good.yaml").write_text("kind: fourier\n")
     (folder / "deep.json").write_bytes(b'{"kind": "rid-daq estimate", "robot": ' + DEEP + b"}")
@@ -157,7 +157,7 @@ def test_bad_files_in_the_folder_keep_nobody_from_the_others(asker: Asker) -> No
 
 
 @pytest.mark.promise("bad-files")
-def test_a_bad_file_is_not_put(asker: Asker) -> None:
+def test_an_invalid_file_cannot_be_uploaded(asker: Asker) -> None:
     for name, content, code in (
         ("deep.json", DEEP, "RID-FILE-JSON"),
         ("a" * 300 + ".json", b"{}", "RID-PATH-NAME"),
@@ -168,7 +168,7 @@ def test_a_bad_file_is_not_put(asker: Asker) -> None:
 
 
 @pytest.mark.promise("exclusive-put")
-def test_a_name_is_taken_from_the_first_byte_on(asker: Asker) -> None:
+def test_a_file_name_is_reserved_from_the_start_of_an_upload(asker: Asker) -> None:
     target = asker.folder / "mine.yaml"
     with asker.service.uploads.reserve(target, "mine.yaml"):
         answer = asker.ask("PUT", "/api/v1/files/mine.yaml", b"kind: fourier\n")
@@ -181,7 +181,7 @@ def test_a_name_is_taken_from_the_first_byte_on(asker: Asker) -> None:
 
 
 @pytest.mark.promise("own-runs")
-def test_only_runs_of_the_services_folder_are_found(
+def test_only_runs_in_the_services_folder_are_found(
     asker: Asker, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     elsewhere = tmp_path_factory.mktemp("elsewhere")
@@ -209,13 +209,13 @@ def test_a_run_with_a_link_in_it_is_not_read(asker: Asker) -> None:
 @pytest.mark.parametrize(
     "address", ["http://192.0.2.1:8642", "http://cell4:8642", "http://127.0.0.1@192.0.2.1"]
 )
-def test_a_token_is_not_sent_in_the_clear(address: str) -> None:
+def test_a_token_is_not_sent_without_tls(address: str) -> None:
     with pytest.raises(ConfigError) as refused:
         ServiceClient.at(address, "secret")
     assert refused.value.refusal == "RID-SERVICE-PLAIN"
 
 
-def test_this_computer_is_reached_without_tls() -> None:
+def test_tls_is_not_needed_on_this_computer() -> None:
     for address in ("http://127.0.0.1:8642", "http://[::1]:8642", "http://localhost:8642"):
         with ServiceClient.at(address, "secret"):
             pass
@@ -230,7 +230,7 @@ JSON = st.recursive(
 
 @pytest.mark.promise("no-document-breaks-a-request")
 @pytest.mark.parametrize("kind", JobKind)
-def test_no_document_breaks_a_request(
+def test_every_random_document_is_accepted_or_refused(
     kind: JobKind, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     folder = tmp_path_factory.mktemp("folder")
@@ -248,7 +248,7 @@ def test_no_document_breaks_a_request(
 
 @pytest.mark.promise("bad-files")
 @pytest.mark.parametrize("content", [DEEP, b'{"schema": NaN}', b"\xff\xfe", b"[]", b"{}"])
-def test_a_damaged_run_harms_itself_only(asker: Asker, content: bytes) -> None:
+def test_a_damaged_run_does_not_affect_other_runs(asker: Asker, content: bytes) -> None:
     run = RunFolder.create(asker.service.runs, "damaged")
     run.file("result.json").write_bytes(content)
     run.finish(RunStatus.COMPLETE, {"robot": "ir361"})

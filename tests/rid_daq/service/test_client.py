@@ -50,7 +50,7 @@ def listening(
 
 
 @pytest.mark.parametrize("name", ["_PATIENCE_S", "_STOP_PATIENCE_S"])
-def test_silence_is_told_from_a_service_that_is_not_there(
+def test_a_service_that_does_not_answer_gives_a_timeout_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     monkeypatch.setattr(of_client, name, 0.02)
@@ -60,7 +60,7 @@ def test_silence_is_told_from_a_service_that_is_not_there(
             asked()
 
 
-def test_a_connection_that_breaks_is_one_error_whatever_was_asked(tmp_path: Path) -> None:
+def test_a_broken_connection_gives_the_same_error_for_every_request(tmp_path: Path) -> None:
     (tmp_path / "motion.yaml").write_text("kind: fourier\n")
     with listening(tmp_path, lambda connection: connection.close()) as client:
         for asked in (
@@ -73,7 +73,7 @@ def test_a_connection_that_breaks_is_one_error_whatever_was_asked(tmp_path: Path
                 asked()
 
 
-def test_a_job_that_failed_is_not_done() -> None:
+def test_require_done_refuses_a_failed_job() -> None:
     failed = job("record").model_copy(update={"state": JobState.FAILED, "reason": "stopped"})
     with raises_code(ServiceError, "RID-JOB-NOT-DONE", failed.id, "record", "failed", "stopped"):
         JobResult(failed, None, None).require_done()

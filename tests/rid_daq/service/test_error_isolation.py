@@ -42,7 +42,7 @@ class Broken(RunningJob):
 
 
 def begun(service: CellService, kind: type[RunningJob], worker: Worker) -> Any:
-    """Have a job under way."""
+    """Start a job."""
     job = Job(
         id="1",
         cell="ir361",
@@ -64,7 +64,7 @@ def begun(service: CellService, kind: type[RunningJob], worker: Worker) -> Any:
 
 @pytest.fixture(autouse=True)
 def no_workers(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let no worker be started: there are no more processes."""
+    """Make the start of every worker fail."""
 
     async def start(_self: ReadyWorker) -> None:
         raise BlockingIOError(11, "Resource temporarily unavailable")
@@ -73,7 +73,7 @@ def no_workers(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("error", [RuntimeError("a mistake"), sqlite3.OperationalError("full")])
-def test_a_service_goes_on_whatever_goes_wrong_with_a_cell(
+def test_an_error_of_one_cell_does_not_end_the_service(
     error: Exception, service: CellService, monkeypatch: pytest.MonkeyPatch, caplog: Any
 ) -> None:
     until = asyncio.Event()
@@ -95,7 +95,7 @@ def test_a_service_goes_on_whatever_goes_wrong_with_a_cell(
     ]
 
 
-def test_a_job_that_cannot_be_watched_is_stopped_once(service: CellService) -> None:
+def test_a_job_that_cannot_be_monitored_is_stopped_once(service: CellService) -> None:
     running = begun(service, Broken, Worker())
     for _ in range(3):
         asyncio.run(service.job_runner.poll())
@@ -103,7 +103,7 @@ def test_a_job_that_cannot_be_watched_is_stopped_once(service: CellService) -> N
     assert running.stopping == "could not be supervised: see the service's log"
 
 
-def test_the_end_of_a_job_is_written_once_the_disk_has_room(
+def test_the_end_of_a_job_is_written_when_the_disk_has_space_again(
     service: CellService, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     worker = Worker()
@@ -123,7 +123,7 @@ def test_the_end_of_a_job_is_written_once_the_disk_has_room(
     assert not service.job_runner.is_busy("ir361")
 
 
-def test_a_cell_whose_folder_is_gone_is_not_ready(tmp_path: Path) -> None:
+def test_a_cell_with_a_deleted_folder_is_not_ready(tmp_path: Path) -> None:
     folder = tmp_path / "cell"
     folder.mkdir()
     (folder / "cell.yaml").write_bytes(load_cell("ir361").files["cell.yaml"])

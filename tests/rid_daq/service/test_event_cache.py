@@ -19,7 +19,7 @@ from tests.rid_daq.service.test_api import Api
 
 @pytest.fixture
 def job(service: CellService) -> Job:
-    """A journalled job that has said nothing yet."""
+    """Return a stored job without events."""
     job = Job(
         id="j1",
         cell="ir361",
@@ -45,7 +45,7 @@ def event_texts(service: CellService, after: int) -> list[str]:
     return [each["text"] for each in Api(service).ask(Role.VIEWER, "GET", path).json()]
 
 
-def test_a_viewer_gets_what_it_does_not_know_and_the_rest_is_not_read_again(
+def test_a_viewer_gets_only_new_events_and_old_lines_are_not_read_again(
     service: CellService, job: Job
 ) -> None:
     events = service.job_runner.events(job.id)
@@ -60,7 +60,7 @@ def test_a_viewer_gets_what_it_does_not_know_and_the_rest_is_not_read_again(
     assert event_texts(service, 3) == event_texts(service, 4) == []
 
 
-def test_a_torn_line_has_no_number(tmp_path: Path) -> None:
+def test_a_damaged_line_is_not_counted_as_an_event(tmp_path: Path) -> None:
     events = tmp_path / "j1.jsonl"
     say(events, "one")
     with events.open("ab") as file:
@@ -70,14 +70,14 @@ def test_a_torn_line_has_no_number(tmp_path: Path) -> None:
     assert EventCache(events).after(2) == b"[]"
 
 
-def test_a_file_is_not_read_where_stop_and_leases_are_heard(
+def test_event_files_are_read_outside_the_event_loop(
     service: CellService, job: Job, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def beside(events: Path) -> EventCache:
+    def read_outside_loop(events: Path) -> EventCache:
         with pytest.raises(RuntimeError, match="no running event loop"):
             asyncio.get_running_loop()
         return event_cache(events)
 
     say(service.job_runner.events(job.id), "one")
-    monkeypatch.setattr(jobs, "event_cache", beside)
+    monkeypatch.setattr(jobs, "event_cache", read_outside_loop)
     assert event_texts(service, 0) == ["one"]

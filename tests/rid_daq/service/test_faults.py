@@ -32,7 +32,7 @@ RUNAWAY = StopReason(StopCode.FOLLOWING_ERROR, "axis1 follows by 0.3 rad, 0.1 ra
 
 @pytest.fixture
 def ready(service: CellService) -> CellService:
-    """A service whose cell is ready to move."""
+    """Return a service whose cell is ready to move."""
     cell = service.cell("ir361")
     passed = {"passed": True, "lines": [], "files_hash": cell.loaded.files_hash}
     service.readiness.note_check(cell, passed)
@@ -40,7 +40,7 @@ def ready(service: CellService) -> CellService:
     return service
 
 
-def test_a_fault_that_stops_the_axis_test_is_one_of_its_cell(
+def test_a_fault_during_the_axis_test_is_a_fault_of_the_cell(
     ready: CellService,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -72,7 +72,9 @@ async def begun_and_died(service: CellService, kind: JobKind, worker: Worker, mo
     await service.job_runner.poll()
 
 
-def test_a_worker_that_dies_in_a_motion_is_a_fault(ready: CellService, worker: Worker) -> None:
+def test_a_worker_that_dies_during_a_motion_causes_a_fault(
+    ready: CellService, worker: Worker
+) -> None:
     asyncio.run(begun_and_died(ready, JobKind("record"), worker, moved=True))
     status = ready.status(ready.cell("ir361"))
     assert status.state is CellState.FAULT
@@ -80,14 +82,14 @@ def test_a_worker_that_dies_in_a_motion_is_a_fault(ready: CellService, worker: W
 
 
 @pytest.mark.parametrize(("kind", "moved"), [(JobKind("record"), False), (JobKind("check"), False)])
-def test_one_that_dies_before_anything_moves_is_none(
+def test_a_worker_that_dies_before_a_motion_causes_no_fault(
     ready: CellService, worker: Worker, kind: JobKind, moved: bool
 ) -> None:
     asyncio.run(begun_and_died(ready, kind, worker, moved))
     assert ready.status(ready.cell("ir361")).state is CellState.READY
 
 
-def test_a_motion_that_a_killed_service_left_without_a_last_word_is_a_fault(
+def test_an_unfinished_motion_of_a_killed_service_is_a_fault(
     ready: CellService,
 ) -> None:
     left = ready.jobs.change(job(JobKind("record")), state=JobState.RUNNING)

@@ -17,7 +17,7 @@ PAYLOAD = MODEL.replace("estimate", "payload")
 LOOPS = '{"schema": "rid-daq velocity loops 1"}'
 
 
-def test_files_are_offered_by_what_they_are(tmp_path: Path) -> None:
+def test_files_are_listed_by_their_content(tmp_path: Path) -> None:
     service = CellService(tmp_path, [ServedCell("ir361", 20.0)])
     run = service.runs / "01A"
     run.mkdir(parents=True)
@@ -25,7 +25,7 @@ def test_files_are_offered_by_what_they_are(tmp_path: Path) -> None:
     (tmp_path / "other.yaml").write_text(MOTION.replace("ir361", "kr15"))
     (tmp_path / "cell.yaml").write_text("name: x\nkind_of: fourier\n")
     (tmp_path / ".hidden.yaml").write_text(MOTION)
-    (run / "motion.yaml").write_text(MOTION)  # of a run: what it was recorded with
+    (run / "motion.yaml").write_text(MOTION)  # part of a run: the motion with which it was recorded
     (run / "model.json").write_text(MODEL)
     (tmp_path / "other.json").write_text(MODEL.replace("ir361", "kr15"))
     (tmp_path / "torn.json").write_text(MODEL[:-1])
@@ -42,7 +42,7 @@ def test_files_are_offered_by_what_they_are(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", sorted(MOTION_KINDS))
-def test_motions_of_every_kind_are_offered(kind: str, tmp_path: Path) -> None:
+def test_motions_of_every_kind_are_listed(kind: str, tmp_path: Path) -> None:
     service = CellService(tmp_path, [ServedCell("ir361", 20.0)])
     (tmp_path / "it.yaml").write_text(MOTION.replace("fourier", kind))
     assert [each.kind for each in folder_files(service, "ir361").motions] == [kind]

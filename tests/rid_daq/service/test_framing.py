@@ -1,4 +1,4 @@
-"""Mutated HTTP and WebSocket frames: STOP is answered meanwhile, and no connection stays."""
+"""Mutated HTTP and WebSocket frames: STOP is still answered, and no connection remains."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ async def send(made: Place, stream: bytes, *, in_parts: bool) -> None:
 
 @pytest.mark.promise("framing")
 @pytest.mark.parametrize("seed", [1, 2])
-def test_whatever_comes_a_stop_is_answered_and_no_connection_stays(
+def test_mutated_frames_do_not_delay_a_stop_and_leave_no_connection(
     service: CellService, seed: int, caplog: pytest.LogCaptureFixture
 ) -> None:
     async def main() -> None:

@@ -1,4 +1,4 @@
-"""The process in front of the service: STOP also while the service hangs; the rest is handed on."""
+"""The front process: it answers STOP even while the service hangs, and forwards other requests."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_a_stop_reaches_the_motion_while_the_service_hangs(
 
 
 @pytest.mark.promise("stop-while-the-service-hangs")
-def test_a_front_that_dies_is_replaced(running: ServedProcess) -> None:
+def test_a_front_process_that_dies_is_replaced(running: ServedProcess) -> None:
     until(lambda: front_process(running) is not None)
     first = front_process(running)
     assert first is not None

@@ -1,4 +1,4 @@
-"""By TLS the process in front encrypts, and hands everything else on; it ends with the service."""
+"""With TLS the front process encrypts and forwards requests; it ends with the service."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.alone
 STOPPING = {"X-Rid-Daq": "stop"}
 
 
-def test_by_tls_too_everything_is_handed_on(
+def test_the_front_process_forwards_everything_over_tls(
     tmp_path: Path,
     certificate: Path,
 ) -> None:
@@ -56,7 +56,7 @@ def test_by_tls_too_everything_is_handed_on(
     assert "Traceback" not in (tmp_path / "serve.log").read_text()
 
 
-def test_it_ends_with_the_service(tmp_path: Path) -> None:
+def test_the_front_process_ends_with_the_service(tmp_path: Path) -> None:
     with serving(tmp_path) as served:
         until(lambda: front_process(served) is not None)
         front, port = front_process(served), served_port(served)

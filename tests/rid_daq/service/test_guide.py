@@ -1,4 +1,4 @@
-"""docs/guide/ci-against-a-served-cell.md is run as it is written, in an empty folder."""
+"""The commands of docs/guide/ci-against-a-served-cell.md are run in an empty folder."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ GUIDE = Path(__file__).resolve().parents[3] / "docs" / "guide" / "ci-against-a-s
 
 
 @pytest.mark.long
-def test_the_ci_job_of_the_guide_runs_as_written(tmp_path: Path) -> None:
+def test_the_ci_job_of_the_guide_runs_without_changes(tmp_path: Path) -> None:
     text = GUIDE.read_text(encoding="utf-8")
     (script,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     (shell,) = re.findall(r"```sh\n(.*?)```", text, re.DOTALL)
     (tmp_path / "ci.py").write_text(script, encoding="utf-8")
     own = Path(sys.executable).parent
-    with TemporaryDirectory() as runtime:  # a socket's path has 107 bytes at most
+    with TemporaryDirectory() as runtime:  # the path of a socket has at most 107 bytes
         done = subprocess.run(
             ["bash", "-c", f"set -e\ntrap 'kill %1; wait' EXIT\n{shell}"],
             cwd=tmp_path,

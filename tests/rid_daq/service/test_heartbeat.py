@@ -1,4 +1,4 @@
-"""The service's heartbeat, a service that was frozen, and stops right after a job's start."""
+"""The service's heartbeat, a suspended service, and stops right after the start of a job."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ANNA = Identity(name="Anna", role=Role.OPERATOR, person=True, token="a")
 
 
 def begun(service: CellService, kind: JobKind, policy: OnLostClient, lease: str | None) -> Job:
-    """Begin a job that was ordered with a lease."""
+    """Start a job that was ordered with a lease."""
     wanted = job(kind).model_copy(update={"lease": lease, "on_lost_client": policy})
     return asyncio.run(service.job_runner.begin(wanted, service.cell("ir361"), cleared=False))
 
@@ -46,7 +46,7 @@ def lease_end_s(service: CellService) -> float:
     ("kind", "policy"),
     [(JobKind("record"), "finish"), (JobKind("check"), "stop"), (JobKind("identify"), "stop")],
 )
-def test_what_goes_on_without_its_client_has_no_end(
+def test_a_job_that_continues_without_its_client_has_no_lease_end(
     service: CellService, worker: Worker, kind: JobKind, policy: OnLostClient
 ) -> None:
     begun(service, kind, policy, None)
@@ -59,7 +59,7 @@ def test_what_goes_on_without_its_client_has_no_end(
 
 
 @pytest.mark.promise("service-heartbeat")
-def test_a_motion_holds_as_long_as_its_own_lease(service: CellService, worker: Worker) -> None:
+def test_a_motion_is_permitted_as_long_as_its_lease(service: CellService, worker: Worker) -> None:
     lease = service.leases.take("ir361", ANNA, "", 60.0)
     begun(service, JobKind("record"), "stop", lease.id)
     first_s = lease_end_s(service)
@@ -75,7 +75,7 @@ def test_a_motion_holds_as_long_as_its_own_lease(service: CellService, worker: W
 
 
 @pytest.mark.promise("service-heartbeat")
-def test_nothing_moves_after_a_standstill_before_another_check(
+def test_after_a_pause_of_the_service_a_new_preflight_is_required(
     service: CellService, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cell = service.cell("ir361")
@@ -97,7 +97,7 @@ def test_nothing_moves_after_a_standstill_before_another_check(
 
 @pytest.mark.promise("stop-has-its-reason")
 @pytest.mark.parametrize("code", [-signal.SIGTERM, 128 + signal.SIGTERM])
-def test_a_stop_before_the_worker_can_say_so_has_its_true_reason(
+def test_a_stop_before_the_worker_reports_has_the_right_reason(
     service: CellService, tmp_path: Path, code: int
 ) -> None:
     worker = Worker()
@@ -113,7 +113,7 @@ def test_a_stop_before_the_worker_can_say_so_has_its_true_reason(
     ("stopped", "moved", "code"),
     [(False, False, -15), (True, True, -15), (True, False, -9), (True, False, 1)],
 )
-def test_a_process_that_died_otherwise_is_said_to_have_died(
+def test_a_process_that_died_without_a_stop_is_reported_as_died(
     service: CellService, tmp_path: Path, stopped: bool, moved: bool, code: int
 ) -> None:
     worker = Worker()
@@ -131,7 +131,7 @@ def test_a_process_that_died_otherwise_is_said_to_have_died(
     assert f"the job's process died (exit code {code})" in reason
 
 
-def test_the_failed_verdict_of_a_result_is_the_reason_of_a_job(
+def test_the_reason_of_a_job_is_the_failed_verdict_of_its_result(
     service: CellService, tmp_path: Path
 ) -> None:
     worker = Worker()
@@ -150,7 +150,7 @@ def test_the_failed_verdict_of_a_result_is_the_reason_of_a_job(
 
 
 @pytest.mark.promise("stop-has-its-reason")
-def test_a_worker_that_is_told_to_end_while_it_imports_says_so(tmp_path: Path) -> None:
+def test_a_worker_terminated_during_its_imports_reports_it(tmp_path: Path) -> None:
     order = {
         "kind": "record",
         "request": {"motion": "none.yaml"},
@@ -180,7 +180,7 @@ def test_a_worker_that_is_told_to_end_while_it_imports_says_so(tmp_path: Path) -
 
 
 def catches(pid: int, number: signal.Signals) -> bool:
-    """Return whether a process has a handler for a signal."""
+    """Return True if a process has a handler for a signal."""
     status = Path(f"/proc/{pid}/status").read_text()
     mask = int(status.partition("SigCgt:")[2].split(maxsplit=1)[0], 16)
     return bool(mask >> (number - 1) & 1)

@@ -23,11 +23,11 @@ from tests.rid_daq.service.moving import events, leased_cell, until
 pytestmark = [pytest.mark.slow, pytest.mark.alone]
 
 MOVING = 0.005
-"""Share of a joint's velocity limit from which it moves."""
+"""Fraction of the velocity limit above which a joint counts as moving."""
 
 
 class Holder:
-    """A program that answers every challenge while it holds a key, and sees what moves."""
+    """A program that answers every challenge while it holds a key, and observes the speed."""
 
     def __init__(self, socket: ClientConnection, job: str, lease: str) -> None:
         self._socket, self._job, self._lease = socket, job, lease
@@ -57,8 +57,8 @@ class Holder:
         if key:
             self._say(key)
 
-    def presses_until_it_moves(self) -> None:
-        """Press again and again: a busy computer may end a press early.
+    def press_until_motion(self) -> None:
+        """Press repeatedly until a joint moves: a busy computer can end a press early.
 
         The first press waits for a challenge, and for the end of the approach to the motion.
         """
@@ -72,7 +72,7 @@ class Holder:
                 time.sleep(0.02)
         raise AssertionError("nothing moved")
 
-    def rests_for(self, time_s: float) -> bool:
+    def stays_at_rest(self, time_s: float) -> bool:
         end_s = time.monotonic() + time_s
         while time.monotonic() < end_s:
             if self.speed > MOVING:
@@ -90,7 +90,7 @@ class Holder:
 
 @contextmanager
 def jogging(served: ServedProcess, motion: str) -> Iterator[tuple[Holder, Job]]:
-    """Have a jog that waits for keys, and a program that holds them."""
+    """Start a jog that waits for keys, and yield a program that holds them."""
     with leased_cell(served, motion) as lease, served.client as client:
         body = {"kind": "jog", "request": {}}
         job = Job.model_validate(client.ask("POST", "/cells/ir361/jobs", body, lease))
@@ -112,26 +112,26 @@ def has_event(client: ServiceClient, job: Job, words: str) -> bool:
 
 
 @pytest.fixture
-def at_the_clocks_pace(tmp_path: Path) -> Iterator[ServedProcess]:
+def realtime_service(tmp_path: Path) -> Iterator[ServedProcess]:
     with serving(tmp_path, "--pace", "1") as running:
         yield running
 
 
 @pytest.mark.promise("held-key-suspended")
 @pytest.mark.parametrize("suspended", ["worker", "service"])
-def test_a_key_that_is_held_across_a_suspension_moves_nothing_afterwards(
-    at_the_clocks_pace: ServedProcess, motion: str, suspended: str
+def test_a_key_held_during_a_suspension_moves_nothing_afterwards(
+    realtime_service: ServedProcess, motion: str, suspended: str
 ) -> None:
-    served = at_the_clocks_pace
+    served = realtime_service
     with jogging(served, motion) as (holder, job):
         pid = served.process.pid if suspended == "service" else job.pid
         assert pid is not None
-        holder.presses_until_it_moves()
+        holder.press_until_motion()
         os.kill(pid, signal.SIGSTOP)
         time.sleep(1.0)
         os.kill(pid, signal.SIGCONT)
-        time.sleep(1.0)  # samples that waited are shown
-        assert holder.rests_for(2.0), "the key was held all the time, and must be pressed again"
+        time.sleep(1.0)  # waiting samples are processed
+        assert holder.stays_at_rest(2.0), "the key was held all the time, and must be pressed again"
         with served.client as client:
             until(lambda: has_event(client, job, "link too slow"))
-        holder.presses_until_it_moves()
+        holder.press_until_motion()

@@ -29,7 +29,7 @@ def leases(tmp_path: Path, clock: Clock) -> Leases:
     return Leases(LeaseStore(open_database(tmp_path / "service.db")), clock)
 
 
-def test_a_cell_has_one_owner_until_the_lease_runs_out(leases: Leases, clock: Clock) -> None:
+def test_a_cell_has_one_owner_until_the_lease_expires(leases: Leases, clock: Clock) -> None:
     leases.take("ir361", ANNA, "payload day", 10.0)
     with raises_code(LockedError, "RID-LEASE-OTHER", "10"):
         leases.take("ir361", BEN, "", 10.0)
@@ -38,7 +38,7 @@ def test_a_cell_has_one_owner_until_the_lease_runs_out(leases: Leases, clock: Cl
     assert leases.take("ir361", BEN, "", 10.0).owner == "Ben"
 
 
-def test_a_heartbeat_lets_it_hold_on(leases: Leases, clock: Clock) -> None:
+def test_a_heartbeat_renews_a_lease(leases: Leases, clock: Clock) -> None:
     lease = leases.take("ir361", ANNA, "", 10.0)
     for _ in range(5):
         clock.now_s += 8.0
@@ -48,14 +48,14 @@ def test_a_heartbeat_lets_it_hold_on(leases: Leases, clock: Clock) -> None:
     assert held.owner == "Anna"
 
 
-def test_a_lease_that_has_run_out_is_not_renewed(leases: Leases, clock: Clock) -> None:
+def test_an_expired_lease_cannot_be_renewed(leases: Leases, clock: Clock) -> None:
     lease = leases.take("ir361", ANNA, "", 10.0)
     clock.now_s += 10.1
     with raises_code(LockedError, "RID-LEASE-NONE"):
         leases.renew("ir361", lease.key, 10.0)
 
 
-def test_only_its_key_gives_it_back(leases: Leases) -> None:
+def test_a_lease_is_returned_only_with_its_key(leases: Leases) -> None:
     lease = leases.take("ir361", ANNA, "", 10.0)
     with raises_code(LockedError, "RID-LEASE-OTHER"):
         leases.give_back("ir361", "another")
@@ -63,7 +63,7 @@ def test_only_its_key_gives_it_back(leases: Leases) -> None:
     assert leases.lease_of("ir361") is None
 
 
-def test_a_person_takes_over_by_the_cells_name(leases: Leases) -> None:
+def test_a_person_takes_over_a_lease_by_confirming_the_cell_name(leases: Leases) -> None:
     before = leases.take("ir361", ANNA, "", 10.0)
     assert leases.renew("ir361", before.key, 10.0).id == before.id
     with raises_code(ConfigError, "RID-ANSWER-NO", "'ir36'"):
@@ -73,14 +73,14 @@ def test_a_person_takes_over_by_the_cells_name(leases: Leases) -> None:
         leases.require("ir361", before.key)
 
 
-def test_a_program_takes_nothing_over(leases: Leases) -> None:
+def test_a_program_cannot_take_over_a_lease(leases: Leases) -> None:
     leases.take("ir361", ANNA, "", 10.0)
     with raises_code(NotAllowedError, "RID-ACCESS-ROLE"):
         leases.take("ir361", CI, "", 10.0, confirmed="ir361")
 
 
 @pytest.mark.parametrize("seconds", [0.0, 1.9, 3601.0, float("nan")])
-def test_a_lease_is_neither_a_moment_nor_a_day(leases: Leases, seconds: float) -> None:
+def test_a_too_short_or_too_long_lease_is_refused(leases: Leases, seconds: float) -> None:
     with raises_code(ConfigError, "RID-OPTION-RANGE", "3600"):
         leases.take("ir361", ANNA, "", seconds)
 
@@ -130,7 +130,7 @@ def test_a_lease_of_another_start_of_the_computer_is_void(tmp_path: Path) -> Non
 
 
 @pytest.mark.promise("safety-clock")
-def test_a_lease_of_an_older_program_is_void(tmp_path: Path) -> None:
+def test_a_lease_without_a_stored_end_is_void(tmp_path: Path) -> None:
     database = open_database(tmp_path / "service.db")
     lease = Leases(LeaseStore(database), Clock()).take("ir361", ANNA, "", 60.0)
     database.write("DELETE FROM lease_ends")
@@ -139,7 +139,7 @@ def test_a_lease_of_an_older_program_is_void(tmp_path: Path) -> None:
     assert again.lease_of(lease.cell) is None
 
 
-def test_a_renewed_lease_is_there_after_a_restart(tmp_path: Path) -> None:
+def test_a_renewed_lease_is_valid_after_a_restart(tmp_path: Path) -> None:
     clock = Clock()
     database = open_database(tmp_path / "service.db")
     leases = Leases(LeaseStore(database), clock)
@@ -151,7 +151,7 @@ def test_a_renewed_lease_is_there_after_a_restart(tmp_path: Path) -> None:
     assert again.require("ir361", lease.key).owner == "Anna"
 
 
-def test_a_lease_is_there_after_a_restart(tmp_path: Path) -> None:
+def test_a_lease_is_valid_after_a_restart(tmp_path: Path) -> None:
     clock = Clock()
     first = open_database(tmp_path / "service.db")
     lease = Leases(LeaseStore(first), clock).take("ir361", ANNA, "", 60.0)
@@ -160,7 +160,7 @@ def test_a_lease_is_there_after_a_restart(tmp_path: Path) -> None:
     assert again.require("ir361", lease.key).owner == "Anna"
 
 
-def test_a_lease_ends_with_the_token_that_it_was_taken_with(leases: Leases) -> None:
+def test_a_lease_ends_with_the_token_of_its_owner(leases: Leases) -> None:
     lease = leases.take("ir361", ANNA, "", 10.0)
     leases.renew("ir361", lease.key, 3600.0)
     assert leases.end_leases_of_token(BEN.token) == []
@@ -170,7 +170,7 @@ def test_a_lease_ends_with_the_token_that_it_was_taken_with(leases: Leases) -> N
         leases.require("ir361", lease.key)
 
 
-def test_a_lease_that_was_taken_over_does_not_end_with_the_token_before(leases: Leases) -> None:
+def test_a_taken_over_lease_does_not_end_with_the_previous_owners_token(leases: Leases) -> None:
     leases.take("ir361", ANNA, "", 10.0)
     leases.take("ir361", BEN, "", 10.0, confirmed="ir361")
     assert leases.end_leases_of_token(ANNA.token) == []

@@ -1,4 +1,4 @@
-"""The WebSocket of a revoked token ends and cannot move anything."""
+"""The WebSocket of a revoked token is closed and cannot move anything."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ JOB = Job(
 
 
 class Viewer:
-    """A WebSocket as its client sees it."""
+    """The client's side of a WebSocket."""
 
     def __init__(self) -> None:
         self.sent: asyncio.Queue[MutableMapping[str, Any]] = asyncio.Queue()
@@ -51,15 +51,15 @@ class Viewer:
         return str(told["value"])
 
     async def ends(self) -> tuple[int, str]:
-        """Wait until the service closes it; return its code and reason."""
+        """Wait until the service closes the socket; return code and reason."""
         while (told := await self.got.get())["type"] != "websocket.close":
             pass
         return told["code"], told["reason"]
 
 
 @asynccontextmanager
-async def looking_on(app: FastAPI, secret: str) -> AsyncIterator[Viewer]:
-    """Have a viewer for as long as the `with` lasts, one that has been told of the cell."""
+async def connected_viewer(app: FastAPI, secret: str) -> AsyncIterator[Viewer]:
+    """Yield a viewer that has received the state of the cell."""
     viewer = Viewer()
     viewer.sent.put_nowait({"type": "websocket.connect"})
     headers = [(b"authorization", f"Bearer {secret}".encode())]
@@ -115,13 +115,13 @@ def lease(service: CellService, tablet: tuple[Token, str]) -> HeldLease:
     return service.leases.take("ir361", who, "", 3600.0)
 
 
-def test_a_key_that_is_held_with_a_revoked_token_moves_nothing(
+def test_a_key_held_with_a_revoked_token_moves_nothing(
     app: FastAPI, service: CellService, tablet: tuple[Token, str], lease: HeldLease, keys: Keys
 ) -> None:
     token, secret = tablet
 
     async def jog() -> tuple[int, str]:
-        async with looking_on(app, secret) as viewer:
+        async with connected_viewer(app, secret) as viewer:
             viewer.say(job="1", lease=lease.key, held="up", sequence=1)
             await keys.next()
             service.tokens.revoke(token.id)
@@ -132,15 +132,15 @@ def test_a_key_that_is_held_with_a_revoked_token_moves_nothing(
     assert [each.key for each in keys.passed_on] == ["up"]
 
 
-def test_a_viewers_key_moves_nothing_whatever_lease_it_shows(
+def test_a_viewers_key_moves_nothing_even_with_a_lease(
     app: FastAPI, service: CellService, lease: HeldLease, keys: Keys
 ) -> None:
     _, secret = service.tokens.add("screen", Role.VIEWER, person=True)
 
     async def hold() -> None:
-        async with looking_on(app, secret) as viewer:
+        async with connected_viewer(app, secret) as viewer:
             viewer.say(job="1", lease=lease.key, held="up", sequence=1)
-            viewer.say(stop="ir361", number=7)  # answered after the key was looked at
+            viewer.say(stop="ir361", number=7)  # answered after the key was processed
             while json.loads((await viewer.got.get())["text"]).get("number") != 7:
                 pass
 
@@ -149,11 +149,11 @@ def test_a_viewers_key_moves_nothing_whatever_lease_it_shows(
 
 
 @pytest.mark.promise("held-key-fresh")
-def test_a_held_key_is_passed_on_with_the_age_of_the_challenge_that_it_answers(
+def test_a_held_key_is_forwarded_with_the_time_of_its_challenge(
     app: FastAPI, tablet: tuple[Token, str], lease: HeldLease, keys: Keys
 ) -> None:
     async def jog() -> tuple[KeyMessage, KeyMessage, KeyMessage]:
-        async with looking_on(app, tablet[1]) as viewer:
+        async with connected_viewer(app, tablet[1]) as viewer:
             told = {"job": "1", "lease": lease.key, "held": "+"}
             value = await viewer.challenge()
             viewer.say(**told, sequence=1, challenge=value)
@@ -161,7 +161,7 @@ def test_a_held_key_is_passed_on_with_the_age_of_the_challenge_that_it_answers(
             viewer.say(**told, sequence=2, challenge=value[::-1])
             guessed = await keys.next()
             viewer.say(**told, sequence=3)
-            viewer.say(**told, challenge=value)  # no number
+            viewer.say(**told, challenge=value)  # without a sequence number
             return answered, guessed, await keys.next()
 
     before_s = safety_now_s()
@@ -172,11 +172,14 @@ def test_a_held_key_is_passed_on_with_the_age_of_the_challenge_that_it_answers(
 
 
 @pytest.mark.promise("held-key-one-connection")
-def test_a_challenge_is_answered_by_the_connection_that_it_was_sent_to(
+def test_an_answer_counts_only_on_the_connection_of_its_challenge(
     app: FastAPI, tablet: tuple[Token, str], lease: HeldLease, keys: Keys
 ) -> None:
     async def jog() -> tuple[KeyMessage, KeyMessage]:
-        async with looking_on(app, tablet[1]) as one, looking_on(app, tablet[1]) as another:
+        async with (
+            connected_viewer(app, tablet[1]) as one,
+            connected_viewer(app, tablet[1]) as another,
+        ):
             told = {"job": "1", "lease": lease.key, "held": "+", "sequence": 1}
             value = await one.challenge()
             one.say(**told, challenge=value)
@@ -191,7 +194,7 @@ def test_a_challenge_is_answered_by_the_connection_that_it_was_sent_to(
 
 
 @pytest.mark.promise("held-key-lease")
-def test_a_key_is_of_one_lease_and_moves_nothing_once_that_has_ended(
+def test_a_key_with_an_ended_lease_is_not_forwarded(
     app: FastAPI,
     service: CellService,
     tablet: tuple[Token, str],
@@ -201,7 +204,7 @@ def test_a_key_is_of_one_lease_and_moves_nothing_once_that_has_ended(
     who = Identity(name="anna", role=Role.OPERATOR, person=True, token=tablet[0].id)
 
     async def jog() -> tuple[KeyMessage, KeyMessage]:
-        async with looking_on(app, tablet[1]) as viewer:
+        async with connected_viewer(app, tablet[1]) as viewer:
             viewer.say(job="1", lease=lease.key, held="+", sequence=1)
             first = await keys.next()
             anna = service.leases.take("ir361", who, "", 3600.0, confirmed="ir361")
@@ -214,7 +217,7 @@ def test_a_key_is_of_one_lease_and_moves_nothing_once_that_has_ended(
     assert first.sender != second.sender
 
 
-def test_challenges_follow_one_another_as_quickly_as_the_link_allows() -> None:
+def test_the_pause_between_challenges_adapts_to_the_link() -> None:
     clock = Clock()
     challenges = Challenges(clock)
     assert challenges.pause_s == IDLE_S
@@ -228,7 +231,7 @@ def test_challenges_follow_one_another_as_quickly_as_the_link_allows() -> None:
     assert challenges.pause_s == IDLE_S, "nobody answers"
 
 
-def test_a_viewer_that_says_nothing_sees_no_more_once_its_token_is_revoked(
+def test_the_socket_of_a_silent_viewer_closes_when_its_token_is_revoked(
     app: FastAPI,
     service: CellService,
     tablet: tuple[Token, str],
@@ -238,7 +241,7 @@ def test_a_viewer_that_says_nothing_sees_no_more_once_its_token_is_revoked(
     monkeypatch.setattr(live_socket, "KNOWN_S", 0.0)
 
     async def stream_to_viewer() -> tuple[int, str]:
-        async with looking_on(app, secret) as viewer:
+        async with connected_viewer(app, secret) as viewer:
             service.tokens.revoke(token.id)
             return await viewer.ends()
 

@@ -1,4 +1,4 @@
-"""The API's schema is frozen, and pitfalls for client programs are excluded by tests."""
+"""The API's schema is frozen, and incompatible changes are detected."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ def api() -> ModuleType:
     return module
 
 
-def test_the_frozen_document_is_what_the_code_says(api: ModuleType) -> None:
+def test_the_frozen_document_equals_the_schema_of_the_code(api: ModuleType) -> None:
     frozen = (REFERENCE / "openapi.json").read_text(encoding="utf-8")
     assert api.openapi() == frozen, "run: .venv/bin/python docs/reference/api.py"
 
 
-def test_what_programs_would_stumble_over_is_named(api: ModuleType) -> None:
+def test_incompatible_changes_of_the_schema_are_named(api: ModuleType) -> None:
     before = json.loads((REFERENCE / "openapi.json").read_text(encoding="utf-8"))
     assert api.breaks(before, before) == []
     after = copy.deepcopy(before)
@@ -46,7 +46,7 @@ def test_what_programs_would_stumble_over_is_named(api: ModuleType) -> None:
     }
 
 
-def test_what_is_added_breaks_nothing(api: ModuleType) -> None:
+def test_additions_to_the_schema_are_compatible(api: ModuleType) -> None:
     before = json.loads((REFERENCE / "openapi.json").read_text(encoding="utf-8"))
     after = copy.deepcopy(before)
     after["paths"]["/api/v1/more"] = {"get": {}}

@@ -1,4 +1,4 @@
-"""Random documents as a client sends them: a refusal or a job, never an error of the service."""
+"""Random documents of a client are refused or become a job, and cause no internal error."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ pytestmark = pytest.mark.promise("ranges-everywhere")
 
 
 @pytest.mark.parametrize("kind", JobKind)
-def test_no_document_is_an_error_of_the_service(
+def test_no_random_request_causes_an_internal_error(
     service: CellService, worker: Worker, kind: JobKind
 ) -> None:
     api = Api(service)
@@ -74,7 +74,7 @@ def test_no_document_is_an_error_of_the_service(
         b"[" * 5000,
     ],
 )
-def test_a_body_that_json_cannot_repeat_is_refused(service: CellService, body: bytes) -> None:
+def test_a_body_that_is_not_valid_json_text_is_refused(service: CellService, body: bytes) -> None:
     api = Api(service)
     headers = {
         "authorization": f"Bearer {api.secrets[Role.OPERATOR]}",

@@ -27,7 +27,7 @@ def cell() -> ServedCell:
 
 
 def opened(folder: Path, clock: Clock) -> Readiness:
-    """Return the readiness of a service that begins now."""
+    """Return the readiness of a service that starts now."""
     store = CellStore(open_database(folder / "service.db"))
     store.add("ir361")
     return Readiness(store, clock)
@@ -39,7 +39,7 @@ def readiness(tmp_path: Path, clock: Clock) -> Readiness:
 
 
 def checked(cell: ServedCell, *red: str, problem: str | None = None) -> dict[str, object]:
-    """Return what a check says that has found red lines."""
+    """Return the document of a check with red lines."""
     lines = [{"what": what, "verdict": "red"} for what in red]
     return {
         "passed": not red and problem is None,
@@ -82,7 +82,7 @@ def test_a_restart_of_the_service_voids_a_preflight(
 
 @pytest.mark.promise("served-axis-test")
 @pytest.mark.parametrize("kind", [kind for kind in JobKind if kind.operation.moves])
-def test_only_axis_test_and_jog_begin_without_an_axis_test(
+def test_only_axis_test_and_jog_are_allowed_without_an_axis_test(
     kind: JobKind, cell: ServedCell, readiness: Readiness
 ) -> None:
     readiness.note_check(cell, checked(cell, AXIS_TEST))
@@ -92,7 +92,7 @@ def test_only_axis_test_and_jog_begin_without_an_axis_test(
 
 
 @pytest.mark.parametrize("kind", [kind for kind in JobKind if kind.operation.moves])
-def test_only_a_held_key_moves_a_robot_that_stands_elsewhere_than_the_last_run_left_it(
+def test_a_robot_in_an_unexpected_pose_moves_only_with_a_held_key(
     kind: JobKind, cell: ServedCell, readiness: Readiness
 ) -> None:
     readiness.note_check(cell, checked(cell, LAST_POSE))
@@ -102,7 +102,7 @@ def test_only_a_held_key_moves_a_robot_that_stands_elsewhere_than_the_last_run_l
 
 @pytest.mark.promise("served-axis-test")
 @pytest.mark.parametrize("kind", [JobKind("axes"), JobKind("jog")])
-def test_any_other_red_line_refuses_them_too(
+def test_any_other_red_line_also_prevents_axis_test_and_jog(
     kind: JobKind, cell: ServedCell, readiness: Readiness, clock: Clock
 ) -> None:
     readiness.note_check(cell, checked(cell, AXIS_TEST, "heartbeat"))

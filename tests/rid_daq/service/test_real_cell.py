@@ -1,6 +1,6 @@
-"""A served real cell: its axis test is made through the service, then it may be recorded.
+"""A served real cell: recording is allowed after an axis test through the service.
 
-The drives are simulated ones, served on a bus of their own by `rid-daq mock`.
+The drives are simulated; `rid-daq mock` serves them on a separate bus.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ JOBS = "/cells/ir361/jobs"
 
 @pytest.fixture
 def drives(tmp_path: Path) -> Iterator[Path]:
-    """A real cell's file, whose drives are on their bus."""
+    """Return the file of a real cell whose drives are on their bus."""
     group = f"239.74.163.9@{20_000 + os.getpid() % 20_000}"
-    safety = load_cell("ir361").config.drive_safety  # a real cell is not that patient
+    safety = load_cell("ir361").config.drive_safety  # a real cell has shorter timeouts
     config = patient_cell("udp_multicast", group).config
     config = config.model_copy(update={"drive_safety": safety})
     (tmp_path / "drives.json").write_text(config.model_dump_json())
@@ -50,7 +50,7 @@ def drives(tmp_path: Path) -> Iterator[Path]:
     command = [sys.executable, "-m", "rid_daq", "mock", str(tmp_path / "drives.json")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as mock:
         assert mock.stdout is not None
-        mock.stdout.readline()  # it serves
+        mock.stdout.readline()  # the bus is being served
         try:
             yield tmp_path / "cell.json"
         finally:
@@ -77,7 +77,7 @@ def checked(client: ServiceClient, lease: str, **request: object) -> list[dict[s
 
 
 def red_of(lines: list[dict[str, str]]) -> dict[str, str]:
-    """Return what was found in red lines, by what it was."""
+    """Return the found values of the red lines by their subject."""
     return {line["what"]: line["found"] for line in lines if line["verdict"] == "red"}
 
 
@@ -89,7 +89,7 @@ def open_question(client: ServiceClient, job: Job) -> dict[str, object] | None:
 
 
 def attend(client: ServiceClient, job: Job, lease: str, holder: Holder) -> None:
-    """Hold the key for every axis, and say of each that it has turned by two degrees."""
+    """Hold the key for every axis, and answer for each that it has turned by two degrees."""
     end_s = time.monotonic() + PATIENCE_S
     while not client.job(job.id).state.is_over:
         assert time.monotonic() < end_s, events(client, job)[-3:]
@@ -105,13 +105,15 @@ def attend(client: ServiceClient, job: Job, lease: str, holder: Holder) -> None:
         else:
             text = "+" if "move as announced" in str(question["text"]) else "2"
             wanted = {"question": question["question"], "text": text}
-            with contextlib.suppress(LockedError):  # it reads of the question a moment later
+            with contextlib.suppress(
+                LockedError
+            ):  # the client receives the question slightly later
                 client.ask("POST", f"/jobs/{job.id}/answer", wanted, lease)
             time.sleep(0.1)
 
 
 @pytest.mark.promise("served-axis-test")
-def test_the_axis_test_is_made_through_the_service_and_then_the_cell_may_be_recorded(
+def test_a_real_cell_is_recorded_after_an_axis_test_through_the_service(
     served: ServedProcess, drives: Path
 ) -> None:
     with served.client as client:
@@ -130,7 +132,7 @@ def test_the_axis_test_is_made_through_the_service_and_then_the_cell_may_be_reco
             attend(client, job, lease, Holder(socket, job.id, lease))
         client.follow(job).require_done()
         with pytest.raises(PreflightError):
-            begin(client, lease, "record", motion="motion.yaml")  # not before another check
+            begin(client, lease, "record", motion="motion.yaml")  # another check is required first
         lines = checked(client, lease)
         assert red_of(lines) == {}
         (line,) = (line for line in lines if line["what"] == AXIS_TEST)
@@ -146,7 +148,7 @@ def test_the_axis_test_is_made_through_the_service_and_then_the_cell_may_be_reco
 
 
 def refuse_a_displaced_robot(client: ServiceClient, lease: str, loaded: LoadedCell) -> None:
-    """Require that a robot is not moved if it stands elsewhere than the last run left it."""
+    """Require that a robot does not move if its pose differs from that after the last run."""
     assert red_of(checked(client, lease)) == {}
     known = known_pose(loaded, binding=True)
     assert known is not None

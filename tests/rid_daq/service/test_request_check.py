@@ -33,7 +33,7 @@ JSON = st.recursive(
         (JobKind("export"), {"what": "model.json", "to": "urdf", "output": "robot.urdf"}),
     ],
 )
-def test_what_the_schema_takes_is_a_request_of_the_command(
+def test_a_valid_request_becomes_the_request_of_its_command(
     kind: JobKind, told: dict[str, Any], tmp_path: Path
 ) -> None:
     check_request(kind, told, tmp_path)
@@ -88,7 +88,7 @@ def test_what_the_schema_takes_is_a_request_of_the_command(
         ),
     ],
 )
-def test_what_a_command_refuses_as_implausible_a_service_refuses_too(
+def test_the_service_refuses_implausible_values_like_the_command(
     kind: JobKind, told: dict[str, Any], key: str, value: str, tmp_path: Path
 ) -> None:
     with raises_code(ConfigError, "RID-OPTION-RANGE", key, value):
@@ -96,7 +96,7 @@ def test_what_a_command_refuses_as_implausible_a_service_refuses_too(
 
 
 def checked_and_read(kind: JobKind, told: dict[str, Any], folder: Path) -> object:
-    """Return a request as the service checks it and the worker reads it."""
+    """Return a request after the service's check and the worker's parsing."""
     check_request(kind, told, folder)
     return parse_request(kind, told, cell="ir361", runs=str(folder), cleared=False)
 
@@ -111,7 +111,9 @@ def test_a_limit_below_zero_is_refused_at_once(name: str, tmp_path: Path) -> Non
 
 
 @given(told=st.dictionaries(st.sampled_from(["motion", "until", "label", "x"]), JSON, max_size=3))
-def test_whatever_a_client_says_is_a_request_or_refused(told: dict[str, Any]) -> None:
+def test_a_random_request_is_accepted_or_refused_without_another_error(
+    told: dict[str, Any],
+) -> None:
     try:
         check_request(JobKind("record"), told, Path("/tmp"))
     except ConfigError:
@@ -120,13 +122,13 @@ def test_whatever_a_client_says_is_a_request_or_refused(told: dict[str, Any]) ->
 
 
 @pytest.mark.parametrize("path", ["../x.yaml", "/etc/passwd", "a/../../x", "a\0b", "\ud800/x"])
-def test_nothing_outside_the_folder_is_named(path: str, tmp_path: Path) -> None:
+def test_a_path_outside_the_folder_is_refused(path: str, tmp_path: Path) -> None:
     with pytest.raises(ConfigError) as refused:
         require_inside(path, tmp_path)
     assert refused.value.refusal in ("RID-PATH-OUTSIDE", "RID-PATH-NAME")
 
 
-def test_a_link_that_leads_out_is_outside(tmp_path: Path) -> None:
+def test_a_link_that_points_outside_the_folder_is_refused(tmp_path: Path) -> None:
     folder = tmp_path / "folder"
     folder.mkdir()
     (folder / "link").symlink_to(tmp_path)
@@ -134,12 +136,12 @@ def test_a_link_that_leads_out_is_outside(tmp_path: Path) -> None:
         check_request(JobKind("record"), {"motion": "link/secret.yaml"}, folder)
 
 
-def test_half_a_character_is_refused_by_its_key(tmp_path: Path) -> None:
+def test_a_lone_surrogate_is_refused_with_its_key(tmp_path: Path) -> None:
     with raises_code(ConfigError, "RID-REQ-TEXT", "label", "\\ud800"):
         check_request(JobKind("record"), {"motion": "m.yaml", "label": "\ud800"}, tmp_path)
 
 
-def test_a_refusal_says_where(tmp_path: Path) -> None:
+def test_a_refusal_names_the_field(tmp_path: Path) -> None:
     with raises_code(ConfigError, "RID-REQUEST-INVALID", "record", "simulation.seed", "'a'"):
         check_request(
             JobKind("record"), {"motion": "m.yaml", "simulation": {"seed": "a"}}, tmp_path

@@ -1,4 +1,4 @@
-"""A served cell is the one of its files, wherever they lie; a check counts for what it has read."""
+"""A served cell follows changes of all its files; a check is valid only for the files it read."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.builders.raised_codes import raises_code
 
 @pytest.fixture
 def cell_file(tmp_path: Path) -> Path:
-    """The bundled cell in a folder of its own, its robot's file in another: two cells share it."""
+    """Return the file of the bundled cell; its robot file is in another folder."""
     files = load_cell("ir361").files
     text = files["cell.yaml"].replace(b"robot: ir361", b"robot: ../robots/r.yaml")
     for name, content in (("cells/cell.yaml", text), ("robots/r.yaml", files["robot.yaml"])):
@@ -35,28 +35,28 @@ def readiness(tmp_path: Path) -> Readiness:
     return Readiness(store)
 
 
-def slower(cell_file: Path) -> None:
-    """Halve a velocity limit of the robot, and have the file's time tell it."""
+def halve_velocity_limit(cell_file: Path) -> None:
+    """Halve a velocity limit of the robot and change the time stamp of its file."""
     robot = cell_file.parent.parent / "robots" / "r.yaml"
     robot.write_text(robot.read_text().replace("velocity: 2.6", "velocity: 1.3"))
     os.utime(robot, ns=(0, robot.stat().st_mtime_ns + 1))
 
 
 def checked(path: Path) -> dict[str, object]:
-    """Return what a check says that reads the cell now, and finds it green."""
+    """Return the document of a successful check that reads the cell now."""
     files_hash = load_cell(str(path)).files_hash
     return {"passed": True, "problem": None, "lines": [], "files_hash": files_hash}
 
 
-def test_a_robot_file_in_another_folder_is_looked_at_too(cell_file: Path) -> None:
+def test_a_change_of_a_robot_file_in_another_folder_is_detected(cell_file: Path) -> None:
     cell = ServedCell(str(cell_file), 1.0)
     before = cell.loaded.files_hash
-    slower(cell_file)
+    halve_velocity_limit(cell_file)
     assert cell.reload_if_changed().robot.joints[0].limits.velocity == 1.3
     assert cell.loaded.files_hash != before
 
 
-def test_copies_that_make_its_folder_a_runs_are_seen(cell_file: Path) -> None:
+def test_files_that_turn_the_cell_folder_into_a_run_are_detected(cell_file: Path) -> None:
     cell = ServedCell(str(cell_file), 1.0)
     text = (cell_file.parent.parent / "robots" / "r.yaml").read_text()
     cell_file.with_name("manifest.json").write_text('{"run_id": "a", "files": {}}')
@@ -66,7 +66,7 @@ def test_copies_that_make_its_folder_a_runs_are_seen(cell_file: Path) -> None:
     assert cell.loaded.robot.joints[0].limits.velocity == 1.3
 
 
-def test_a_cell_is_right_again_once_the_file_that_it_names_is_there(cell_file: Path) -> None:
+def test_a_missing_robot_file_is_a_problem_until_it_exists(cell_file: Path) -> None:
     cell = ServedCell(str(cell_file), 1.0)
     robot = cell_file.parent.parent / "robots" / "r.yaml"
     moved = robot.rename(robot.with_name("renamed.yaml"))
@@ -78,7 +78,7 @@ def test_a_cell_is_right_again_once_the_file_that_it_names_is_there(cell_file: P
     assert cell.problem == ""
 
 
-def test_a_cell_file_that_got_another_name_is_not_used(cell_file: Path) -> None:
+def test_a_cell_file_with_a_changed_cell_name_is_not_used(cell_file: Path) -> None:
     cell = ServedCell(str(cell_file), 1.0)
     before = cell.loaded
     cell_file.write_text(cell_file.read_text().replace("name: ir361", "name: other"))
@@ -87,17 +87,15 @@ def test_a_cell_file_that_got_another_name_is_not_used(cell_file: Path) -> None:
     assert "'ir361'" in cell.problem
 
 
-def test_two_cells_of_one_name_are_not_served(tmp_path: Path, cell_file: Path) -> None:
+def test_two_cells_with_the_same_name_are_refused(tmp_path: Path, cell_file: Path) -> None:
     with raises_code(ConfigError, "RID-SERVICE-CELLS"):
         CellService(tmp_path, [ServedCell(str(cell_file), 1.0), ServedCell("ir361", 1.0)])
 
 
-def test_a_check_does_not_count_for_files_that_changed_while_it_listened(
-    cell_file: Path, readiness: Readiness
-) -> None:
+def test_a_check_is_void_if_files_changed_during_it(cell_file: Path, readiness: Readiness) -> None:
     cell = ServedCell(str(cell_file), 1.0)
     document = checked(cell_file)
-    slower(cell_file)
+    halve_velocity_limit(cell_file)
     cell.reload_if_changed()
     readiness.note_check(cell, document)
     assert readiness.obstacle(cell).startswith("its files have changed after the preflight")
@@ -105,9 +103,7 @@ def test_a_check_does_not_count_for_files_that_changed_while_it_listened(
     assert readiness.obstacle(cell) == ""
 
 
-def test_a_check_that_does_not_say_what_it_has_read_counts_for_nothing(
-    cell_file: Path, readiness: Readiness
-) -> None:
+def test_a_check_without_a_hash_of_its_files_is_void(cell_file: Path, readiness: Readiness) -> None:
     cell = ServedCell(str(cell_file), 1.0)
     readiness.note_check(cell, {**checked(cell_file), "files_hash": None})
     assert readiness.obstacle(cell).startswith("its files have changed after the preflight")

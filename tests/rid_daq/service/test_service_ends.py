@@ -1,4 +1,4 @@
-"""However a service ends: the motion stops, its job is marked, none runs again by itself."""
+"""Any end of a service stops the motion and marks its job; no job restarts by itself."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_the_end_of_the_service_stops_the_motion_and_marks_its_job(
         assert manifest.status == "stopped"
 
 
-def test_a_killed_service_leaves_no_job_running_and_none_runs_again(
+def test_jobs_of_a_killed_service_are_ended_and_not_restarted(
     served: ServedProcess, motion: str
 ) -> None:
     with leased_cell(served, motion) as key:

@@ -1,4 +1,4 @@
-"""A payload session goes on from its state, after its worker and after the service have ended."""
+"""A payload session continues from its state after its worker or the service has ended."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Operator:
         return Job.model_validate(self.client.ask("POST", "/cells/ir361/jobs", body, self.key))
 
     def lead(self, job: Job, end: State) -> list[str]:
-        """Answer until a session enters a state; return the states that it has entered."""
+        """Answer questions until the session enters a state; return all states that it entered."""
         entered: list[str] = []
 
         def is_there() -> bool:
@@ -59,7 +59,9 @@ class Operator:
                         break
                     text = "ir361" if each["form"] == "text" else "yes"
                     told_back = {"question": each["question"], "text": text}
-                    with contextlib.suppress(LockedError):  # the service has not read it yet
+                    with contextlib.suppress(
+                        LockedError
+                    ):  # the service has not read the question yet
                         self.client.ask("POST", f"/jobs/{job.id}/answer", told_back, self.key)
                         self.answered.add((job.id, each["question"]))
             state = self.client.job(job.id).state
@@ -81,12 +83,12 @@ class Operator:
 
 
 def stored_state(folder: Path) -> tuple[str, State]:
-    """Return the id of the one session in a folder, and the state in its file."""
+    """Return the id of the single session in a folder, and the state in its file."""
     (file,) = (folder / "runs").glob("*/session.json")
     return file.parent.name, State(json.loads(file.read_text())["state"])
 
 
-def test_a_session_goes_on_from_every_state(served: ServedProcess, motion: str) -> None:
+def test_a_session_continues_from_every_state(served: ServedProcess, motion: str) -> None:
     (served.folder / "motion.yaml").write_text(motion, encoding="utf-8")
     with served.client as client:
         operator = Operator(client)
@@ -103,7 +105,7 @@ def test_a_session_goes_on_from_every_state(served: ServedProcess, motion: str) 
             job = operator.begin(resume=session)
             assert operator.lead(job, again)[0] == again.value
         operator.lead(job, State.ATTACH)
-    assert served.end(signal.SIGKILL) == -signal.SIGKILL  # while a person attaches the payload
+    assert served.end(signal.SIGKILL) == -signal.SIGKILL  # while the user attaches the payload
     assert stored_state(served.folder) == (session, State.ATTACH)
     with serving(served.folder) as again_served, again_served.client as client:
         until(lambda: client.cell("ir361").job is None)
@@ -118,5 +120,7 @@ def test_a_session_goes_on_from_every_state(served: ServedProcess, motion: str) 
             *(State.ATTACH.value, State.WARM_UP_WITH.value, State.RECORD_WITH.value)
         ]
         until(lambda: client.job(job.id).state.is_over)
-        job = operator.begin(resume=session)  # nothing hung there: it is estimated again
+        job = operator.begin(
+            resume=session
+        )  # no payload was attached: the payload is estimated again
         assert operator.lead(job, State.IDENTIFY) == [State.IDENTIFY.value]

@@ -17,12 +17,12 @@ from tests.builders.raised_codes import raises_code
 
 @pytest.fixture(autouse=True)
 def _own_runtime_directory(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    with tempfile.TemporaryDirectory() as short:  # as a socket's name must be
+    with tempfile.TemporaryDirectory() as short:  # the name of a socket must be short
         monkeypatch.setenv("XDG_RUNTIME_DIR", short)
         yield
 
 
-def test_whoever_is_told_the_socket_gets_through_before_the_server_runs(tmp_path: Path) -> None:
+def test_a_client_can_connect_before_the_server_accepts(tmp_path: Path) -> None:
     with (
         local_listener(tmp_path) as (listener, path),
         socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client,
@@ -34,7 +34,7 @@ def test_whoever_is_told_the_socket_gets_through_before_the_server_runs(tmp_path
             assert accepted.recv(3) == b"GET"
 
 
-def test_only_this_user_can_open_it_and_it_is_gone_afterwards(tmp_path: Path) -> None:
+def test_the_socket_is_private_and_deleted_at_the_end(tmp_path: Path) -> None:
     with local_listener(tmp_path) as (_, path):
         assert path == socket_path_of(tmp_path)
         assert path.stat().st_mode & 0o077 == 0
@@ -51,7 +51,7 @@ def test_the_socket_of_a_service_that_was_killed_is_replaced(tmp_path: Path) -> 
         assert local_sockets() == [path]
 
 
-def test_a_service_of_this_computer_is_named_by_its_socket_unless_it_is_the_only_one(
+def test_local_is_refused_unless_exactly_one_service_runs(
     tmp_path: Path,
 ) -> None:
     with raises_code(ConfigError, "RID-SERVICE-ADDRESS", str(tmp_path)):

@@ -79,7 +79,7 @@ def _database_behind_a_link(state: Path) -> None:
         _database_behind_a_link,
     ],
 )
-def test_state_that_others_may_have_made_is_refused(tmp_path: Path, change: Change) -> None:
+def test_state_that_another_user_could_have_made_is_refused(tmp_path: Path, change: Change) -> None:
     folder = tmp_path / "served"
     folder.mkdir(mode=0o755)
     CellService(folder, [ServedCell("ir361", 20.0)]).database.close()
@@ -89,7 +89,7 @@ def test_state_that_others_may_have_made_is_refused(tmp_path: Path, change: Chan
     assert refused.value.refusal == "RID-STATE-NOT-PRIVATE"
 
 
-def test_a_shared_folder_is_served_in_if_it_is_sticky(tmp_path: Path) -> None:
+def test_a_sticky_shared_folder_is_accepted(tmp_path: Path) -> None:
     tmp_path.chmod(0o1777)
     assert open_state_folder(tmp_path).stat().st_mode & 0o777 == 0o700
     assert open_state_folder(tmp_path).name == STATE_FOLDER
@@ -103,7 +103,7 @@ def test_a_database_of_another_format_is_refused(tmp_path: Path) -> None:
         open_database(path)
 
 
-def test_a_file_that_is_no_database_is_refused(tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_database_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "service.db"
     path.write_bytes(b"not SQLite" * 200)
     with raises_code(RecordingError, "RID-STATE-DAMAGED", str(path)):

@@ -1,4 +1,4 @@
-"""STOP's own path: over real sockets, to a service whose database another program holds."""
+"""The separate path of STOP, over real sockets, while another program locks the database."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def run(main: Coroutine[Any, Any, None]) -> None:
 
 @dataclass
 class Place:
-    """A service that is served at a port of this computer."""
+    """A service that listens on a port of this computer."""
 
     service: CellService
     server: AsgiServer
@@ -78,7 +78,7 @@ class Place:
 
 
 async def answer_on(line: ClientConnection) -> dict[str, Any]:
-    """Return the next message that is no beat."""
+    """Return the next message that is not a heartbeat."""
     while True:
         told: dict[str, Any] = json.loads(await line.recv())
         if told["type"] != "beat":
@@ -99,7 +99,7 @@ async def place(service: CellService, limits: Limits = LONG) -> Place:
 
 @contextlib.asynccontextmanager
 async def moving(service: CellService) -> Any:
-    """Have a motion of this process under way."""
+    """Run a motion in this process while the `with` block is active."""
     await service.job_runner.begin(job(), service.cell("ir361"), cleared=False)
     control = ControlBlock.create()
     try:
@@ -109,7 +109,7 @@ async def moving(service: CellService) -> Any:
 
 
 @pytest.mark.promise("stop-needs-nothing-else")
-def test_a_stop_is_told_while_another_program_holds_the_database(
+def test_a_stop_reaches_the_motion_while_another_program_locks_the_database(
     service: CellService, worker: Worker, tmp_path: Path
 ) -> None:
     async def main() -> None:
@@ -130,7 +130,7 @@ def test_a_stop_is_told_while_another_program_holds_the_database(
     run(main())
 
 
-def test_no_job_moves_anything_before_it_is_on_the_disk(
+def test_a_job_that_cannot_be_stored_does_not_start(
     service: CellService, worker: Worker, tmp_path: Path
 ) -> None:
     async def main() -> None:
@@ -177,7 +177,7 @@ def test_a_stop_is_answered_before_its_body(
     run(main())
 
 
-def test_all_cells_are_stopped_at_once_and_an_unknown_one_is_said(
+def test_a_stop_of_all_cells_works_and_an_unknown_cell_is_refused(
     service: CellService, worker: Worker
 ) -> None:
     async def main() -> None:
@@ -214,7 +214,7 @@ def http_status(found: Reply | OpenConnection | None) -> int:
 
 
 @pytest.mark.promise("stop-by-any-token-ever-issued")
-def test_from_another_computer_any_token_that_was_ever_issued_stops(service: CellService) -> None:
+def test_from_another_computer_any_issued_token_can_stop(service: CellService) -> None:
     entrance, _ = entrance_of(service)
     assert http_status(entrance.receive(stop_request(), FAR)) == 401
     assert http_status(entrance.receive(stop_request("Authorization: Bearer guessed"), FAR)) == 401
@@ -240,7 +240,9 @@ def test_from_another_computer_any_token_that_was_ever_issued_stops(service: Cel
         ("Host: elsewhere.example", 400),
     ],
 )
-def test_a_page_from_elsewhere_stops_nothing(service: CellService, line: str, status: int) -> None:
+def test_a_request_from_another_origin_stops_nothing(
+    service: CellService, line: str, status: int
+) -> None:
     entrance, _ = entrance_of(service)
     here = Peer(local=False, address="127.0.0.1")
     without = RequestHead("POST", STOP, (("host", "192.0.2.1:8642"),))
@@ -264,12 +266,14 @@ def test_a_page_from_elsewhere_stops_nothing(service: CellService, line: str, st
         ("", False),
     ],
 )
-def test_this_computer_is_known_by_its_address(address: str, here: bool) -> None:
+def test_loopback_addresses_belong_to_this_computer(address: str, here: bool) -> None:
     assert is_loopback(address) is here
 
 
 @pytest.mark.promise("stop-line")
-def test_the_line_stops_answers_by_number_and_beats(service: CellService, worker: Worker) -> None:
+def test_the_stop_line_stops_confirms_by_number_and_sends_heartbeats(
+    service: CellService, worker: Worker
+) -> None:
     async def main() -> None:
         made = await place(service)
         url = f"ws://127.0.0.1:{made.port}/api/v1/stop-line"
@@ -290,7 +294,7 @@ def test_the_line_stops_answers_by_number_and_beats(service: CellService, worker
 
 
 @pytest.mark.promise("stop-line")
-def test_a_stop_that_arrives_together_with_the_close_of_its_line_counts(
+def test_a_stop_that_arrives_with_the_close_of_its_line_counts(
     service: CellService, worker: Worker
 ) -> None:
     async def main() -> None:
@@ -308,7 +312,7 @@ def test_a_stop_that_arrives_together_with_the_close_of_its_line_counts(
 
 
 @pytest.mark.parametrize("said", ["nonsense", "[" * 1000, '{"job": "1"}', "x" * 5000])
-def test_what_is_no_stop_ends_the_line(service: CellService, said: str) -> None:
+def test_an_invalid_message_closes_the_stop_line(service: CellService, said: str) -> None:
     async def main() -> None:
         made = await place(service)
         async with connect(f"ws://127.0.0.1:{made.port}/api/v1/stop-line") as line:
@@ -322,7 +326,7 @@ def test_what_is_no_stop_ends_the_line(service: CellService, said: str) -> None:
     run(main())
 
 
-def test_a_page_from_elsewhere_gets_no_line(service: CellService) -> None:
+def test_a_page_of_another_origin_gets_no_stop_line(service: CellService) -> None:
     async def main() -> None:
         made = await place(service)
         with pytest.raises(InvalidStatus) as refused:
@@ -337,7 +341,7 @@ def test_a_page_from_elsewhere_gets_no_line(service: CellService) -> None:
 
 
 @pytest.mark.promise("stop-line")
-def test_lines_of_others_push_nobody_from_the_line(service: CellService) -> None:
+def test_other_clients_cannot_displace_a_stop_line(service: CellService) -> None:
     async def main() -> None:
         made = await place(service, Limits(lines=6, lines_of_one=4))
         _, secret = service.tokens.add("tablet", Role.VIEWER, person=True)
@@ -355,7 +359,9 @@ def test_lines_of_others_push_nobody_from_the_line(service: CellService) -> None
     run(main())
 
 
-def test_the_main_websocket_stops_too_and_beats(service: CellService, worker: Worker) -> None:
+def test_the_main_websocket_also_stops_and_sends_heartbeats(
+    service: CellService, worker: Worker
+) -> None:
     async def main() -> None:
         made = await place(service)
         _, secret = service.tokens.add("tablet", Role.VIEWER, person=True)

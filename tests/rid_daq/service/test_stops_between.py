@@ -1,4 +1,4 @@
-"""A stop that finds no motion: of a job between two motions, or whose worker is on its way."""
+"""A stop of a job without a motion: between two motions, or while its worker starts."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.rid_daq.service.conftest import Worker, as_worker, job
 WHO = Identity(name="anna", role=Role.OPERATOR, person=True, token="")
 
 
-def test_a_job_that_was_stopped_between_two_motions_is_told_in_the_next(
+def test_a_stop_between_two_motions_stops_the_next_motion(
     service: CellService, worker: Worker
 ) -> None:
     async def stopped() -> None:
@@ -34,10 +34,12 @@ def test_a_job_that_was_stopped_between_two_motions_is_told_in_the_next(
         second.program.declare_task_gone()
 
     asyncio.run(stopped())
-    assert worker.terminated == 0  # what it has recorded it may write down
+    assert worker.terminated == 0  # the worker can still write its recording
 
 
-def test_a_motion_that_nobody_stopped_is_told_nothing(service: CellService, worker: Worker) -> None:
+def test_a_motion_without_a_stop_request_is_not_stopped(
+    service: CellService, worker: Worker
+) -> None:
     async def looked_at() -> None:
         await service.job_runner.begin(job(), service.cell("ir361"), cleared=False)
         motion = ControlBlock.create()
@@ -48,7 +50,7 @@ def test_a_motion_that_nobody_stopped_is_told_nothing(service: CellService, work
     asyncio.run(looked_at())
 
 
-def test_a_word_that_came_too_late_to_be_read_is_followed_by_a_signal(
+def test_a_stop_after_the_end_of_the_motion_is_followed_by_a_signal(
     service: CellService, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     worker = Worker()
@@ -59,7 +61,7 @@ def test_a_word_that_came_too_late_to_be_read_is_followed_by_a_signal(
     assert worker.terminated == 1
 
 
-def test_a_job_that_is_stopped_while_its_worker_is_on_its_way_does_not_begin(
+def test_a_job_stopped_while_its_worker_starts_does_not_run(
     service: CellService, worker: Worker
 ) -> None:
     async def stopped() -> Job:
@@ -78,7 +80,9 @@ def test_a_job_that_is_stopped_while_its_worker_is_on_its_way_does_not_begin(
     assert worker.returncode is not None
 
 
-def test_one_that_computes_is_cancelled_there_too(service: CellService, worker: Worker) -> None:
+def test_a_computing_job_cancelled_while_its_worker_starts_does_not_run(
+    service: CellService, worker: Worker
+) -> None:
     async def cancelled() -> Job | None:
         begun = asyncio.create_task(
             service.job_runner.begin(job(JobKind("identify")), service.cell("ir361"), cleared=False)

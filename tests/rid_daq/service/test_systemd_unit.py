@@ -23,7 +23,7 @@ def unit(folder: Path, cell: str = "ir361") -> SystemdUnit:
     return SystemdUnit.of([cell], folder, [cell, "--folder", str(folder)])
 
 
-def test_the_command_writes_a_unit_that_serves_the_same(
+def test_install_writes_a_unit_with_the_same_options(
     tmp_path: Path, home: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = tmp_path / "cell four"
@@ -41,14 +41,14 @@ def test_the_command_writes_a_unit_that_serves_the_same(
     assert lines["KillMode"] == "mixed", "workers end by the service's word"
 
 
-def test_a_unit_of_somebody_else_is_left_alone(tmp_path: Path, home: Path) -> None:
+def test_a_foreign_unit_is_not_changed(tmp_path: Path, home: Path) -> None:
     home.mkdir(parents=True)
     (home / "rid-daq.service").write_text("[Service]\nExecStart=/bin/true\n")
     with raises_code(ConfigError, "RID-FILE-EXISTS"):
         unit(tmp_path).install()
 
 
-def test_an_older_unit_is_kept_current_where_systemd_started_it(
+def test_an_older_unit_is_updated_if_systemd_started_it(
     tmp_path: Path, home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     unit(tmp_path, "kr15").install()
@@ -60,7 +60,7 @@ def test_an_older_unit_is_kept_current_where_systemd_started_it(
     assert not newer.keep_current()
 
 
-def test_percent_signs_are_no_specifiers(tmp_path: Path) -> None:
+def test_percent_signs_are_escaped(tmp_path: Path) -> None:
     folder = tmp_path / "100%"
     folder.mkdir()
     assert "100%%" in unit(folder).text

@@ -1,4 +1,4 @@
-"""A served simulated cell, asked by programs: jobs, stops, and ends of all kinds."""
+"""A served simulated cell with client programs: jobs, stops, and all kinds of ends."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tests.rid_daq.service.moving import CHECK, begin_motion, events, leased_cel
 pytestmark = pytest.mark.slow
 
 
-def test_a_command_is_done_by_the_service_that_has_the_cell(
+def test_a_command_for_a_served_cell_runs_in_the_service(
     shared: ServedProcess, tmp_path: Path
 ) -> None:
     here = subprocess.run(
@@ -56,7 +56,7 @@ def test_a_command_is_done_by_the_service_that_has_the_cell(
     assert "Cell ir361 is ready" in there.stdout
 
 
-def test_one_job_moves_a_cell_at_a_time_and_the_apis_stop_ends_it(
+def test_only_one_job_moves_a_cell_and_a_stop_ends_it(
     shared: ServedProcess, long_motion: str
 ) -> None:
     with leased_cell(shared, long_motion) as key:
@@ -73,7 +73,7 @@ def test_one_job_moves_a_cell_at_a_time_and_the_apis_stop_ends_it(
             assert client.cell("ir361").state is CellState.READY
 
 
-def test_a_stop_needs_no_living_server(
+def test_stop_works_while_the_service_is_suspended(
     shared: ServedProcess, long_motion: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with leased_cell(shared, long_motion) as key:
@@ -95,7 +95,7 @@ def test_a_stop_needs_no_living_server(
 @pytest.mark.parametrize(
     ("policy", "pace", "ends"), [("stop", 1.0, "stopped"), ("finish", 5.0, "done")]
 )
-def test_a_client_that_is_gone_ends_a_motion_as_it_has_declared(
+def test_a_motion_without_its_client_ends_by_the_declared_policy(
     request: pytest.FixtureRequest, shared: ServedProcess, policy: str, pace: float, ends: str
 ) -> None:
     motion = request.getfixturevalue("motion" if policy == "finish" else "long_motion")
@@ -165,11 +165,11 @@ def test_a_question_ends_if_the_service_hangs(shared: ServedProcess, motion: str
 
 
 def is_a_zombie(pid: int) -> bool:
-    """Return whether a worker has ended, and its service has not seen it."""
+    """Return True if a worker has ended and its service has not collected it."""
     return Path(f"/proc/{pid}/stat").read_bytes().rpartition(b") ")[2][:1] == b"Z"
 
 
-def test_a_killed_worker_is_an_interrupted_job_and_its_cell_must_be_reset(
+def test_a_killed_worker_interrupts_its_job_and_the_cell_must_be_reset(
     shared: ServedProcess, long_motion: str
 ) -> None:
     with leased_cell(shared, long_motion) as key:
@@ -188,7 +188,7 @@ def test_a_killed_worker_is_an_interrupted_job_and_its_cell_must_be_reset(
             assert client.cell("ir361").state is CellState.READY
 
 
-def test_jobs_that_compute_wait_for_one_another(shared: ServedProcess) -> None:
+def test_computing_jobs_run_one_after_another(shared: ServedProcess) -> None:
     with shared.client as client:
         wanted = {"kind": "identify", "request": {"names": ["none"]}}
         jobs = [
@@ -230,7 +230,7 @@ def test_two_services_do_not_share_a_folder_or_a_cell(
         assert said in second.stderr
 
 
-def test_what_a_job_does_not_ask_is_not_answered(shared: ServedProcess, motion: str) -> None:
+def test_an_answer_to_an_unknown_question_is_refused(shared: ServedProcess, motion: str) -> None:
     with leased_cell(shared, motion) as key, shared.client as client:
         wanted = {"kind": "jog", "request": {}}
         job = Job.model_validate(client.ask("POST", "/cells/ir361/jobs", wanted, key))

@@ -26,7 +26,7 @@ def secret(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("listen", ["127.0.0.1:8642", "[::1]:0", "localhost:1", "127.9.9.9:5"])
-def test_a_loopback_address_needs_nothing_and_gets_a_new_token_each_time(listen: str) -> None:
+def test_a_loopback_address_needs_no_options_and_gets_a_new_token(listen: str) -> None:
     one, two = Access.of_options(listen), Access.of_options(listen)
     assert one.token != two.token
     assert len(one.token) >= 32
@@ -49,7 +49,7 @@ def test_another_address_needs_a_token_and_tls(listen: str, secret: Path, tmp_pa
 @pytest.mark.parametrize(
     "listen", ["8642", "example.com:80", "127.0.0.1", "127.0.0.1:99999", "", "[::1:80", "a b:1"]
 )
-def test_what_is_no_literal_address_with_a_port_is_refused(listen: str) -> None:
+def test_an_invalid_address_or_port_is_refused(listen: str) -> None:
     with raises_code(ConfigError, "RID-LISTEN-ADDRESS"):
         Access.of_options(listen)
 
@@ -62,7 +62,7 @@ def test_a_weak_token_is_refused(secret: Path, text: str) -> None:
         Access.of_options(token=secret)
 
 
-def test_a_file_that_is_no_certificate_is_refused(secret: Path) -> None:
+def test_a_file_that_is_not_a_certificate_is_refused(secret: Path) -> None:
     with raises_code(ConfigError, "RID-LISTEN-CREDENTIALS"):
         _ = Access.of_options(certificate=secret).tls()
     with raises_code(ConfigError, "RID-FILE-UNKNOWN"):
@@ -72,7 +72,7 @@ def test_a_file_that_is_no_certificate_is_refused(secret: Path) -> None:
 @pytest.mark.parametrize(
     "host", ["127.0.0.1:8642", "localhost:8642", "[::1]:8642", "LOCALHOST:8642"]
 )
-def test_literal_loopback_names_are_our_own(access: Access, host: str) -> None:
+def test_literal_loopback_names_are_accepted(access: Access, host: str) -> None:
     assert access.is_own_name(host)
 
 
@@ -92,11 +92,11 @@ def test_literal_loopback_names_are_our_own(access: Access, host: str) -> None:
         "2130706433:8642",
     ],
 )
-def test_a_rebound_name_is_not_ours(access: Access, host: str) -> None:
+def test_a_foreign_host_name_is_refused(access: Access, host: str) -> None:
     assert not access.is_own_name(host)
 
 
-def test_an_address_of_ones_own_is_no_name_that_can_be_rebound() -> None:
+def test_the_own_address_is_accepted_as_host() -> None:
     everywhere = Access("0.0.0.0", 8642, TOKEN, Path("x"))
     assert everywhere.is_own_name("192.168.1.7:8642")
     assert not everywhere.is_own_name("evil.example:8642")
@@ -124,7 +124,9 @@ HOST = {"host": "127.0.0.1:8642"}
         ({"sec-fetch-site": "same-site"}, False),
     ],
 )
-def test_only_our_own_page_may_ask(access: Access, headers: dict[str, str], ours: bool) -> None:
+def test_only_requests_of_the_own_origin_are_accepted(
+    access: Access, headers: dict[str, str], ours: bool
+) -> None:
     assert access.is_own_page(HOST | headers) is ours
 
 
@@ -137,11 +139,13 @@ def test_only_our_own_page_may_ask(access: Access, headers: dict[str, str], ours
         ({"authorization": "Bearer é"}, False),
     ],
 )
-def test_the_token_is_a_bearer(access: Access, headers: dict[str, str], known: bool) -> None:
+def test_the_token_is_accepted_as_a_bearer_token(
+    access: Access, headers: dict[str, str], known: bool
+) -> None:
     assert access.admits(headers, None) is known
 
 
 @pytest.mark.parametrize("session", ["", "é", TOKEN])
-def test_another_session_admits_nobody(access: Access, session: str) -> None:
+def test_another_session_gives_no_access(access: Access, session: str) -> None:
     assert access.admits({}, access.session)
     assert not access.admits({}, session)

@@ -1,6 +1,6 @@
-"""The server of applications, asked over real sockets by those who hurry, dribble, hang and flood.
+"""The application server over real sockets with fast, slow, hanging and flooding clients.
 
-Nothing here depends on how fast it is: who waits, waits for an answer or for the connection's end.
+No test depends on speed: a test waits for an answer or for the end of the connection.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ async def echo(websocket: WebSocket) -> None:
 
 @dataclass
 class Place:
-    """A server that is running, and its two listener_groups."""
+    """A running server with a TCP port and a local socket."""
 
     server: AsgiServer
     port: int
@@ -144,7 +144,9 @@ def run(main: Coroutine[Any, Any, None]) -> None:
     asyncio.run(within())
 
 
-def test_both_doors_lead_to_the_application_which_knows_by_which_one_came(tmp_path: Path) -> None:
+def test_the_application_is_reached_by_port_and_socket_and_can_distinguish_them(
+    tmp_path: Path,
+) -> None:
     async def main() -> None:
         made = await place(tmp_path, LONG)
         for local in (False, True):
@@ -159,7 +161,7 @@ def test_both_doors_lead_to_the_application_which_knows_by_which_one_came(tmp_pa
     run(main())
 
 
-def test_a_request_in_single_bytes_is_understood(tmp_path: Path) -> None:
+def test_a_request_sent_in_single_bytes_is_answered(tmp_path: Path) -> None:
     async def main() -> None:
         made = await place(tmp_path, LONG)
         reader, writer = await made.open()
@@ -187,7 +189,9 @@ def test_a_request_in_single_bytes_is_understood(tmp_path: Path) -> None:
         b"POST / HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n\r\n3\r\nab",
     ],
 )
-def test_who_does_not_finish_a_request_in_time_is_ended(tmp_path: Path, sent: bytes) -> None:
+def test_a_client_that_does_not_finish_its_request_is_disconnected(
+    tmp_path: Path, sent: bytes
+) -> None:
     async def main() -> None:
         made = await place(tmp_path, SHORT)
         assert (await made.ask(sent))[0] == 0
@@ -197,7 +201,7 @@ def test_who_does_not_finish_a_request_in_time_is_ended(tmp_path: Path, sent: by
     run(main())
 
 
-def test_who_does_not_take_an_answer_is_ended(tmp_path: Path) -> None:
+def test_a_client_that_does_not_read_its_answer_is_disconnected(tmp_path: Path) -> None:
     async def main() -> None:
         made = await place(tmp_path, SHORT)
         line = socket.create_connection(("127.0.0.1", made.port))
@@ -213,7 +217,7 @@ def test_who_does_not_take_an_answer_is_ended(tmp_path: Path) -> None:
     run(main())
 
 
-def test_more_than_is_taken_is_refused(tmp_path: Path) -> None:
+def test_an_oversized_head_or_body_is_refused(tmp_path: Path) -> None:
     async def main() -> None:
         made = await place(tmp_path, LONG)
         head = b"POST / HTTP/1.1\r\nHost: x\r\nX: " + b"y" * (LONG.head_bytes + 1)
@@ -229,7 +233,7 @@ def test_more_than_is_taken_is_refused(tmp_path: Path) -> None:
     run(main())
 
 
-def test_the_oldest_goes_for_a_new_one_at_its_own_door(tmp_path: Path) -> None:
+def test_a_new_connection_displaces_the_oldest_of_the_same_listener(tmp_path: Path) -> None:
     async def main() -> None:
         limits = Limits(waiting=4, request_s=PATIENCE_S)
         made = await place(tmp_path, limits)
@@ -247,7 +251,7 @@ def test_the_oldest_goes_for_a_new_one_at_its_own_door(tmp_path: Path) -> None:
     run(main())
 
 
-def test_streams_that_are_too_many_are_told_to_come_again(tmp_path: Path) -> None:
+def test_too_many_streams_are_refused_with_retry_after(tmp_path: Path) -> None:
     async def main() -> None:
         made = await place(tmp_path, Limits(streams=2))
         viewers = [await made.open() for _ in range(2)]
@@ -274,7 +278,7 @@ def test_streams_that_are_too_many_are_told_to_come_again(tmp_path: Path) -> Non
     run(main())
 
 
-def test_a_viewer_who_takes_nothing_is_ended_and_costs_little(tmp_path: Path) -> None:
+def test_a_viewer_that_reads_nothing_is_disconnected_with_little_memory(tmp_path: Path) -> None:
     async def main() -> None:
         made = await place(tmp_path, SHORT)
         line = socket.create_connection(("127.0.0.1", made.port))
@@ -290,7 +294,7 @@ def test_a_viewer_who_takes_nothing_is_ended_and_costs_little(tmp_path: Path) ->
     run(main())
 
 
-def test_a_websocket_is_served_and_told_when_it_is_over(tmp_path: Path) -> None:
+def test_a_websocket_is_served_and_closed_with_a_code_at_the_end(tmp_path: Path) -> None:
     async def main() -> None:
         made = await place(tmp_path, LONG)
         async with connect(f"ws://127.0.0.1:{made.port}/ws") as line:
@@ -305,7 +309,7 @@ def test_a_websocket_is_served_and_told_when_it_is_over(tmp_path: Path) -> None:
     run(main())
 
 
-def test_a_long_message_ends_its_websocket(tmp_path: Path) -> None:
+def test_a_too_long_message_closes_its_websocket(tmp_path: Path) -> None:
     async def main() -> None:
         made = await place(tmp_path, LONG)
         async with connect(f"ws://127.0.0.1:{made.port}/ws") as line:
@@ -319,7 +323,7 @@ def test_a_long_message_ends_its_websocket(tmp_path: Path) -> None:
     run(main())
 
 
-def test_an_error_of_the_application_is_an_answer_and_no_end(
+def test_an_error_of_the_application_gives_an_answer_and_the_server_continues(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     async def main() -> None:
@@ -334,7 +338,7 @@ def test_an_error_of_the_application_is_an_answer_and_no_end(
 
 @settings(max_examples=30)
 @given(st.lists(st.binary(max_size=300), min_size=1, max_size=20), st.booleans())
-def test_whatever_bytes_come_the_next_request_is_answered(
+def test_after_random_bytes_the_next_request_is_answered(
     tmp_path_factory: pytest.TempPathFactory, garbage: list[bytes], in_header: bool
 ) -> None:
     async def main() -> None:
@@ -348,7 +352,7 @@ def test_whatever_bytes_come_the_next_request_is_answered(
     run(main())
 
 
-def test_tls_is_bounded_from_the_first_byte_on(tmp_path: Path, certificate: Path) -> None:
+def test_limits_apply_to_tls_from_the_first_byte(tmp_path: Path, certificate: Path) -> None:
     async def main() -> None:
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         context.load_cert_chain(certificate)

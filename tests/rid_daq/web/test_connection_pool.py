@@ -12,7 +12,7 @@ from rid_daq.web.connection_pool import ConnectionPool
 from rid_daq.web.fair_scheduler import FairScheduler, QueueFullError
 
 
-def test_the_oldest_of_the_owner_with_the_most_goes() -> None:
+def test_a_full_pool_removes_the_oldest_of_the_largest_owner() -> None:
     pool: ConnectionPool[int] = ConnectionPool(4)
     assert [pool.add(number, "crowd") for number in range(4)] == [None] * 4
     assert pool.add(10, "anna") == 0
@@ -21,14 +21,14 @@ def test_the_oldest_of_the_owner_with_the_most_goes() -> None:
     assert pool.add(4, "crowd") == 2, "its own oldest"
 
 
-def test_an_owner_has_only_so_many() -> None:
+def test_an_owner_has_a_limited_number_of_connections() -> None:
     pool: ConnectionPool[int] = ConnectionPool(10, 2)
     assert [pool.add(number, "crowd") for number in range(3)] == [None, None, 0]
     assert not pool.has_place("crowd")
     assert pool.has_place("anna")
 
 
-def test_who_would_have_the_most_takes_no_place_in_a_full_room() -> None:
+def test_the_largest_owner_gets_no_place_in_a_full_pool() -> None:
     pool: ConnectionPool[int] = ConnectionPool(4)
     for number, owner in enumerate(("a", "a", "a", "b")):
         pool.add(number, owner)
@@ -37,7 +37,7 @@ def test_who_would_have_the_most_takes_no_place_in_a_full_room() -> None:
 
 
 @given(st.lists(st.tuples(st.sampled_from("abc"), st.booleans()), max_size=60))
-def test_a_room_holds_its_bounds_whatever_comes(steps: list[tuple[str, bool]]) -> None:
+def test_a_pool_keeps_its_limits_for_any_sequence(steps: list[tuple[str, bool]]) -> None:
     pool: ConnectionPool[int] = ConnectionPool(5, 3)
     inside: dict[int, str] = {}
     for number, (owner, leaves) in enumerate(steps):
@@ -55,7 +55,7 @@ def test_a_room_holds_its_bounds_whatever_comes(steps: list[tuple[str, bool]]) -
 
 
 @pytest.mark.promise("fair-turns")
-def test_a_crowd_of_requests_of_one_leaves_turns_to_others() -> None:
+def test_many_requests_of_one_owner_do_not_block_others() -> None:
     async def main() -> list[str]:
         scheduler, order = FairScheduler(at_once=3, of_one=2, waiting_of_one=10), []
 
@@ -83,7 +83,7 @@ def test_a_crowd_of_requests_of_one_leaves_turns_to_others() -> None:
     assert order.index("ben") <= 5, "in the rotation, not behind the crowd"
 
 
-def test_too_many_that_wait_are_refused_and_a_turn_ends_once() -> None:
+def test_too_many_waiting_requests_are_refused_and_a_release_counts_once() -> None:
     async def main() -> None:
         scheduler = FairScheduler(at_once=2, of_one=1, waiting_of_one=1)
         first = await scheduler.acquire("a")

@@ -1,4 +1,4 @@
-"""Messages of a feed to viewers of different speed."""
+"""Messages of a feed to fast and slow viewers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ async def take(view: AsyncIterator[bytes], count: int) -> list[bytes]:
     return [await anext(view) for _ in range(count)]
 
 
-def test_a_slow_viewer_misses_pictures_and_no_event() -> None:
+def test_a_slow_viewer_misses_pictures_but_no_event() -> None:
     async def main() -> None:
         feed = Feed()
         feed.publish_picture(b"before")
@@ -37,7 +37,7 @@ def test_a_slow_viewer_misses_pictures_and_no_event() -> None:
     asyncio.run(main())
 
 
-def test_a_viewer_who_would_miss_an_event_is_ended_and_the_others_go_on() -> None:
+def test_only_a_viewer_that_would_miss_an_event_is_disconnected() -> None:
     async def main() -> None:
         feed = Feed()
         hanging, going = feed.view(), feed.view()
@@ -54,7 +54,7 @@ def test_a_viewer_who_would_miss_an_event_is_ended_and_the_others_go_on() -> Non
     asyncio.run(main())
 
 
-def test_who_comes_after_the_end_sees_the_last_picture_and_the_end() -> None:
+def test_a_viewer_after_the_end_gets_the_last_picture_and_the_end() -> None:
     async def main() -> None:
         feed = Feed()
         feed.publish_picture(b"last")
@@ -65,7 +65,7 @@ def test_who_comes_after_the_end_sees_the_last_picture_and_the_end() -> None:
 
 
 @given(st.lists(st.sampled_from(["show", "tell", "take"]), max_size=60))
-def test_events_come_once_in_order_and_pictures_only_forward(steps: list[str]) -> None:
+def test_events_arrive_once_in_order_and_pictures_never_go_back(steps: list[str]) -> None:
     async def main() -> None:
         feed = Feed()
         feed.publish_picture(b"p 0")
@@ -106,7 +106,7 @@ def test_a_slow_viewer_gets_the_newest_picture_of_each_subject() -> None:
     asyncio.run(main())
 
 
-def test_a_feed_keeps_as_many_events_as_it_was_told() -> None:
+def test_a_feed_stores_at_most_the_given_number_of_events() -> None:
     async def main() -> None:
         feed = Feed(most_events=3)
         view = feed.view(first=[b"hello"])

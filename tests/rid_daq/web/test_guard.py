@@ -1,4 +1,4 @@
-"""Requests that the guard refuses, and those that it accepts."""
+"""Requests that the guard refuses, and requests that it accepts."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def status(*headers: tuple[str, str], method: str = "GET", local: bool = False) 
     return int(said[0]["status"])
 
 
-def test_a_name_of_ours_and_a_page_of_ours_are_let_in() -> None:
+def test_requests_with_the_own_host_and_origin_are_accepted() -> None:
     assert status(HOST) == 200
     assert status(("Host", "localhost:8642"), ("Origin", "http://localhost:8642")) == 200
     assert status(HOST, ("sec-fetch-site", "same-origin")) == 200
@@ -78,7 +78,9 @@ def test_a_name_of_ours_and_a_page_of_ours_are_let_in() -> None:
         ((HOST, ("cookie", "a=b"), ("cookie", "a=c")), 400),
     ],
 )
-def test_strangers_are_refused(headers: tuple[tuple[str, str], ...], refused: int) -> None:
+def test_foreign_hosts_and_origins_are_refused(
+    headers: tuple[tuple[str, str], ...], refused: int
+) -> None:
     for method in ("GET", "POST"):
         assert status(*headers, JSON, OWN, method=method) == refused
     kinds = responses(*headers, kind="websocket")
@@ -87,9 +89,7 @@ def test_strangers_are_refused(headers: tuple[tuple[str, str], ...], refused: in
 
 @pytest.mark.parametrize("method", ["POST", "PUT", "PATCH", "DELETE", "BREW"])
 @pytest.mark.parametrize("local", [False, True])
-def test_what_changes_something_needs_json_and_a_header_of_its_own(
-    method: str, local: bool
-) -> None:
+def test_a_changing_request_needs_json_and_a_special_header(method: str, local: bool) -> None:
     assert status(HOST, JSON, OWN, method=method, local=local) == 200
     assert status(HOST, JSON, ("x-rid-daq", "stop"), method=method, local=local) == 200
     utf8 = ("content-type", "Application/JSON; charset=utf-8")
@@ -101,12 +101,12 @@ def test_what_changes_something_needs_json_and_a_header_of_its_own(
     assert status(HOST, OWN, method=method, local=local) == 415
 
 
-def test_a_unix_socket_is_out_of_a_browsers_reach() -> None:
+def test_requests_on_a_local_socket_need_no_host_check() -> None:
     assert status(("host", "rid-daq"), local=True) == 200
     assert status(STRANGER, local=True) == 200
 
 
-def test_every_answer_says_what_a_browser_may_do_with_it() -> None:
+def test_every_answer_has_security_headers() -> None:
     for headers in ((HOST,), (HOST, STRANGER)):
         start = responses(*headers)[0]
         sent = dict(start["headers"])
@@ -117,7 +117,7 @@ def test_every_answer_says_what_a_browser_may_do_with_it() -> None:
     assert "unsafe" not in PAGE_POLICY
 
 
-def test_an_application_says_itself_what_may_be_kept_and_a_page_with_plots_loads_more() -> None:
+def test_an_application_can_set_caching_and_a_policy_for_plots() -> None:
     start = responses(HOST, path="/kept", policy=PLOT_POLICY)[0]
     caching = [value for name, value in start["headers"] if name == b"cache-control"]
     assert caching == [b"max-age=60"]

@@ -1,4 +1,4 @@
-"""Properties of uvicorn that the server, which uses its parts, depends on."""
+"""Properties of uvicorn on which our server depends."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MALFORMED = b"HEAD / HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n\r\nno
 
 
 class Line(asyncio.Transport):
-    """A connection that keeps what is written."""
+    """A connection that stores written data."""
 
     def __init__(self) -> None:
         super().__init__({"peername": ("127.0.0.1", 1), "sockname": ("127.0.0.1", 2)})
@@ -62,23 +62,23 @@ def received(protocol: type[H11Protocol], data: bytes) -> Line:
     return asyncio.run(run())
 
 
-def test_the_protocol_is_made_of_a_config_a_state_and_the_applications_state() -> None:
+def test_the_protocol_is_constructed_from_config_and_states() -> None:
     names = list(inspect.signature(H11Protocol.__init__).parameters)
     assert names[:4] == ["self", "config", "server_state", "app_state"]
 
 
-def test_tasks_and_lifespan_are_where_the_server_looks() -> None:
+def test_tasks_and_lifespan_have_their_expected_attributes() -> None:
     parts = Uvicorn(silent, 1000, 1.0)
     assert parts.tasks == ()
     assert isinstance(ServerState().tasks, set)
     assert {"startup", "shutdown", "should_exit", "state"} <= set(dir(parts.lifespan()))
 
 
-def test_uvicorn_alone_still_fails_at_malformed_requests() -> None:
-    """If this fails, uvicorn answers them itself: delete the correction in `HttpProtocol`."""
+def test_uvicorn_alone_still_fails_on_malformed_requests() -> None:
+    """If this test fails, uvicorn answers them itself: delete the correction in `HttpProtocol`."""
     with pytest.raises(LocalProtocolError):
         received(H11Protocol, MALFORMED)
 
 
-def test_a_malformed_request_ends_its_connection() -> None:
+def test_a_malformed_request_closes_its_connection() -> None:
     assert received(HttpProtocol, MALFORMED).aborted

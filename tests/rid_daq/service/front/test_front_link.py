@@ -20,10 +20,10 @@ from rid_daq.web.asgi_server import AsgiServer
 SECRETS = [f"hash {number}" for number in range(1200)]
 
 
-def test_a_process_that_takes_over_hears_of_all_jobs_and_secrets(
+def test_a_new_front_process_receives_all_jobs_and_secrets(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """One that has died may have left a motion under way, which a stop must still reach."""
+    """The previous front process can have died during a motion, which a stop must still reach."""
     fronts: list[tuple[MessageChannel, list[dict[str, Any]]]] = []
 
     async def start(*_command: str, pass_fds: tuple[int, ...], **_: object) -> SimpleNamespace:

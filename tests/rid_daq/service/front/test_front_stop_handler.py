@@ -1,4 +1,4 @@
-"""`FrontStopHandler`: who may stop, which process is stopped, and how."""
+"""`FrontStopHandler`: permission to stop, the stopped process, and the kind of stop."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def handler() -> tuple[FrontStopHandler, list[tuple[str, str]]]:
 
 
 @pytest.mark.promise("stop-by-any-token-ever-issued")
-def test_the_front_knows_who_may_stop() -> None:
+def test_the_front_process_accepts_stops_with_issued_secrets_only() -> None:
     found, _ = handler()
     assert sha256_of_secret("x\ud800") == hash_secret("x\ud800")
     shown = {"authorization": "Bearer secret"}
@@ -41,7 +41,7 @@ def test_the_front_knows_who_may_stop() -> None:
         assert found.identify_sender(headers, local=False, address="192.0.2.7") == key
 
 
-def test_the_front_stops_what_it_was_told_of_and_tells_the_service() -> None:
+def test_the_front_process_stops_known_jobs_and_reports_to_the_service() -> None:
     found, told = handler()
     assert not found.stop("a", "").told
     found.note_jobs({"a": os.getpid()})
@@ -65,7 +65,7 @@ def test_a_worker_without_a_motion_is_ended_by_a_signal() -> None:
         assert worker.wait(60.0) == -signal.SIGTERM
 
 
-def test_a_process_is_kept_by_its_descriptor_for_its_number_may_be_anothers(
+def test_a_process_is_identified_by_its_descriptor_and_not_by_its_id(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     opened: list[int] = []
@@ -82,7 +82,7 @@ def test_a_process_is_kept_by_its_descriptor_for_its_number_may_be_anothers(
     assert opened == [os.getpid()]
 
 
-def test_a_stop_that_goes_wrong_keeps_no_other_cell_from_its_stop() -> None:
+def test_a_failed_stop_does_not_prevent_stops_of_other_cells() -> None:
     stopped, wrong = list[str](), list[str]()
 
     def stop(cell: str) -> bool:

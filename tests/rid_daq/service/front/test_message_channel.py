@@ -10,9 +10,7 @@ from rid_daq.service.front.message_channel import MessageChannel
 MANY = 20_000
 
 
-def test_a_message_that_the_other_end_is_too_far_behind_for_is_refused_and_the_others_come() -> (
-    None
-):
+def test_a_message_to_a_full_channel_is_refused_and_the_others_arrive() -> None:
     came: list[object] = []
 
     async def send_and_read() -> int:
