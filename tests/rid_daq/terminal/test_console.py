@@ -20,7 +20,7 @@ def test_a_pipe_gets_plain_text_without_escapes(capsys: pytest.CaptureFixture[st
     assert capsys.readouterr().out == "axis   error\naxis1  0.9 N m\na      12 N m\nFailed: axis1\n"
 
 
-def test_json_is_one_document_and_nothing_else(capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_output_is_exactly_one_document(capsys: pytest.CaptureFixture[str]) -> None:
     console = Console(as_json=True)
     console.say("for people")
     console.table(("a",), [("b",)])
@@ -31,14 +31,14 @@ def test_json_is_one_document_and_nothing_else(capsys: pytest.CaptureFixture[str
     assert json.loads(capsys.readouterr().out) == {"rows": 3, "unit": "N·m"}
 
 
-def test_a_number_that_json_does_not_have_is_a_bug_not_a_file(
+def test_a_non_finite_number_in_json_output_is_an_internal_error(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     with pytest.raises(ValueError, match="JSON"):
         Console(as_json=True).document({"error": float("nan")})
 
 
-def test_progress_in_a_log_file_is_a_line_a_tenth(capsys: pytest.CaptureFixture[str]) -> None:
+def test_progress_in_a_log_file_is_one_line_per_tenth(capsys: pytest.CaptureFixture[str]) -> None:
     with Console().progress("recording", 20.0, "periods") as progress:
         for done in range(200):
             progress.update(done / 10.0, "measuring")
@@ -47,7 +47,7 @@ def test_progress_in_a_log_file_is_a_line_a_tenth(capsys: pytest.CaptureFixture[
     assert lines[0] == "recording: 2 of 20 periods  measuring"
 
 
-def test_what_is_said_while_a_bar_moves_stands_above_it_on_lines_of_its_own() -> None:
+def test_messages_during_a_progress_bar_appear_above_it() -> None:
     console = Console()
     with terminal(80) as shown, console.progress("recording", 20.0, "periods") as progress:
         progress.update(5.0, "measuring")
@@ -66,7 +66,7 @@ def test_what_is_said_while_a_bar_moves_stands_above_it_on_lines_of_its_own() ->
 HOSTILE = "evil\x1b]0;title\x07\x9b2J\u202etxt"
 
 
-def test_text_of_files_and_devices_cannot_steer_the_terminal(
+def test_texts_of_files_and_devices_cannot_control_the_terminal(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     Console().say(HOSTILE)
@@ -80,7 +80,7 @@ def test_text_of_files_and_devices_cannot_steer_the_terminal(
     assert document == {"label": HOSTILE}
 
 
-def test_a_run_folder_from_elsewhere_cannot_steer_the_terminal(
+def test_a_foreign_run_folder_cannot_control_the_terminal(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = RunFolder.create(tmp_path, "fine")
@@ -97,7 +97,7 @@ def test_a_run_folder_from_elsewhere_cannot_steer_the_terminal(
         assert all(c.isprintable() or c == "\n" for c in text)
 
 
-def test_on_a_narrow_terminal_an_id_stays_whole_and_nothing_is_cut(
+def test_on_a_narrow_terminal_ids_and_texts_are_complete(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(Console, "is_terminal", True)
@@ -135,7 +135,7 @@ def test_the_list_of_runs_fits_eighty_columns(
     assert "1000" in capsys.readouterr().out
 
 
-def test_verifying_ends_with_a_verdict_and_an_exit_code(
+def test_verify_ends_with_a_verdict_and_an_exit_code(
     runs: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     made, _ = (path for path, _ in list_runs(runs))

@@ -25,17 +25,17 @@ from rid_daq.terminal.exit_codes import ExitCode, exit_code_of_stop
         (StopCode.PLATE_OVERLOAD, 6),
     ],
 )
-def test_a_stop_is_told_by_its_kind(code: StopCode, expected: int) -> None:
+def test_a_stop_has_the_exit_code_of_its_kind(code: StopCode, expected: int) -> None:
     assert exit_code_of_stop(code, None) == expected
 
 
 @pytest.mark.parametrize(
     ("number", "expected"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 143)]
 )
-def test_a_signal_is_told_by_its_number(number: signal.Signals, expected: int) -> None:
+def test_a_signal_has_the_exit_code_of_its_number(number: signal.Signals, expected: int) -> None:
     assert exit_code_of_stop(StopCode.INTERRUPTED, number) == expected
 
 
-def test_no_stop_is_taken_for_success() -> None:
+def test_no_stop_has_exit_code_0() -> None:
     codes = {exit_code_of_stop(code, None) for code in StopCode}
     assert not codes & {ExitCode.DONE, ExitCode.VERDICT_FAILED, ExitCode.USAGE}

@@ -23,7 +23,7 @@ PERIOD = 50
 
 
 def motion(*, periodic: bool) -> MotionSamples:
-    """Return a joint that stands: a period to settle and three that count."""
+    """Return a motion at rest: one transient period and three measured ones."""
     rows = 4 * PERIOD
     phase = np.full(rows, Phase.MAIN, dtype=np.uint8)
     phase[:PERIOD] = Phase.TRANSIENT
@@ -74,7 +74,7 @@ def test_a_motion_is_counted_in_periods_seconds_points_or_cycles() -> None:
     ("samples", "done"),
     [(motion(periodic=True), 2.0), (motion(periodic=False), 1.0), (None, 100.0)],
 )
-def test_progress_is_shown_as_it_is_counted(samples: MotionSamples | None, done: float) -> None:
+def test_progress_is_shown_in_its_unit(samples: MotionSamples | None, done: float) -> None:
     shown: list[tuple[float, str]] = []
     update = progress_callback(samples, ("axis1",), lambda *what: shown.append(what), lambda: "")
     update(at(-1, TaskState.BRING_UP))
@@ -87,7 +87,7 @@ def test_progress_is_shown_as_it_is_counted(samples: MotionSamples | None, done:
     ]
 
 
-def test_what_an_early_end_leaves_out_is_not_counted_as_done() -> None:
+def test_periods_omitted_by_an_early_end_do_not_count_as_measured() -> None:
     shown: list[tuple[float, str]] = []
     samples, enough = motion(periodic=True), iter((False, True, True))
     update = progress_callback(
@@ -95,7 +95,7 @@ def test_what_an_early_end_leaves_out_is_not_counted_as_done() -> None:
     )
     update(at(100))
     run_out = TaskProgress(state=TaskState.MOVING, phase=Phase.RUN_OUT, sample_index=0, cycles=1)
-    update(replace(run_out, sample_index=150))  # of a motion that is driven whole
+    update(replace(run_out, sample_index=150))  # of a motion that is executed completely
     update(replace(run_out, sample_index=199))
     update(replace(run_out, sample_index=199))
     assert [done for done, _ in shown] == [2.0, 3.0, 3.0, 3.0]
@@ -106,7 +106,7 @@ def test_what_an_early_end_leaves_out_is_not_counted_as_done() -> None:
     ]
 
 
-def test_what_is_estimated_is_told_while_the_robot_moves_and_not_before() -> None:
+def test_an_estimate_is_shown_only_while_the_robot_moves() -> None:
     shown: list[str] = []
     update = progress_callback(
         None, ("axis1",), lambda _done, line: shown.append(line), lambda: "2 kg"
@@ -134,7 +134,7 @@ def test_the_worst_joint_of_each_load_is_named() -> None:
     )
 
 
-def test_where_a_motion_was_stopped_is_told_in_seconds_phase_and_period() -> None:
+def test_the_time_of_a_stop_is_given_in_seconds_phase_and_period() -> None:
     assert describe_end_position(recorded(0)) == "The motion had not started."
     assert (
         describe_end_position(recorded(20))

@@ -6,7 +6,7 @@ from rid_daq.app import run
 from rid_daq.command_line.root import COMMAND_GROUPS
 
 
-def test_many_options_are_shown_in_sections_each_of_them_once(
+def test_each_option_is_shown_once_in_a_section(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert run(["stream", "--help"]) == 0
@@ -30,6 +30,6 @@ def test_the_help_shows_commands_in_groups(capsys: pytest.CaptureFixture[str]) -
     assert max(map(len, shown.splitlines())) <= 80
 
 
-def test_a_payload_session_is_named_where_payloads_are(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_help_of_payload_names_the_session(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["payload", "--help"]) == 0
     assert "CELL" in capsys.readouterr().out

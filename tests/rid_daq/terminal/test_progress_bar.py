@@ -22,7 +22,7 @@ TAIL = (
         (200, TAIL),
     ],
 )
-def test_the_tail_gives_way_to_bar_count_and_time_left(width: int, tail: str) -> None:
+def test_the_tail_is_shortened_before_bar_count_and_remaining_time(width: int, tail: str) -> None:
     line = bar_line(width, "measurement", "1.1/3.5 periods", TAIL)
     assert line.title == "measurement"
     assert line.tail == tail
@@ -33,7 +33,7 @@ def test_the_tail_gives_way_to_bar_count_and_time_left(width: int, tail: str) ->
 
 @pytest.mark.parametrize("width", [80, 120])
 @pytest.mark.parametrize("title", ["recording", "the unloaded robot, before the payload is hung"])
-def test_a_terminal_shows_bar_count_and_time_left_on_one_line(width: int, title: str) -> None:
+def test_a_terminal_shows_bar_count_and_remaining_time_on_one_line(width: int, title: str) -> None:
     file = io.StringIO()
     console = Console(file=file, width=width, force_terminal=True, color_system=None)
     bar = ProgressBar(title, 36.0, "periods", console)
@@ -41,19 +41,19 @@ def test_a_terminal_shows_bar_count_and_time_left_on_one_line(width: int, title:
         bar.update(12.5, TAIL)
     last = [line for line in file.getvalue().splitlines() if "periods" in line][-1]
     assert "12/36 periods -:--:-- transient period" in last
-    assert "━━━" in last  # the part that is done
+    assert "━━━" in last  # the completed part of the bar
     assert "…" not in last.split("36 periods")[1]
 
 
 @pytest.mark.parametrize("criterion", [DOptimal(), Condition(), Goals(np.eye(1))])
-def test_what_a_design_has_reached_is_whole_at_80_columns(criterion: Criterion) -> None:
+def test_the_best_value_of_a_design_is_complete_at_80_columns(criterion: Criterion) -> None:
     best = f"best {criterion.describe(-12345.678)}"
     line = bar_line(80, "Designing", "12/12 starts", best)
     assert line.tail == best.split(" (")[0]
     assert line.bar >= BAR[0]
 
 
-def test_a_text_without_parts_ends_in_dots() -> None:
+def test_a_text_that_cannot_be_split_is_shortened_with_dots() -> None:
     assert shorten("abcdefgh", 5) == "abcd…"
     assert shorten("abcdefgh", 8) == "abcdefgh"
     assert shorten("measuring; torque", 12) == "measuring"

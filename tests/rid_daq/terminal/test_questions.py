@@ -11,7 +11,7 @@ from rid_daq.terminal.console import Console
 from tests.builders.raised_codes import raises_code
 
 
-def test_a_question_stands_beside_what_programs_read(
+def test_a_question_is_written_to_stderr(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO("y\n"))
@@ -27,7 +27,7 @@ def test_no_answer_is_a_refusal(monkeypatch: pytest.MonkeyPatch) -> None:
         Console().ask("The cell's name", str)
 
 
-def test_an_answer_that_means_nothing_is_asked_for_again(
+def test_an_invalid_answer_repeats_the_question(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def number(text: str) -> int:
@@ -40,7 +40,7 @@ def test_an_answer_that_means_nothing_is_asked_for_again(
     assert "digits" in capsys.readouterr().err
 
 
-def test_a_cell_is_cleared_by_one_question_each(
+def test_clearing_a_cell_asks_for_its_name_and_the_emergency_stop(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     cell = load_cell("ir361").config
@@ -68,7 +68,7 @@ def test_a_real_cell_is_asked_about_each_time(monkeypatch: pytest.MonkeyPatch) -
     require_cleared(real, cleared=True, context=Console())
 
 
-def test_only_yes_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_yes_continues(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Console, "can_ask", True)
     monkeypatch.setattr("sys.stdin", io.StringIO("n\ny\n"))
     with raises_code(PreflightError, "RID-ANSWER-NO"):

@@ -1,4 +1,4 @@
-"""A key of a real cell is not held over a remote terminal, however that is reached."""
+"""Holding a key for a real cell is refused on every kind of remote terminal."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ OF_SSH = {"SSH_CONNECTION": "10.0.0.7 50022 10.0.0.2 22"}
 
 
 def processes(folder: Path, *tree: tuple[int, str, int]) -> Path:
-    """Return a folder that shows processes (id, name, parent) as the kernel does; ours is 100."""
+    """Return a folder like /proc with processes (id, name, parent); our own process is 100."""
     for number, name, parent in tree:
         shown = folder / str(number)
         shown.mkdir()
@@ -58,21 +58,21 @@ FROM_HERE = [(80, "foot", 1), (81, "bash", 80), (82, "tmux: client", 81)]
         (BY_SSH, {}, "sshd-session"),
         (BY_MOSH, {}, "mosh-server"),
         (IN_TMUX + FROM_HERE, {}, ""),
-        (IN_TMUX + FROM_HERE, OF_SSH, ""),  # begun over ssh, looked at from here
+        (IN_TMUX + FROM_HERE, OF_SSH, ""),  # started over ssh, attached from this computer
         (IN_TMUX + FROM_AFAR, {}, "sshd: anna (x) "),
         (IN_TMUX + FROM_HERE + FROM_AFAR, {}, "sshd: anna (x) "),
         (IN_TMUX, OF_SSH, "SSH_CONNECTION"),
-        (LOCAL + FROM_AFAR, {}, ""),  # another user's
+        (LOCAL + FROM_AFAR, {}, ""),  # of another user
     ],
 )
-def test_a_remote_terminal_is_known_by_variables_and_by_the_processes_above(
+def test_a_remote_terminal_is_detected_by_variables_and_parent_processes(
     tmp_path: Path, tree: list[tuple[int, str, int]], environment: dict[str, str], shown: str
 ) -> None:
     found = remote_terminal_evidence(environment, processes(tmp_path, *tree))
     assert (shown in found) if shown else (found == "")
 
 
-def test_it_is_refused_with_a_code_and_with_the_way_to_do_it_in_a_browser(tmp_path: Path) -> None:
+def test_a_remote_terminal_is_refused_with_advice_to_use_a_browser(tmp_path: Path) -> None:
     with pytest.raises(PreflightError) as refused:
         refuse_remote_terminal(OF_SSH, processes(tmp_path, *LOCAL))
     assert refused.value.refusal == CODE == "RID-KEY-REMOTE"
@@ -80,7 +80,7 @@ def test_it_is_refused_with_a_code_and_with_the_way_to_do_it_in_a_browser(tmp_pa
         assert words in str(refused.value)
 
 
-def test_a_server_above_a_real_process_is_found(tmp_path: Path) -> None:
+def test_a_server_among_the_parents_of_a_real_process_is_found(tmp_path: Path) -> None:
     server = tmp_path / "sshd-session"
     server.symlink_to(sys.executable)
     look = (
@@ -108,7 +108,7 @@ def real_cell(tmp_path: Path) -> Path:
 
 @pytest.mark.promise("held-key-terminal")
 @pytest.mark.parametrize("command", ["jog", "axes"])
-def test_jog_and_axis_test_of_a_real_cell_are_refused_before_anything_is_opened(
+def test_jog_and_axis_test_of_a_real_cell_are_refused_before_the_cell_opens(
     real_cell: Path,
     command: str,
     monkeypatch: pytest.MonkeyPatch,
@@ -121,7 +121,7 @@ def test_jog_and_axis_test_of_a_real_cell_are_refused_before_anything_is_opened(
 
 
 @pytest.mark.parametrize("command", ["jog", "axes"])
-def test_a_simulated_cell_goes_on_over_a_remote_terminal(
+def test_a_simulated_cell_can_be_moved_over_a_remote_terminal(
     command: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     class ComeSoFarError(Exception):

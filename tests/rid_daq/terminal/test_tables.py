@@ -27,7 +27,7 @@ def test_units_in_brackets_stay_in_the_head() -> None:
     assert shown[0] == "axis   delay [ms]  mean [mm]"
 
 
-def test_no_number_is_broken_and_texts_are_broken_at_words() -> None:
+def test_numbers_are_not_wrapped_and_texts_are_wrapped_at_words() -> None:
     head = ["axis", "acceleration", "what was found", *["torque"] * 5]
     rows = [["axis1", "0.0318 rad/s", "a sentence of some length", *["12.5 N m"] * 5]]
     shown = lines(80, head, rows)
@@ -38,9 +38,7 @@ def test_no_number_is_broken_and_texts_are_broken_at_words() -> None:
 
 
 @pytest.mark.parametrize(("columns", "parts"), [(110, 1), (80, 2), (50, 4)])
-def test_a_table_that_is_too_wide_comes_in_parts_that_say_what_a_row_is(
-    columns: int, parts: int
-) -> None:
+def test_a_wide_table_is_split_into_parts_that_repeat_the_row_key(columns: int, parts: int) -> None:
     head = ["", "wrong", *[f"n{number}" for number in range(1, 11)]]
     shown = lines(columns, head, [["1", "torque constant", *NUMBERS]], key=2)
     assert max(map(len, shown)) <= columns
@@ -62,7 +60,7 @@ def test_a_table_that_is_too_wide_comes_in_parts_that_say_what_a_row_is(
     columns=st.integers(20, 130),
     key=st.integers(1, 2),
 )
-def test_every_column_is_shown_once_and_no_part_is_too_wide(
+def test_every_column_is_shown_once_and_every_part_fits(
     table: list[list[str]], columns: int, key: int
 ) -> None:
     parts = layout_parts(table, columns, key)

@@ -23,7 +23,9 @@ COMMAND = "rid-daq record /home/anna/cells/cell.yaml motion.yaml --feedforward a
         ("two\nlines that are both long", ["two", "lines that are", "  both long"]),
     ],
 )
-def test_a_line_is_broken_at_words_and_a_command_never(text: str, lines: list[str]) -> None:
+def test_lines_are_wrapped_at_words_and_commands_are_not_wrapped(
+    text: str, lines: list[str]
+) -> None:
     if text.startswith("  rid"):
         lines = [text]
     assert wrap_text(text, 15).split("\n") == lines

@@ -1,4 +1,4 @@
-"""The workbench in a real browser, on a served simulated cell; one of each for a file of tests."""
+"""The workbench in a real browser with a served simulated cell; one of each for a test file."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ __all__ = ["long_motion", "motion"]
 
 @pytest.fixture(scope="module")
 def served_pages(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedProcess]:
-    """A service of the bundled simulated cell, as a process: a new one for each file of tests."""
+    """Run a service of the bundled simulated cell as a process, once for each test file."""
     with serving(tmp_path_factory.mktemp("pages")) as running:
         yield running
 
@@ -42,7 +42,7 @@ def problems() -> list[str]:
 def open_page(
     browser: Browser, served_pages: ServedProcess, problems: list[str]
 ) -> Iterator[OpenPage]:
-    """Open a page in a new browser profile, let in by the terminal's link unless told otherwise."""
+    """Return a function that opens a page in a new browser profile, by default logged in."""
     contexts = []
 
     def opened(*, known: bool = True, dark: bool = False, width: int = 1280) -> Page:
@@ -68,7 +68,7 @@ def open_page(
 
 @pytest.fixture
 def open_page_of(browser: Browser) -> Iterator[OpenPage]:
-    """Open an address in a new browser profile."""
+    """Return a function that opens an address in a new browser profile."""
     contexts = []
 
     def opened(address: str) -> Page:
@@ -86,21 +86,21 @@ def open_page_of(browser: Browser) -> Iterator[OpenPage]:
 
 @pytest.fixture
 def link(served_pages: ServedProcess) -> Iterator[BadLink]:
-    """A link to the service that a test makes bad."""
+    """Run a link to the service that a test can stall, delay or cut."""
     with bad_link(urlsplit(served_pages.url).port or 0) as link:
         yield link
 
 
 @pytest.fixture(scope="module")
 def program_lease(served_pages: ServedProcess, long_motion: str) -> Iterator[str]:
-    """The key of the cell's lease, which a program has; the cell is ready to move."""
+    """Lease the cell as a program, with the cell ready to move, and yield the key."""
     with leased_cell(served_pages, long_motion) as key:
         yield key
 
 
 @pytest.fixture
 def context(browser: Browser) -> Iterator[BrowserContext]:
-    """A new browser profile, whose console may complain."""
+    """Return a new browser profile in which console errors are allowed."""
     context = browser.new_context(viewport={"width": 1366, "height": 900})
     context.set_default_timeout(PATIENCE_MS)
     yield context
@@ -112,7 +112,7 @@ OpenByLink = Callable[[], Page]
 
 @pytest.fixture
 def open_by_link(context: BrowserContext, link: BadLink, served_pages: ServedProcess) -> OpenByLink:
-    """Open the page of the cell by the link, let in by the terminal's address."""
+    """Return a function that opens the cell's page over the link, logged in."""
 
     def opened() -> Page:
         page = context.new_page()
@@ -125,14 +125,14 @@ def open_by_link(context: BrowserContext, link: BadLink, served_pages: ServedPro
 
 
 def go_to(page: Page, tab: str) -> None:
-    """Go to a page by its tab."""
+    """Open a page by its tab."""
     page.get_by_role("link", name=tab, exact=True).click()
     expect(page.locator(f'nav a[aria-current]:text-is("{tab}")')).to_be_visible()
 
 
 @pytest.fixture(scope="session")
 def screenshots() -> Path:
-    """Folder of the screenshots: RID_DAQ_SCREENSHOTS, or build/screenshots."""
+    """Return the folder of the screenshots: RID_DAQ_SCREENSHOTS, or build/screenshots."""
     root = Path(__file__).parents[3]
     folder = Path(os.environ.get("RID_DAQ_SCREENSHOTS") or root / "build" / "screenshots")
     folder.mkdir(parents=True, exist_ok=True)
@@ -140,7 +140,7 @@ def screenshots() -> Path:
 
 
 def take_cell(page: Page, note: str = "a test") -> None:
-    """Take the cell by the page's button."""
+    """Lease the cell with the page's button."""
     page.locator("#lease-take").click()
     page.locator("#note").fill(note)
     page.keyboard.press("Enter")
@@ -153,14 +153,14 @@ def give_back(page: Page) -> None:
 
 
 def checked(page: Page) -> None:
-    """Have the cell checked by the page's button."""
+    """Check the cell with the page's button."""
     page.locator("#check").click()
     expect(page.locator("#job .verdict.end")).to_have_text("Check: done")
     expect(page.locator("#state")).to_have_text("ready")
 
 
 def ready(page: Page, served: ServedProcess) -> None:
-    """Check the cell, unless the previous test has left it ready to move."""
+    """Check the cell, unless it is still ready to move."""
     with served.client as client:
         known = client.cell("ir361").state is CellState.READY
     if not known:

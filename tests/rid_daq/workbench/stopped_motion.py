@@ -1,4 +1,4 @@
-"""A running motion, and the time at which its process receives the stop."""
+"""A running motion, and the time at which its process receives a stop."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.rid_daq.service.moving import CHECK, begin_motion, until
 
 CELL = "ir361"
 SOON_S = 0.5
-"""From the press to the process that drives [s], besides the link's own delay."""
+"""Maximum time from the press to the driving process, without the link's delay [s]."""
 
 
 @dataclass
@@ -35,7 +35,7 @@ class StoppedMotion:
 
 @contextlib.contextmanager
 def moving(served: ServedProcess, lease: str) -> Iterator[StoppedMotion]:
-    """Have the robot move, and watch the process that drives it."""
+    """Move the robot, and monitor the process that drives it."""
     with served.client as client:
         if client.cell(CELL).state is not CellState.READY:
             client.run(CELL, "check", CHECK, lease=lease).require_done()
@@ -65,7 +65,7 @@ def moving(served: ServedProcess, lease: str) -> Iterator[StoppedMotion]:
 
 
 def press(page: Page) -> float:
-    """Press STOP and return when, without waiting for the page; the finger is lifted later."""
+    """Press STOP without waiting for the page, and return the time; the release comes later."""
     box = page.locator("#stop").bounding_box()
     assert box is not None
     page.mouse.up()
@@ -76,5 +76,5 @@ def press(page: Page) -> float:
 
 
 def words_of(page: Page) -> str:
-    """Return what the page says of the stop."""
+    """Return the page's text about the stop."""
     return page.locator("#stop-words").inner_text()

@@ -1,4 +1,4 @@
-"""Alarms, links and leases of the pages by bad links: what a person sees, and how soon."""
+"""Alarms, navigation and leases of the pages over bad links, and their timing."""
 
 from __future__ import annotations
 
@@ -33,21 +33,23 @@ NOTE_ALARMS = """() => {
 
 
 def throttled(page: Page) -> None:
-    """Make the page's link a slow 3G: 400 ms for each request, 50 kB a second."""
+    """Limit the page's link to slow 3G: 400 ms for each request, 50 kB per second."""
     session = page.context.new_cdp_session(page)
     session.send("Network.enable")
     session.send("Network.emulateNetworkConditions", {"offline": False, **SLOW_3G})
 
 
 def has_stop(page: Page, before: float) -> bool:
-    """Return whether the page is another than the one that began at a time, and has STOP."""
+    """Return True if a page that started after `before` is shown and has STOP."""
     with contextlib.suppress(Error):  # the page changes meanwhile
         return bool(page.evaluate(HAS_STOP, before))
     return False
 
 
 @pytest.mark.promise("alarms-end-with-their-cause")
-def test_an_alarm_ends_once_the_service_is_back(open_by_link: OpenByLink, link: BadLink) -> None:
+def test_an_alarm_ends_when_the_service_answers_again(
+    open_by_link: OpenByLink, link: BadLink
+) -> None:
     page = open_by_link()
     words, reach = page.locator("#stop-words"), page.locator("#reach")
     expect(page.locator("#now")).not_to_have_text("…")
@@ -82,11 +84,11 @@ def test_a_link_is_not_followed_while_the_service_is_out_of_reach(
 
 
 @pytest.mark.promise("page-stop-slow-link")
-def test_stop_can_be_pressed_within_a_second_of_a_click_on_a_tab_by_slow_3g(
+def test_stop_can_be_pressed_within_a_second_after_a_tab_change_on_slow_3g(
     open_by_link: OpenByLink, served_pages: ServedProcess, program_lease: str
 ) -> None:
     page = open_by_link()
-    for tab in TABS:  # each page was seen once: its files are kept
+    for tab in TABS:  # each page was opened once, so its files are cached
         go_to(page, tab)
         page.wait_for_load_state()
     throttled(page)
@@ -125,10 +127,10 @@ def test_slow_3g_alone_raises_no_alarm_and_draws_the_figure(
 
 
 @pytest.mark.promise("ages-by-the-services-clock")
-def test_a_tablet_whose_clock_is_wrong_shows_true_ages_and_names_the_zone(
+def test_a_tablet_with_a_wrong_clock_shows_correct_ages_and_its_time_zone(
     context: BrowserContext, served_pages: ServedProcess, program_lease: str
 ) -> None:
-    with moving(served_pages, program_lease):  # there is a preflight and a run
+    with moving(served_pages, program_lease):  # now a preflight and a run exist
         pass
     context.clock.install(time=datetime.now(UTC) + timedelta(hours=2))
     page = context.new_page()
@@ -146,12 +148,14 @@ def test_a_copy_of_a_tab_does_not_have_its_lease(
     first = context.new_page()
     first.goto(served_pages.url)
     first.locator("#lease-take, #lease-over").locator("visible=true").click()
-    if first.locator("#name").is_visible():  # the program of the tests before has it
+    if first.locator("#name").is_visible():  # the program of earlier tests has the lease
         first.locator("#name").fill(CELL)
     first.get_by_role("dialog").locator("button[type=submit]").click()
     expect(first.locator("#lease-back")).to_be_visible()
     with context.expect_page() as opened:
-        first.evaluate("() => { window.open(location.href); }")  # it copies what the tab stores
+        first.evaluate(
+            "() => { window.open(location.href); }"
+        )  # the new tab copies the storage of the first
     second = opened.value
     expect(second.locator("#lease-words")).to_contain_text("Another page of this device holds")
     expect(second.locator("#lease-back")).to_be_hidden()

@@ -1,4 +1,4 @@
-"""Every alarm, badge and button can be read in both themes: a contrast of at least 4.5 to 1."""
+"""Every alarm, badge and button has a contrast of at least 4.5 to 1 in both themes."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ KINDS = (
         for state in ("closed", "checking", "ready", "moving", "stopping", "fault", "unknown")
     ),
 )
-"""One of each kind of element that tells something, as the pages make them."""
+"""One element of each kind that carries information, as created by the pages."""
 
 CONTRASTS = """async (kinds) => {
   const link = document.createElement("link");
@@ -85,12 +85,12 @@ CONTRASTS = """async (kinds) => {
   }
   return found;
 }"""
-"""The contrast of each text on the page with what is behind it."""
+"""The contrast of each text on the page with its background."""
 
 
 @pytest.mark.promise("alarms-can-be-read")
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
-def test_every_alarm_badge_and_button_can_be_read(open_page: OpenPage, dark: bool) -> None:
+def test_every_alarm_badge_and_button_has_enough_contrast(open_page: OpenPage, dark: bool) -> None:
     page = open_page(dark=dark)
     page.locator("#lease-take").wait_for()
     found = page.evaluate(CONTRASTS, list(KINDS))

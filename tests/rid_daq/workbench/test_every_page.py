@@ -1,4 +1,4 @@
-"""Every page: without complaints of the browser or of axe, in light and dark, at three widths."""
+"""Every page in light and dark at three widths: no errors of the browser or of axe."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def require_axe(page: Page) -> None:
 
 @pytest.fixture(scope="module")
 def a_run(served_pages: ServedProcess) -> str:
-    """A run of the served cell, so that its pages have something to show."""
+    """Record a run of the served cell for the pages."""
     client = served_pages.client
     with client, client.lease("ir361") as cell:
         cell.run("check").require_done()
@@ -54,7 +54,7 @@ def a_run(served_pages: ServedProcess) -> str:
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
-def test_every_page_can_be_read_and_pressed(
+def test_every_page_is_accessible_and_fits_all_widths(
     open_page: OpenPage, served_pages: ServedProcess, a_run: str, screenshots: Path, dark: bool
 ) -> None:
     page = open_page(dark=dark)
@@ -71,7 +71,7 @@ def test_every_page_can_be_read_and_pressed(
         page.wait_for_load_state("networkidle")
         if path == "/runs/history":
             expect(page.locator('#history .figure[data-figure-state="shown"]')).to_be_visible()
-        expect(page.get_by_text("…", exact=True)).to_have_count(0)  # nothing is still to come
+        expect(page.get_by_text("…", exact=True)).to_have_count(0)  # everything is loaded
         name = (path.strip("/") or "cell").replace(a_run, "one").replace("/", "-")
         found = Axe().run(page)
         if found.violations_count:
@@ -91,7 +91,7 @@ def test_every_page_can_be_read_and_pressed(
     assert wrong == []
 
 
-def test_dialogs_and_jobs_can_be_read_too(open_page: OpenPage, screenshots: Path) -> None:
+def test_dialogs_and_job_panels_are_accessible(open_page: OpenPage, screenshots: Path) -> None:
     page = open_page(width=820)
     take_cell(page)
     checked(page)
@@ -107,14 +107,14 @@ def test_dialogs_and_jobs_can_be_read_too(open_page: OpenPage, screenshots: Path
     give_back(page)
 
 
-def test_the_pairing_page_can_be_read(open_page: OpenPage, screenshots: Path) -> None:
+def test_the_pairing_page_is_accessible(open_page: OpenPage, screenshots: Path) -> None:
     page = open_page(known=False, width=390)
     expect(page.locator("#words")).to_contain_text("Waiting")
     require_axe(page)
     page.screenshot(path=screenshots / "pair-390-light.png")
 
 
-def test_runs_are_looked_for(open_page: OpenPage, served_pages: ServedProcess, a_run: str) -> None:
+def test_runs_can_be_searched(open_page: OpenPage, served_pages: ServedProcess, a_run: str) -> None:
     page = open_page()
     page.get_by_role("link", name="Runs", exact=True).click()
     row = page.locator("#runs tr", has_text="complete")
@@ -127,7 +127,7 @@ def test_runs_are_looked_for(open_page: OpenPage, served_pages: ServedProcess, a
     expect(page.get_by_role("link", name="recording.mcap")).to_be_visible()
 
 
-def test_a_page_that_is_not_there_says_so(
+def test_an_unknown_page_shows_an_error(
     open_page: OpenPage, served_pages: ServedProcess, problems: list[str]
 ) -> None:
     page = open_page()
@@ -135,10 +135,10 @@ def test_a_page_that_is_not_there_says_so(
     expect(page.locator("main")).to_contain_text(
         "no cell 'nowhere' in this service; its cells are ir361"
     )
-    problems.clear()  # the browser's own word on a 404
+    problems.clear()  # the browser reports the 404
 
 
-def test_a_report_is_zoomed_here_too_as_a_page_of_nobody(
+def test_a_report_from_the_service_is_interactive_and_has_a_null_origin(
     open_page: OpenPage, served_pages: ServedProcess, problems: list[str]
 ) -> None:
     folder = RunFolder.create(served_pages.folder / "runs", "reported")

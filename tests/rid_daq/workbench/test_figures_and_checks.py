@@ -53,7 +53,7 @@ def recorded(
     return folder
 
 
-def test_a_run_has_the_blocks_of_what_was_computed_of_it(tmp_path: Path, cell: LoadedCell) -> None:
+def test_a_run_has_the_blocks_of_its_results(tmp_path: Path, cell: LoadedCell) -> None:
     folder = recorded(tmp_path, cell, "plain")
     assert not list(run_blocks(folder))
     folder.file(RESULT).write_text(json.dumps(whole_result()))
@@ -63,7 +63,7 @@ def test_a_run_has_the_blocks_of_what_was_computed_of_it(tmp_path: Path, cell: L
     assert as_item(plot_figure(fit), dark=False)["doc"]
 
 
-def test_runs_that_fit_together_are_told_as_good(tmp_path: Path, cell: LoadedCell) -> None:
+def test_compatible_runs_pass_their_checks(tmp_path: Path, cell: LoadedCell) -> None:
     found = check_data(cell, [recorded(tmp_path, cell, "one"), recorded(tmp_path, cell, "two")])
     assert [each.passed for each in found.data] == [True, True]
     assert [each.text.split(":")[0] for each in found.model] == ["Run one", "Run two"]
@@ -72,7 +72,7 @@ def test_runs_that_fit_together_are_told_as_good(tmp_path: Path, cell: LoadedCel
     assert set(found.friction) == set(cell.robot.joint_names)
 
 
-def test_a_run_that_does_not_fit_is_told_with_its_reason(tmp_path: Path, cell: LoadedCell) -> None:
+def test_an_incompatible_run_fails_with_its_reason(tmp_path: Path, cell: LoadedCell) -> None:
     of_another = recorded(tmp_path, load_cell("kr15"), "another robot")
     stopped = recorded(tmp_path, cell, "stopped", RunStatus.STOPPED)
     unfinished = recorded(tmp_path, cell, "unfinished", None)
@@ -86,7 +86,7 @@ def test_a_run_that_does_not_fit_is_told_with_its_reason(tmp_path: Path, cell: L
         assert word in each.text
 
 
-def test_a_motions_facts_and_its_picture(tmp_path: Path, cell: LoadedCell) -> None:
+def test_a_motion_has_facts_and_plots(tmp_path: Path, cell: LoadedCell) -> None:
     path = tmp_path / "motion.yaml"
     path.write_text(MOTION)
     facts, *plots = motion_blocks(cell, path, None)
@@ -98,7 +98,7 @@ def test_a_motions_facts_and_its_picture(tmp_path: Path, cell: LoadedCell) -> No
         assert as_item(plot_figure(plot), dark=True)["doc"]
 
 
-def test_a_motion_of_another_robot_or_beyond_a_limit_has_no_facts(
+def test_a_motion_of_another_robot_or_beyond_a_limit_is_refused(
     tmp_path: Path, cell: LoadedCell
 ) -> None:
     path = tmp_path / "motion.yaml"

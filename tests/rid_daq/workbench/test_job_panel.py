@@ -1,4 +1,4 @@
-"""The panel of a job, which asks the service for what the job has said."""
+"""The panel of a job, which requests the job's events from the service."""
 
 from __future__ import annotations
 
@@ -39,9 +39,11 @@ FOLLOW = """async () => {
 }"""
 
 
-def test_many_events_at_once_are_asked_for_at_once(open_page: OpenPage) -> None:
+def test_many_simultaneous_events_are_loaded_by_one_request(open_page: OpenPage) -> None:
     page = open_page()
-    expect(page.locator("#lease-take")).to_be_visible()  # its own modules have begun
+    expect(page.locator("#lease-take")).to_be_visible()  # the page's modules have started
     asked, said = page.evaluate(FOLLOW)
-    assert asked == 2 + 1  # under way, and one for all that came meanwhile; anew, one
+    assert (
+        asked == 2 + 1
+    )  # the first request, one for all events meanwhile, and one after showing the panel again
     assert said == [f"sentence {i}." for i in range(21)]

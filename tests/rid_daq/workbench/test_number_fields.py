@@ -1,4 +1,4 @@
-"""Numbers in the workbench's fields: a decimal comma is read, no text becomes another number."""
+"""Number fields of the workbench: a decimal comma is accepted, ambiguous text is refused."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ READ = """async (texts) => {
 }"""
 
 
-def test_a_decimal_comma_is_read_and_what_is_ambiguous_or_no_number_is_none(
+def test_a_decimal_comma_is_read_and_ambiguous_numbers_are_refused(
     open_page: OpenPage,
 ) -> None:
     read: dict[str, float | None] = {
@@ -36,7 +36,7 @@ def test_a_decimal_comma_is_read_and_what_is_ambiguous_or_no_number_is_none(
 
 
 @pytest.mark.parametrize(("typed", "mass"), [("9,6", 9.6), ("9.6", 9.6)])
-def test_a_mass_that_is_typed_with_a_comma_is_asked_for_as_that(
+def test_a_mass_with_a_decimal_comma_is_requested_correctly(
     open_page: OpenPage, served_pages: ServedProcess, problems: list[str], typed: str, mass: float
 ) -> None:
     page = open_page()
@@ -45,11 +45,11 @@ def test_a_mass_that_is_typed_with_a_comma_is_asked_for_as_that(
     ready(page, served_pages)
     _type_mass(page, typed)
     assert _sent_request(page)["known"][0]["value"] == mass
-    problems.clear()  # the console tells that the request was refused
+    problems.clear()  # the console reports the refused request
     give_back(page)
 
 
-def test_a_mass_that_is_no_number_is_refused_by_its_field(
+def test_a_mass_that_is_not_a_number_is_refused_with_its_field(
     open_page: OpenPage, served_pages: ServedProcess
 ) -> None:
     page = open_page()
@@ -63,14 +63,14 @@ def test_a_mass_that_is_no_number_is_refused_by_its_field(
 
 
 def _type_mass(page: Page, text: str) -> None:
-    """Type into the field of the mass; the click waits until the page takes input."""
+    """Type into the field of the mass; the click waits until the page accepts input."""
     page.locator("#mass").click()
     page.locator("#mass").press_sequentially(text)
     expect(page.locator("#mass")).to_have_value(text)
 
 
 def _sent_request(page: Page) -> dict[str, Any]:
-    """Press what begins, and return the request; nothing begins."""
+    """Press the start button, and return the request, which is intercepted."""
     asked: list[Any] = []
 
     def keep(route: Route) -> None:

@@ -1,4 +1,4 @@
-"""The form of every operation, made from its request, and what it asks the service for."""
+"""The form of every operation, generated from its request, and the request that it sends."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ JOBS = [name for name, entry in CATALOGUE.items() if entry.is_job]
 
 
 @pytest.mark.parametrize("name", JOBS)
-def test_a_form_has_every_field_that_a_client_may_give(name: str) -> None:
+def test_a_form_has_every_field_that_a_client_can_set(name: str) -> None:
     found = operation(name)
     fields = [each for fields in form_sections(found).values() for each in fields]
     paths = [each.path for each in fields]
@@ -28,7 +28,7 @@ def test_a_form_has_every_field_that_a_client_may_give(name: str) -> None:
 
 
 @pytest.mark.slow
-def test_what_is_written_into_a_form_is_asked_for_as_json(
+def test_a_form_sends_its_values_as_json(
     open_page: OpenPage, served_pages: ServedProcess, problems: list[str]
 ) -> None:
     page = _form(open_page, served_pages, "retime")
@@ -46,14 +46,14 @@ def test_what_is_written_into_a_form_is_asked_for_as_json(
         "jerk": [100, 200.5, 300],
         "base": True,
     }
-    problems.clear()  # the console tells that the request was refused
+    problems.clear()  # the console reports the refused request
     page.locator("[name=margin]").fill("0,05 kg")
     page.locator("#begin").click()
     expect(page.locator("#job [role=alert]")).to_contain_text('margin: "0,05 kg"')
 
 
 @pytest.mark.slow
-def test_a_value_of_several_parts_is_one_line(
+def test_a_value_with_several_parts_is_entered_on_one_line(
     open_page: OpenPage, served_pages: ServedProcess, problems: list[str]
 ) -> None:
     page = _form(open_page, served_pages, "payload_identify")
@@ -81,7 +81,7 @@ def test_the_service_names_the_field_that_it_refuses(
 
 
 @pytest.mark.slow
-def test_a_form_begins_its_job_and_shows_the_result(
+def test_a_form_starts_its_job_and_shows_the_result(
     open_page: OpenPage, served_pages: ServedProcess, screenshots: Path
 ) -> None:
     first, second = (
@@ -91,7 +91,7 @@ def test_a_form_begins_its_job_and_shows_the_result(
     page = open_page()
     page.get_by_role("link", name="All operations").click()
     page.get_by_role("link", name="Recover a recording").click()
-    expect(page.locator("#runs option")).to_have_count(2)  # offered while the user types
+    expect(page.locator("#runs option")).to_have_count(2)  # suggested while the user types
     page.goto(f"{page.url}?what={first}")
     expect(page.locator("[name=what]")).to_have_value(first)
     page.locator("#begin").click()
@@ -108,7 +108,7 @@ def _form(open_page: OpenPage, served: ServedProcess, kind: str) -> Page:
 
 
 def _sent_request(page: Page, kind: str) -> object:
-    """Press what begins, and return the request; nothing begins."""
+    """Press the start button, and return the request, which is intercepted."""
     asked: list[Any] = []
 
     def keep(route: Route) -> None:

@@ -1,4 +1,4 @@
-"""A page that goes out of reach while the robot moves, under both policies; one behind others."""
+"""A page that loses its connection while the robot moves, and a page in the background."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ BEGIN = """async (pace) => {
   const request = { motion: "motion.yaml", simulation: { pace } };
   void panel.begin("record", request, { moves: true });
 }"""
-"""A motion by the page's own panel, which asks for the reaction to a lost page."""
+"""Start a motion with the page's panel, which asks for the reaction to a lost connection."""
 
 TIMERS_STAND = "window.setInterval = () => 0;"
-"""What browsers do to the timers of a page in the background, and further than any goes."""
+"""Stop all timers, which is more than browsers do to a page in the background."""
 
 
-def begin(page: Page, served: ServedProcess, policy: str, pace: float) -> Job:
-    """Begin a motion with a policy by the page's dialog; return it once the robot moves."""
+def start_motion(page: Page, served: ServedProcess, policy: str, pace: float) -> Job:
+    """Start a motion with a policy in the page's dialog; return the job when the robot moves."""
     page.evaluate(BEGIN, pace)
     dialog = page.get_by_role("dialog")
     dialog.get_by_label("If the connection to this page is lost").select_option(policy)
@@ -48,8 +48,8 @@ def begin(page: Page, served: ServedProcess, policy: str, pace: float) -> Job:
     return job
 
 
-def run_out(page: Page, served: ServedProcess) -> None:
-    """Let the lease of a page that cannot renew it run out within two seconds, not fifteen."""
+def shorten_lease(page: Page, served: ServedProcess) -> None:
+    """Shorten the lease of a page that cannot renew it from 15 to 2 seconds."""
     key = page.evaluate(f"() => sessionStorage.getItem('rid-daq lease {CELL}')")
     with served.client as client:
         client.ask("PUT", f"/cells/{CELL}/lease", {"seconds": 2.0}, key)
@@ -62,7 +62,7 @@ def run_out(page: Page, served: ServedProcess) -> None:
         ("finish", 5.0, "the motion continues to its end.", "Record: done"),
     ],
 )
-def test_a_tablet_out_of_reach_ends_its_motion_as_it_was_told_and_shows_it_when_it_is_back(
+def test_a_motion_of_a_disconnected_tablet_follows_its_policy_and_is_shown_later(
     open_page: OpenPage,
     served_pages: ServedProcess,
     request: pytest.FixtureRequest,
@@ -77,11 +77,11 @@ def test_a_tablet_out_of_reach_ends_its_motion_as_it_was_told_and_shows_it_when_
     page = open_page(width=820)
     take_cell(page)
     ready(page, served_pages)
-    job = begin(page, served_pages, policy, pace)
+    job = start_motion(page, served_pages, policy, pace)
     expect(page.locator("#lease-words")).to_contain_text(told)
 
     page.context.set_offline(True)
-    run_out(page, served_pages)
+    shorten_lease(page, served_pages)
     expect(page.locator("#reach")).to_contain_text("The service does not answer")
     expect(page.locator("#reach")).to_contain_text("use the emergency stop")
     with served_pages.client as client:
@@ -100,13 +100,13 @@ def test_a_tablet_out_of_reach_ends_its_motion_as_it_was_told_and_shows_it_when_
     words = page.locator("#lease-words")
     expect(words).to_have_text("You no longer hold this cell. No one holds this cell.")
     expect(page.locator("#lease-take")).to_be_visible()
-    problems.clear()  # the browser's own words on what it could not reach
+    problems.clear()  # the browser reports failed requests
 
 
-def test_a_tab_that_is_frozen_ends_its_motion_as_it_was_told(
+def test_a_motion_of_a_suspended_tab_is_stopped(
     open_page: OpenPage, served_pages: ServedProcess, long_motion: str, problems: list[str]
 ) -> None:
-    """Its process is stopped, as by a debugger or a tablet that is out of memory.
+    """The process of the tab is suspended, like in a debugger or on a tablet out of memory.
 
     The connection stays open, but no process remains that could release a key.
     """
@@ -114,8 +114,8 @@ def test_a_tab_that_is_frozen_ends_its_motion_as_it_was_told(
     page = open_page()
     take_cell(page)
     ready(page, served_pages)
-    job = begin(page, served_pages, "stop", 1.0)
-    run_out(page, served_pages)
+    job = start_motion(page, served_pages, "stop", 1.0)
+    shorten_lease(page, served_pages)
     with frozen(page), served_pages.client as client:
         over = client.follow(client.job(job.id))
         assert over.job.state.value == "stopped"
@@ -125,12 +125,12 @@ def test_a_tab_that_is_frozen_ends_its_motion_as_it_was_told(
     expect(page.locator("#job .verdict.end")).to_contain_text("is out of reach")
     words = page.locator("#lease-words")
     expect(words).to_have_text("You no longer hold this cell. No one holds this cell.")
-    problems.clear()  # the browser's own words on a lease that is gone
+    problems.clear()  # the browser reports requests with the expired lease
 
 
 @contextlib.contextmanager
 def frozen(page: Page) -> Iterator[None]:
-    """Stop the processes that show pages, for as long as the `with` lasts."""
+    """Suspend the processes that show pages while the `with` block is active."""
     browser = page.context.browser
     assert browser is not None
     session = browser.new_browser_cdp_session()
@@ -147,7 +147,7 @@ def frozen(page: Page) -> Iterator[None]:
         session.detach()
 
 
-def test_a_page_in_the_background_keeps_its_cell_and_one_that_is_closed_does_not(
+def test_a_background_page_keeps_its_lease_and_closing_it_stops_the_motion(
     open_page: OpenPage, served_pages: ServedProcess, long_motion: str
 ) -> None:
     (served_pages.folder / "motion.yaml").write_text(long_motion)
@@ -166,7 +166,7 @@ def test_a_page_in_the_background_keeps_its_cell_and_one_that_is_closed_does_not
 
         until(is_renewed)
         ready(page, served_pages)
-        job = begin(page, served_pages, "stop", 1.0)
+        job = start_motion(page, served_pages, "stop", 1.0)
         key = page.evaluate(f"() => sessionStorage.getItem('rid-daq lease {CELL}')")
         page.close()
         client.ask("PUT", f"/cells/{CELL}/lease", {"seconds": 2.0}, key)
@@ -175,7 +175,7 @@ def test_a_page_in_the_background_keeps_its_cell_and_one_that_is_closed_does_not
         assert re.search(r"Chrome on Linux, number \d+ is out of reach", over.reason)
 
 
-def test_a_page_that_is_loaded_again_finds_what_it_has_under_way(
+def test_a_reloaded_page_shows_its_running_job(
     open_page: OpenPage, served_pages: ServedProcess
 ) -> None:
     page = open_page()
@@ -190,4 +190,4 @@ def test_a_page_that_is_loaded_again_finds_what_it_has_under_way(
     expect(page.locator("#motion")).to_have_value("excitation.yaml")
     page.reload()
     expect(page.locator("#picture")).to_contain_text("Condition number")
-    expect(page.locator("#job")).to_be_hidden()  # its end was shown already
+    expect(page.locator("#job")).to_be_hidden()  # the end of the job has already been shown

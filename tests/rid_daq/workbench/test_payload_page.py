@@ -1,4 +1,4 @@
-"""An interrupted payload session, gone on with by its page: what the page shows is what holds."""
+"""An interrupted payload session is resumed on its page, which shows the options in effect."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CELL = "ir361"
 
 @pytest.fixture(scope="module")
 def session(served_pages: ServedProcess) -> str:
-    """Return a session that was begun with other choices than the usual, and interrupted."""
+    """Return an interrupted session with options that differ from the defaults."""
     runs = served_pages.folder / "runs"
     begun = PayloadSessionRequest(
         cell=CELL,
@@ -43,7 +43,7 @@ def session(served_pages: ServedProcess) -> str:
 
 @pytest.fixture
 def page(open_page: OpenPage, served_pages: ServedProcess) -> Iterator[Page]:
-    """The Payload page of a user who has leased the cell, ready to move."""
+    """Open the Payload page of a user who has leased the cell, which is ready to move."""
     opened = open_page()
     take_cell(opened)
     opened.get_by_role("link", name="Payload", exact=True).click()
@@ -52,8 +52,8 @@ def page(open_page: OpenPage, served_pages: ServedProcess) -> Iterator[Page]:
     give_back(opened)
 
 
-def asked_for(page: Page) -> dict[str, Any]:
-    """Press what begins, and return the request; nothing begins."""
+def sent_request(page: Page) -> dict[str, Any]:
+    """Press the start button, and return the request, which is intercepted."""
     asked: list[Any] = []
 
     def keep(route: Route) -> None:
@@ -69,10 +69,10 @@ def asked_for(page: Page) -> dict[str, Any]:
     return request
 
 
-def test_it_is_shown_what_a_session_was_begun_with_and_that_holds(
+def test_the_page_shows_and_keeps_the_options_of_a_session(
     page: Page, session: str, problems: list[str]
 ) -> None:
-    page.reload()  # the session may be there since
+    page.reload()  # show the new session
     page.locator(f".resume[data-run='{session}']").click()
     shown = {"mass": "12", "mass-sigma": "0.02", "label": "gripper", "mass-limit": "20"}
     shown |= {"centre-limit": "10", "repeats": "3", "model": "robot.json"}
@@ -80,11 +80,11 @@ def test_it_is_shown_what_a_session_was_begun_with_and_that_holds(
         expect(page.locator(f"#{field}")).to_have_value(value)
     expect(page.locator("#going-on")).to_contain_text("cz is known: 0.1 ± 0.01.")
     expect(page.locator("#begin")).to_have_text("Resume gripper")
-    assert asked_for(page) == {"resume": session}
-    problems.clear()  # the browser's own words on the refusal
+    assert sent_request(page) == {"resume": session}
+    problems.clear()  # the browser reports the refusal
 
 
-def test_what_is_changed_is_said_anew_be_it_the_usual(
+def test_changed_options_are_sent_even_with_default_values(
     page: Page, session: str, problems: list[str]
 ) -> None:
     page.reload()
@@ -97,7 +97,7 @@ def test_what_is_changed_is_said_anew_be_it_the_usual(
     }.items():
         page.locator(f"#{field}").fill(value)
     page.locator("#model").select_option("")
-    request = asked_for(page)
+    request = sent_request(page)
     limits: dict[str, float | None] = {
         "mass_percent": 5,
         "centre_mm": 10,

@@ -1,4 +1,4 @@
-"""Runs compared and recovered, velocity loops measured, each by the buttons of its page."""
+"""Comparing and recovering runs and measuring velocity loops with the buttons of the pages."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ ramp_s: 0.5
 
 @pytest.fixture(scope="module")
 def identified(served_pages: ServedProcess) -> None:
-    """Two runs of the served arm with a model each; a joint rubs more in the newer one."""
+    """Write two identified runs of the served arm; one joint has more friction in the newer one."""
     arm = arm_in_motion()
     identified_run(served_pages.folder / "runs", arm, "monday", 1)
     identified_run(served_pages.folder / "runs", arm, "dry", 3, fc_axis2=1.2)
@@ -61,7 +61,7 @@ def test_two_identified_runs_are_compared(open_page: OpenPage) -> None:
     expect(page.locator("#job .said")).to_contain_text("differ")
 
 
-def test_a_run_that_a_crash_has_left_is_recovered(
+def test_a_run_left_by_a_crash_is_recovered(
     open_page: OpenPage, served_pages: ServedProcess, long_motion: str
 ) -> None:
     with leased_cell(served_pages, long_motion) as key:
@@ -84,13 +84,13 @@ def test_a_run_that_a_crash_has_left_is_recovered(
     expect(page.locator("#runs tbody tr")).to_have_count(1)
 
 
-def test_friction_is_measured_alone_and_shown(
+def test_friction_is_identified_and_shown(
     open_page: OpenPage, served_pages: ServedProcess, screenshots: Path
 ) -> None:
     run = friction_run(served_pages.folder / "runs", "there and back", 7).run_id
     page = open_page(width=820)
     page.get_by_role("link", name="Friction", exact=True).click()
-    expect(page.locator("#runs label")).to_have_count(1)  # others do not measure it
+    expect(page.locator("#runs label")).to_have_count(1)  # other runs do not measure friction
     page.locator("#measure").click()
     expect(page.locator("#job [role=alert]")).to_contain_text("A run is missing")
     page.locator("#runs").get_by_role("checkbox").check()
@@ -99,14 +99,14 @@ def test_friction_is_measured_alone_and_shown(
     expect(page.locator("#result")).to_contain_text("in the robot file: friction: [")
     page.locator("[data-figure=friction]").scroll_into_view_if_needed()  # it loads once it is seen
     expect(page.locator("[data-figure=friction] [data-figure-state=shown]").first).to_be_visible()
-    page.goto(f"{page.url}?run={run}")  # what was measured is shown again
+    page.goto(f"{page.url}?run={run}")  # the results are shown again
     expect(page.locator("#result .verdict", has_text="the fit is good")).to_have_count(3)
     pictured(page, screenshots, "friction-measured")
 
 
 @pytest.fixture
 def warming(served_pages: ServedProcess) -> Iterator[None]:
-    """A model whose joints warm up and loops that need no run; the next test has its own."""
+    """Write a model with warming joints, and velocity loops without a run, for one test."""
     cell, folder = load_cell("ir361"), served_pages.folder
     model, known = folder / "warming.json", folder / "known_loops.json"
     write_estimate(model, by_temperature(cell, measured=False))
@@ -121,10 +121,10 @@ def warming(served_pages: ServedProcess) -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("identified", "warming")
-def test_a_model_that_warms_up_is_told_how_warm_joints_are(
+def test_a_model_with_warming_requires_the_joint_temperature(
     open_page: OpenPage, served_pages: ServedProcess
 ) -> None:
-    """One field is for all that goes by the model."""
+    """One field sets the temperature for all operations that use the model."""
     (served_pages.folder / "turns.yaml").write_text(TURNS)
     page = open_page(width=820)
     page.get_by_role("link", name="Compensation", exact=True).click()
@@ -148,7 +148,7 @@ def test_a_model_that_warms_up_is_told_how_warm_joints_are(
 
 @pytest.fixture(scope="module")
 def multisine_run(served_pages: ServedProcess) -> str:
-    """A recorded multisine of the served arm, which is ready to move again."""
+    """Record a multisine on the served arm; the cell is ready to move afterwards."""
     (served_pages.folder / "multisine.yaml").write_text(MULTISINE)
     client = served_pages.client
     with client, client.lease("ir361") as cell:
@@ -164,7 +164,7 @@ def multisine_run(served_pages: ServedProcess) -> str:
 def test_loops_are_measured_and_a_path_is_compensated_compared_refined_and_streamed(
     open_page: OpenPage, served_pages: ServedProcess, multisine_run: str
 ) -> None:
-    """By the buttons of the page, step by step; each file that one makes is the next one's."""
+    """Press the page's buttons step by step; each step uses the file of the previous one."""
     run = multisine_run
     (served_pages.folder / "turns.yaml").write_text(TURNS)
     (served_pages.folder / "pick.yaml").write_text(PICK)
@@ -236,12 +236,12 @@ def moved(page: Page, served: ServedProcess, button: str, end: str) -> str:
     with served.client as client:
         run = client.follow(newest(served)).require_done().job.run
     assert run is not None
-    expect(page.locator("#after")).to_have_value(run)  # the page offers it
+    expect(page.locator("#after")).to_have_value(run)  # the page offers the file
     expect(page.locator("#job .verdict.end")).to_have_text(end)
     return run
 
 
 def newest(served: ServedProcess) -> Job:
-    """Return the job that was begun last."""
+    """Return the job that was started last."""
     with served.client as client:
         return Job.model_validate(client.ask("GET", "/jobs?limit=1")[0])

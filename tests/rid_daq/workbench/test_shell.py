@@ -1,4 +1,4 @@
-"""The shell of the pages, by clicks: lease, STOP, pairing, strangers, a service that is gone."""
+"""The shell of the pages, operated by clicks: lease, STOP, pairing, foreign pages, lost service."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ RECORD = """async () => {
   const request = { motion: "motion.yaml", simulation: { pace: 1 } };
   return await ask("POST", `${CELL}/jobs`, { kind: "record", request, cleared: true });
 }"""
-"""A motion of minutes, by the page's own module and lease."""
+"""Start a motion of several minutes with the page's module and lease."""
 
 
 NEEDS = """async ([ready, held]) => {
@@ -42,10 +42,10 @@ NEEDS = """async ([ready, held]) => {
   now.status = { ...now.status, not_ready_because: ready, not_held_because: held };
   return [missing("ready"), missing("held")];
 }"""
-"""What the page's buttons lack, if the service says so."""
+"""Return the missing conditions of the page's buttons for a state of the service."""
 
 
-def test_a_newcomer_takes_the_cell_and_checks_it(open_page: OpenPage) -> None:
+def test_a_new_user_leases_the_cell_and_checks_it(open_page: OpenPage) -> None:
     page = open_page()
     expect(page).to_have_url(re.compile(f"/cells/{CELL}$"))
     expect(page).to_have_title(re.compile("simulated"))
@@ -62,7 +62,7 @@ def test_a_newcomer_takes_the_cell_and_checks_it(open_page: OpenPage) -> None:
     expect(page.locator("#lease-words")).to_have_text("No one holds this cell.")
 
 
-def test_stop_ends_a_motion_also_while_a_dialog_is_open(
+def test_stop_ends_a_motion_even_while_a_dialog_is_open(
     open_page: OpenPage, served_pages: ServedProcess, long_motion: str
 ) -> None:
     page = open_page()
@@ -76,7 +76,7 @@ def test_stop_ends_a_motion_also_while_a_dialog_is_open(
     )
     expect(page.get_by_role("dialog")).to_be_visible()
     expect(page.locator("#job .count")).to_contain_text("measuring")
-    page.locator("#stop").click()  # nothing covers it, nor is it inert
+    page.locator("#stop").click()  # STOP is neither covered nor inert
     expect(page.locator("#stop-words")).to_have_text(re.compile("Stop requested"))
     expect(page.locator("#job .verdict.end")).to_contain_text("Record: stopped")
     page.get_by_role("dialog").get_by_role("button", name="Cancel").click()
@@ -107,7 +107,7 @@ def test_a_button_moves_a_joint_while_it_is_held(
     forth.hover()
     while degrees(position.inner_text()) < at_rest + 1.0:
         page.mouse.down()
-        for _ in range(40):  # a page that lags loses its hold: then it is pressed again
+        for _ in range(40):  # a slow page loses the held key: press it again
             page.wait_for_timeout(50)
             if degrees(position.inner_text()) >= at_rest + 1.0:
                 break
@@ -124,7 +124,7 @@ def test_a_button_moves_a_joint_while_it_is_held(
     give_back(page)
 
 
-def test_jog_and_axis_test_can_be_begun_if_the_axis_test_is_all_that_is_missing(
+def test_jog_and_axis_test_are_enabled_if_only_the_axis_test_is_missing(
     open_page: OpenPage,
 ) -> None:
     page = open_page()
@@ -138,7 +138,7 @@ def test_jog_and_axis_test_can_be_begun_if_the_axis_test_is_all_that_is_missing(
 
 
 @pytest.mark.promise("held-key-slow-link")
-def test_a_key_that_is_held_over_a_slow_link_moves_nothing_and_the_page_says_why(
+def test_a_key_held_over_a_slow_link_moves_nothing_with_a_reason(
     open_by_link: OpenByLink, link: BadLink, served_pages: ServedProcess
 ) -> None:
     page = open_by_link()
@@ -156,7 +156,9 @@ def test_a_key_that_is_held_over_a_slow_link_moves_nothing_and_the_page_says_why
     page.mouse.down()
     expect(said).to_contain_text(re.compile(r"link too slow: .*\d+ ms"))
     link.mend()
-    page.wait_for_timeout(1000)  # the key is still held, over a good link: another press is needed
+    page.wait_for_timeout(
+        1000
+    )  # the key is still held, now over a good link: another press is needed
     assert position.inner_text() == at_rest
     page.mouse.up()
     page.get_by_role("button", name="Finish").click()
@@ -168,7 +170,7 @@ def degrees(text: str) -> float:
     return float(text.split()[0])
 
 
-def test_nothing_is_pressed_before_the_page_listens(open_page: OpenPage) -> None:
+def test_a_page_is_inert_until_its_script_has_loaded(open_page: OpenPage) -> None:
     page = open_page()
     held: list[Route] = []
 
@@ -189,7 +191,7 @@ def test_nothing_is_pressed_before_the_page_listens(open_page: OpenPage) -> None
     expect(name).to_be_focused()
 
 
-def test_a_second_browser_is_paired_and_takes_the_cell_over(
+def test_a_second_browser_is_paired_and_takes_over_the_cell(
     open_page: OpenPage, problems: list[str]
 ) -> None:
     first, second = open_page(), open_page(known=False)
@@ -215,20 +217,22 @@ def test_a_second_browser_is_paired_and_takes_the_cell_over(
     expect(second.locator("#lease-back")).to_be_visible()
     expect(first.locator("#lease-words")).to_contain_text("You no longer hold this cell.")
     expect(first.locator("#lease-words")).to_contain_text("the tablet holds this cell")
-    assert all("409 (Conflict)" in problem for problem in problems)  # the first one's renewal
+    assert all(
+        "409 (Conflict)" in problem for problem in problems
+    )  # the renewal by the first browser
     problems.clear()
     give_back(second)
     expect(first.locator("#lease-take")).to_be_visible()
 
 
-def test_a_service_that_hangs_is_told_in_large_words_and_stop_is_answered(
+def test_a_hanging_service_raises_an_alarm_and_stop_is_still_answered(
     open_page: OpenPage, served_pages: ServedProcess, problems: list[str]
 ) -> None:
     page = open_page()
     expect(page.locator("#lease-take")).to_be_visible()
     served_pages.process.send_signal(signal.SIGSTOP)
     try:
-        page.locator("#stop").click()  # the process in front of the service answers it
+        page.locator("#stop").click()  # the front process answers
         expect(page.locator("#stop-words")).to_have_text("This service moves nothing now.")
         expect(page.locator("#reach")).to_contain_text("use the emergency stop")
         expect(page.locator("#state")).to_have_text("unknown")
@@ -272,7 +276,7 @@ Promise.all(tries).then((all) => { document.title = "tried"; window.all = all; }
 
 @pytest.fixture
 def stranger(served_pages: ServedProcess, tmp_path: Path) -> Iterator[str]:
-    """The address of a stranger's page on this computer."""
+    """Serve a foreign page on this computer, and yield its address."""
     service = served_pages.url.split("/?")[0]
     (tmp_path / "index.html").write_text(STRANGER.replace("SERVICE", service))
 
@@ -289,7 +293,7 @@ def stranger(served_pages: ServedProcess, tmp_path: Path) -> Iterator[str]:
         serving.join()
 
 
-def test_a_strangers_page_in_the_same_browser_gets_nothing(
+def test_a_foreign_page_in_the_same_browser_gets_no_access(
     open_page: OpenPage, served_pages: ServedProcess, stranger: str, problems: list[str]
 ) -> None:
     page = open_page()
@@ -299,7 +303,10 @@ def test_a_strangers_page_in_the_same_browser_gets_nothing(
     other.goto(stranger)
     expect(other).to_have_title("tried")
     found = dict(other.evaluate("window.all"))
-    assert found.pop("blind stop") in ("opaque", "refused")  # sent blindly, and refused there
+    assert found.pop("blind stop") in (
+        "opaque",
+        "refused",
+    )  # sent without access to the answer, and refused by the service
     assert found == dict.fromkeys(("read", "with cookie", "lease", "socket", "image"), "refused")
     service = served_pages.url.split("/?")[0]
     with other.expect_response(re.compile("/stop$")) as answered:

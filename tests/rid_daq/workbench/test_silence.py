@@ -1,4 +1,4 @@
-"""A service that falls silent on a channel: how soon a page says so, by the test's own clock."""
+"""A service that stops answering on a channel: time until the page reports it, by a test clock."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ window.fake = async (moving) => {
   tell({ type: "cell", cell: status });
 };
 """
-"""A service that says what a test says (`tell`), and answers requests while `answering`."""
+"""A simulated service that sends the test's messages (`tell`) and can stop answering."""
 
 PICTURE = """{ type: "samples", cell: "ir361", job: "j1", picture: {
   words: "Measuring", moving: true, age_s: 0, joints: [], share: 0.5, count: "", left_s: null,
@@ -50,7 +50,7 @@ PICTURE = """{ type: "samples", cell: "ir361", job: "j1", picture: {
 
 
 def spend(page: Page, seconds: float, said: str | None) -> None:
-    """Let the page's time pass; the WebSocket says something ten times a second, or nothing."""
+    """Let the page's time pass; the WebSocket sends a message ten times a second, or none."""
     for _ in range(round(10 * seconds)):
         page.clock.run_for(100)
         if said is not None:
@@ -68,7 +68,7 @@ def spend(page: Page, seconds: float, said: str | None) -> None:
     ],
     ids=["values", "requests", "both"],
 )
-def test_a_silent_channel_is_told_within_two_seconds_and_its_end_too(
+def test_a_silent_channel_and_its_recovery_are_shown_within_seconds(
     open_page: OpenPage, values: bool, requests: bool, words: str, moving: bool
 ) -> None:
     page = open_page()

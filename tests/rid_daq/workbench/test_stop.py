@@ -1,6 +1,6 @@
-"""STOP of the pages, by links that stall or are late, and on pages that lack a part.
+"""STOP of the pages over stalled or slow links, and on incomplete pages.
 
-Each test presses STOP while the robot moves, and measures when the process that drives saw it.
+Each test presses STOP during a motion, and measures when the driving process receives it.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ NOTHING_MOVES = "This service moves nothing now."
     ],
     ids=["values", "stop-line", "requests", "stop-line and requests", "both WebSockets"],
 )
-def test_stop_arrives_by_whichever_channel_answers(
+def test_stop_arrives_over_any_channel_that_works(
     open_by_link: OpenByLink,
     link: BadLink,
     served_pages: ServedProcess,
@@ -52,13 +52,13 @@ def test_stop_arrives_by_whichever_channel_answers(
 
 
 @pytest.mark.promise("page-stop-before-requests")
-def test_stop_is_not_held_up_by_searches_that_hang(
+def test_hanging_searches_do_not_delay_stop(
     open_by_link: OpenByLink, link: BadLink, served_pages: ServedProcess, program_lease: str
 ) -> None:
     page = open_by_link()
     go_to(page, "Runs")
     expect(page.locator("#runs")).not_to_be_empty()
-    link.stall("^/api/v1/runs|^/api/v1/stop-line$|^/api/v1/ws$")  # STOP goes by requests alone
+    link.stall("^/api/v1/runs|^/api/v1/stop-line$|^/api/v1/ws$")  # STOP can only use requests
     with moving(served_pages, program_lease) as motion:
         for letter in "ninewords":
             page.locator("#search").press(letter)
@@ -71,7 +71,7 @@ def test_stop_is_not_held_up_by_searches_that_hang(
 
 @pytest.mark.promise("page-stop-alone")
 @pytest.mark.parametrize("missing", ["dialog", "awake", "service", "dom", "shell", "requests"])
-def test_stop_works_on_a_page_that_lacks_a_part_and_the_page_says_so(
+def test_stop_works_on_an_incomplete_page_which_shows_a_warning(
     context: BrowserContext,
     open_by_link: OpenByLink,
     served_pages: ServedProcess,
@@ -87,7 +87,7 @@ def test_stop_works_on_a_page_that_lacks_a_part_and_the_page_says_so(
 
 
 @pytest.mark.promise("page-stop-alone")
-def test_stop_works_where_another_script_throws(
+def test_stop_works_if_another_script_fails(
     context: BrowserContext,
     open_by_link: OpenByLink,
     served_pages: ServedProcess,
@@ -104,7 +104,7 @@ def test_stop_works_where_another_script_throws(
 
 
 @pytest.mark.promise("page-stop-alone")
-def test_a_page_without_its_stop_script_says_so(
+def test_a_page_without_its_stop_script_shows_a_warning(
     context: BrowserContext, open_by_link: OpenByLink
 ) -> None:
     context.route("**/stop.js", lambda route: route.abort())
@@ -114,7 +114,7 @@ def test_a_page_without_its_stop_script_says_so(
 
 
 @pytest.mark.promise("page-stop-words-are-true")
-def test_a_stop_without_an_answer_is_asked_for_until_it_is_acknowledged(
+def test_an_unanswered_stop_is_repeated_until_it_is_acknowledged(
     open_by_link: OpenByLink, link: BadLink, served_pages: ServedProcess, program_lease: str
 ) -> None:
     page = open_by_link()
@@ -134,7 +134,7 @@ def test_a_stop_without_an_answer_is_asked_for_until_it_is_acknowledged(
 
 
 @pytest.mark.promise("page-stop-words-are-true")
-def test_a_stop_without_an_answer_goes_on_in_the_next_page(
+def test_an_unanswered_stop_continues_on_the_next_page(
     open_by_link: OpenByLink, link: BadLink, served_pages: ServedProcess, program_lease: str
 ) -> None:
     page = open_by_link()
@@ -150,7 +150,7 @@ def test_a_stop_without_an_answer_goes_on_in_the_next_page(
 
 
 @pytest.mark.promise("page-stop-words-are-true")
-def test_late_segments_fail_no_stop_that_arrived(
+def test_delayed_data_do_not_make_an_acknowledged_stop_fail(
     open_by_link: OpenByLink, link: BadLink, served_pages: ServedProcess, program_lease: str
 ) -> None:
     page = open_by_link()
@@ -189,12 +189,12 @@ def test_pages_of_a_revoked_device_and_unknown_addresses_stop_all_cells(
 
 
 @pytest.mark.promise("page-stop-everywhere")
-def test_a_page_that_loads_with_a_session_secret_has_stop_meanwhile(
+def test_a_page_has_stop_while_it_loads_with_a_session_secret(
     open_by_link: OpenByLink, link: BadLink, served_pages: ServedProcess, program_lease: str
 ) -> None:
     page = open_by_link()
     seen = len(link.paths)
-    link.stall_after(1, "^/cells/ir361/runs$")  # the first is without the secret
+    link.stall_after(1, "^/cells/ir361/runs$")  # the first request is without the secret
     page.get_by_role("link", name="Runs", exact=True).click()
     expect(page.locator("#login-words")).to_have_text("Loading…")
     assert link.paths[seen:].count("/cells/ir361/runs") >= 1

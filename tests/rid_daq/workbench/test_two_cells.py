@@ -1,4 +1,4 @@
-"""One service of two cells, by TLS, seen by an administrator and by a device that may only look."""
+"""A service of two cells over TLS, used by an administrator and by a read-only device."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ pytestmark = pytest.mark.slow
 ARM = "two-arm"
 WARM = "two-warm"
 TOO_WARM = "  warmest_k: 280.0\n"
-"""The end of a cell file whose last part is its monitor: every motor is warmer than this."""
+"""Text for the end of a cell file, after its monitor: a limit below all motor temperatures."""
 
 
 def cell_file(folder: Path, bundled: str, name: str, more: str = "") -> str:
-    """Write a bundled cell by another name, on a bus of its own, and return its file."""
+    """Write a bundled cell with another name and a separate bus, and return its file."""
     (folder / name).mkdir()
     for file, content in load_cell(bundled).files.items():
         text = content.decode()
@@ -46,7 +46,7 @@ def free_port() -> int:
 def served_two(
     tmp_path_factory: pytest.TempPathFactory, certificate: Path
 ) -> Iterator[ServedProcess]:
-    """A service of two cells over TLS; one cell is too warm to move."""
+    """Run a service of two cells over TLS; one cell is too warm to move."""
     folder = tmp_path_factory.mktemp("two")
     arm, warm = cell_file(folder, "ir361", ARM), cell_file(folder, "kr15", WARM, TOO_WARM)
     with serving(folder, warm, "--certificate", str(certificate), cell=arm) as running:
@@ -55,7 +55,7 @@ def served_two(
 
 @pytest.fixture(scope="module")
 def administrator(browser: Browser, served_two: ServedProcess) -> Iterator[Page]:
-    """The page of who was let in by the terminal's link."""
+    """Open a page with the link from the terminal."""
     context = browser.new_context(ignore_https_errors=True, viewport={"width": 820, "height": 900})
     context.set_default_timeout(PATIENCE_MS)
     page = context.new_page()
@@ -66,14 +66,14 @@ def administrator(browser: Browser, served_two: ServedProcess) -> Iterator[Page]
 
 @pytest.fixture
 def tablet(browser: Browser) -> Iterator[BrowserContext]:
-    """A browser without a token."""
+    """Return a browser profile without a token."""
     context = browser.new_context(ignore_https_errors=True)
     context.set_default_timeout(PATIENCE_MS)
     yield context
     context.close()
 
 
-def test_a_red_preflight_says_what_to_do_by_device(administrator: Page) -> None:
+def test_a_red_preflight_gives_advice_for_each_device(administrator: Page) -> None:
     page = administrator
     expect(page).to_have_url(re.compile(f"^https://.*/cells/{ARM}$"))
     page.locator("#cell-choice").select_option(WARM)
@@ -96,7 +96,7 @@ def test_a_red_preflight_says_what_to_do_by_device(administrator: Page) -> None:
     expect(page.locator("#preflight-words")).to_contain_text("This cell has had no preflight yet.")
 
 
-def test_a_device_that_may_only_look_sees_all_and_moves_nothing(
+def test_a_read_only_device_sees_everything_and_moves_nothing(
     administrator: Page, tablet: BrowserContext, served_two: ServedProcess
 ) -> None:
     page = tablet.new_page()

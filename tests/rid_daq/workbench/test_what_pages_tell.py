@@ -29,7 +29,7 @@ def cell_file(tmp_path: Path) -> Path:
     return tmp_path / "cell.yaml"
 
 
-def test_an_error_is_shown_in_the_line_where_it_stands(cell_file: Path) -> None:
+def test_an_error_is_shown_at_its_line(cell_file: Path) -> None:
     cell = ServedCell(str(cell_file), 1.0)
     assert [each.wrong_line for each in sources_of(cell)] == [None] * 4
     text = cell_file.read_text()
@@ -41,7 +41,7 @@ def test_an_error_is_shown_in_the_line_where_it_stands(cell_file: Path) -> None:
     assert sources["robot.yaml"].wrong_line is None
 
 
-def test_the_history_of_a_robot_holds_its_own_runs_alone(tmp_path: Path) -> None:
+def test_the_history_of_a_robot_contains_only_its_runs(tmp_path: Path) -> None:
     first = estimated(tmp_path, "first", 3.0)
     estimated(tmp_path, "another robot", 9.0, robot="kr15")
     torn = estimated(tmp_path, "torn", 3.0)
@@ -64,22 +64,22 @@ def test_the_history_of_a_robot_holds_its_own_runs_alone(tmp_path: Path) -> None
         ([(3.0, 0.0), (3.1, 0.0)], "the uncertainty is unknown"),
     ],
 )
-def test_a_drift_is_judged_by_its_uncertainty(values, words) -> None:
+def test_a_drift_is_compared_with_its_uncertainty(values, words) -> None:
     entries = [HistoryEntry("run", "", "", value, std) for value, std in values]
     assert words in QuantityHistory("mass", "kg", entries).sentence
 
 
-def test_a_run_is_not_looked_for_where_stop_and_leases_are_heard(
+def test_runs_are_searched_outside_the_event_loop(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def beside(service: CellService, run: str) -> RunFolder:
+    def search_outside_loop(service: CellService, run: str) -> RunFolder:
         with pytest.raises(RuntimeError, match="no running event loop"):
             asyncio.get_running_loop()
         return run_folder(service, run)
 
     service = CellService(tmp_path, [ServedCell("ir361", 20.0)])
     run = estimated(service.runs, "first", 3.0)
-    monkeypatch.setattr(runs_pages, "run_folder", beside)
+    monkeypatch.setattr(runs_pages, "run_folder", search_outside_loop)
     api = Api(service)
     api.app = make_api(service, api.door, PAGES)
     page = api.ask(Role.VIEWER, "GET", f"/cells/ir361/runs/{run}")
@@ -88,7 +88,7 @@ def test_a_run_is_not_looked_for_where_stop_and_leases_are_heard(
     assert api.ask(Role.VIEWER, "GET", "/cells/ir361/runs/none").status_code == 404
 
 
-def test_a_page_of_another_version_of_the_program_is_told_to_reload(tmp_path: Path) -> None:
+def test_a_page_of_another_program_version_must_be_reloaded(tmp_path: Path) -> None:
     service = CellService(tmp_path, [ServedCell("ir361", 20.0)])
     api = Api(service)
     api.app = make_api(service, api.door, PAGES)

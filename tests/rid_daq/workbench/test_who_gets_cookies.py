@@ -1,4 +1,4 @@
-"""Cookies that a browser sends to other programs on this computer give no access."""
+"""Data that a browser sends to other programs on this computer give no access."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ WHO = "/api/v1/whoami"
 
 
 class Squatter(http.server.ThreadingHTTPServer):
-    """Another program of this computer: it keeps what is sent to it."""
+    """Another program of this computer that stores all requests it receives."""
 
     allow_reuse_address = True
 
@@ -61,7 +61,7 @@ def squatting(port: int = 0) -> Iterator[Squatter]:
 
 
 def shown(service: str, headers: dict[str, str]) -> int:
-    """Return how the service answers a program that shows what it was sent."""
+    """Return the service's status for a program that repeats received headers."""
     kept = {
         name: value for name, value in headers.items() if name.lower() not in ("host", "origin")
     }
@@ -69,7 +69,7 @@ def shown(service: str, headers: dict[str, str]) -> int:
 
 
 @pytest.mark.promise("nothing-automatic")
-def test_another_port_is_sent_nothing_that_lets_it_in(
+def test_another_port_receives_no_valid_secret(
     open_page: OpenPage, served_pages: ServedProcess, problems: list[str]
 ) -> None:
     page = open_page()
@@ -84,7 +84,7 @@ def test_another_port_is_sent_nothing_that_lets_it_in(
 
 
 @pytest.mark.promise("nothing-automatic")
-def test_who_has_the_port_afterwards_gets_nothing_that_the_next_start_takes(
+def test_a_later_program_on_the_port_gets_no_secret_valid_after_a_restart(
     open_page_of: OpenPage, tmp_path: Path
 ) -> None:
     with serving(tmp_path, cell="exercise") as first:
@@ -96,7 +96,7 @@ def test_who_has_the_port_afterwards_gets_nothing_that_the_next_start_takes(
         page.reload()
         assert other.sent
         kept = json.loads(page.title())
-        assert kept  # a page there can read what ours has kept
+        assert kept  # a page of that program can read the storage of our page
     with serving(tmp_path, "--listen", f"127.0.0.1:{port}", cell="exercise") as second:
         service = second.url.partition("/?")[0]
         assert {shown(service, headers) for headers in other.sent} <= {401, 403}
@@ -104,7 +104,7 @@ def test_who_has_the_port_afterwards_gets_nothing_that_the_next_start_takes(
             assert shown(service, {"authorization": f"Bearer {secret}"}) == 401
 
 
-def test_a_page_opens_and_saves_what_the_service_has(
+def test_a_page_opens_and_downloads_data_of_the_service(
     open_page: OpenPage, served_pages: ServedProcess
 ) -> None:
     (served_pages.folder / "kept.json").write_text("{}")

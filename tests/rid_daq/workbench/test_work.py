@@ -1,4 +1,4 @@
-"""The pages of the work, as a newcomer clicks through them: to a validated model, to a payload."""
+"""The pages as a new user operates them: to a validated model and to a payload."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from tests.rid_daq.workbench.test_every_page import require_axe
 pytestmark = pytest.mark.slow
 
 SHOWN_FIGURE = "[data-figure-state=shown]"
-LONG_MS = 400_000  # a motion, where others work on this computer too
+LONG_MS = 400_000  # a motion on a busy computer
 
 
 @pytest.fixture(scope="module")
 def served_arm(
     tmp_path_factory: pytest.TempPathFactory, six_axis_motion: Callable[[int], Path]
 ) -> Iterator[ServedProcess]:
-    """A service of the bundled six-axis cell, with a short motion."""
+    """Run a service of the bundled six-axis cell with a short motion."""
     folder = tmp_path_factory.mktemp("work")
     (folder / "six.yaml").write_bytes(six_axis_motion(3).read_bytes())
     with serving(folder, cell="kr15") as running:
@@ -36,13 +36,13 @@ def go_to(page: Page, title: str) -> None:
 
 
 def begin_motion(page: Page, button: str) -> None:
-    """Press what moves, and say that the cell is clear."""
+    """Press a button that moves the robot, and confirm that the cell is clear."""
     page.locator(button).click()
     page.get_by_role("dialog").get_by_role("button", name="is clear: start").click()
 
 
 def pictured(page: Page, screenshots: Path, name: str) -> None:
-    """Keep pictures of a page that shows something, and have axe look at it in both colours."""
+    """Store pictures of a page, and check it with axe in both themes."""
     for colours in ("light", "dark"):
         page.emulate_media(color_scheme="dark" if colours == "dark" else "light")
         expect(page.locator("[data-figure-state=loading]")).to_have_count(0)
@@ -53,7 +53,9 @@ def pictured(page: Page, screenshots: Path, name: str) -> None:
     page.emulate_media(color_scheme="light")
 
 
-def test_from_an_experiment_to_a_validated_model(open_page: OpenPage, screenshots: Path) -> None:
+def test_a_new_user_gets_from_an_experiment_to_a_validated_model(
+    open_page: OpenPage, screenshots: Path
+) -> None:
     page = open_page()
     take_cell(page)
     go_to(page, "Identify")
@@ -105,13 +107,15 @@ def test_from_an_experiment_to_a_validated_model(open_page: OpenPage, screenshot
     assert b"<robot" in Path(saved.value.path()).read_bytes()
     pictured(page, screenshots, "identify-validated")
 
-    page.locator("input[name=friction][value=terms]").check()  # other inputs than were solved
+    page.locator(
+        "input[name=friction][value=terms]"
+    ).check()  # inputs that differ from the solved ones
     expect(page.locator("[data-stage=solve]")).to_contain_text("not yet")
     give_back(page)
 
 
 @pytest.mark.long
-def test_a_newcomer_comes_to_a_payload_verdict(
+def test_a_new_user_gets_to_a_payload_verdict(
     open_page: OpenPage, served_arm: ServedProcess, screenshots: Path
 ) -> None:
     page = open_page(known=False, width=820)

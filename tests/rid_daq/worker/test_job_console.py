@@ -1,4 +1,4 @@
-"""A job's output becomes events; printed again, they equal the output of the command."""
+"""The output of a job becomes events; when displayed, they equal the output of the command."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def speak(console: Console) -> None:
     console.next_step("check", "ir361")
 
 
-def test_events_shown_again_are_what_the_command_says(
+def test_displayed_events_equal_the_output_of_the_command(
     console: JobConsole, events: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     speak(Console())
@@ -76,7 +76,7 @@ def test_events_shown_again_are_what_the_command_says(
 
 
 @pytest.mark.parametrize("as_json", [False, True])
-def test_a_result_shown_again_is_what_the_command_says(
+def test_a_displayed_result_equals_the_output_of_the_command(
     console: JobConsole, events: Path, capsys: pytest.CaptureFixture[str], as_json: bool
 ) -> None:
     line = Line(label="torque", x=(0.0, 1.0), y=(0.0, 1.0), stroke=0)
@@ -104,7 +104,7 @@ def test_a_result_shown_again_is_what_the_command_says(
     assert b"u001b" not in events.read_bytes()
 
 
-def test_programs_get_the_document_of_the_command(
+def test_the_json_document_equals_that_of_the_command(
     console: JobConsole, events: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     speak(console)
@@ -114,7 +114,7 @@ def test_programs_get_the_document_of_the_command(
     assert capsys.readouterr().out == '{\n  "passed": false,\n  "sigma": 0.25\n}\n'
 
 
-def test_a_line_that_was_torn_by_a_kill_is_left_out(console: JobConsole, events: Path) -> None:
+def test_a_line_truncated_by_a_kill_is_ignored(console: JobConsole, events: Path) -> None:
     console.result({"a": 1}, [])
     tail = EventTail(events)
     with events.open("ab") as file:
@@ -125,7 +125,9 @@ def test_a_line_that_was_torn_by_a_kill_is_left_out(console: JobConsole, events:
     assert list(tail.read_new()) == []
 
 
-def test_progress_is_told_now_and_then_and_at_its_end(console: JobConsole, events: Path) -> None:
+def test_progress_is_reported_periodically_and_at_its_end(
+    console: JobConsole, events: Path
+) -> None:
     with console.progress("recording", 100.0, "periods") as progress:
         for done in range(101):
             progress.update(float(done), "measuring")
@@ -135,7 +137,7 @@ def test_progress_is_told_now_and_then_and_at_its_end(console: JobConsole, event
 
 
 def answers(orders: Orders, events: Path, *texts: str) -> None:
-    """Answer the next questions, as a service would, in a thread of their own."""
+    """Answer the next questions in a separate thread, like a service."""
 
     def work() -> None:
         tail, left = EventTail(events), list(texts)
@@ -148,7 +150,7 @@ def answers(orders: Orders, events: Path, *texts: str) -> None:
     threading.Thread(target=work, daemon=True).start()
 
 
-def test_a_question_is_asked_until_its_answer_is_understood(
+def test_a_question_is_repeated_until_its_answer_is_valid(
     console: JobConsole, orders: Orders, events: Path
 ) -> None:
     def number(text: str) -> int:
@@ -162,7 +164,7 @@ def test_a_question_is_asked_until_its_answer_is_understood(
     assert asked == ["How many?", "give a number. How many?"]
 
 
-def test_a_question_brings_the_answers_that_a_page_shows_as_buttons(
+def test_a_question_contains_the_answers_for_buttons_of_a_page(
     console: JobConsole, orders: Orders, events: Path
 ) -> None:
     answers(orders, events, "-")
@@ -175,14 +177,14 @@ def test_a_question_brings_the_answers_that_a_page_shows_as_buttons(
 
 
 @pytest.mark.parametrize(("text", "meant"), [("yes", True), ("no", False), ("", False)])
-def test_yes_is_yes_and_nothing_else_is(
+def test_only_yes_confirms(
     console: JobConsole, orders: Orders, events: Path, text: str, meant: bool
 ) -> None:
     answers(orders, events, text)
     assert console.confirm("Attached?") is meant
 
 
-def test_where_the_service_is_gone_nobody_answers_and_the_job_is_told_to_end(
+def test_without_the_service_a_question_fails_and_the_job_is_terminated(
     events: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     killed: list[Any] = []
@@ -200,25 +202,25 @@ def test_where_the_service_is_gone_nobody_answers_and_the_job_is_told_to_end(
 def held_keys(
     console: JobConsole, tapped: Callable[[str], None] = lambda _key: None
 ) -> Iterator[KeySource]:
-    """Return the key source of the console, for a robot that is ready to move."""
+    """Yield the key source of the console for a robot that is ready to move."""
     with console.keys(tapped) as keys:
         keys.begin()
         yield keys
 
 
-def test_a_key_is_asked_for_once_the_robot_is_ready_and_none_counts_before(
+def test_a_key_is_requested_when_the_robot_is_ready_and_earlier_keys_are_ignored(
     holder: Holder, console: JobConsole, events: Path
 ) -> None:
     with console.keys(lambda _key: None) as keys:
         assert EventTail(events).read_new() == []
-        holder.says(held="+")
+        holder.send(held="+")
         assert keys.look() is None
         keys.begin()
         assert [event.kind for event in EventTail(events).read_new()] == ["asked"]
-        holder.says(held="+")
+        holder.send(held="+")
         assert keys.look() is None, "it was held before"
-        holder.says(held="")
-        holder.says(held="+")
+        holder.send(held="")
+        holder.send(held="+")
         assert keys.look() is not None
 
 
@@ -245,14 +247,14 @@ def test_a_question_ends_without_service_or_lease_even_if_it_is_answered(
 
 
 class Holder:
-    """A page whose messages reach the worker when the test says so."""
+    """A page that sends held keys and taps to the worker."""
 
     def __init__(self, orders: Orders, clock: Clock) -> None:
         self._orders, self._clock = orders, clock
         self._sequence = 0
 
-    def says(self, late_s: float = 0.0, **key: str) -> None:
-        """Answer a challenge that was issued so long ago."""
+    def send(self, late_s: float = 0.0, **key: str) -> None:
+        """Send a key with the answer to a challenge that was issued `late_s` ago."""
         self._sequence += 1
         issued_s = self._clock.now_s - late_s
         line = json.dumps(
@@ -270,35 +272,35 @@ def refusals(events: Path) -> list[KeyRefusalEvent]:
     return [event for event in EventTail(events).read_new() if isinstance(event, KeyRefusalEvent)]
 
 
-def test_a_held_key_holds_for_the_dead_mans_time_and_no_longer(
+def test_a_held_key_is_valid_only_for_the_hold_to_run_time(
     holder: Holder, clock: Clock, console: JobConsole
 ) -> None:
     taps: list[str] = []
     with held_keys(console, taps.append) as keys:
-        holder.says(tapped="2")
-        holder.says(held="+")
+        holder.send(tapped="2")
+        holder.send(held="+")
         held = keys.look()
         assert held is not None
         assert (held.key, held.until_s) == ("+", clock.now_s + DEAD_MAN_S)
         clock.now_s += DEAD_MAN_S
         assert keys.look() is None
-        holder.says(held="+")
+        holder.send(held="+")
         assert keys.look() is None, "the same press"
-        holder.says(held="")
-        holder.says(held="+")
+        holder.send(held="")
+        holder.send(held="+")
         assert keys.look() is not None
-        holder.says(held="")
+        holder.send(held="")
         assert keys.look() is None, "let go"
-    holder.says(tapped="3")
+    holder.send(tapped="3")
     assert taps == ["2"]
 
 
 @pytest.mark.promise("held-key-fresh")
-def test_the_age_of_the_challenge_counts_when_the_worker_acts_on_the_order(
+def test_a_held_key_expires_by_the_age_of_its_challenge(
     holder: Holder, clock: Clock, console: JobConsole
 ) -> None:
     with held_keys(console) as keys:
-        holder.says(held="+", late_s=0.2)
+        holder.send(held="+", late_s=0.2)
         held = keys.look()
         assert held is not None
         assert held.until_s == pytest.approx(clock.now_s + 0.1), "0.3 s after the challenge"
@@ -307,12 +309,12 @@ def test_the_age_of_the_challenge_counts_when_the_worker_acts_on_the_order(
 
 
 @pytest.mark.promise("held-key-slow-link")
-def test_a_link_that_is_too_slow_is_said_once_a_press_with_its_round_trip(
+def test_a_slow_link_is_reported_once_per_press_with_its_round_trip(
     holder: Holder, clock: Clock, console: JobConsole, events: Path
 ) -> None:
     with held_keys(console) as keys:
         for _ in range(5):
-            holder.says(held="+", late_s=0.34)
+            holder.send(held="+", late_s=0.34)
             assert keys.look() is None
             clock.now_s += 0.1
     (refused,) = refusals(events)
@@ -321,50 +323,50 @@ def test_a_link_that_is_too_slow_is_said_once_a_press_with_its_round_trip(
 
 
 @pytest.mark.promise("held-key-slow-link")
-def test_a_link_that_stalls_is_said_when_the_key_counts_no_longer(
+def test_a_stalled_link_is_reported_when_the_key_expires(
     holder: Holder, clock: Clock, console: JobConsole, events: Path
 ) -> None:
     with held_keys(console) as keys:
-        holder.says(held="+", late_s=0.04)
+        holder.send(held="+", late_s=0.04)
         clock.now_s += 0.21
         assert keys.look() is None
         (refused,) = refusals(events)
         assert refused.round_trip_ms == pytest.approx(250.0)
-        holder.says(held="+")
+        holder.send(held="+")
         assert keys.look() is None
 
 
 @pytest.mark.promise("held-key-tap")
-def test_a_tap_that_is_late_chooses_nothing_and_no_key_counts_before_another(
+def test_a_late_tap_selects_nothing_and_keys_are_ignored_until_the_next_tap(
     holder: Holder, console: JobConsole
 ) -> None:
     taps: list[str] = []
     with held_keys(console, taps.append) as keys:
-        holder.says(tapped="2", late_s=0.31)
-        holder.says(held="+")
+        holder.send(tapped="2", late_s=0.31)
+        holder.send(held="+")
         assert keys.look() is None, "it would move another axis than was chosen"
-        holder.says(held="")
-        holder.says(tapped="2")
-        holder.says(held="+")
+        holder.send(held="")
+        holder.send(tapped="2")
+        holder.send(held="+")
         assert keys.look() is not None
     assert taps == ["2"]
 
 
-def test_a_key_that_is_held_from_one_question_to_the_next_must_be_let_go(
+def test_a_key_held_from_one_question_to_the_next_must_be_released(
     holder: Holder, console: JobConsole
 ) -> None:
     with held_keys(console):
-        holder.says(held=" ")
-    holder.says(held=" ")
+        holder.send(held=" ")
+    holder.send(held=" ")
     with held_keys(console) as keys:
-        holder.says(held=" ")
+        holder.send(held=" ")
         assert keys.look() is None
-        holder.says(held="")
-        holder.says(held=" ")
+        holder.send(held="")
+        holder.send(held=" ")
         assert keys.look() is not None
 
 
-def test_no_key_is_held_by_a_command_far_away() -> None:
+def test_a_remote_command_line_cannot_hold_a_key() -> None:
     shown = _EventDisplay(Console())
     event = QuestionEvent(at_s=0.0, question=1, form="hold", text="")
     with raises_code(ConfigError, "RID-KEY-NEEDED"):
@@ -372,7 +374,7 @@ def test_no_key_is_held_by_a_command_far_away() -> None:
 
 
 @pytest.mark.promise("safety-clock")
-def test_progress_goes_on_being_told_after_the_date_was_set_back(
+def test_progress_is_still_reported_after_the_clock_was_set_back(
     console: JobConsole, events: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now = Clock()

@@ -1,4 +1,4 @@
-"""Jobs that compute, as a worker does them: from a client's request to the events."""
+"""Computing jobs in a worker: from a client's request to the events."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ ROWS = 50
 
 
 def run_job(kind: JobKind, told: dict[str, Any], folder: Path) -> list[AnyEvent]:
-    """Do a job of a service's folder, and return what it says."""
+    """Run a job in a service's folder, and return its events."""
     check_request(kind, told, folder)
     request = parse_request(kind, told, cell="ir361", runs=str(folder / "runs"), cleared=False)
     path = folder / "events.jsonl"
@@ -40,8 +40,8 @@ def run_job(kind: JobKind, told: dict[str, Any], folder: Path) -> list[AnyEvent]
     return list(EventTail(path).read_new())
 
 
-def left_by_a_crash(folder: Path) -> RunFolder:
-    """Write a run whose program has ended before it could close it."""
+def crashed_run(folder: Path) -> RunFolder:
+    """Write a run whose program ended before it could close the run."""
     cell = load_cell("ir361")
     run = RunFolder.create(folder / "runs", "crashed")
     for name, content in cell.files.items():
@@ -56,8 +56,8 @@ def left_by_a_crash(folder: Path) -> RunFolder:
     return run
 
 
-def test_a_run_that_a_crash_has_left_becomes_a_run_that_can_be_read(tmp_path: Path) -> None:
-    run = left_by_a_crash(tmp_path)
+def test_a_run_left_by_a_crash_is_recovered_into_a_readable_run(tmp_path: Path) -> None:
+    run = crashed_run(tmp_path)
     events = run_job(JobKind("recover"), {"what": run.run_id}, tmp_path)
     (result,) = (each for each in events if isinstance(each, ResultEvent))
     (entry,) = cast(dict[str, dict[str, object]], result.document["recordings"]).values()
@@ -80,7 +80,7 @@ def test_a_run_that_a_crash_has_left_becomes_a_run_that_can_be_read(tmp_path: Pa
         (JobKind("payload_read_back"), {"payload": "x.json", "form": "kuka", "text": "M 9"}, "x"),
     ],
 )
-def test_what_is_not_there_is_named(
+def test_an_unknown_run_is_named(
     kind: JobKind, told: dict[str, Any], said: str, tmp_path: Path
 ) -> None:
     (tmp_path / "runs").mkdir()
@@ -90,10 +90,10 @@ def test_what_is_not_there_is_named(
     assert caught.value.refusal
 
 
-def test_nothing_is_recovered_from_outside_of_the_folder(tmp_path: Path) -> None:
+def test_a_run_outside_the_folder_is_not_recovered(tmp_path: Path) -> None:
     folder = tmp_path / "folder"
     folder.mkdir()
-    run = left_by_a_crash(tmp_path)
+    run = crashed_run(tmp_path)
     for told in ({"what": str(run.path)}, {"what": "a", "output": "../b"}):
         with raises_code(ConfigError, "RID-PATH-OUTSIDE"):
             run_job(JobKind("recover"), told, folder)

@@ -35,7 +35,7 @@ def resolved(schema: Schema, whole: Schema) -> Schema:
 
 
 def numbers(schema: Schema, whole: Schema, place: Place = ()) -> Iterator[tuple[Place, Schema]]:
-    """Yield every number that a document may have, and its schema."""
+    """Yield the place and the schema of every number that a document can contain."""
     schema = resolved(schema, whole)
     for each in (*schema.get("anyOf", ()), *schema.get("oneOf", ())):
         yield from numbers(each, whole, place)
@@ -50,7 +50,7 @@ def numbers(schema: Schema, whole: Schema, place: Place = ()) -> Iterator[tuple[
 
 
 def least_document(schema: Schema, whole: Schema) -> Any:
-    """Return a document that has what it must have, and nothing more."""
+    """Return a document with only the required values."""
     schema = resolved(schema, whole)
     for choice in ("anyOf", "oneOf"):
         if choice in schema:
@@ -73,7 +73,7 @@ def least_document(schema: Schema, whole: Schema) -> Any:
 
 
 def document_with(kind: JobKind, place: Place, value: object) -> dict[str, Any]:
-    """Return a document of a kind with a value at a place."""
+    """Return a document of a job kind with a value at a place."""
     whole = SCHEMAS[kind]
 
     def put(schema: Schema, place: Place, document: Any) -> Any:
@@ -106,10 +106,10 @@ NUMBERS: list[Any] = [
     for place, schema in numbers(whole, whole)
 ]
 OWN = [each for each in NUMBERS if "faults" not in each.values[1]]
-"""Without those of fault scripts, which are files' too: they refuse what is outside as files do."""
+"""Numbers except those of fault scripts, whose ranges are checked like those of files."""
 
 
-def test_there_are_numbers_to_look_at() -> None:
+def test_the_list_of_numbers_covers_the_main_jobs() -> None:
     assert {kind for kind, _, _ in (each.values for each in OWN)} >= {
         JobKind("check"),
         JobKind("jog"),
@@ -122,7 +122,7 @@ def test_there_are_numbers_to_look_at() -> None:
 
 
 @pytest.mark.parametrize(("kind", "place", "schema"), NUMBERS)
-def test_every_number_of_every_request_says_its_range(
+def test_every_number_of_every_request_has_a_range(
     kind: JobKind, place: Place, schema: Schema
 ) -> None:
     assert any(side in schema for side in LOW), "say the least value in the field's type"
@@ -130,7 +130,7 @@ def test_every_number_of_every_request_says_its_range(
 
 
 def outside(schema: Schema) -> Iterator[float]:
-    """Yield values around a range that are not in it."""
+    """Yield values just outside a range."""
     whole_number = schema["type"] == "integer"
     if "minimum" in schema:
         low = schema["minimum"]
@@ -142,7 +142,7 @@ def outside(schema: Schema) -> Iterator[float]:
 
 
 @pytest.mark.parametrize(("kind", "place", "schema"), OWN)
-def test_what_is_outside_is_refused_by_the_service_and_by_the_process_that_drives(
+def test_a_number_outside_its_range_is_refused_by_service_and_worker(
     kind: JobKind, place: Place, schema: Schema, tmp_path: Path
 ) -> None:
     for value in outside(schema):
@@ -190,7 +190,7 @@ def odd_values() -> st.SearchStrategy[Any]:
 
 
 def values_of(schema: Schema, whole: Schema, depth: int = 0) -> st.SearchStrategy[Any]:
-    """Return documents of a schema, with an odd value in any place now and then."""
+    """Return documents of a schema, some with an odd value in any place."""
     schema = resolved(schema, whole)
     if depth > 4:
         return odd_values()
@@ -236,7 +236,7 @@ def paths_in(value: object) -> Iterator[Path]:
 
 
 @pytest.mark.parametrize("kind", JobKind)
-def test_a_random_document_is_a_request_or_is_refused(kind: JobKind, tmp_path: Path) -> None:
+def test_a_random_document_is_accepted_or_refused(kind: JobKind, tmp_path: Path) -> None:
     """No other outcome occurs, and an accepted request names no file outside the folder."""
 
     @settings(
@@ -268,7 +268,7 @@ def test_a_random_document_is_a_request_or_is_refused(kind: JobKind, tmp_path: P
 @pytest.mark.parametrize(
     ("kind", "place", "schema"), [each for each in OWN if "plausible" in each.values[2]]
 )
-def test_an_implausible_size_is_refused_by_the_process_that_drives(
+def test_an_implausible_value_is_refused_by_the_worker(
     kind: JobKind, place: Place, schema: Schema, tmp_path: Path
 ) -> None:
     told = document_with(kind, place, 1e9)
