@@ -1,4 +1,4 @@
-"""A small cell, and drives that live in the test's own process on a clock of the test's own."""
+"""Fixtures: a small cell, and ideal drives in the test's process on a simulated clock."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ class SteppedClock:
 class FakeAxes:
     """Ideal velocity servos: a command acts at the next SYNC, a quick stop ramps down.
 
-    `script(axes, cycle)` runs after the answers of every cycle are in the arrays and may change
-    them, as a bus or a drive in trouble would.
+    `script(axes, cycle)` runs each cycle after the answers are in the arrays, and can change them
+    to simulate a fault of the bus or a drive.
     """
 
     def __init__(self, clock: SteppedClock, joint_names: tuple[str, ...]) -> None:
@@ -176,7 +176,7 @@ def axes(clock: SteppedClock, robot: RobotDescription) -> FakeAxes:
 
 @pytest.fixture
 def motion(robot: RobotDescription) -> MotionSamples:
-    """Three periods of 0.8 s, the first to settle."""
+    """Three periods of 0.8 s; the first is the transient."""
     joints = tuple(
         FourierJoint(joint=name, offset=0.0, sine=(0.1,), cosine=(0.05,))
         for name in robot.joint_names

@@ -1,4 +1,4 @@
-"""The clock: repeats are counted and left out, times rebuilt if that helps, sound stamps kept."""
+"""Clock check: find repeated rows, rebuild jittered time stamps, keep sound ones."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ class TestSoundClock:
 
     @FEW
     @given(SEEDS)
-    def test_may_be_uneven_if_its_stamps_are_true(self, seed: int) -> None:
+    def test_may_have_uneven_stamps_that_are_true(self, seed: int) -> None:
         stamps = jittered(row_times(), seed, 0.3 * PERIOD_S)
         judged = judge_clock(LoggedArm.of(seed).at(stamps, stamps, seed))
         assert judged.report.clock is ClockState.CONFIRMED
         np.testing.assert_array_equal(judged.time_s, stamps)
 
-    def test_of_a_robot_that_rests_for_long_has_no_repeats(self) -> None:
+    def test_with_a_long_rest_has_no_repeats(self) -> None:
         late = np.clip(row_times() - 5.0, 0.0, 2.0)  # it slows down for 2 s, then rests for 13 s
         samples = LoggedArm.of(3).at(
             np.minimum(row_times(), 5.0) + late - late**2 / 4.0, row_times()
@@ -57,12 +57,12 @@ class TestSoundClock:
         assert judged.report.repeated_rows == 0
         assert judged.report.clock is ClockState.CONFIRMED
 
-    def test_of_a_robot_that_stands_still_is_not_accused(self) -> None:
+    def test_of_a_robot_at_rest_has_no_findings(self) -> None:
         judged = judge_clock(LoggedArm.of(3).at(np.zeros(500), row_times(500)))
         assert judged.report.clock is ClockState.UNVERIFIED
         assert judged.report.findings(("a", "b", "c", "d")) == ()
 
-    def test_that_misses_rows_keeps_its_stamps_and_counts_them(self) -> None:
+    def test_with_missing_rows_keeps_its_stamps_and_counts_them(self) -> None:
         stamps = np.delete(row_times(), np.arange(100, 2400, 25))
         judged = judge_clock(LoggedArm.of(4).at(stamps, stamps))
         assert judged.report.missing_rows == 92
@@ -73,19 +73,20 @@ class TestSoundClock:
 class TestRepeatedRows:
     @FEW
     @given(SEEDS, st.floats(0.02, 0.3))
-    def test_are_all_found_and_the_true_times_come_back(self, seed: int, share: float) -> None:
+    def test_are_found_and_the_true_times_recovered(self, seed: int, share: float) -> None:
         repeat = np.random.default_rng(seed).random(2500) < share
         true_s = inserted(row_times(), repeat)
         samples = LoggedArm.of(seed).at(true_s, row_times(len(true_s)), seed)
         judged = judge_clock(samples)
         made = np.concatenate([[False], np.diff(true_s) == 0.0])
-        assert np.count_nonzero(judged.kept == made) <= 2  # at an end one side says nothing
+        # the first or last row has a neighbour on one side only
+        assert np.count_nonzero(judged.kept == made) <= 2
         assert judged.report.clock is ClockState.REBUILT
         assert judged.report.repeated_share == pytest.approx(made.mean(), abs=1e-3)
         before = time_error(samples.time_s[judged.kept], true_s[judged.kept])
         assert time_error(judged.time_s, true_s[judged.kept]) < 0.1 * before
 
-    def test_are_nine_of_ten_if_a_source_of_50_hz_is_read_at_500_hz(self) -> None:
+    def test_are_nine_of_ten_if_a_50_hz_source_is_read_at_500_hz(self) -> None:
         source = np.arange(0.0, 20.0, 0.02)
         seen = source + np.random.default_rng(4).uniform(0.0, 0.012, len(source))
         seen[0] = -1.0
@@ -96,7 +97,7 @@ class TestRepeatedRows:
         assert judged.report.tick_s == pytest.approx(0.02)
         assert time_error(judged.time_s, true_s[judged.kept]) < 1e-6
 
-    def test_that_took_the_place_of_fresh_ones_leave_the_others_in_time(self) -> None:
+    def test_instead_of_new_rows_leave_the_other_times_exact(self) -> None:
         true_s = row_times()
         stale = np.arange(5, 2500, 9)
         true_s[stale] = true_s[stale - 1]
@@ -104,7 +105,7 @@ class TestRepeatedRows:
         assert judged.report.repeated_rows == len(stale)
         np.testing.assert_allclose(judged.time_s, true_s[judged.kept], atol=1e-6)
 
-    def test_are_left_out_without_velocities_and_the_clock_is_unknown(self) -> None:
+    def test_without_velocities_are_removed_and_the_clock_is_unknown(self) -> None:
         true_s = inserted(row_times(), np.arange(2500) % 10 == 9)
         samples = without_velocities(LoggedArm.of(7).at(true_s, row_times(len(true_s))))
         judged = judge_clock(samples)
@@ -113,12 +114,12 @@ class TestRepeatedRows:
         assert not judged.report.is_known
         np.testing.assert_array_equal(judged.time_s, samples.time_s[judged.kept])
 
-    def test_of_copied_lines_count(self) -> None:
+    def test_include_copied_lines(self) -> None:
         judged = judge_clock(LoggedArm.of(8).at(row_times(), row_times()), copies=7)
         assert judged.report.repeated_rows == 7
         assert judged.report.rows == 2507
 
-    def test_of_which_only_one_joint_moves_leave_the_clock_unknown_without_a_robot(self) -> None:
+    def test_with_one_moving_joint_leave_the_clock_unknown_without_a_robot(self) -> None:
         true_s = inserted(row_times(), np.arange(2500) % 10 == 9)
         samples = LoggedArm.of(9, joints=1).at(true_s, row_times(len(true_s)))
         judged = judge_clock(samples)
@@ -129,14 +130,14 @@ class TestRepeatedRows:
 class TestJitteredStamps:
     @FEW
     @given(SEEDS, st.floats(0.15, 0.35))
-    def test_are_replaced_by_times_ten_times_better(self, seed: int, part: float) -> None:
+    def test_are_replaced_by_times_with_a_tenth_of_the_error(self, seed: int, part: float) -> None:
         true_s = row_times()
         stamps = jittered(true_s, seed, part * PERIOD_S)
         judged = judge_clock(LoggedArm.of(seed).at(true_s, stamps, seed))
         assert judged.report.clock is ClockState.REBUILT
         assert time_error(judged.time_s, true_s) < 0.1 * time_error(stamps, true_s)
 
-    def test_of_a_coarse_tick_are_replaced(self) -> None:
+    def test_with_a_coarse_tick_are_replaced(self) -> None:
         stamps = np.floor(row_times() / 0.005 + 1e-9) * 0.005
         judged = judge_clock(LoggedArm.of(11).at(row_times(), stamps))
         assert judged.report.tick_s == pytest.approx(PERIOD_S, rel=1e-3)
@@ -152,7 +153,7 @@ class TestJitteredStamps:
         np.testing.assert_array_equal(judged.time_s, stamps)
 
     @pytest.mark.parametrize("scale", [0.97, 1.03])
-    def test_keep_their_mean_rate_if_the_velocities_are_off_by_a_factor(self, scale: float) -> None:
+    def test_keep_their_mean_rate_if_the_velocities_are_scaled(self, scale: float) -> None:
         stamps = jittered(row_times(), 13, 0.3 * PERIOD_S)
         samples = LoggedArm.of(13).at(row_times(), stamps)
         judged = judge_clock(replace(samples, velocity=scale * samples.velocity))
@@ -169,7 +170,7 @@ class TestJitteredStamps:
 
 class TestVelocitiesFromPositions:
     @pytest.mark.parametrize("formula", ["backward", "centred", "filtered"])
-    def test_over_jittered_stamps_rebuild_nothing(self, formula: str) -> None:
+    def test_with_jittered_stamps_rebuild_no_times(self, formula: str) -> None:
         stamps = jittered(row_times(), 15, 0.3 * PERIOD_S)
         samples = LoggedArm.of(15).at(row_times(), stamps)
         steps = np.diff(samples.position, axis=0) / np.diff(stamps)[:, np.newaxis]
@@ -184,7 +185,7 @@ class TestVelocitiesFromPositions:
         assert "were computed from the positions" in judged.report.doubt
         np.testing.assert_array_equal(judged.time_s, stamps)
 
-    def test_over_repeated_rows_rebuild_nothing(self) -> None:
+    def test_with_repeated_rows_rebuild_no_times(self) -> None:
         true_s = inserted(row_times(), np.arange(2500) % 10 == 9)
         samples = LoggedArm.of(16).at(true_s, row_times(len(true_s)))
         velocity = np.gradient(samples.position, samples.time_s, axis=0)
@@ -193,8 +194,8 @@ class TestVelocitiesFromPositions:
         assert judged.report.repeated_rows == 250
 
 
-class TestPositionsThatAreHeld:
-    def test_are_named_by_joint_and_interpolated(self) -> None:
+class TestRepeatedPositions:
+    def test_are_reported_by_joint_and_interpolated(self) -> None:
         samples = LoggedArm.of(17).at(row_times(), row_times())
         position = samples.position.copy()
         position[:, 1] = position[np.arange(2500) // 4 * 4, 1]
@@ -210,8 +211,8 @@ class TestPositionsThatAreHeld:
         )
 
 
-def test_torques_do_not_object_to_times_by_chance() -> None:
-    """Friction that the plain robot lacks leaves errors in which other times hardly count."""
+def test_unmodelled_friction_does_not_reject_the_rebuilt_times() -> None:
+    """Model errors from the missing friction terms hide the effect of wrong times."""
     case = Case("three", "both", "repeats", 203)
     driven = drive("three", "points", 2032, FRICTIONS["both"], DURATION_S)
     _, known = recording(case, driven, 2, ARMS["three"].description())

@@ -1,4 +1,4 @@
-"""Our own recordings: rows that drives did not renew are counted part by part."""
+"""Count of rows in our own recordings that no drive updated, part by part."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def recorded(true_s: FloatArray) -> Recording:
     )
 
 
-def test_a_row_that_no_drive_renewed_is_counted_in_each_part() -> None:
+def test_a_row_that_no_drive_updated_is_counted_in_each_part() -> None:
     true_s = row_times()
     true_s[7::50] = true_s[6::50]
     whole, counter = recorded(true_s), RepeatCounter()

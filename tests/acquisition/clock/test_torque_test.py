@@ -1,4 +1,4 @@
-"""Torques tell the right times although friction is not Coulomb and viscous friction alone."""
+"""Torque residuals identify the true times although the model's friction law is too simple."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from config.arrays import FloatArray
 
 
 class BendingArm(Arm):
-    """An arm whose friction bends with speed, falls from standstill and grows with the load."""
+    """Arm with friction that is nonlinear in speed, Stribeck-shaped and load-dependent."""
 
     def torque(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         plain = super().torque(q, v, a)
@@ -29,7 +29,7 @@ def recorded(kind: str) -> tuple[Arm, Logged]:
 
 
 @pytest.mark.parametrize("kind", ["sines", "points"])
-def test_the_right_times_halve_the_error_of_left_out_torques(kind: str) -> None:
+def test_the_true_times_halve_the_error_of_held_out_torques(kind: str) -> None:
     arm, found = recorded(kind)
     gain = torque_gain(arm.robot, found.samples, found.true_s, None)
     assert gain is not None

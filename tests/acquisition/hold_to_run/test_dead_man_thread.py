@@ -1,4 +1,4 @@
-"""The thread that reads the keys: it looks up a key's meaning once, and a press is one line."""
+"""Thread that reads the jog keys: it plans a key's line once, and one press moves one line."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ GOAL = np.array([0.1, 0.7])
 
 
 class Desk:
-    """Keys that the test holds, and the keys that were planned."""
+    """Keys that the test holds, and the keys for which a line was planned."""
 
     def __init__(self) -> None:
         self.key = ""
@@ -43,7 +43,7 @@ class Desk:
         self.meanwhile()
         return HoldLine(pose, GOAL, 1.0) if key == "+" else None
 
-    def looks_again(self) -> None:
+    def wait_for_two_reads(self) -> None:
         before = self.looks
         wait_for(lambda: self.looks > before + 2)
 
@@ -55,7 +55,7 @@ def dead_man() -> DeadMan:
     return dead_man
 
 
-def test_a_held_key_is_one_press_and_its_release_is_told(dead_man: DeadMan) -> None:
+def test_a_held_key_is_one_press_and_its_release_is_reported(dead_man: DeadMan) -> None:
     desk = Desk()
     with DeadManThread(dead_man, 2, desk, desk.plan):
         desk.key = "+"
@@ -63,7 +63,7 @@ def test_a_held_key_is_one_press_and_its_release_is_told(dead_man: DeadMan) -> N
         goal, pace = dead_man.latest_line(2)
         np.testing.assert_array_equal(goal, GOAL)
         assert pace == 1.0
-        desk.looks_again()
+        desk.wait_for_two_reads()
         assert dead_man.held_until_s > safety_now_s() - 1.0
         desk.key = ""
         wait_for(lambda: dead_man.held_until_s == 0.0)
@@ -71,7 +71,7 @@ def test_a_held_key_is_one_press_and_its_release_is_told(dead_man: DeadMan) -> N
     assert desk.plans == ["+"]
 
 
-def test_a_key_that_was_let_go_while_its_line_was_looked_at_moves_nothing(
+def test_a_key_released_while_its_line_is_planned_moves_nothing(
     dead_man: DeadMan,
 ) -> None:
     desk = Desk()
@@ -79,7 +79,7 @@ def test_a_key_that_was_let_go_while_its_line_was_looked_at_moves_nothing(
     with DeadManThread(dead_man, 2, desk, desk.plan):
         desk.key = "+"
         wait_for(lambda: desk.plans == ["+"])
-        desk.looks_again()
+        desk.wait_for_two_reads()
         assert dead_man.press_count == 0
         desk.meanwhile = lambda: None
         desk.key = "+"
@@ -87,7 +87,7 @@ def test_a_key_that_was_let_go_while_its_line_was_looked_at_moves_nothing(
     assert desk.plans == ["+", "+"], "what it means may have changed"
 
 
-def test_the_same_key_pressed_again_is_another_press_though_no_look_fell_between(
+def test_a_second_press_between_two_reads_is_a_new_press(
     dead_man: DeadMan,
 ) -> None:
     desk = Desk()
@@ -95,13 +95,13 @@ def test_the_same_key_pressed_again_is_another_press_though_no_look_fell_between
         desk.key = "+"
         wait_for(lambda: dead_man.press_count == 1)
         desk.press = 2
-        desk.looks_again()
+        desk.wait_for_two_reads()
         assert dead_man.held_until_s == 0.0, "the first press is over"
         dead_man.report_rest(POSE, 1)
         wait_for(lambda: dead_man.press_count == 2)
 
 
-def test_a_key_that_was_pressed_again_while_its_line_was_looked_at_is_looked_at_again(
+def test_a_key_pressed_again_while_its_line_is_planned_is_planned_again(
     dead_man: DeadMan,
 ) -> None:
     desk = Desk()
@@ -112,51 +112,51 @@ def test_a_key_that_was_pressed_again_while_its_line_was_looked_at_is_looked_at_
     assert desk.plans == ["+"] * 3
 
 
-def test_a_key_without_a_meaning_moves_nothing(dead_man: DeadMan) -> None:
+def test_a_key_without_a_meaning_moves_nothing_and_is_planned_once(dead_man: DeadMan) -> None:
     desk = Desk()
     with DeadManThread(dead_man, 2, desk, desk.plan):
         desk.key = "x"
         wait_for(lambda: desk.plans == ["x"])
-        desk.looks_again()
+        desk.wait_for_two_reads()
     assert dead_man.press_count == 0
     assert desk.plans == ["x"]
 
 
-def test_nothing_is_pressed_before_the_robot_rests(dead_man: DeadMan) -> None:
+def test_no_key_is_planned_before_the_robot_rests(dead_man: DeadMan) -> None:
     desk = Desk()
-    dead_man.press(HoldLine(POSE, GOAL, 1.0), 0.0)  # under way
+    dead_man.press(HoldLine(POSE, GOAL, 1.0), 0.0)  # moving
     with DeadManThread(dead_man, 2, desk, desk.plan):
         desk.key = "+"
-        desk.looks_again()
+        desk.wait_for_two_reads()
         assert desk.plans == []
         assert not desk.begun, "keys count once the robot rests"
         dead_man.report_rest(POSE, 1)
         wait_for(lambda: dead_man.press_count == 2)
 
 
-def test_the_pose_that_ends_a_motion_ends_it(dead_man: DeadMan) -> None:
+def test_a_motion_ends_at_its_final_pose(dead_man: DeadMan) -> None:
     desk = Desk()
     ready: list[list[float]] = []
     with DeadManThread(
         dead_man, 2, desk, desk.plan, GOAL, lambda pose: ready.append(pose.tolist())
     ):
-        desk.looks_again()
+        desk.wait_for_two_reads()
         assert not dead_man.is_finishing
         dead_man.report_rest(GOAL, 0)
         wait_for(lambda: dead_man.is_finishing)
     assert ready == [POSE.tolist()]
 
 
-def test_an_error_of_its_own_releases_the_key_ends_the_motion_and_is_told(
+def test_an_error_in_the_thread_releases_the_key_ends_the_motion_and_is_raised(
     dead_man: DeadMan,
 ) -> None:
     desk = Desk()
     dead_man.hold(safety_now_s() + DEAD_MAN_S)
 
-    def breaks() -> None:
+    def fail() -> None:
         raise ZeroDivisionError
 
-    desk.meanwhile = breaks
+    desk.meanwhile = fail
     desk.key = "+"
     with pytest.raises(ZeroDivisionError), DeadManThread(dead_man, 2, desk, desk.plan):
         wait_for(lambda: dead_man.is_finishing)

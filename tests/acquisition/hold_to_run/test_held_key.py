@@ -1,4 +1,4 @@
-"""The key that counts as held, if its messages are late, lost, repeated or reordered."""
+"""Held-key logic if messages are late, lost, repeated or reordered."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ NOW_S = 100.0
 
 
 class Worker:
-    """The judge of keys, told what senders say."""
+    """The held-key logic with a clock and message numbers for each sender."""
 
     def __init__(self) -> None:
         self.key = HeldKey()
@@ -31,7 +31,7 @@ class Worker:
         self.now_s = NOW_S
         self.numbers: dict[str, int] = {}
 
-    def hears(
+    def receive(
         self, key: str, sender: str = "a", *, late_s: float = 0.0, tapped: bool = False
     ) -> KeyVerdict:
         number = self.numbers[sender] = self.numbers.get(sender, 0) + 1
@@ -39,30 +39,30 @@ class Worker:
         return self.key.process(KeyMessage(key, tapped, sender, number, issued_s), self.now_s)
 
     @property
-    def holds(self) -> str:
+    def held_key(self) -> str:
         held = self.key.held(self.now_s)
         return "" if held is None else held.key
 
 
-def test_a_key_counts_while_fresh_messages_come_and_until_it_is_released() -> None:
+def test_a_key_counts_while_messages_are_fresh_and_until_its_release() -> None:
     worker = Worker()
     for _ in range(20):
-        assert worker.hears("+", late_s=0.04) is KeyVerdict.COUNTS
-        assert worker.holds == "+"
+        assert worker.receive("+", late_s=0.04) is KeyVerdict.COUNTS
+        assert worker.held_key == "+"
         worker.now_s += 0.1
-    worker.hears("")
-    assert worker.holds == ""
+    worker.receive("")
+    assert worker.held_key == ""
 
 
 @pytest.mark.promise("held-key-fresh")
 @pytest.mark.parametrize(
     ("late_s", "lasts_s"), [(0.0, 0.2), (0.05, 0.2), (0.1, 0.2), (0.2, 0.1), (0.29, 0.01)]
 )
-def test_it_counts_for_what_the_challenges_age_leaves_and_for_the_dead_mans_time_at_most(
+def test_a_key_counts_for_the_rest_of_the_challenges_age_but_at_most_the_dead_man_time(
     late_s: float, lasts_s: float
 ) -> None:
     worker = Worker()
-    worker.hears("+", late_s=late_s)
+    worker.receive("+", late_s=late_s)
     held = worker.key.held(worker.now_s)
     assert held is not None
     assert held.until_s == pytest.approx(NOW_S + lasts_s)
@@ -70,42 +70,42 @@ def test_it_counts_for_what_the_challenges_age_leaves_and_for_the_dead_mans_time
 
 @pytest.mark.promise("held-key-fresh")
 @pytest.mark.parametrize("late_s", [0.301, 4.0, -0.001, float("nan"), NOW_S])
-def test_a_challenge_that_is_too_old_unknown_or_of_the_future_does_not_count(late_s: float) -> None:
+def test_a_challenge_that_is_too_old_unknown_or_in_the_future_does_not_count(late_s: float) -> None:
     worker = Worker()
-    assert worker.hears("+", late_s=late_s) is KeyVerdict.LATE
-    assert worker.holds == ""
+    assert worker.receive("+", late_s=late_s) is KeyVerdict.LATE
+    assert worker.held_key == ""
 
 
 @pytest.mark.promise("held-key-new-press")
-def test_after_a_gap_only_a_release_and_another_press_count() -> None:
+def test_after_a_gap_a_key_counts_only_after_a_release_and_a_new_press() -> None:
     worker = Worker()
-    worker.hears("+")
+    worker.receive("+")
     worker.now_s += DEAD_MAN_S
-    assert worker.holds == ""
-    assert worker.hears("+") is KeyVerdict.UNRELEASED
-    worker.hears("")
-    assert worker.hears("+") is KeyVerdict.COUNTS
+    assert worker.held_key == ""
+    assert worker.receive("+") is KeyVerdict.UNRELEASED
+    worker.receive("")
+    assert worker.receive("+") is KeyVerdict.COUNTS
 
 
 @pytest.mark.promise("held-key-new-press")
-def test_a_press_that_began_late_never_counts() -> None:
+def test_a_press_whose_first_message_is_late_never_counts() -> None:
     worker = Worker()
-    worker.hears("")
-    assert worker.hears("+", late_s=0.34) is KeyVerdict.LATE
-    assert worker.hears("+") is KeyVerdict.UNRELEASED
+    worker.receive("")
+    assert worker.receive("+", late_s=0.34) is KeyVerdict.LATE
+    assert worker.receive("+") is KeyVerdict.UNRELEASED
 
 
 @pytest.mark.promise("held-key-new-press")
-def test_another_key_without_a_release_counts_for_nothing_and_ends_the_press() -> None:
+def test_another_key_without_a_release_does_not_count_and_ends_the_press() -> None:
     worker = Worker()
-    worker.hears("+")
-    assert worker.hears("-") is KeyVerdict.UNRELEASED
-    assert worker.holds == ""
-    assert worker.hears("+") is KeyVerdict.UNRELEASED
+    worker.receive("+")
+    assert worker.receive("-") is KeyVerdict.UNRELEASED
+    assert worker.held_key == ""
+    assert worker.receive("+") is KeyVerdict.UNRELEASED
 
 
 @pytest.mark.promise("held-key-replay")
-def test_a_message_that_is_repeated_or_overtaken_counts_for_nothing() -> None:
+def test_a_repeated_or_overtaken_message_does_not_count() -> None:
     worker = Worker()
     first = KeyMessage("+", False, "a", 5, NOW_S)
     assert worker.key.process(first, NOW_S) is KeyVerdict.COUNTS
@@ -118,52 +118,52 @@ def test_a_message_that_is_repeated_or_overtaken_counts_for_nothing() -> None:
 @pytest.mark.promise("held-key-one-connection")
 def test_a_press_belongs_to_one_sender() -> None:
     worker = Worker()
-    worker.hears("", "b")
-    worker.hears("+", "a")
+    worker.receive("", "b")
+    worker.receive("+", "a")
     worker.now_s += 0.1
-    assert worker.hears("+", "b") is KeyVerdict.ELSEWHERE
+    assert worker.receive("+", "b") is KeyVerdict.ELSEWHERE
     worker.now_s += 0.15
-    assert worker.holds == "", "the other's message does not keep it"
-    assert worker.hears("+", "b") is KeyVerdict.UNRELEASED, "it was pressed before"
-    worker.hears("", "b")
-    assert worker.hears("+", "b") is KeyVerdict.COUNTS
-    worker.hears("", "a")
-    assert worker.holds == "+", "the release of another key"
+    assert worker.held_key == "", "the other's message does not keep it"
+    assert worker.receive("+", "b") is KeyVerdict.UNRELEASED, "it was pressed before"
+    worker.receive("", "b")
+    assert worker.receive("+", "b") is KeyVerdict.COUNTS
+    worker.receive("", "a")
+    assert worker.held_key == "+", "the release of another key"
 
 
 @pytest.mark.promise("held-key-one-connection")
-def test_a_press_does_not_go_on_over_another_connection() -> None:
+def test_a_press_does_not_continue_over_another_connection() -> None:
     worker = Worker()
-    worker.hears("+", "first connection")
+    worker.receive("+", "first connection")
     worker.now_s += 1.0
-    assert worker.hears("+", "second connection") is KeyVerdict.UNRELEASED
-    assert worker.hears("", "third connection") is KeyVerdict.COUNTS
-    assert worker.hears("+", "third connection") is KeyVerdict.COUNTS
+    assert worker.receive("+", "second connection") is KeyVerdict.UNRELEASED
+    assert worker.receive("", "third connection") is KeyVerdict.COUNTS
+    assert worker.receive("+", "third connection") is KeyVerdict.COUNTS
 
 
 @pytest.mark.promise("held-key-tap")
-def test_a_late_tap_is_lost_and_its_sender_holds_nothing_before_another() -> None:
+def test_after_a_late_tap_its_sender_cannot_hold_a_key_until_the_next_tap() -> None:
     worker = Worker()
-    assert worker.hears("2", late_s=0.31, tapped=True) is KeyVerdict.LATE
-    assert worker.hears("+") is KeyVerdict.TAP_LOST
-    worker.hears("")
-    assert worker.hears("+") is KeyVerdict.TAP_LOST
-    worker.hears("")
-    assert worker.hears("2", tapped=True) is KeyVerdict.COUNTS
-    assert worker.hears("+") is KeyVerdict.COUNTS
+    assert worker.receive("2", late_s=0.31, tapped=True) is KeyVerdict.LATE
+    assert worker.receive("+") is KeyVerdict.TAP_LOST
+    worker.receive("")
+    assert worker.receive("+") is KeyVerdict.TAP_LOST
+    worker.receive("")
+    assert worker.receive("2", tapped=True) is KeyVerdict.COUNTS
+    assert worker.receive("+") is KeyVerdict.COUNTS
 
 
-def test_keys_count_only_while_a_job_wants_them() -> None:
+def test_keys_count_only_while_a_job_accepts_them() -> None:
     worker = Worker()
-    worker.hears("+")
+    worker.receive("+")
     worker.key.set_accepting(False)
-    assert worker.hears("+") is KeyVerdict.IGNORED
+    assert worker.receive("+") is KeyVerdict.IGNORED
     worker.key.set_accepting(True)
-    assert worker.hears("+") is KeyVerdict.UNRELEASED
+    assert worker.receive("+") is KeyVerdict.UNRELEASED
 
 
 @pytest.mark.parametrize("tapped", [False, True])
-def test_a_message_is_the_same_as_an_order(tapped: bool) -> None:
+def test_a_message_survives_the_conversion_to_an_order_and_back(tapped: bool) -> None:
     message = KeyMessage("2+", tapped, "7/lease", 12, 345.678)
     assert KeyMessage.from_order(json.loads(json.dumps(message.to_order()))) == message
 
@@ -183,7 +183,7 @@ def test_a_message_is_the_same_as_an_order(tapped: bool) -> None:
         {"held": ["+"]},
     ],
 )
-def test_what_is_no_complete_message_is_none(wrong: dict[str, object]) -> None:
+def test_an_incomplete_or_invalid_message_is_rejected(wrong: dict[str, object]) -> None:
     whole = KeyMessage("+", False, "7/lease", 12, 345.678).to_order()
     assert KeyMessage.from_order({**whole, **wrong}) is None
     for name in whole:
@@ -195,8 +195,8 @@ CHALLENGE_MS = 30
 
 
 @dataclass(frozen=True)
-class Sent:
-    """A message in transit to the worker, and the number of the press that it reports."""
+class MessageInTransit:
+    """A message on its way to the worker, with the number of the press that it reports."""
 
     message: KeyMessage
     press: int
@@ -210,25 +210,28 @@ class Sent:
     replays=st.sets(st.integers(0, 200)),
     connections=st.lists(st.integers(0, 1), min_size=4, max_size=4),
 )
-@example(  # a link that stalls for a second while the key is held, and comes back
+@example(  # a link that stalls for a second while the key is held, and recovers
     presses=[(0, 200)], there=[0], back=[0] * 20 + [100], replays=set(), connections=[0] * 4
 )
 @pytest.mark.promise("held-key-fresh", "held-key-new-press")
-def test_whatever_is_late_lost_reordered_or_repeated_a_key_counts_only_near_its_press(
+def test_with_late_lost_reordered_or_repeated_messages_a_key_counts_only_near_its_press(
     presses: list[tuple[int, int]],
     there: list[int],
     back: list[int],
     replays: set[int],
     connections: list[int],
 ) -> None:
-    """Pauses, presses and delays in steps of 10 ms; the person answers every newer challenge."""
-    held_at: dict[int, int] = {}  # step: the press that the person holds then
+    """Draw pauses, presses and delays in steps of 10 ms.
+
+    The person answers each newer challenge.
+    """
+    held_at: dict[int, int] = {}  # step: press held at that step
     step = 0
     for press, (pause, length) in enumerate(presses, start=1):
         step += pause + 1
         held_at.update(dict.fromkeys(range(step, step + length), press))
         step += length
-    on_the_way: dict[int, list[Sent]] = {}
+    on_the_way: dict[int, list[MessageInTransit]] = {}
     challenges: dict[int, list[int]] = {}
     delays = itertools.cycle(back)
     newest, numbers, sent = -1, [0, 0], 0
@@ -238,7 +241,9 @@ def test_whatever_is_late_lost_reordered_or_repeated_a_key_counts_only_near_its_
         connection = connections[press - 1]
         numbers[connection] += 1
         issued_s = 0.01 * newest if newest >= 0 else 0.0
-        told = Sent(KeyMessage(key, False, str(connection), numbers[connection], issued_s), press)
+        told = MessageInTransit(
+            KeyMessage(key, False, str(connection), numbers[connection], issued_s), press
+        )
         arrives = at + next(delays)
         on_the_way.setdefault(arrives, []).append(told)
         if sent in replays:
@@ -247,7 +252,7 @@ def test_whatever_is_late_lost_reordered_or_repeated_a_key_counts_only_near_its_
 
     key = HeldKey()
     key.set_accepting(True)
-    counted: dict[int, int] = {}  # the number of a press that counted: the person's press
+    counted: dict[int, int] = {}  # number of the press that counted: press of the person
     for now in range(step + 400):
         if now * STEP_MS % CHALLENGE_MS == 0:
             challenges.setdefault(now + there[now % len(there)], []).append(now)

@@ -1,4 +1,4 @@
-"""Set-points while a key is held: cycle by cycle, on a clock that the test moves on."""
+"""Set-points of a hold-to-run motion, cycle by cycle, on a simulated clock."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ START = np.array([0.3, -0.2])
 
 
 class Bench:
-    """A motion in real time, whose clock is the test's, and what it has told so far."""
+    """A real-time motion on a simulated clock, and its set-points so far."""
 
     def __init__(self, *, once: bool = False, unattended: bool = False) -> None:
         self.now_s = 100.0
@@ -51,8 +51,8 @@ class Bench:
         self.positions: list[list[float]] = []
         self.velocities: list[list[float]] = []
 
-    def cycles(self, count: int, *, held: bool) -> bool:
-        """Let cycles pass, a key held or not; return whether the motion goes on."""
+    def run_cycles(self, count: int, *, held: bool) -> bool:
+        """Run cycles with a key held or released; return True if the motion continues."""
         for _ in range(count):
             if held:
                 self.dead_man.hold(self.now_s + DEAD_MAN_S)
@@ -80,115 +80,115 @@ GOAL = START + np.array([0.5, 0.0])
 
 def test_nothing_moves_before_a_key_is_held() -> None:
     bench = Bench()
-    bench.cycles(50, held=False)
+    bench.run_cycles(50, held=False)
     np.testing.assert_array_equal(bench.positions, np.tile(START, (50, 1)))
 
 
-def test_while_the_key_is_held_the_robot_goes_to_the_lines_end_and_rests_there() -> None:
+def test_while_the_key_is_held_the_robot_moves_to_the_end_of_the_line_and_rests() -> None:
     bench = Bench()
-    bench.cycles(1, held=False)
+    bench.run_cycles(1, held=False)
     bench.press(GOAL, pace=0.4)
-    bench.cycles(400, held=True)
+    bench.run_cycles(400, held=True)
     np.testing.assert_array_equal(bench.positions[-1], GOAL)
     assert bench.speed == 0.0
     assert np.abs(bench.velocities).max() == pytest.approx(0.4 * 0.5)
     assert bench.dead_man.rest_pose(2) is not None
 
 
-def test_the_cycle_that_finds_the_key_released_is_the_first_that_slows_down() -> None:
+def test_the_robot_slows_down_in_the_first_cycle_after_the_release() -> None:
     bench = Bench()
-    bench.cycles(1, held=False)
+    bench.run_cycles(1, held=False)
     bench.press(GOAL, pace=0.4)
-    bench.cycles(60, held=True)
+    bench.run_cycles(60, held=True)
     before = bench.speed
     assert before == pytest.approx(0.2)
     bench.dead_man.release()
-    bench.cycles(1, held=False)
+    bench.run_cycles(1, held=False)
     assert bench.speed == pytest.approx(before - 0.3 * ACCELERATION * T)
 
 
-def test_without_another_sign_of_the_key_the_robot_slows_down_after_the_stated_time() -> None:
+def test_without_key_messages_the_robot_slows_down_after_the_dead_man_time() -> None:
     bench = Bench()
-    bench.cycles(1, held=False)
+    bench.run_cycles(1, held=False)
     bench.press(GOAL, pace=0.4)
-    bench.cycles(60, held=True)
+    bench.run_cycles(60, held=True)
     last_sign_s = bench.now_s - T
     while bench.now_s < last_sign_s + DEAD_MAN_S:
-        bench.cycles(1, held=False)
+        bench.run_cycles(1, held=False)
         assert bench.speed == pytest.approx(0.2)
-    bench.cycles(1, held=False)
+    bench.run_cycles(1, held=False)
     assert bench.speed < 0.2
     assert bench.dead_man.rest_pose(2) is None
-    bench.cycles(20, held=False)
+    bench.run_cycles(20, held=False)
     assert bench.speed == 0.0
 
 
-def test_a_press_that_was_let_go_is_over_and_going_on_takes_another() -> None:
+def test_after_a_release_the_robot_moves_only_with_a_new_press() -> None:
     bench = Bench()
-    bench.cycles(1, held=False)
+    bench.run_cycles(1, held=False)
     bench.press(GOAL)
-    bench.cycles(20, held=True)
+    bench.run_cycles(20, held=True)
     bench.dead_man.release()
-    bench.cycles(1, held=False)
-    bench.cycles(60, held=True)
+    bench.run_cycles(1, held=False)
+    bench.run_cycles(60, held=True)
     stood = bench.positions[-1]
     assert bench.speed == 0.0
     assert stood[0] < GOAL[0]
     bench.press(GOAL)
-    bench.cycles(10, held=True)
+    bench.run_cycles(10, held=True)
     assert bench.positions[-1][0] > stood[0]
 
 
-def test_a_sign_that_reaches_too_far_ahead_counts_for_nothing() -> None:
+def test_a_hold_time_too_far_in_the_future_is_ignored() -> None:
     bench = Bench()
-    bench.cycles(1, held=False)
+    bench.run_cycles(1, held=False)
     bench.press(GOAL)
     bench.dead_man.hold(bench.now_s + 1e6)
-    bench.cycles(20, held=False)
+    bench.run_cycles(20, held=False)
     np.testing.assert_array_equal(bench.positions[-1], START)
 
 
-def test_a_press_whose_key_was_released_before_it_was_seen_moves_nothing() -> None:
+def test_a_press_that_expired_before_the_first_cycle_moves_nothing() -> None:
     bench = Bench()
-    bench.cycles(1, held=False)
+    bench.run_cycles(1, held=False)
     bench.press(GOAL)
     bench.now_s += 2.0 * DEAD_MAN_S
-    bench.cycles(5, held=False)
+    bench.run_cycles(5, held=False)
     np.testing.assert_array_equal(bench.positions[-1], START)
     assert bench.dead_man.rest_pose(2) is not None
 
 
 @pytest.mark.parametrize("released", [True, False])
-def test_a_motion_of_one_press_is_over_with_it(released: bool) -> None:
+def test_a_motion_of_one_press_ends_with_the_press(released: bool) -> None:
     bench = Bench(once=True)
-    bench.cycles(1, held=False)
+    bench.run_cycles(1, held=False)
     bench.press(GOAL)
-    bench.cycles(20, held=True)
-    assert not bench.cycles(1000, held=not released)
+    bench.run_cycles(20, held=True)
+    assert not bench.run_cycles(1000, held=not released)
     assert bench.speed == 0.0
 
 
-def test_it_ends_when_it_is_told_to_also_with_the_key_held() -> None:
+def test_a_finished_motion_ends_although_the_key_is_held() -> None:
     bench = Bench()
-    bench.cycles(1, held=False)
+    bench.run_cycles(1, held=False)
     bench.press(GOAL)
-    bench.cycles(20, held=True)
+    bench.run_cycles(20, held=True)
     bench.dead_man.finish()
-    assert not bench.cycles(1000, held=True)
+    assert not bench.run_cycles(1000, held=True)
     assert bench.positions[-1][0] < GOAL[0]
 
 
-def test_where_nobody_holds_a_key_it_ends_and_says_so() -> None:
+def test_a_motion_without_a_held_key_ends_after_the_idle_time() -> None:
     bench = Bench()
-    assert not bench.cycles(round(IDLE_S / T) + 2, held=False)
+    assert not bench.run_cycles(round(IDLE_S / T) + 2, held=False)
     assert "no key was held for 60 s" in bench.motion.notes[0]
 
 
-def test_unattended_a_press_goes_to_its_end() -> None:
+def test_an_unattended_press_continues_to_the_end_of_its_line() -> None:
     bench = Bench(once=True, unattended=True)
-    bench.cycles(1, held=False)
+    bench.run_cycles(1, held=False)
     bench.press(GOAL)
-    assert not bench.cycles(1000, held=False)
+    assert not bench.run_cycles(1000, held=False)
     np.testing.assert_array_equal(bench.positions[-1], GOAL)
 
 
@@ -199,20 +199,20 @@ def test_unattended_a_press_goes_to_its_end() -> None:
     ),
     holds=st.lists(st.tuples(st.booleans(), st.integers(1, 60)), min_size=1, max_size=12),
 )
-def test_whatever_is_pressed_and_let_go_speed_and_acceleration_stay_reduced(
+def test_speed_and_acceleration_stay_reduced_for_any_presses_and_releases(
     goals: list[tuple[float, float, float]], holds: list[tuple[bool, int]]
 ) -> None:
     bench = Bench()
-    bench.cycles(1, held=False)
+    bench.run_cycles(1, held=False)
     waiting = list(goals)
     for held, count in holds:
         if held and waiting and bench.dead_man.rest_pose(2) is not None:
             *goal, pace = waiting.pop()
             bench.press(np.array(goal), pace)
-        bench.cycles(count, held=held)
+        bench.run_cycles(count, held=held)
         if not held:
             bench.dead_man.release()
-    bench.cycles(300, held=False)
+    bench.run_cycles(300, held=False)
     assert bench.speed == 0.0
     positions, velocities = np.array(bench.positions), np.array(bench.velocities)
     assert (np.abs(velocities) <= 0.3 * SPEED * (1.0 + 1e-9)).all()
@@ -233,18 +233,18 @@ def test_whatever_is_pressed_and_let_go_speed_and_acceleration_stay_reduced(
         (np.array([2.001, -0.2]), 1.0),
     ],
 )
-def test_what_nobody_can_mean_leads_nowhere(goal: NDArray[np.float64], pace: float) -> None:
+def test_an_invalid_goal_or_pace_moves_nothing(goal: NDArray[np.float64], pace: float) -> None:
     bench = Bench()
-    bench.cycles(1, held=False)
+    bench.run_cycles(1, held=False)
     bench.press(goal, pace=pace)
-    bench.cycles(50, held=True)
+    bench.run_cycles(50, held=True)
     np.testing.assert_array_equal(bench.positions, np.tile(START, (51, 1)))
 
 
 @pytest.mark.promise("ranges-everywhere")
-def test_no_order_is_driven_beyond_a_tenth_of_the_speed_limit() -> None:
+def test_any_pace_is_limited_to_a_tenth_of_the_speed_limit() -> None:
     bench = Bench()
-    bench.cycles(1, held=False)
+    bench.run_cycles(1, held=False)
     bench.press(START + np.array([1.5, 0.0]), pace=1e6)
-    bench.cycles(200, held=True)
+    bench.run_cycles(200, held=True)
     assert np.abs(bench.velocities).max() == pytest.approx(0.1 * SPEED)

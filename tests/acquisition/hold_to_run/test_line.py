@@ -22,7 +22,7 @@ def check(*planes: Plane, speed_share: float = 0.02) -> LineCheck:
     return LineCheck(cell, LOADED.robot, speed_share)
 
 
-def test_a_short_line_goes_all_the_way_at_the_share_of_the_speed() -> None:
+def test_a_short_line_is_driven_to_its_end_at_the_requested_share_of_the_speed() -> None:
     goal = REST + np.array([0.0, 0.0, 0.035])
     line = check()(REST, goal)
     np.testing.assert_array_equal(line.goal, goal)
@@ -30,14 +30,14 @@ def test_a_short_line_goes_all_the_way_at_the_share_of_the_speed() -> None:
     assert line.pace_per_s * 0.035 == pytest.approx(0.02 * LOADED.robot.joints[2].limits.velocity)
 
 
-def test_a_line_ends_before_the_joints_limit() -> None:
+def test_a_line_ends_before_a_joint_limit() -> None:
     high = LOADED.robot.joints[0].limits.position_max
     line = check()(REST, REST + np.array([10.0, 0.0, 0.0]))
     assert high - 0.02 < line.goal[0] < high
     assert line.obstacle == "the limit of axis1"
 
 
-def test_a_line_ends_before_a_wall_and_leads_away_from_it() -> None:
+def test_a_line_ends_before_a_wall_and_can_lead_away_from_it() -> None:
     tool = forward(
         Chain.from_description(LOADED.robot), np.array([REST, REST + np.array([0.3, 0.0, 0.0])])
     )
@@ -51,7 +51,7 @@ def test_a_line_ends_before_a_wall_and_leads_away_from_it() -> None:
     assert away.goal[0] == pytest.approx(-0.5)
 
 
-def test_the_tool_point_keeps_the_reduced_speed() -> None:
+def test_the_tool_point_stays_within_the_reduced_speed() -> None:
     line = check(speed_share=FASTEST_SHARE)(REST, REST + np.array([1.0, 0.0, 0.0]))
     ends = forward(
         Chain.from_description(LOADED.robot),
@@ -63,7 +63,7 @@ def test_the_tool_point_keeps_the_reduced_speed() -> None:
 
 @pytest.mark.promise("ranges-everywhere")
 @pytest.mark.parametrize("share", [0.0, -0.02, 0.1001, 10.0, math.nan, math.inf])
-def test_no_line_is_driven_by_hand_beyond_a_tenth_of_the_speed_limit(share: float) -> None:
+def test_a_speed_share_above_a_tenth_of_the_limit_is_refused(share: float) -> None:
     with pytest.raises(ConfigError) as caught:
         check(speed_share=share)
     assert caught.value.refusal == "RID-OPTION-RANGE"

@@ -1,4 +1,4 @@
-"""Import: a bag's joint states become a table that holds every number to its last digit."""
+"""Import of ROS bags: joint states become a table that keeps every digit."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ def write_bag(
     lacking: Mapping[str, int] = {},
     split: bool = False,
 ) -> Path:
-    """Write a bag of an arm, and of a gripper that publishes on the same topic.
+    """Write a bag with an arm, and a gripper on the same topic.
 
-    A quantity in `lacking` is NaN for the joint of that column. With `split`, each joint has a
-    message of its own, the second 2 ms later.
+    A quantity in `lacking` is NaN for that joint. With `split`, each joint has its own messages,
+    those of joint 2 come 2 ms later.
     """
     kinds = TYPES.types
     header, time = kinds["std_msgs/msg/Header"], kinds["builtin_interfaces/msg/Time"]
@@ -82,7 +82,7 @@ def bag_map(**states: Any) -> ImportMap:
 
 @pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
 @pytest.mark.parametrize("whole_folder", [True, False])
-def test_it_becomes_a_table_and_the_map_that_reads_it(
+def test_a_bag_becomes_a_table_and_the_map_that_reads_it(
     tmp_path: Path, storage: StoragePlugin, whole_folder: bool
 ) -> None:
     bag = write_bag(tmp_path / "bag", storage)
@@ -94,10 +94,10 @@ def test_it_becomes_a_table_and_the_map_that_reads_it(
     np.testing.assert_array_equal(recording.torque_nm, EFFORT)
     np.testing.assert_allclose(recording.time_s, T, atol=1e-9)
     assert report.velocity_ratio == pytest.approx((1.0, 1.0), abs=1e-3)
-    assert report.rows_read == len(T)  # the gripper's messages do not count
+    assert report.rows_read == len(T)  # messages of the gripper do not count
 
 
-def test_joints_come_in_the_robots_order_whatever_the_messages(tmp_path: Path) -> None:
+def test_joints_are_in_the_robots_order_for_any_order_in_the_messages(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "bag")
     table = tmp_path / "table.csv"
     states = bag_map(names=("elbow", "shoulder"), effort="current")
@@ -108,8 +108,8 @@ def test_joints_come_in_the_robots_order_whatever_the_messages(tmp_path: Path) -
     np.testing.assert_array_equal(read[:, 1:3], POSITION[:, ::-1])
 
 
-def test_a_joint_is_read_with_its_own_sign_zero_gear_and_constant(tmp_path: Path) -> None:
-    """As a CSV file's: position = sign (said - zero) / gear, torque = sign said constant gear."""
+def test_each_joint_uses_its_own_sign_zero_gear_and_constant(tmp_path: Path) -> None:
+    """As in a CSV file: position = sign (raw - zero) / gear, torque = sign raw constant gear."""
     elbow = {"joint": "elbow", "position_sign": -1, "torque_sign": -1, "zero_offset": 0.25}
     elbow |= {"gear_ratio": 2.0, "torque_constant_nm_per_a": 3.0}
     shoulder = {"joint": "shoulder", "torque_constant_nm_per_a": 1.0}
@@ -123,7 +123,7 @@ def test_a_joint_is_read_with_its_own_sign_zero_gear_and_constant(tmp_path: Path
     assert report.velocity_ratio == pytest.approx((1.0, 1.0), abs=1e-3)
 
 
-def test_what_is_implausible_on_purpose_stays_so_in_the_table_s_map(tmp_path: Path) -> None:
+def test_keys_implausible_on_purpose_stay_declared_in_the_tables_map(tmp_path: Path) -> None:
     joints = [{"joint": "elbow", "zero_offset": 40.0}]
     meant = ("plausible.speed", "joint_states.joints.0.zero_offset")
     states = bag_map(joints=joints).model_copy(update={"implausible_on_purpose": meant})
@@ -133,7 +133,7 @@ def test_what_is_implausible_on_purpose_stays_so_in_the_table_s_map(tmp_path: Pa
     assert import_map.implausible_on_purpose == ("plausible.speed", "joints.1.zero_offset")
 
 
-def test_without_stamps_time_is_when_it_was_recorded(tmp_path: Path) -> None:
+def test_without_stamps_the_recording_time_is_used(tmp_path: Path) -> None:
     table = tmp_path / "table.csv"
     convert_bag_to_table(write_bag(tmp_path / "bag", stamped=False), bag_map(), NAMES, table)
     np.testing.assert_allclose(np.loadtxt(table, delimiter=",")[:, 0], T, atol=1e-9)
@@ -146,7 +146,7 @@ def test_without_stamps_time_is_when_it_was_recorded(tmp_path: Path) -> None:
         ({}, ("joint1", "joint2"), ("(joint1, joint2)", "joint_states.names")),
     ],
 )
-def test_what_does_not_fit_is_refused_by_its_key(
+def test_a_topic_or_joint_that_the_bag_lacks_is_refused_with_its_key(
     tmp_path: Path, states: dict[str, Any], joints: tuple[str, ...], names: tuple[str, ...]
 ) -> None:
     bag = write_bag(tmp_path / "bag")
@@ -154,7 +154,7 @@ def test_what_does_not_fit_is_refused_by_its_key(
         convert_bag_to_table(bag, bag_map(**states), joints, tmp_path / "table.csv")
 
 
-def test_without_efforts_it_is_refused(tmp_path: Path) -> None:
+def test_a_bag_without_efforts_is_refused(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "bag", effort=False)
     with raises_code(DataQualityError, "RID-BAG-TOPIC"):
         convert_bag_to_table(bag, bag_map(), NAMES, tmp_path / "table.csv")
@@ -162,7 +162,7 @@ def test_without_efforts_it_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["bag.mcap", "bag.db3", "bag.bag", "folder", "bag.csv"])
 @pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r\n" + b"\x00" * 50, b"SQLite format 3\x00x"])
-def test_what_is_no_bag_is_refused(tmp_path: Path, name: str, content: bytes) -> None:
+def test_a_file_that_is_not_a_bag_is_refused(tmp_path: Path, name: str, content: bytes) -> None:
     path = tmp_path / name
     if name == "folder":
         path.mkdir()
@@ -172,7 +172,7 @@ def test_what_is_no_bag_is_refused(tmp_path: Path, name: str, content: bytes) ->
         convert_bag_to_table(path, bag_map(), NAMES, tmp_path / "table.csv")
 
 
-def test_a_bag_cut_anywhere_is_refused_or_read_as_far_as_it_goes(tmp_path: Path) -> None:
+def test_a_truncated_bag_is_refused(tmp_path: Path) -> None:
     (whole,) = write_bag(tmp_path / "bag").glob("*.mcap")
     data = whole.read_bytes()
     for length in range(1, len(data), len(data) // 12):
@@ -183,7 +183,7 @@ def test_a_bag_cut_anywhere_is_refused_or_read_as_far_as_it_goes(tmp_path: Path)
 
 
 @pytest.mark.parametrize("names", [("elbow", "elbow"), ("elbow", "shoulder", "elbow")])
-def test_a_joint_that_a_message_names_twice_is_refused(
+def test_a_joint_named_twice_in_a_message_is_refused(
     tmp_path: Path, names: tuple[str, ...]
 ) -> None:
     columns = [NAMES.index(name) for name in names]
@@ -194,7 +194,7 @@ def test_a_joint_that_a_message_names_twice_is_refused(
     assert str(refused.value).startswith(str(bag))
 
 
-def test_a_joint_of_another_device_that_stands_twice_costs_nothing(tmp_path: Path) -> None:
+def test_a_joint_of_another_device_named_twice_is_ignored(tmp_path: Path) -> None:
     names, columns = (*NAMES, "finger", "finger"), [0, 1, 0, 0]
     bag = write_bag(tmp_path / "bag", names=names, columns=columns)
     table = tmp_path / "table.csv"
@@ -202,12 +202,12 @@ def test_a_joint_of_another_device_that_stands_twice_costs_nothing(tmp_path: Pat
     np.testing.assert_array_equal(recording.torque_nm, EFFORT)
 
 
-def test_two_joints_of_the_map_cannot_be_read_of_one_name() -> None:
+def test_two_joints_of_a_map_with_one_name_are_refused() -> None:
     with raises_invalid("joint_states", "two joints"):
         bag_map(names=("elbow", "elbow"))
 
 
-def test_a_joint_without_velocity_is_read_without_it(tmp_path: Path) -> None:
+def test_a_joint_without_velocity_is_read_and_reported(tmp_path: Path) -> None:
     table = tmp_path / "table.csv"
     bag = write_bag(tmp_path / "bag", lacking={"velocity": 1})
     recording, report = import_csv(table, convert_bag_to_table(bag, bag_map(), NAMES, table))
@@ -217,7 +217,7 @@ def test_a_joint_without_velocity_is_read_without_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("quantity", ["position", "effort"])
-def test_a_joint_that_no_message_measures_is_refused_by_its_name(
+def test_a_joint_that_no_message_contains_is_refused_with_its_name(
     tmp_path: Path, quantity: str
 ) -> None:
     bag = write_bag(tmp_path / "bag", lacking={quantity: 1})
@@ -225,7 +225,7 @@ def test_a_joint_that_no_message_measures_is_refused_by_its_name(
         convert_bag_to_table(bag, bag_map(), NAMES, tmp_path / "table.csv")
 
 
-def test_joints_of_several_messages_are_put_together(tmp_path: Path) -> None:
+def test_joints_in_separate_messages_are_merged(tmp_path: Path) -> None:
     table = tmp_path / "table.csv"
     bag = write_bag(tmp_path / "bag", split=True)
     recording, report = import_csv(table, convert_bag_to_table(bag, bag_map(), NAMES, table))

@@ -1,4 +1,4 @@
-"""Positions that were recorded in steps follow the recorded velocity between them."""
+"""Interpolation of coarse positions by the recorded velocity between encoder steps."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def rows(time_s: FloatArray, position: FloatArray, velocity: FloatArray) -> Impo
 
 
 def creeping() -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return time, position and velocity of a joint that creeps by a few steps, back and forth."""
+    """Return time, position and velocity of a joint that creeps back and forth by a few steps."""
     time_s = np.arange(0.0, 10.0, 0.008)
     position = 3e-4 * np.sin(0.8 * time_s) + 1e-4 * np.sin(3.0 * time_s)
     velocity = 2.4e-4 * np.cos(0.8 * time_s) + 3e-4 * np.cos(3.0 * time_s)
@@ -35,12 +35,12 @@ def creeping() -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def rounded(values: FloatArray, step: float, seed: int = 1) -> FloatArray:
-    """Return values rounded to steps, like those of an encoder that flickers between two steps."""
+    """Return values rounded to steps, as from an encoder that flickers between two steps."""
     noise = np.random.default_rng(seed).normal(0.0, 0.1 * step, len(values))
     return np.asarray(step * np.round((values + noise) / step), dtype=np.float64)
 
 
-def test_the_step_of_a_position_is_found_whatever_its_unit() -> None:
+def test_the_step_of_a_position_is_found_in_any_unit() -> None:
     time_s, position, velocity = creeping()
     for factor in (1.0, np.pi / 180.0, 1.0 / 121.0):
         seen = rows(time_s, factor * rounded(position, STEP), velocity)
@@ -48,7 +48,7 @@ def test_the_step_of_a_position_is_found_whatever_its_unit() -> None:
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.3, -123.4])
-def test_a_joint_that_creeps_turns_round_where_it_did_and_not_where_its_position_flickers(
+def test_a_creeping_joint_reverses_where_it_did_and_not_where_its_position_flickers(
     offset: float,
 ) -> None:
     time_s, position, velocity = creeping()
@@ -63,7 +63,7 @@ def test_a_joint_that_creeps_turns_round_where_it_did_and_not_where_its_position
     assert refined <= true + 4
 
 
-def test_a_joint_at_rest_that_flickers_between_two_steps_stands_still() -> None:
+def test_a_joint_at_rest_that_flickers_between_two_steps_does_not_move() -> None:
     time_s = np.arange(0.0, 4.0, 0.01)
     flicker = STEP * np.random.default_rng(3).integers(0, 2, len(time_s)).astype(float)
     seen = rows(time_s, 0.5 + flicker, np.zeros(len(time_s)))
@@ -71,7 +71,7 @@ def test_a_joint_at_rest_that_flickers_between_two_steps_stands_still() -> None:
     assert np.ptp(found) < 0.02 * STEP
 
 
-def test_a_joint_at_rest_before_a_gap_stands_still_wherever_it_went_in_the_gap() -> None:
+def test_a_joint_at_rest_before_and_after_a_gap_does_not_move() -> None:
     time_s, position, velocity = creeping()
     rest_s = time_s[-1] + 0.008 * np.arange(1, 501)
     moving = rounded(position, STEP)
@@ -86,9 +86,7 @@ def test_a_joint_at_rest_before_a_gap_stands_still_wherever_it_went_in_the_gap()
 
 
 @pytest.mark.parametrize(("counts", "digits"), [(2**16, 6), (2**17, 6), (2**18, 7), (20_000, 5)])
-def test_the_steps_of_an_encoder_are_found_behind_digits_that_were_rounded_away(
-    counts: int, digits: int
-) -> None:
+def test_the_steps_of_an_encoder_are_found_in_rounded_numbers(counts: int, digits: int) -> None:
     step = 2.0 * np.pi / counts
     time_s = np.arange(0.0, 20.0, 0.008)
     position = rounded(0.8 * np.sin(0.6 * time_s), step)
@@ -96,7 +94,7 @@ def test_the_steps_of_an_encoder_are_found_behind_digits_that_were_rounded_away(
     assert position_steps(seen) == pytest.approx((step,), rel=0.01)
 
 
-def test_a_steady_speed_and_a_jump_are_no_steps() -> None:
+def test_a_steady_speed_and_a_jump_are_not_steps() -> None:
     time_s = np.arange(0.0, 8.0, 0.004)
     triangle = 0.2 * np.abs((time_s + 2.0) % 4.0 - 2.0)
     jump = np.where(time_s < 3.0, 0.0, 0.2)
@@ -104,14 +102,14 @@ def test_a_steady_speed_and_a_jump_are_no_steps() -> None:
         assert position_steps(rows(time_s, position, np.zeros(len(time_s)))) == (None,)
 
 
-def test_a_velocity_that_is_wrong_moves_nothing_by_more_than_a_step() -> None:
+def test_a_wrong_velocity_moves_no_position_by_more_than_a_step() -> None:
     time_s, position, velocity = creeping()
     seen = rows(time_s, rounded(position, STEP), -3.0 * velocity)
     found = refine_between_steps(seen, position_steps(seen))
     assert np.abs(found - seen.position).max() <= STEP * (1.0 + 1e-9)
 
 
-def test_what_has_no_steps_or_no_velocity_is_left_as_it_is() -> None:
+def test_positions_without_steps_or_velocity_are_unchanged() -> None:
     time_s, position, velocity = creeping()
     smooth = rows(time_s, position, velocity)
     assert position_steps(smooth) == (None,)
@@ -126,7 +124,7 @@ def test_what_has_no_steps_or_no_velocity_is_left_as_it_is() -> None:
     st.lists(st.tuples(st.floats(-5.0, 5.0), st.floats(0.0, 2.0)), min_size=2, max_size=60),
     st.integers(0, 1000),
 )
-def test_a_taut_string_keeps_its_bounds_and_is_longer_than_no_other(
+def test_a_taut_string_stays_within_its_bounds_and_is_the_shortest(
     bounds: list[tuple[float, float]], seed: int
 ) -> None:
     random = np.random.default_rng(seed)

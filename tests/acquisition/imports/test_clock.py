@@ -1,4 +1,4 @@
-"""Import: repeated rows and wrong stamps, in the report and in the recording."""
+"""Import: effect of repeated rows and wrong stamps on the report and the recording."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def imported(
 
 
 def with_repeats(table: FloatArray) -> FloatArray:
-    """Every tenth row twice, under even stamps."""
+    """Return the arm's samples with every tenth row twice, under even stamps."""
     table = np.repeat(table, TENTH, axis=0)
     table[:, 0] = 5.0 + 0.011 * np.arange(len(table))
     return table
@@ -48,7 +48,7 @@ def even_table() -> FloatArray:
     return table
 
 
-def test_repeated_rows_are_counted_left_out_and_the_times_rebuilt(tmp_path: Path) -> None:
+def test_repeated_rows_are_counted_and_removed_and_the_times_rebuilt(tmp_path: Path) -> None:
     table = with_repeats(even_table())
     recording, report = imported(tmp_path, table)
     assert report.clock is not None
@@ -72,7 +72,7 @@ def test_a_sound_recording_keeps_its_stamps_and_has_no_finding(tmp_path: Path) -
     np.testing.assert_array_equal(recording.time_s, np.round(table[:, 0], 6))
 
 
-def test_a_row_that_was_written_twice_with_its_stamp_is_a_repeat_and_no_damage(
+def test_a_row_written_twice_with_its_stamp_is_a_repeat_and_not_damage(
     tmp_path: Path,
 ) -> None:
     table = even_table()
@@ -84,16 +84,16 @@ def test_a_row_that_was_written_twice_with_its_stamp_is_a_repeat_and_no_damage(
     np.testing.assert_array_equal(recording.time_s, np.round(table[:, 0], 6))
 
 
-def test_a_source_read_four_times_jumps_no_faster_than_plausible(tmp_path: Path) -> None:
+def test_jumps_of_a_source_read_four_times_are_plausible(tmp_path: Path) -> None:
     table = np.repeat(even_table()[:400], 4, axis=0)
-    table[:, 0] = 0.011 / 4 * np.arange(len(table))  # 0.035 rad in a row of 2.75 ms
+    table[:, 0] = 0.011 / 4 * np.arange(len(table))  # 0.035 rad within 2.75 ms
     _, report = imported(tmp_path, table)
     assert report.clock is not None
     assert report.clock.repeated_share == pytest.approx(0.75, abs=0.003)
     assert report.rows_damaged == 0
 
 
-def test_too_few_fresh_rows_are_refused(tmp_path: Path) -> None:
+def test_too_few_updated_rows_are_refused(tmp_path: Path) -> None:
     table = np.repeat(even_table()[:90], 4, axis=0)
     table[:, 0] = 0.011 / 4 * np.arange(len(table))
     with pytest.raises(DataQualityError) as refused:
@@ -103,7 +103,9 @@ def test_too_few_fresh_rows_are_refused(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["sound", "tenth row twice", "one of eight stale at random"])
-def test_of_a_real_robot(real_robot: Path, tmp_path: Path, kind: str) -> None:
+def test_repeated_rows_of_a_real_robot_are_found(
+    real_robot: Path, tmp_path: Path, kind: str
+) -> None:
     file = real_robot / "ur-20_02_10-30sec_12harm.csv"
     table = np.loadtxt(file, delimiter=",")[634:3510]
     true_s, rows = table[:, 0] - table[0, 0], np.arange(len(table))
@@ -128,4 +130,4 @@ def test_of_a_real_robot(real_robot: Path, tmp_path: Path, kind: str) -> None:
         return
     assert report.clock.clock is ClockState.REBUILT
     assert report.clock.torque_gain is not None
-    assert report.clock.torque_gain > 0.4  # held-out torque error falls by a third or more
+    assert report.clock.torque_gain > 0.4  # the error of held-out torques falls by a third or more

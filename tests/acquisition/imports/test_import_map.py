@@ -1,4 +1,4 @@
-"""Import maps: refused where two columns, units or constants cannot be meant together."""
+"""Import maps: contradictory columns, units or constants are refused."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def test_contradictions_are_refused(
 
 
 @pytest.mark.parametrize("name", bundled_names("maps"))
-def test_bundled_maps_fit_their_robot(name: str) -> None:
+def test_bundled_maps_match_their_robots(name: str) -> None:
     import_map, robot = load_import_map(name)
     assert import_map.name == name
     assert all(joint.limits.velocity < import_map.plausible.speed for joint in robot.joints)
@@ -111,11 +111,11 @@ def test_bundled_maps_fit_their_robot(name: str) -> None:
         assert column.torque_constant_nm_per_a == joint.torque_constant_nm_per_a
 
 
-def test_maps_are_bundled_for_both_layouts_and_for_bags() -> None:
+def test_both_layouts_and_bags_have_bundled_maps() -> None:
     assert {"ur10_ros", "ur10e_19", "ur10e_31"} <= set(bundled_names("maps"))
 
 
-def test_temperatures_are_there_for_every_joint_or_for_none() -> None:
+def test_temperatures_are_given_for_every_joint_or_for_none() -> None:
     joints = [{"joint": "a", "position": 1, "torque": 2, "temperature": 3}]
     assert read(joints=joints).joints[0].temperature == 3
     joints.append({"joint": "b", "position": 4, "torque": 5})
@@ -123,7 +123,7 @@ def test_temperatures_are_there_for_every_joint_or_for_none() -> None:
         read(joints=joints, columns=6)
 
 
-def test_an_import_map_finds_its_robot_beside_itself_and_their_joints_must_match(
+def test_a_map_finds_its_robot_in_its_folder_and_their_joints_must_match(
     tmp_path: Path,
 ) -> None:
     (tmp_path / "robot.yaml").write_bytes(load_cell("ir361").files["robot.yaml"])
@@ -141,7 +141,7 @@ def test_an_import_map_finds_its_robot_beside_itself_and_their_joints_must_match
         load_import_map(str(path))
 
 
-def test_a_bag_s_joint_that_the_robot_lacks_is_refused(tmp_path: Path) -> None:
+def test_a_bag_joint_that_the_robot_lacks_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "map.yaml"
     text = "name: m\nrobot: ir361\njoint_states:\n  effort: torque\n  joints:\n"
     path.write_text(f"{text}    - {{joint: elbow, position_sign: -1}}\n")

@@ -1,4 +1,4 @@
-"""Import: several topics in one file, and velocities that a source does not fill."""
+"""Import: several topics in one file, and velocities that a source leaves empty."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def layout(**changes: Any) -> ImportMap:
 
 
 def merged(path: Path, shift_s: float = 0.002, empty: str = "", stop: int = 300) -> Path:
-    """Write positions and torques in rows of their own, the torques `shift_s` later."""
+    """Write positions and torques in rows of their own, torques `shift_s` later."""
     lines = []
     for row, t in enumerate(T.tolist()):
         lines.append(f"{t!r},{float(q(t))!r},{empty}\n")
@@ -45,7 +45,9 @@ def merged(path: Path, shift_s: float = 0.002, empty: str = "", stop: int = 300)
 
 
 @pytest.mark.parametrize("empty", ["", " ", "nan", "NaN"])
-def test_topics_of_one_file_meet_at_the_rows_of_the_first_joint(tmp_path: Path, empty: str) -> None:
+def test_topics_of_one_file_are_interpolated_at_the_rows_of_the_first_joint(
+    tmp_path: Path, empty: str
+) -> None:
     path = merged(tmp_path / "r.csv", empty=empty)
     recording, report = import_csv(path, layout(empty_cells="interpolate"))
     np.testing.assert_array_equal(recording.position[:, 0], q(T))
@@ -55,7 +57,7 @@ def test_topics_of_one_file_meet_at_the_rows_of_the_first_joint(tmp_path: Path, 
     assert re.findall(r"\d+", note) == ["300", "300", "300"]
 
 
-def test_rows_beyond_the_other_topic_are_left_out(tmp_path: Path) -> None:
+def test_rows_beyond_the_other_topic_are_removed(tmp_path: Path) -> None:
     path = merged(tmp_path / "r.csv", stop=280)
     import_map = layout(empty_cells="interpolate", left_out_limit=0.1)
     recording, report = import_csv(path, import_map)
@@ -65,20 +67,20 @@ def test_rows_beyond_the_other_topic_are_left_out(tmp_path: Path) -> None:
         import_csv(path, layout(empty_cells="interpolate"))
 
 
-def test_without_the_key_the_refusal_names_it(tmp_path: Path) -> None:
+def test_without_the_merge_key_the_refusal_names_it(tmp_path: Path) -> None:
     path = merged(tmp_path / "r.csv")
     with raises_code(DataQualityError, "RID-IMPORT-ROWS", "empty_cells"):
         import_csv(path, layout())
 
 
-def test_a_column_that_is_always_empty_is_refused_by_its_name(tmp_path: Path) -> None:
+def test_an_empty_column_is_refused_with_its_name(tmp_path: Path) -> None:
     path = tmp_path / "r.csv"
     path.write_text("".join(f"{t!r},{float(q(t))!r},\n" for t in T.tolist()))
     with raises_code(DataQualityError, "RID-IMPORT-ROWS", str(path), "torque"):
         import_csv(path, layout(empty_cells="interpolate"))
 
 
-def test_a_text_that_is_no_number_is_not_interpolated(tmp_path: Path) -> None:
+def test_text_instead_of_a_number_is_not_interpolated(tmp_path: Path) -> None:
     path = merged(tmp_path / "r.csv")
     path.write_text(path.read_text().replace("\n", "x\n", 1))
     _, report = import_csv(path, layout(empty_cells="interpolate"))
@@ -102,7 +104,7 @@ class TestVelocities:
 
     @pytest.mark.parametrize("text", ["nan", ""])
     @pytest.mark.parametrize("lacking", [300, 200])
-    def test_that_a_source_does_not_fill_are_left_out_and_said(
+    def test_that_a_source_leaves_empty_are_ignored_and_reported(
         self, tmp_path: Path, text: str, lacking: int
     ) -> None:
         recording, report = self.read(tmp_path / "r.csv", lacking, text)
@@ -112,7 +114,7 @@ class TestVelocities:
         assert re.findall(r"[\d.]+(?= %)", note) == [f"{lacking / 3:.3g}"]
 
     @pytest.mark.parametrize("text", ["nan", ""])
-    def test_that_few_rows_lack_are_damage(self, tmp_path: Path, text: str) -> None:
+    def test_that_are_missing_in_a_few_rows_are_damage(self, tmp_path: Path, text: str) -> None:
         recording, report = self.read(tmp_path / "r.csv", 3, text)
         assert len(recording.time_s) == 297
         assert report.velocity_ratio[0] == pytest.approx(1.0, abs=1e-2)

@@ -27,7 +27,7 @@ def save(path: Path, *columns: np.ndarray) -> Path:
     return path
 
 
-def test_rows_of_a_known_rate_need_no_stamps(tmp_path: Path) -> None:
+def test_rows_with_a_known_rate_need_no_stamps(tmp_path: Path) -> None:
     path = save(tmp_path / "r.csv", T, POSITION, TORQUE)
     lines = path.read_text().splitlines()
     lines[100] = "x"
@@ -38,7 +38,7 @@ def test_rows_of_a_known_rate_need_no_stamps(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.time_s, np.delete(np.arange(300) / 200.0, 100))
 
 
-def test_a_wrong_rate_is_said_by_the_velocities(tmp_path: Path) -> None:
+def test_velocities_reveal_a_wrong_rate(tmp_path: Path) -> None:
     velocities = 3.0 * np.cos(3.0 * T), 2.0 * np.cos(2.0 * T)
     path = save(tmp_path / "r.csv", POSITION, np.sin(2.0 * T), *velocities, TORQUE, -TORQUE)
     joints = ", ".join(
@@ -52,7 +52,7 @@ def test_a_wrong_rate_is_said_by_the_velocities(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("field", ["0_5", "1,5", "nan", "inf", "", "0x1", "1.5 Nm", "٣"])
-def test_a_field_that_is_no_number_is_a_damaged_row(tmp_path: Path, field: str) -> None:
+def test_a_field_that_is_not_a_number_is_a_damaged_row(tmp_path: Path, field: str) -> None:
     path = save(tmp_path / "r.csv", T, POSITION, TORQUE)
     lines = path.read_text().splitlines()
     lines[100] = f"{T[100]:.12g};{POSITION[100]:.12g};{field}".replace(";", ",")
@@ -64,7 +64,7 @@ def test_a_field_that_is_no_number_is_a_damaged_row(tmp_path: Path, field: str) 
 
 
 @pytest.mark.parametrize(("field", "damaged"), [("0,5", 0), ("1.234,5", 1), ("0.5", 1), ("0_5", 1)])
-def test_beside_decimal_commas_a_point_separates_thousands_and_is_no_number(
+def test_with_decimal_commas_a_point_as_thousands_separator_is_damage(
     tmp_path: Path, field: str, damaged: int
 ) -> None:
     path = save(tmp_path / "r.csv", T, POSITION, TORQUE)
@@ -81,7 +81,7 @@ def test_beside_decimal_commas_a_point_separates_thousands_and_is_no_number(
 class TestTwoFiles:
     MAP = '"columns": 2, "time": {"column": 0}, "further_files": [{"columns": 2}]'
 
-    def test_of_the_same_rows_are_one_recording(self, tmp_path: Path) -> None:
+    def test_with_the_same_rows_are_one_recording(self, tmp_path: Path) -> None:
         positions = save(tmp_path / "q.csv", T, POSITION)
         torques = save(tmp_path / "tau.csv", T, TORQUE)
         recording, report = import_csv(positions, layout(self.MAP, 3), further=[torques])
@@ -89,7 +89,9 @@ class TestTwoFiles:
         np.testing.assert_allclose(recording.torque_nm[:, 0], TORQUE, atol=1e-9)
         assert report.findings == ()
 
-    def test_of_other_stamps_meet_at_those_of_the_first(self, tmp_path: Path) -> None:
+    def test_with_different_stamps_are_interpolated_at_those_of_the_first(
+        self, tmp_path: Path
+    ) -> None:
         own = np.arange(0.0, 3.0, 0.002)
         positions = save(tmp_path / "q.csv", T, POSITION)
         torques = save(tmp_path / "tau.csv", np.cos(5.0 * own), 1e3 * own)

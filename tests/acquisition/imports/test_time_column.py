@@ -39,7 +39,7 @@ def save(path: Path, stamp: Callable[[int], str], delimiter: str = ",") -> Path:
 
 
 def date(ns: int, zone: str = "", hours: float = 0.0) -> str:
-    """Return a date with all nine digits of the nanoseconds."""
+    """Return a date with all nine digits of its nanoseconds."""
     when = datetime.fromtimestamp(ns // 10**9, UTC) + timedelta(hours=hours)
     return f"{when:%Y-%m-%dT%H:%M:%S}.{ns % 10**9:09d}{zone}"
 
@@ -74,7 +74,7 @@ def test_stamps_keep_every_nanosecond(
     np.testing.assert_array_equal(recording.position[:, 0], POSITION)
 
 
-def test_a_change_of_the_time_zone_is_no_step_in_time(tmp_path: Path) -> None:
+def test_a_change_of_the_time_zone_is_not_a_time_step(tmp_path: Path) -> None:
     def summer_and_winter(ns: int) -> str:
         return date(ns, "+02:00", 2.0) if ns < NS[150] else date(ns, "+01:00", 1.0)
 
@@ -95,8 +95,8 @@ def test_a_change_of_the_time_zone_is_no_step_in_time(tmp_path: Path) -> None:
         ("99999999999999999999", '{"column": 0, "unit": "ns"}'),
     ],
 )
-def test_what_is_no_stamp_is_a_damaged_row(tmp_path: Path, text: str, time: str) -> None:
-    """A row with a time zone among rows without one is not a stamp either."""
+def test_an_invalid_stamp_is_a_damaged_row(tmp_path: Path, text: str, time: str) -> None:
+    """A row with a time zone among rows without one is also invalid."""
     stamp = str if "ns" in time else date
     path = save(tmp_path / "r.csv", lambda ns: text if ns == NS[100] else stamp(ns))
     _, report = import_csv(path, layout(time))
@@ -105,7 +105,7 @@ def test_what_is_no_stamp_is_a_damaged_row(tmp_path: Path, text: str, time: str)
     ]
 
 
-def test_nanoseconds_of_a_second_have_nine_digits(tmp_path: Path) -> None:
+def test_nanoseconds_of_ten_digits_are_a_damaged_row(tmp_path: Path) -> None:
     path = save(
         tmp_path / "r.csv", lambda ns: f"{ns // 10**9},{ns % 10**9 + 10**9 * (ns == NS[7])}"
     )
@@ -117,7 +117,7 @@ def test_nanoseconds_of_a_second_have_nine_digits(tmp_path: Path) -> None:
     ("stamp", "columns", "key"),
     [(date, 3, "unit: iso"), (lambda ns: f"{ns // 10**9},{ns % 10**9}", 4, "nanoseconds: 1")],
 )
-def test_the_refusal_names_the_key_that_reads_the_stamps(
+def test_the_refusal_names_the_key_that_reads_such_stamps(
     tmp_path: Path, stamp: Callable[[int], str], columns: int, key: str
 ) -> None:
     path = save(tmp_path / "r.csv", stamp)
@@ -125,7 +125,7 @@ def test_the_refusal_names_the_key_that_reads_the_stamps(
         import_csv(path, layout('{"column": 0}', columns))
 
 
-def test_two_files_with_stamps_of_different_kinds_have_one_clock(tmp_path: Path) -> None:
+def test_two_files_with_different_kinds_of_stamps_have_one_clock(tmp_path: Path) -> None:
     positions = save(tmp_path / "q.csv", lambda ns: date(ns, "+05:30", 5.5))
     torques = save(tmp_path / "tau.csv", str)
     further = ', "further_files": [{"columns": 3, "time": {"column": 0, "unit": "ns"}}]'
@@ -137,7 +137,7 @@ def test_two_files_with_stamps_of_different_kinds_have_one_clock(tmp_path: Path)
     assert report.findings == ()
 
 
-def test_nanoseconds_belong_to_whole_seconds_and_have_a_column_of_their_own() -> None:
+def test_nanoseconds_need_whole_seconds_and_a_column_of_their_own() -> None:
     with raises_invalid("time", "nanoseconds", "iso"):
         layout('{"column": 0, "nanoseconds": 1, "unit": "iso"}', 4)
     with raises_invalid("", "time", "position"):

@@ -1,4 +1,4 @@
-"""A row of the journal: written by the names of its fields, in the layout of the file."""
+"""Journal row: written by field name, in the layout of the file."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ def test_a_row_has_the_fields_of_the_file_in_their_order() -> None:
 
 
 @pytest.mark.parametrize("joints", [1, 3, 16])
-def test_what_is_written_by_name_is_read_by_name(joints: int) -> None:
+def test_values_written_by_name_are_read_by_name(joints: int) -> None:
     dtype = row_dtype(joints)
-    fields: dict[str, Any] = {}  # each as its dtype says
+    fields: dict[str, Any] = {}  # each with the type of its dtype
     for number, name in enumerate(CycleRow._fields):
         shape = dtype[name].shape
         fields[name] = [number + 1] * shape[0] if shape else number + 1

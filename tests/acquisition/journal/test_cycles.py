@@ -68,7 +68,7 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "recording.mcap"
 
 
-def test_rows_and_header_come_back_bit_by_bit(path: Path) -> None:
+def test_rows_and_header_are_read_back_bit_by_bit(path: Path) -> None:
     rows = some_rows()
     write(path, rows)
     journal = read_journal(path)
@@ -105,7 +105,7 @@ def test_the_mcap_package_reads_the_same_rows(path: Path) -> None:
     assert messages[100][2].log_time == 800_000_000
 
 
-def test_an_unfinished_file_gives_every_flushed_row_and_says_that_it_is_unfinished(
+def test_an_unfinished_file_gives_every_flushed_row_and_is_reported_as_unfinished(
     path: Path,
 ) -> None:
     rows = some_rows(500)
@@ -116,7 +116,7 @@ def test_an_unfinished_file_gives_every_flushed_row_and_says_that_it_is_unfinish
     assert "not closed" in journal.damage.notes[0]
 
 
-def test_a_file_cut_anywhere_gives_all_but_the_last_block(path: Path, whole: bytes) -> None:
+def test_a_truncated_file_loses_at_most_its_last_block(path: Path, whole: bytes) -> None:
     rows = some_rows()
     bytes_per_row = len(whole) / ROWS
     for cut in random.Random(3).sample(range(len(whole) - 1), 300):
@@ -131,9 +131,7 @@ def test_a_file_cut_anywhere_gives_all_but_the_last_block(path: Path, whole: byt
         assert len(journal.rows) >= min(ROWS, cut / bytes_per_row - 2 * ROWS_PER_FLUSH)
 
 
-def test_a_flipped_bit_never_changes_a_number_and_never_hides_a_loss(
-    path: Path, whole: bytes
-) -> None:
+def test_a_flipped_bit_never_changes_a_number_or_hides_a_loss(path: Path, whole: bytes) -> None:
     rows = some_rows()
     for bit in random.Random(4).sample(range(8 * len(whole)), 300):
         damaged = bytearray(whole)
@@ -149,7 +147,7 @@ def test_a_flipped_bit_never_changes_a_number_and_never_hides_a_loss(
             assert journal.damage.notes
 
 
-def test_lost_rows_are_named(path: Path, whole: bytes) -> None:
+def test_lost_rows_are_reported(path: Path, whole: bytes) -> None:
     at = whole.index(some_rows()[650].tobytes())
     damaged = bytearray(whole)
     damaged[at + 40] ^= 0xFF
@@ -160,7 +158,7 @@ def test_lost_rows_are_named(path: Path, whole: bytes) -> None:
     assert damage.notes[0] == "rows 650 to 662 are lost (13 rows)"
 
 
-def test_a_tail_of_zeros_is_left_out(path: Path, whole: bytes) -> None:
+def test_trailing_zeros_are_ignored(path: Path, whole: bytes) -> None:
     path.write_bytes(whole[: len(whole) // 2] + bytes(len(whole) // 2))
     journal = read_journal(path)
     assert journal.rows.tobytes() == some_rows()[: len(journal.rows)].tobytes()
@@ -178,7 +176,7 @@ def test_garbage_is_refused(tmp_path_factory: pytest.TempPathFactory, garbage: b
     assert "garbage.mcap" in str(caught.value)
 
 
-def test_what_is_no_journal_is_refused_with_its_name(path: Path) -> None:
+def test_a_file_that_is_not_a_journal_is_refused_with_its_name(path: Path) -> None:
     with raises_code(RecordingError, "RID-FILE-READ", "recording.mcap"):
         read_journal(path)
     path.write_bytes(b"")
@@ -189,15 +187,16 @@ def test_what_is_no_journal_is_refused_with_its_name(path: Path) -> None:
         read_journal(path)
 
 
-def test_a_disk_that_cannot_be_read_is_an_error(tmp_path: Path) -> None:
-    unreadable = Path("/proc/self/mem")  # a regular file whose first page is an input/output error
+def test_an_unreadable_disk_is_an_error(tmp_path: Path) -> None:
+    # reading the first page of this regular file fails with an input/output error
+    unreadable = Path("/proc/self/mem")
     with raises_code(RecordingError, "RID-FILE-READ", "/proc/self/mem", "Input/output"):
         read_journal(unreadable)
     with raises_code(RecordingError, "RID-FILE-READ"):
         read_journal(tmp_path)
 
 
-def test_a_recording_is_never_replaced(path: Path) -> None:
+def test_a_recording_is_never_overwritten(path: Path) -> None:
     path.write_bytes(b"x")
     with raises_code(RecordingError, "RID-OUTPUT-EXISTS"):
         JournalWriter(path, HEADER)
@@ -205,7 +204,7 @@ def test_a_recording_is_never_replaced(path: Path) -> None:
 
 @pytest.fixture
 def small_disk() -> Iterator[None]:
-    """No file can grow beyond 200 kB."""
+    """Limit the size of files to 200 kB."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, hard))
     yield
@@ -213,7 +212,7 @@ def small_disk() -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("small_disk")
-def test_a_full_disk_is_an_error_and_what_was_written_stays_readable(path: Path) -> None:
+def test_a_full_disk_is_an_error_and_the_written_rows_stay_readable(path: Path) -> None:
     rows = some_rows()
     with raises_code(RecordingError, "RID-RECORDING-LOST", f"{path}: ", os.strerror(errno.EFBIG)):
         write(path, rows)

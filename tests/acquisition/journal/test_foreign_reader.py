@@ -1,4 +1,4 @@
-"""A recording as PlotJuggler or Foxglove opens it: by the plain mcap reader and its own schemas.
+"""Recordings read as PlotJuggler or Foxglove do it: by the plain mcap reader and its schemas.
 
 The decoder below knows CDR and ros2msg definitions, and nothing of this project.
 """
@@ -25,7 +25,7 @@ CODES = {
 
 
 def decode(definition: str, data: bytes) -> dict[str, Any]:
-    """Read a message: little-endian CDR, every primitive aligned to its size."""
+    """Decode a message: little-endian CDR, every primitive aligned to its size."""
     assert data[:2] == b"\x00\x01", "CDR, little endian"
     body, place, values = data[4:], 0, {}
     for line in definition.splitlines():

@@ -1,4 +1,4 @@
-"""The index of an MCAP file kept as bytes: the same file, in memory that hardly grows."""
+"""MCAP chunk index kept as bytes: an identical file, with memory that hardly grows."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CHUNKS = 400
 
 
 def written(output: io.BytesIO, *, as_bytes: bool) -> int:
-    """Write a file of many chunks and return the memory that the writer holds [bytes]."""
+    """Write a file of many chunks and return the memory that the writer keeps [bytes]."""
     writer = Writer(output, chunk_size=64, compression=CompressionType.NONE)
     if as_bytes:
         keep_as_bytes(writer)
@@ -27,7 +27,7 @@ def written(output: io.BytesIO, *, as_bytes: bool) -> int:
     room = output.tell()
     for number in range(CHUNKS):
         writer.add_message(channel, number, bytes(64), number, number)
-        output.seek(room)  # the file itself does not count
+        output.seek(room)  # without the file itself
     held = tracemalloc.get_traced_memory()[0]
     tracemalloc.stop()
     return held
@@ -47,19 +47,19 @@ def whole(*, as_bytes: bool) -> bytes:
     return output.getvalue()
 
 
-def test_the_file_is_the_librarys_own_to_the_byte() -> None:
+def test_the_file_is_identical_to_that_of_the_library() -> None:
     assert whole(as_bytes=True) == whole(as_bytes=False)
     summary = make_reader(io.BytesIO(whole(as_bytes=True))).get_summary()
     assert summary is not None
     assert len(summary.chunk_indexes) >= CHUNKS
 
 
-def test_the_library_still_needs_more_memory_than_that() -> None:
-    """If this fails, the library bounds its index itself: delete `mcap_chunks.py`."""
+def test_the_library_still_needs_more_memory() -> None:
+    """If this fails, the library limits its index itself: delete `mcap_chunks.py`."""
     assert written(io.BytesIO(), as_bytes=False) > 3 * written(io.BytesIO(), as_bytes=True)
 
 
-def test_a_writer_without_that_list_is_refused() -> None:
+def test_a_writer_without_an_index_list_is_refused() -> None:
     writer = Writer(io.BytesIO())
     del vars(writer)[ATTRIBUTE]
     with pytest.raises(RecordingError) as refused:

@@ -1,4 +1,4 @@
-"""A journal is read in pieces, each from the end of the last one, also while it is written."""
+"""A growing journal is read in pieces, each from the end of the last one."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def write(path: Path, rows: np.ndarray) -> None:
         writer.append(rows.tobytes())
 
 
-def test_what_is_written_while_it_is_read_is_read_once(tmp_path: Path) -> None:
+def test_rows_written_during_reading_are_read_once(tmp_path: Path) -> None:
     rows, path = some_rows(3000), tmp_path / "r.mcap"
     seen: list[np.ndarray] = []
     with JournalWriter(path, HEADER) as writer, CycleReader(path) as reader:
@@ -49,7 +49,7 @@ def test_what_is_written_while_it_is_read_is_read_once(tmp_path: Path) -> None:
     np.testing.assert_array_equal(np.concatenate(seen), rows)
 
 
-def test_a_chunk_that_is_half_written_is_read_when_it_is_whole(tmp_path: Path) -> None:
+def test_a_half_written_chunk_is_read_when_it_is_complete(tmp_path: Path) -> None:
     write(tmp_path / "whole.mcap", some_rows(1000))
     whole, path = (tmp_path / "whole.mcap").read_bytes(), tmp_path / "r.mcap"
     path.write_bytes(b"")
@@ -65,7 +65,7 @@ def test_a_chunk_that_is_half_written_is_read_when_it_is_whole(tmp_path: Path) -
 
 @settings(max_examples=30)
 @given(piece=st.integers(1, 60_000), cut=st.integers(0, 40_000), harm=st.integers(0, 60_000))
-def test_pieces_of_any_size_show_the_same_file(
+def test_pieces_of_any_size_give_the_same_rows(
     tmp_path_factory: pytest.TempPathFactory, piece: int, cut: int, harm: int
 ) -> None:
     path = tmp_path_factory.mktemp("pieces") / "r.mcap"

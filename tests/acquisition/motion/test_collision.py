@@ -1,4 +1,4 @@
-"""Paths that come too close are refused, and say what comes close to what, when."""
+"""Paths with too little clearance are refused with the two bodies and the time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ STEP_S = 0.01
 
 @pytest.fixture(scope="module")
 def swing() -> np.ndarray:
-    """Axis 1 of the bundled arm through a quarter turn; the tool point goes along an arc."""
+    """Quarter turn of axis 1 of the bundled arm; the tool point moves along an arc."""
     pose = np.zeros((101, 3))
     pose[:, 0] = np.linspace(0.0, np.pi / 2.0, 101)
     return pose
@@ -32,17 +32,17 @@ def tool_x(swing: np.ndarray) -> np.ndarray:
 
 
 def wall(at_x: float, side: float) -> Clearances:
-    """The robot is to stay on one side of a wall, 20 mm off."""
+    """Return a wall that the robot must keep 20 mm away from."""
     plane = Plane(name="the wall", normal=(side, 0.0, 0.0), offset_m=side * at_x)
     return Clearances.of(load_robot("ir361"), Workspace(planes=(plane,), clearance_m=0.02))
 
 
-def test_a_path_that_keeps_clear_is_no_error(swing: np.ndarray, tool_x: np.ndarray) -> None:
+def test_a_path_with_enough_clearance_is_accepted(swing: np.ndarray, tool_x: np.ndarray) -> None:
     refuse_collision(wall(tool_x.min() - 0.03, 1.0), swing, STEP_S, "the motion")
     refuse_collision(Clearances.of(load_robot("ir361")), swing, STEP_S, "the motion")
 
 
-def test_a_path_that_comes_too_close_says_what_and_when(
+def test_a_path_with_too_little_clearance_is_refused_with_bodies_and_time(
     swing: np.ndarray, tool_x: np.ndarray
 ) -> None:
     place = float(tool_x[60])
@@ -55,7 +55,7 @@ def test_a_path_that_comes_too_close_says_what_and_when(
     assert "Nothing was moved" in text
 
 
-def test_a_robot_that_stands_too_near_may_leave_but_not_come_closer(
+def test_a_robot_that_starts_too_close_may_move_away_but_not_closer(
     swing: np.ndarray, tool_x: np.ndarray
 ) -> None:
     near = wall(float(tool_x[0]) + 0.01, -1.0)
@@ -64,14 +64,12 @@ def test_a_robot_that_stands_too_near_may_leave_but_not_come_closer(
         refuse_collision(near, np.vstack([swing[30::-1], swing]), STEP_S, "the way")
 
 
-def test_a_robot_that_stands_in_the_wall_is_led_out_by_hand(
-    swing: np.ndarray, tool_x: np.ndarray
-) -> None:
+def test_a_path_out_of_the_wall_is_refused(swing: np.ndarray, tool_x: np.ndarray) -> None:
     with raises_code(PreflightError, "RID-MOTION-COLLISION", "50"):
         refuse_collision(wall(float(tool_x[0]) - 0.05, -1.0), swing, STEP_S, "the way")
 
 
-def test_signs_of_life_are_asked_for_in_between(swing: np.ndarray, tool_x: np.ndarray) -> None:
+def test_the_check_calls_its_heartbeat_between_rows(swing: np.ndarray, tool_x: np.ndarray) -> None:
     calls: list[int] = []
     clear = wall(tool_x.min() - 0.03, 1.0)
     refuse_collision(clear, swing, STEP_S, "the way", meanwhile=lambda: calls.append(1))

@@ -1,4 +1,4 @@
-"""The periodic excitation (2.30): exact derivatives, and a whole number of samples a period."""
+"""Periodic excitation (2.30): exact derivatives and a whole number of samples per period."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class TestTrajectory:
             trajectory.position(t + trajectory.period_s), trajectory.position(t), atol=1e-12
         )
 
-    def test_takes_the_joints_in_the_robots_order(self) -> None:
+    def test_is_in_the_robots_joint_order(self) -> None:
         given_order = motion()
         shuffled = motion(joints=given_order.joints[::-1])
         a = given_order.trajectory(ROBOT, 0.008)
@@ -65,7 +65,7 @@ class TestTrajectory:
         np.testing.assert_array_equal(a.offset, b.offset)
         np.testing.assert_array_equal(a.sine, b.sine)
 
-    def test_cannot_be_changed(self) -> None:
+    def test_is_immutable(self) -> None:
         trajectory = motion().trajectory(ROBOT, 0.008)
         assert not trajectory.sine.flags.writeable
 
@@ -73,13 +73,13 @@ class TestTrajectory:
         with raises_code(ConfigError, "RID-MOTION-JOINTS", "axis1", "axis2", "'ir361'", "axis3"):
             motion(joints=motion().joints[:2]).trajectory(ROBOT, 0.008)
 
-    def test_refuses_harmonics_beyond_half_the_sampling_frequency(self) -> None:
+    def test_refuses_harmonics_beyond_half_the_sampling_rate(self) -> None:
         with raises_code(ConfigError, "RID-MOTION-BAND"):
             motion(period_s=0.6).trajectory(ROBOT, 0.1)
 
 
 class TestSamplesOfPeriod:
-    def test_names_the_nearest_periods_that_fit(self) -> None:
+    def test_suggests_the_nearest_valid_periods(self) -> None:
         with raises_code(ConfigError, "RID-MOTION-PERIOD", "1250.375", "10", "10.008"):
             samples_of_period(10.003, 0.008)
 
@@ -93,5 +93,5 @@ class TestSamplesOfPeriod:
     )
     def test_accepts_every_whole_number_of_cycles(self, samples: int, cycle_ms: int) -> None:
         sample_period_s = cycle_ms / 1000.0
-        period_s = float(f"{samples * sample_period_s:.9g}")  # as a user types it
+        period_s = float(f"{samples * sample_period_s:.9g}")  # as a user enters it
         assert samples_of_period(period_s, sample_period_s) == samples

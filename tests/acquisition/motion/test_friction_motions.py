@@ -1,4 +1,4 @@
-"""The two motions that measure friction alone: constant speeds, and a path there and back."""
+"""The two motions for friction: constant speeds, and the same path in both directions."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ WAVES = ReversedMotion(
 )
 
 
-def test_every_speed_is_held_both_ways_over_the_same_stretch() -> None:
+def test_every_speed_is_constant_in_both_directions_over_the_same_range() -> None:
     motion = steady(LIFT, TURN, repeats=2, longest_run_s=4.0)
     samples = motion.plan(IR361, CYCLE_S)
     _, runs = motion.runs(IR361, CYCLE_S)
@@ -69,7 +69,7 @@ def test_every_speed_is_held_both_ways_over_the_same_stretch() -> None:
     assert samples.samples_per_period is None
 
 
-def test_a_kind_says_its_joints_own_stretches_where_its_sentence_does_not() -> None:
+def test_a_kind_lists_the_ranges_of_its_joints_if_they_differ() -> None:
     heading, rows = steady(LIFT, TURN).joint_table()
     assert heading == ("axis", "from", "to", "speeds")
     assert rows[0] == ("axis2", "-1.000", "0.600", "0.1, 0.5, 1")
@@ -95,14 +95,14 @@ def test_velocity_and_acceleration_are_the_derivatives_of_the_path(
         (samples.position, samples.velocity),
         (samples.velocity, samples.acceleration),
     ):
-        # Simpson's rule over two cycles, to what a kink of the rate in between can take.
+        # Simpson's rule over two cycles, within the error of a jump of the rate in between
         step = values[2:] - values[:-2]
         integral = (rate[2:] + 4.0 * rate[1:-1] + rate[:-2]) * cycle_s / 3.0
         assert np.abs(step - integral).max() < 0.4 * cycle_s * np.abs(np.diff(rate, axis=0)).max()
     assert np.abs(samples.acceleration[:, 0]).max() <= 10.0 * max(fraction, 0.3) + 1e-9
 
 
-def test_the_way_back_is_the_way_there_reversed() -> None:
+def test_the_return_path_is_the_forward_path_reversed() -> None:
     samples = WAVES.plan(IR361, CYCLE_S)
     hold = np.flatnonzero(samples.phase == Phase.HOLD)
     there, back = slice(0, hold[0]), slice(hold[-1] + 1, None)
@@ -123,7 +123,7 @@ def test_the_way_back_is_the_way_there_reversed() -> None:
 
 
 @pytest.mark.parametrize("motion", [steady(LIFT)])
-def test_a_motion_file_reads_back(motion: ConstantVelocityMotion) -> None:
+def test_a_motion_file_is_read_back_equal(motion: ConstantVelocityMotion) -> None:
     again = validate(parse_yaml(to_yaml(motion).encode(), "m.yaml"), ConstantVelocityMotion)
     assert again == motion
 
@@ -163,7 +163,7 @@ def test_a_motion_file_reads_back(motion: ConstantVelocityMotion) -> None:
         ),
     ],
 )
-def test_what_cannot_be_run_is_refused(
+def test_an_invalid_friction_motion_is_refused(
     motion: ConstantVelocityMotion, code: str, details: tuple[str, ...]
 ) -> None:
     with raises_code(ConfigError, code, *details):
