@@ -1,4 +1,4 @@
-"""The bundled arm in closed loop: its plant, and the position loop one cycle behind."""
+"""Fixtures: the bundled arm in closed loop, its plant, and the position loop one cycle behind."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def cell() -> LoadedCell:
 
 @pytest.fixture(scope="session")
 def drive(cell: LoadedCell) -> Drive:
-    """Drive samples, and the feedforward that they carry, through plant and position loop."""
+    """Return a function that runs samples and their feedforward through plant and position loop."""
     assert cell.plant is not None
     return partial(closed_loop, cell, cell.plant)
 
@@ -40,7 +40,7 @@ def loops(cell: LoadedCell, drive: Drive) -> list[VelocityLoop]:
 
 
 def measured_loops(cell: LoadedCell, drive: Drive) -> list[VelocityLoop]:
-    """The velocity loops of an arm out of a multisine."""
+    """Return the velocity loops of an arm, measured with a multisine."""
     joints = tuple(
         {"joint": name, "velocity": 0.03, "slow_amplitude": 0.1} for name in cell.robot.joint_names
     )
@@ -62,7 +62,7 @@ def measured_loops(cell: LoadedCell, drive: Drive) -> list[VelocityLoop]:
 
 @pytest.fixture(scope="session")
 def model(cell: LoadedCell, drive: Drive) -> Estimate:
-    """Model of the arm with the presliding of its joints."""
+    """Model of the arm with presliding friction in its joints."""
     joints = (
         joint.model_copy(update={"friction": (*joint.friction, "presliding")})
         for joint in cell.robot.joints
@@ -72,7 +72,7 @@ def model(cell: LoadedCell, drive: Drive) -> Estimate:
 
 @pytest.fixture(scope="session")
 def forgetful(cell: LoadedCell) -> tuple[Drive, list[VelocityLoop], Estimate]:
-    """The arm with friction that holds like a wall, without memory; its loops and its model."""
+    """The arm with memoryless friction that is rigid before sliding, its loops and its model."""
     plant = cell.plant
     assert plant is not None
     assert plant.unmodelled is not None
@@ -83,7 +83,7 @@ def forgetful(cell: LoadedCell) -> tuple[Drive, list[VelocityLoop], Estimate]:
 
 
 def identified(cell: LoadedCell, drive: Drive, robot: RobotDescription) -> Estimate:
-    """A model out of eight periods of an excitation."""
+    """Return a model identified from eight periods of an excitation."""
     motion = design_two_harmonic(
         cell.robot, TwoHarmonicOptions(10.0, tries=100, periods=8), cell.config.cycle_time_s
     )

@@ -1,4 +1,4 @@
-"""From excitation to a compensated circle: everything measured on the simulated arm itself."""
+"""From excitation to a compensated circle, with all values measured on the simulated arm."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def error_of(cell: LoadedCell, drive: Drive, samples: MotionSamples) -> Tracking
         ((0.650, -0.100, -1.650), 0.12, 0.5, 6.0, 4.0),
     ],
 )
-def test_circles_come_an_order_of_magnitude_closer(
+def test_the_error_of_circles_falls_by_an_order_of_magnitude(
     cell: LoadedCell,
     drive: Drive,
     loops: list[VelocityLoop],
@@ -66,7 +66,7 @@ def test_circles_come_an_order_of_magnitude_closer(
     mean_ratio: float,
     max_ratio: float,
 ) -> None:
-    """All unmodelled effects are on, and nothing is taken from the plant."""
+    """All unmodelled effects are on, and no value is taken from the plant."""
     samples = circle(centre, radius_m, speed).plan(cell.robot, cell.config.cycle_time_s).whole()
     before = error_of(cell, drive, samples)
     after = error_of(cell, drive, compensated_motion(samples, model, loops))
@@ -75,7 +75,7 @@ def test_circles_come_an_order_of_magnitude_closer(
     assert after.max_m < before.max_m / max_ratio
 
 
-def test_a_motion_that_is_not_periodic_is_compensated_too(
+def test_a_motion_that_is_not_periodic_is_compensated(
     cell: LoadedCell, drive: Drive, loops: list[VelocityLoop], model: Estimate
 ) -> None:
     motion = MultipointMotion(kind="multipoint", robot="ir361", points=6, seed=1)
@@ -85,7 +85,7 @@ def test_a_motion_that_is_not_periodic_is_compensated_too(
     assert after.mean_m < before.mean_m / 5.0
 
 
-def test_run_in_period_and_run_out_join_without_a_jump(
+def test_the_feedforward_has_no_jump_between_run_in_period_and_run_out(
     cell: LoadedCell, loops: list[VelocityLoop], model: Estimate
 ) -> None:
     motion = circle((0.575, -0.078, -1.724), 0.2, 0.6)
@@ -102,7 +102,7 @@ def test_run_in_period_and_run_out_join_without_a_jump(
     )
 
 
-def test_loops_come_back_from_their_file(
+def test_loops_are_read_back_from_their_file(
     loops: list[VelocityLoop], tmp_path: Path, cell: LoadedCell
 ) -> None:
     path = tmp_path / "loops.json"
@@ -132,6 +132,6 @@ def test_loops_and_models_of_other_joints_are_refused(
         compensated_motion(others, model, loops)
 
 
-def test_a_circle_has_whole_cycles(cell: LoadedCell) -> None:
+def test_a_circle_takes_a_whole_number_of_cycles(cell: LoadedCell) -> None:
     turns = circle((0.575, -0.078, -1.724), 0.2, 0.6).as_fourier(cell.robot, 0.008)
     assert turns.period_s == pytest.approx(2.096)

@@ -1,4 +1,4 @@
-"""Models whose gears lose something of what they transmit, where limits and bounds are made."""
+"""Load-dependent gear losses in limits and stability bounds."""
 
 from __future__ import annotations
 
@@ -34,14 +34,16 @@ def motion() -> JointTrajectory:
     return JointTrajectory(*random.normal(0.0, 0.4, (3, 40, 3)))
 
 
-def test_losses_jump_and_are_no_part_of_what_a_refinement_takes_for_smooth(
+def test_losses_jump_and_are_excluded_from_the_smooth_model_of_refinement(
     cell: LoadedCell, lossy: Estimate
 ) -> None:
     smooth, plain = without_jumps(lossy), without_jumps(known(cell, {}))
     np.testing.assert_allclose(predict(smooth, *motion()), predict(plain, *motion()), atol=1e-9)
 
 
-def test_a_margin_counts_a_payload_that_gears_transmit(cell: LoadedCell, lossy: Estimate) -> None:
+def test_a_torque_margin_includes_a_payload_behind_lossy_gears(
+    cell: LoadedCell, lossy: Estimate
+) -> None:
     payload = estimate_of(cell, ("run",))
     exact = replace(payload, covariance=np.zeros((10, 10)))
     margin, least = (
@@ -50,7 +52,7 @@ def test_a_margin_counts_a_payload_that_gears_transmit(cell: LoadedCell, lossy: 
     assert np.all(margin > least)
 
 
-def test_a_goal_for_the_torque_is_judged_whatever_friction_depends_on(
+def test_a_goal_for_the_torque_is_judged_for_any_friction_model(
     cell: LoadedCell, lossy: Estimate
 ) -> None:
     goal = Goal("torque", 1.0, False, "torque<1Nm")

@@ -33,14 +33,14 @@ def measured(cell: LoadedCell) -> Estimate:
 
 @pytest.fixture(scope="module")
 def followed(cell: LoadedCell) -> Estimate:
-    """Of a model that follows warmth without thermometers."""
+    """Model with computed warming instead of measured temperatures."""
     return by_temperature(cell, measured=False)
 
 
 @pytest.mark.parametrize(
     ("asked", "celsius"), [("40", [40.0, 40.0, 40.0]), ("-5,61.5,20", [-5.0, 61.5, 20.0])]
 )
-def test_measured_temperatures_are_given_in_degrees(
+def test_measured_temperatures_are_given_in_degrees_celsius(
     measured: Estimate, asked: str, celsius: list[float]
 ) -> None:
     found = at_operating_temperature(measured, asked, None)
@@ -53,9 +53,7 @@ def test_measured_temperatures_are_given_in_degrees(
     ]
 
 
-def test_cold_is_the_friction_without_what_warmth_takes_off(
-    cell: LoadedCell, followed: Estimate
-) -> None:
+def test_cold_is_the_friction_without_warming(cell: LoadedCell, followed: Estimate) -> None:
     found = at_operating_temperature(followed, "cold", None)
     np.testing.assert_allclose(
         predict(found.estimate, *WAY), predict(known(cell, {}), *WAY), rtol=1e-9, atol=1e-7
@@ -63,11 +61,11 @@ def test_cold_is_the_friction_without_what_warmth_takes_off(
     assert found.sentence == "Friction of axis1, axis2 after a long rest."
 
 
-def test_warm_is_where_the_motion_leads_that_is_repeated(followed: Estimate) -> None:
+def test_warm_is_the_steady_state_of_the_repeated_motion(followed: Estimate) -> None:
     found = at_operating_temperature(followed, "warm", WAY[1])
     warming = followed.warming
     assert warming is not None
-    # An hour of the same motion, followed as recordings are: many time constants.
+    # An hour of the same motion, computed as for recordings: many time constants.
     signals = recording(20.0, (None, None, None), seed=4)
     assert np.array_equal(signals.velocity, WAY[1])
     settled = _after_an_hour(warming, followed)
@@ -84,7 +82,7 @@ def test_warm_is_where_the_motion_leads_that_is_repeated(followed: Estimate) -> 
 
 
 def _after_an_hour(warming: Warming, estimate: Estimate) -> np.ndarray:
-    """Return the mean temperatures in the last turn of a motion that is repeated for an hour."""
+    """Return the mean temperatures in the last repetition after an hour of the motion."""
     one = recording(20.0, (None, None, None), seed=4)
     turns = 30
     rows = len(one) * turns
@@ -104,7 +102,7 @@ def _after_an_hour(warming: Warming, estimate: Estimate) -> np.ndarray:
     return np.asarray(followed[-len(one) :].mean(axis=0))
 
 
-def test_a_model_at_one_temperature_compensates_on_line(
+def test_on_line_compensation_needs_a_model_at_one_temperature(
     cell: LoadedCell, followed: Estimate
 ) -> None:
     loops = [
@@ -117,7 +115,7 @@ def test_a_model_at_one_temperature_compensates_on_line(
     OnlineFeedforward.identified(cell.config, cell.robot, warm, loops)
 
 
-def test_what_friction_does_not_depend_on_is_not_asked(cell: LoadedCell) -> None:
+def test_a_temperature_without_effect_is_refused(cell: LoadedCell) -> None:
     plain = known(cell, {})
     assert at_operating_temperature(plain, None, None).estimate is plain
     assert at_operating_temperature(plain, None, None).notes == []
@@ -126,7 +124,7 @@ def test_what_friction_does_not_depend_on_is_not_asked(cell: LoadedCell) -> None
 
 
 @pytest.mark.parametrize("asked", [None, "warm", "cold"])
-def test_nobody_knows_how_warm_measured_drives_become(
+def test_a_model_with_measured_temperatures_needs_them_in_degrees(
     measured: Estimate, asked: str | None
 ) -> None:
     with raises_code(ConfigError, "RID-MODEL-TEMPERATURE", "axis1", "axis2"):
@@ -134,17 +132,19 @@ def test_nobody_knows_how_warm_measured_drives_become(
 
 
 @pytest.mark.parametrize("asked", ["", "hot", "40,41", "500", "nan", "40;41;42", "1,2,"])
-def test_what_is_no_temperature_is_refused(measured: Estimate, asked: str) -> None:
+def test_an_invalid_temperature_is_refused(measured: Estimate, asked: str) -> None:
     with raises_code(ConfigError, "RID-OPTION-SYNTAX", "-40", "200"):
         at_operating_temperature(measured, asked, WAY[1])
 
 
 @pytest.mark.parametrize("asked", [None, "40"])
-def test_without_thermometers_there_are_no_degrees(followed: Estimate, asked: str | None) -> None:
+def test_degrees_are_refused_for_a_model_without_measured_temperatures(
+    followed: Estimate, asked: str | None
+) -> None:
     with raises_code(ConfigError, "RID-MODEL-TEMPERATURE", "--temperature"):
         at_operating_temperature(followed, asked, WAY[1])
 
 
-def test_points_from_elsewhere_do_not_tell_how_warm_they_make_joints(followed: Estimate) -> None:
+def test_warm_is_refused_for_points_from_another_program(followed: Estimate) -> None:
     with raises_code(ConfigError, "RID-MODEL-TEMPERATURE"):
         at_operating_temperature(followed, "warm", None)

@@ -88,7 +88,9 @@ def test_a_code_has_a_name_with_an_area_and_a_sentence_for_cause_and_remedy() ->
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_errors_without_a_code_only_get_fewer(package: str, classes: dict[str, bool]) -> None:
+def test_the_number_of_errors_without_a_code_does_not_grow(
+    package: str, classes: dict[str, bool]
+) -> None:
     places = [
         f"{path}:{line}"
         for path, module in modules(package)

@@ -1,4 +1,4 @@
-"""Bundled files load; mistakes are named with file, line, column and what is allowed."""
+"""Bundled files load; errors are reported with file, line, column and allowed values."""
 
 from __future__ import annotations
 
@@ -26,13 +26,15 @@ def test_every_bundled_cell_and_robot_loads() -> None:
 
 
 @pytest.mark.parametrize("make", [os.mkfifo, Path.mkdir])
-def test_what_is_no_file_is_not_waited_for(tmp_path: Path, make: Callable[[Path], None]) -> None:
+def test_a_path_that_is_not_a_file_is_refused_at_once(
+    tmp_path: Path, make: Callable[[Path], None]
+) -> None:
     make(tmp_path / "cell.yaml")
     with raises_code(ConfigError, "RID-FILE-READ", "cell.yaml"):
         load_cell(str(tmp_path / "cell.yaml"))
 
 
-def test_a_cell_file_finds_the_files_that_it_names_beside_itself(tmp_path: Path) -> None:
+def test_a_cell_file_finds_the_files_that_it_names_in_its_folder(tmp_path: Path) -> None:
     files = load_cell("ir361").files
     for name, text in files.items():
         (tmp_path / name).write_bytes(text)
@@ -51,7 +53,7 @@ def test_the_bundled_payload_cell_has_a_coupled_wrist() -> None:
 
 
 @pytest.mark.parametrize("side", ["master", "drive"])
-def test_a_time_out_bears_one_heartbeat_that_is_late(tmp_path: Path, side: str) -> None:
+def test_a_heartbeat_timeout_tolerates_one_late_heartbeat(tmp_path: Path, side: str) -> None:
     text = load_cell("ir361").files["cell.yaml"].decode()
     path = tmp_path / "cell.yaml"
     for beat_ms in (45, 46):
@@ -66,7 +68,7 @@ def test_a_time_out_bears_one_heartbeat_that_is_late(tmp_path: Path, side: str) 
 
 @pytest.mark.fault(18)
 @pytest.mark.parametrize("side", ["master", "drive"])
-def test_a_real_robot_does_not_go_on_for_long_after_a_death(
+def test_a_heartbeat_timeout_above_100_ms_is_refused_for_a_real_cell(
     tmp_path: Path, side: str, measured: Callable[[str], None]
 ) -> None:
     text = load_cell("ir361").files["cell.yaml"].decode().replace("simulated: true\n", "")
@@ -103,7 +105,7 @@ def edited(tmp_path: Path, old: str, new: str) -> str:
         ("plant: ir361", "", VALUE, ("simulated", "plant")),
     ],
 )
-def test_a_mistake_in_a_cell_is_named(
+def test_a_mistake_in_a_cell_is_reported_by_its_key(
     tmp_path: Path, old: str, new: str, code: str, details: tuple[str, ...]
 ) -> None:
     with raises_code(ConfigError, code, *details):
@@ -131,7 +133,7 @@ def test_an_unknown_cell_lists_the_bundled_ones() -> None:
         ("[0.0, 0.0, 9.0]", "RID-CELL-VALUE", ("home: axis3", " 9,")),
     ],
 )
-def test_a_home_pose_that_the_robot_cannot_take_is_refused(
+def test_a_home_pose_outside_the_limits_is_refused(
     home: str, code: str, details: tuple[str, ...], tmp_path: Path
 ) -> None:
     text = read_named("ir361", "cells", None)[0].decode()

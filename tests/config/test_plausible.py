@@ -1,4 +1,4 @@
-"""Physical values in the wrong unit are refused by key, unit, range and the likely mistake."""
+"""Physical values in a wrong unit are refused with key, unit, range and likely mistake."""
 
 from __future__ import annotations
 
@@ -159,7 +159,7 @@ def test_a_value_in_another_unit_is_refused_with_that_unit(
         ("centre_m: [0.0537,", "centre_m: [53.7,", ("53.7016 mm", "0.0537 m")),
     ],
 )
-def test_a_body_s_grams_and_square_millimetres_are_recognised(
+def test_grams_and_square_millimetres_of_a_body_are_recognised(
     right: str, wrong: str, values: tuple[str, ...], tmp_path: Path
 ) -> None:
     text = bundled("plants", "kr15")
@@ -172,7 +172,7 @@ def test_a_body_s_grams_and_square_millimetres_are_recognised(
         load_cell(str(tmp_path / "cell.yaml"))
 
 
-def test_all_of_a_file_s_problems_are_told_at_once(tmp_path: Path) -> None:
+def test_all_problems_of_a_file_are_reported_at_once(tmp_path: Path) -> None:
     text = bundled("robots")
     for right, wrong in (("-2.7", "-155.0"), ("position_max: 1.0", "position_max: 57.0")):
         text = text.replace(right, wrong, 1)
@@ -183,14 +183,14 @@ def test_all_of_a_file_s_problems_are_told_at_once(tmp_path: Path) -> None:
     assert "joints.0.limits.position_min: -155 rad" in second
 
 
-def test_a_value_that_is_meant_is_named_in_its_file(tmp_path: Path) -> None:
+def test_a_key_declared_implausible_on_purpose_is_accepted(tmp_path: Path) -> None:
     text = bundled("robots").replace("torque: 600.0", "torque: 600000.0")
     assert "joints.1.limits.torque" in refusal(tmp_path, "robot", text)
     loaded(tmp_path, "robot", f"{text}\nimplausible_on_purpose: [joints.1.limits.torque]\n")
     assert load_robot(str(tmp_path / "robot.yaml")).joints[1].limits.torque == 600000.0
 
 
-def test_a_map_s_own_unit_is_the_unit_of_its_zero(tmp_path: Path) -> None:
+def test_the_unit_of_a_zero_offset_is_that_of_the_map(tmp_path: Path) -> None:
     in_degrees = MAP.replace("columns: 7", "columns: 7\nunits: {position: deg}")
     loaded(tmp_path, "map", in_degrees.replace("offset: 1.5", "offset: 90.0"))
     nine_thousand = in_degrees.replace("offset: 1.5", "offset: 9000.0")
@@ -201,7 +201,7 @@ def test_a_map_s_own_unit_is_the_unit_of_its_zero(tmp_path: Path) -> None:
     loaded(tmp_path, "map", MAP.replace("offset: 1.5", "offset: 90.0") + meant)
 
 
-def test_a_table_s_file_is_held_to_the_same_ranges(tmp_path: Path) -> None:
+def test_a_table_file_is_checked_with_the_same_ranges(tmp_path: Path) -> None:
     (tmp_path / "path.csv").write_text("time_s,axis1,axis2,axis3\n0,0,0,0\n1,90,0,0\n")
     text = "kind: joint_table\nrobot: ir361\nfile: path.csv\n"
     with raises_code(
@@ -219,14 +219,14 @@ def test_a_table_s_file_is_held_to_the_same_ranges(tmp_path: Path) -> None:
         ("joints.1.limits.torque", ("joints.1.limits.torque", "plausible")),
     ],
 )
-def test_a_name_that_overrules_nothing_is_refused(
+def test_a_declaration_without_effect_is_refused(
     name: str, values: tuple[str, ...], tmp_path: Path
 ) -> None:
     text = bundled("robots") + f"\nimplausible_on_purpose: [{name}]\n"
     refusal(tmp_path, "robot", text, " implausible_on_purpose", *values)
 
 
-def test_a_linear_axis_is_held_to_metres(tmp_path: Path) -> None:
+def test_a_linear_axis_is_checked_in_metres(tmp_path: Path) -> None:
     text = bundled("robots").replace("- name: axis1", "- name: axis1\n    type: prismatic")
     text = text.replace("spring: {joint: axis2, l_m: 0.488, r_m: 0.100}", "")
     text = text.replace("position_max: 2.7", "position_max: 14.0")
@@ -278,14 +278,14 @@ WITHOUT_RANGE = {
     *("zero_jump_pc", "drift_pc_s", "clock_offset_s"),
     *("load_friction", "tachometer_ripple", "friction_drift_per_s", "rise_k_per_w"),
     *("loss_at_rated_w", "friction_per_k", "torque_constant_per_k"),
-    *("time_s", "position"),  # of a table: `derived` says their ranges
-    "zero_offset",  # of a map, in the unit of its positions: `derived` says its range
+    *("time_s", "position"),  # of a table: `derived` states their ranges
+    "zero_offset",  # of a map, in the unit of its positions: `derived` states its range
 }
 """Numbers without a unit, directions and matrices; and what a simulation invents."""
 
 
 def numbers(model: type[BaseModel], seen: set[type[BaseModel]]) -> Iterator[tuple[str, Any]]:
-    """Yield every number that a file may hold: its key, and its annotation."""
+    """Yield every number that a file may contain: its key and its annotation."""
     seen.add(model)
     for name, field in model.model_fields.items():
         parts = [*pieces(field.annotation), *field.metadata]
@@ -297,14 +297,14 @@ def numbers(model: type[BaseModel], seen: set[type[BaseModel]]) -> Iterator[tupl
 
 
 def pieces(annotation: Any) -> Iterator[Any]:
-    """Yield an annotation and all that it is made of."""
+    """Yield an annotation and all its parts."""
     yield annotation
     for part in (*typing.get_args(annotation), *getattr(annotation, "metadata", ())):
         yield from pieces(part)
 
 
 def test_every_physical_key_of_every_file_has_a_range() -> None:
-    # Along a timed path numbers have a unit of their own; the robot's limits hold its rows.
+    # Along a timed path numbers have another unit; the robot's limits apply to its rows.
     seen: set[type[BaseModel]] = {TimedWay}
     files = (CellConfig, RobotDescription, PlantConfig, MotionFile, ImportMap)
     lacking = {
@@ -352,7 +352,7 @@ OPTIONS = [
 
 
 @pytest.mark.parametrize(("words", "values"), OPTIONS)
-def test_a_command_s_number_in_another_unit_is_refused_by_its_option(
+def test_a_number_in_another_unit_is_refused_with_its_option(
     words: str, values: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(words.split()) == 2

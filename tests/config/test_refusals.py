@@ -1,4 +1,4 @@
-"""Words of a validator: what a text must be like is said in words, not as a pattern."""
+"""Validation messages describe a required text format in words and not as a pattern."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ROOT = Path(config.__file__).parents[1]
 PACKAGES = ("acquisition", "config", "mock_hw", "rid_daq")
 
 
-def test_every_pattern_of_the_models_is_said_in_words() -> None:
+def test_every_pattern_of_the_models_has_a_description() -> None:
     texts = [path.read_text() for name in PACKAGES for path in (ROOT / name).rglob("*.py")]
     patterns = {found for text in texts for found in re.findall(r'\bpattern=r"(.*)"', text)}
     assert len(patterns) > 3
@@ -31,9 +31,7 @@ def test_every_pattern_of_the_models_is_said_in_words() -> None:
         ("kräftig (neu)", "at most 64; 'kräftig_neu_' is valid"),
     ],
 )
-def test_a_name_that_is_refused_comes_with_one_that_is_valid(
-    name: str, said: str, tmp_path: Path
-) -> None:
+def test_a_refused_name_is_reported_with_a_valid_one(name: str, said: str, tmp_path: Path) -> None:
     path = tmp_path / "map.yaml"
     path.write_text(f"name: {name}\nrobot: ir361\ncolumns: 4\nrate_hz: 100\njoints: []\n")
     with pytest.raises(ConfigError) as refused:

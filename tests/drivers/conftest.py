@@ -1,4 +1,4 @@
-"""A bus with a clock of its own and a small scripted drive on it: every test is deterministic."""
+"""Fixtures: a bus with simulated time and small scripted drives on it."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class FakeClock:
 
 
 class FakeBus(can.BusABC):
-    """Delivers what devices send in time order; time runs only while the master waits."""
+    """Delivers device frames in time order; time advances only while the master waits."""
 
     channel_info = "fake"
 
@@ -59,11 +59,11 @@ class FakeBus(can.BusABC):
         self._count = itertools.count()
 
     def at(self, time_s: float, action: Callable[[], None]) -> None:
-        """Do something at a time, as a device would."""
+        """Call a function at a given time, as a device would."""
         heapq.heappush(self._events, (time_s, next(self._count), action))
 
     def transmit(self, frame: Frame, delay_s: float = WIRE_S) -> None:
-        """Bring a frame of a device to the master after `delay_s`."""
+        """Deliver a device's frame to the master after `delay_s`."""
         arrival_s = self.now_s + delay_s
         self.at(arrival_s, lambda: self._arrived.append((arrival_s, frame)))
 
@@ -158,7 +158,7 @@ ALL_MAPPINGS = {
 
 @dataclass
 class ScriptedDrive:
-    """A CiA 402 drive without physics: its position moves by its velocity at every SYNC."""
+    """CiA 402 drive without physics: its position changes by its velocity at every SYNC."""
 
     bus: FakeBus
     node_id: int
@@ -300,7 +300,7 @@ class ScriptedDrive:
 
 @dataclass
 class Bench:
-    """The cell under test: bus, drives and the driver on it."""
+    """Cell under test: bus, drives and the driver."""
 
     bus: FakeBus
     drives: list[ScriptedDrive]
@@ -328,7 +328,7 @@ class Bench:
         return [struct.unpack("<Hi", data) for data in self.bus.sent_to(0x200 + node)]
 
     def arrives(self, frame: Frame, after_next_sync_s: float) -> None:
-        """Let a frame come a while after the next SYNC."""
+        """Let a frame arrive some time after the next SYNC."""
         at_s = self.sync_time_s + self.cell.cycle_time_s + after_next_sync_s
         self.bus.transmit(frame, at_s - self.bus.now_s)
 

@@ -1,4 +1,4 @@
-"""Leaving a cell: power is off and the bus closed, whatever happened inside."""
+"""Leaving a cell for any reason: power is off and the bus is closed."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture
 def opened(bench: Bench) -> Callable[[], Cell]:
-    """Return a cell on the scripted bench's bus."""
+    """Return a function that opens a cell on the bus of the scripted bench."""
 
     def open_it() -> Cell:
         cell = Cell(bench.cell, bench.robot, bench.link)
@@ -45,7 +45,9 @@ def at_rest_without_power(bench: Bench) -> bool:
     )
 
 
-def test_leaving_after_motion(bench: Bench, opened: Callable[[], Cell]) -> None:
+def test_leaving_after_a_motion_removes_power_and_closes_the_bus(
+    bench: Bench, opened: Callable[[], Cell]
+) -> None:
     with opened():
         bench.enabled()
         bench.cycle((0.5, 0.5, 0.5))
@@ -61,7 +63,7 @@ def leave_by(bench: Bench, cell: Cell, error: BaseException) -> None:
 
 
 @pytest.mark.parametrize("error", [ValueError("bug"), KeyboardInterrupt(), SystemExit(3)])
-def test_leaving_by_any_exception_in_mid_motion(
+def test_leaving_by_any_exception_during_a_motion_removes_power(
     bench: Bench, opened: Callable[[], Cell], error: BaseException
 ) -> None:
     with pytest.raises(type(error)) as caught:
@@ -70,7 +72,7 @@ def test_leaving_by_any_exception_in_mid_motion(
     assert at_rest_without_power(bench)
 
 
-def test_leaving_while_enabling(bench: Bench, opened: Callable[[], Cell]) -> None:
+def test_leaving_during_enabling_removes_power(bench: Bench, opened: Callable[[], Cell]) -> None:
     bench.drives[2].follows = 0
     with raises_code(DeviceTimeoutError, "RID-DRIVE-NOT-ENABLED", "elbow", "6060h"), opened():
         bench.enabled()
@@ -96,7 +98,7 @@ def test_leaving_an_untouched_cell_sends_nothing(bench: Bench, opened: Callable[
     assert bench.bus.closed
 
 
-def test_a_lost_bus_is_closed_and_its_error_is_not_hidden(
+def test_a_lost_bus_is_closed_and_its_error_is_kept(
     bench: Bench, opened: Callable[[], Cell]
 ) -> None:
     def unplug() -> None:
@@ -111,7 +113,7 @@ def test_a_lost_bus_is_closed_and_its_error_is_not_hidden(
     assert len(caught.value.__notes__) > 0
 
 
-def test_power_that_nobody_saw_go_is_told_with_the_error_that_was_first(
+def test_unconfirmed_power_off_is_reported_with_the_first_error(
     bench: Bench, opened: Callable[[], Cell]
 ) -> None:
     def go_silent() -> None:
@@ -126,7 +128,7 @@ def test_power_that_nobody_saw_go_is_told_with_the_error_that_was_first(
     assert not bench.axes.without_power
 
 
-def test_what_was_seen_without_power_counts_for_the_last_time_that_it_was_asked(
+def test_power_off_counts_as_confirmed_by_the_last_request_only(
     bench: Bench, opened: Callable[[], Cell]
 ) -> None:
     seen: list[bool] = []
@@ -144,7 +146,7 @@ def test_what_was_seen_without_power_counts_for_the_last_time_that_it_was_asked(
     assert seen == [False, True, False]
 
 
-def test_a_trouble_of_leaving_alone_is_told(bench: Bench, opened: Callable[[], Cell]) -> None:
+def test_an_error_of_leaving_alone_is_reported(bench: Bench, opened: Callable[[], Cell]) -> None:
     def go_silent() -> None:
         with opened():
             bench.enabled()
@@ -156,7 +158,7 @@ def test_a_trouble_of_leaving_alone_is_told(bench: Bench, opened: Callable[[], C
     assert bench.drives[1].state is PowerState.SWITCH_ON_DISABLED
 
 
-def test_even_an_unexpected_error_in_one_step_does_not_stop_the_next(
+def test_an_unexpected_error_in_one_step_does_not_skip_the_next(
     bench: Bench, opened: Callable[[], Cell]
 ) -> None:
     cell = opened()
@@ -174,7 +176,7 @@ def test_even_an_unexpected_error_in_one_step_does_not_stop_the_next(
     assert at_rest_without_power(bench)
 
 
-def test_opening_on_a_real_python_can_bus(cell: CellConfig, robot: RobotDescription) -> None:
+def test_a_real_python_can_bus_is_opened(cell: CellConfig, robot: RobotDescription) -> None:
     with open_cell(cell, robot) as opened:
         assert opened.axes.joint_names == ("base", "shoulder", "elbow")
         assert opened.config is cell
@@ -191,7 +193,7 @@ def test_a_configuration_error_closes_the_bus(
     assert closed
 
 
-def test_a_bus_that_cannot_be_opened(cell: CellConfig, robot: RobotDescription) -> None:
+def test_a_bus_that_cannot_be_opened_is_reported(cell: CellConfig, robot: RobotDescription) -> None:
     bus = CanBusConfig(interface="socketcan", channel="no_such_can7")
     with raises_code(TransportError, "RID-CAN-OPEN", "socketcan:no_such_can7"):
         open_cell(cell.model_copy(update={"can": bus}), robot)

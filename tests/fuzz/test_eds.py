@@ -60,7 +60,7 @@ NASTY = (
     b"\xed\xa0\x80", b"%s%n", b"\\x00", b"rw", b"x" * 5000,
 )  # fmt: skip
 REFUSED = re.compile(r"drive\.eds(:\d+)?: [^\s].*")
-LONGEST_S = 30.0  # of the processor: a hang in a loop
+LONGEST_S = 30.0  # processor time: detects an endless loop
 
 
 def changed(data: bytes, chance: random.Random) -> bytes:
@@ -93,7 +93,7 @@ def changed(data: bytes, chance: random.Random) -> bytes:
 
 
 def outcome(data: bytes) -> str:
-    """Read a sheet; return what was refused, without places and values, or that it was read."""
+    """Read a sheet; return the refusal without positions and values, or that it was read."""
     try:
         sheet = parse_eds(data, "drive.eds")
     except ConfigError as error:
@@ -110,19 +110,19 @@ def outcome(data: bytes) -> str:
 
 
 @pytest.mark.parametrize("sheets", [10_000, pytest.param(100_000, marks=pytest.mark.long)])
-def test_sheets_changed_anywhere_are_read_or_refused_with_their_line(sheets: int) -> None:
+def test_sheets_with_random_changes_are_read_or_refused_with_their_line(sheets: int) -> None:
     chance = random.Random(4)
     counts: Counter[str] = Counter()
-    for _ in range(sheets):  # one that hangs is ended by the test's time limit
+    for _ in range(sheets):  # the test's timeout ends a hang
         counts[outcome(changed(SMALL, chance))] += 1
     assert counts["read"] > 0.2 * sheets
     assert counts.total() - counts["read"] > 0.2 * sheets
     assert len(counts) > (
         50 if sheets == 100_000 else 40
-    )  # this many kinds of faults occurred, and all were reported
+    )  # at least this many kinds of faults occurred, and all were reported
 
 
-def test_a_whole_drives_sheet_changed_anywhere() -> None:
+def test_random_changes_of_the_complete_sheet_of_a_drive() -> None:
     sheet = drive_eds(
         SimulatedIdentity(5, 4096, Fraction(100), 1500), "drive.eds", datetime(2026, 1, 2)
     )
@@ -140,7 +140,7 @@ def test_a_whole_drives_sheet_changed_anywhere() -> None:
         b"\xc2\x85", b"\x0c",
     ],
 )  # fmt: skip
-def test_files_of_one_thing_alone(piece: bytes) -> None:
+def test_files_filled_with_one_kind_of_content(piece: bytes) -> None:
     whole = piece * (MAX_BYTES // len(piece))
     begun_s = time.process_time()
     for head in (b"", b"[DeviceInfo]\n[1000]\nDataType=9\nDefaultValue="):
@@ -166,7 +166,7 @@ def comments() -> bytes:
 
 
 @pytest.mark.parametrize("make", [sub_objects, compact_arrays, keys, comments])
-def test_the_worst_of_files_take_little_memory(make: object) -> None:
+def test_the_largest_files_need_little_memory(make: object) -> None:
     assert callable(make)
     data = b"[DeviceInfo]\nVendorNumber=1\n" + make()[: MAX_BYTES - 1000]
     begun_s = time.process_time()

@@ -42,7 +42,7 @@ from rid_daq.report.result_file import read_result
 pytestmark = pytest.mark.slow
 
 BUNDLED = Path(__file__).resolve().parents[2] / "config" / "bundled"
-LONGEST_S = 30.0  # of the processor: a hang in a loop
+LONGEST_S = 30.0  # processor time: detects an endless loop
 NASTY = (
     b"NaN", b"-Infinity", b"1e999", b"-1e308", b"9" * 400, b"0x1F", b"1_0", b"true", b"null",
     b"{", b"}", b"[" * 5000, b"]", b"&a [*a, *a]", b"*a", b"!!python/object/apply:os.system ['x']",
@@ -57,7 +57,7 @@ NOTHING = (
 
 
 def mutations(data: bytes, count: int, seed: int) -> Iterator[bytes]:
-    """Yield so many changed copies."""
+    """Yield the given number of changed copies."""
     chance = random.Random(seed)
     for _ in range(count):
         changed = bytearray(data)
@@ -82,7 +82,7 @@ def mutations(data: bytes, count: int, seed: int) -> Iterator[bytes]:
 
 
 def survive(read: Callable[[Path], Any], path: Path, data: bytes, count: int) -> int:
-    """Read what is no such file at all, and mutations of one; return how many were refused."""
+    """Read text that is no such file, and mutations of a file; return the number of refusals."""
     messages = []
     for changed in (*NOTHING, *mutations(data, count, seed=1)):
         path.write_bytes(changed)
@@ -126,7 +126,7 @@ joints:
 
 
 @pytest.mark.parametrize("kind", MOTIONS)
-def test_motion_files_up_to_their_samples(kind: str, tmp_path: Path) -> None:
+def test_motion_files_and_their_plans(kind: str, tmp_path: Path) -> None:
     robot = load_robot("ir361")
 
     def read(path: Path) -> None:
@@ -155,7 +155,7 @@ def test_fault_scripts(tmp_path: Path) -> None:
     assert survive(lambda path: load_faults(path, cell), tmp_path / "f.yaml", data, 80) > 25
 
 
-def test_somebody_elses_csv(tmp_path: Path) -> None:
+def test_csv_files_of_other_programs(tmp_path: Path) -> None:
     import_map, robot = load_import_map("ur10e_31")
     rng = np.random.default_rng(2)
     width = 31
@@ -205,7 +205,7 @@ def document(tmp_path: Path) -> Callable[[str, Any], RunFolder]:
     return make
 
 
-def test_results_and_sessions(document: Callable[[str, Any], RunFolder]) -> None:
+def test_result_and_session_files(document: Callable[[str, Any], RunFolder]) -> None:
     result = {"schema": "rid-daq result 1", "title": "t", "verdict": {"passed": None}}
     folder = document("result.json", result)
     data = json.dumps(result).encode()
@@ -241,7 +241,7 @@ def test_load_data_of_controllers(form: LoadFormat, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("read", [read_estimate, read_payload, read_loops, read_feedforward])
-def test_models_and_what_follows_from_them(
+def test_models_and_their_use(
     read: Callable[[Path], Any], tmp_path: Path, json_files: dict[Any, bytes]
 ) -> None:
     assert survive(read, tmp_path / "changed.json", json_files[read], 200) > 100
@@ -249,7 +249,7 @@ def test_models_and_what_follows_from_them(
 
 @pytest.fixture
 def json_files(tmp_path: Path) -> dict[Any, bytes]:
-    """Files of the right shape, and in part nonsense: what follows the schema is reached."""
+    """JSON files that match the schema, in part with nonsense values, to reach the later checks."""
     loops = {
         "format": 1,
         "robot": "ir361",
@@ -268,7 +268,7 @@ def json_files(tmp_path: Path) -> dict[Any, bytes]:
     return {read: json.dumps(content).encode() for read, content in texts.items()}
 
 
-def test_recordings_of_nonsense_with_right_checksums(tmp_path: Path) -> None:
+def test_recordings_with_random_content_and_valid_checksums(tmp_path: Path) -> None:
     rng = np.random.default_rng(4)
     for number in range(30):
         path = tmp_path / f"{number}.mcap"
@@ -285,7 +285,7 @@ def test_recordings_of_nonsense_with_right_checksums(tmp_path: Path) -> None:
                 read(path)
 
 
-def test_recordings_changed_anywhere(tmp_path: Path) -> None:
+def test_recordings_with_random_changes(tmp_path: Path) -> None:
     path = tmp_path / "whole.mcap"
     rows = np.zeros(300, dtype=row_dtype(2))
     rows["time_s"] = rows["cycle"] = np.arange(300)

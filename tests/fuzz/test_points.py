@@ -1,4 +1,4 @@
-"""Anything at all on the socket that takes points: points, or a typed error; nothing grows."""
+"""Random bytes on the point socket become points or a typed error, with bounded memory."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ doubles = st.floats(width=64, allow_nan=True, allow_infinity=True)
 
 @st.composite
 def frames(draw: st.DrawFn) -> bytes:
-    """A frame of points, its count right or wrong, its numbers anything."""
+    """Return a frame of points with a correct or wrong count and any numbers."""
     numbers = draw(st.lists(doubles, max_size=24))
     counts = [len(numbers) // 3, 0, 1, MOST_POINTS, MOST_POINTS + 1, 2**32 - 1]
     count = draw(st.sampled_from(counts))
@@ -81,12 +81,12 @@ def test_bytes_become_points_or_one_typed_error(parts: list[bytes], cut: int) ->
 
 
 @pytest.mark.parametrize("depth", [1000, CHUNK_BYTES])
-def test_a_line_nested_without_end_is_another_protocol(depth: int) -> None:
+def test_a_deeply_nested_line_is_refused_as_another_protocol(depth: int) -> None:
     with raises_code(ProtocolError, "RID-STREAM-PROTOCOL"):
         PointDecoder(3).decode(b"[" * depth + b"\n")
 
 
-def test_two_megabytes_in_single_points_keep_nothing() -> None:
+def test_two_megabytes_of_single_points_keep_no_memory() -> None:
     decoder, frame = PointDecoder(3), struct.pack("<I3d", 1, 0.1, 0.2, 0.3)
     block = frame * (CHUNK_BYTES // len(frame))
     decoder.decode(HELLO)
@@ -105,7 +105,7 @@ def test_two_megabytes_in_single_points_keep_nothing() -> None:
 
 @settings(max_examples=60)
 @given(points=st.lists(st.lists(doubles, min_size=3, max_size=3), max_size=20))
-def test_any_numbers_pass_the_gate_or_are_refused(points: list[list[float]]) -> None:
+def test_any_numbers_are_accepted_by_the_gate_or_refused(points: list[list[float]]) -> None:
     ring = PointRing.create(3, 100)
     feed(ring, PointGate(ROBOT, WALL, 0.008), [np.array(points).reshape(-1, 3)])
     assert ring.failed in (PointsFailed.NO, PointsFailed.REFUSED)
@@ -114,8 +114,8 @@ def test_any_numbers_pass_the_gate_or_are_refused(points: list[list[float]]) -> 
 
 @settings(max_examples=40)
 @given(parts=sessions)
-def test_whatever_a_client_sends_the_server_says_why_and_ends(parts: list[bytes]) -> None:
-    """The client sends and hangs up; the server's own thread must end, its ring must know why."""
+def test_after_any_bytes_the_server_reports_the_reason_and_ends(parts: list[bytes]) -> None:
+    """The client sends and disconnects; then the server thread ends and the ring has the reason."""
     ring, over = PointRing.create(3, 4 * MOST_POINTS), threading.Event()
     trouble: list[BaseException] = []
 

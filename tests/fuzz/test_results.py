@@ -1,4 +1,4 @@
-"""A result.json that was changed at one place: its report is written, or refused with our error."""
+"""A result.json with one changed value: its report is written, or refused with our error."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def report_of(data: bytes) -> str:
     Each section has a separate page and drawings; unchanged sections are not drawn again.
     """
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # figures of absurd numbers
+        warnings.simplefilter("ignore")  # drawings of absurd numbers
         run = RunFolder.create(Path(folder), "changed")
         run.write("result.json", data)
         try:
@@ -43,7 +43,7 @@ def report_of(data: bytes) -> str:
 
 
 def unchanged(result: Result) -> set[str]:
-    """Return the sections that are those of the whole result."""
+    """Return the names of the sections that equal those of the unchanged result."""
     document: dict[str, Any] = result.model_dump(mode="json", by_alias=True)
     return {name for name in document.keys() - HEAD - {"schema"} if document[name] == WHOLE[name]}
 
@@ -55,6 +55,6 @@ def unchanged(result: Result) -> set[str]:
 @example(b"\xff")
 @example(b"[" * 100_000)
 @example(json.dumps(WHOLE).encode())
-def test_nothing_but_our_errors_comes_of_a_changed_result(data: bytes) -> None:
+def test_a_changed_result_causes_only_our_errors(data: bytes) -> None:
     said = report_of(data)
     assert said == "done" or "result.json" in said

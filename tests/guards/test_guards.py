@@ -13,28 +13,28 @@ from tests.guards.removed import PAGE, page
 HOW = "run: .venv/bin/python -m tests.guards.removed --page"
 
 
-def test_each_guard_stands_in_the_code_once() -> None:
+def test_the_code_of_each_guard_occurs_once() -> None:
     for each in guards():
         text = (ROOT / each.file).read_text(encoding="utf-8")
         assert each.removed_from(text) != text
 
 
-def test_what_is_left_without_a_guard_is_still_python() -> None:
+def test_the_code_without_a_guard_is_valid_python() -> None:
     for each in guards():
         compile(
             each.removed_from((ROOT / each.file).read_text(encoding="utf-8")), each.file, "exec"
         )
 
 
-def test_what_stands_for_a_guard_uses_only_names_of_its_file() -> None:
-    """A renamed method would let its tests fail for an AttributeError, with or without guard."""
+def test_the_replacement_of_a_guard_uses_only_names_of_its_file() -> None:
+    """After a rename, the tests of a guard would fail with AttributeError, with or without it."""
     for each in guards():
         text = (ROOT / each.file).read_text(encoding="utf-8")
         for name in re.findall(r"\bself\.(\w+)", each.without):
             assert re.search(rf"\b{name}\b", text), f"{each.guard}: {each.file} has no {name}"
 
 
-def test_each_guard_names_tests_that_exist() -> None:
+def test_each_guard_names_existing_tests() -> None:
     functions: dict[str, set[str]] = {}
     for each in guards():
         assert each.tests, f"{each.guard} names no test"
@@ -51,12 +51,12 @@ def test_each_guard_is_listed_once() -> None:
     ] == []
 
 
-def test_the_page_is_as_it_is_made() -> None:
+def test_the_page_is_up_to_date() -> None:
     assert PAGE.read_text(encoding="utf-8") == page(sections()), HOW
 
 
 @pytest.mark.parametrize("text", ["", "if late:\nif late:\n"])
-def test_a_guard_that_is_gone_or_stands_twice_is_an_error(text: str) -> None:
+def test_a_guard_that_occurs_never_or_twice_is_an_error(text: str) -> None:
     guard = Guard(guard="Late.", file="a.py", code="if late:", tests=("tests/test_a.py::test_a",))
     with pytest.raises(ValueError, match=r"a\.py"):
         guard.removed_from(text)

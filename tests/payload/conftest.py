@@ -1,4 +1,4 @@
-"""A six-axis arm with a coupled wrist that carries a payload, computed by Pinocchio."""
+"""Fixtures: a six-axis arm with a coupled wrist that carries a payload, by Pinocchio."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FINE = 5
 PERIOD_S = 8.0
 COULOMB = np.array([33.4, 32.6, 19.6, 8.3, 6.9, 4.6])
 VISCOUS = np.array([9.1, 12.8, 5.8, 3.5, 2.4, 1.6])
-# The wrist: motor 4 turns axes 5 and 6 along, motor 5 axis 6.
+# The wrist: motor 4 also moves axes 5 and 6, motor 5 also moves axis 6.
 COUPLING = (
     (1.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     (0.0, 1.0, 0.0, 0.0, 0.0, 0.0),
@@ -73,7 +73,7 @@ class PayloadPlant:
         return cls(robot, model)
 
     def torque(self, q: FloatArray, v: FloatArray, a: FloatArray, friction: float) -> FloatArray:
-        """Return the motors' torques, link side, (samples, 6)."""
+        """Return the motor torques on the link side, (samples, 6)."""
         data = self.model.createData()
         joint = np.array([pin.rnea(self.model, data, *row) for row in zip(q, v, a, strict=True)])
         coupling = np.eye(6) if self.robot.coupling is None else np.array(self.robot.coupling)
@@ -83,7 +83,7 @@ class PayloadPlant:
 
 
 def six_axes(**update: object) -> RobotDescription:
-    """Return the bundled six-axis arm with a coupled wrist and a flange away from its last axis."""
+    """Return the bundled six-axis arm with a coupled wrist and a flange off its last axis."""
     robot = load_robot("ur10e")
     joints = tuple(
         joint.model_copy(update={"friction": ("coulomb", "viscous"), "rotor": None})
@@ -103,7 +103,7 @@ def six_axes(**update: object) -> RobotDescription:
 def motion_of(
     robot: RobotDescription, seed: int = 1, axes: tuple[int, ...] | None = None
 ) -> FourierMotion:
-    """Return two harmonics an axis; axes that are not named stand still."""
+    """Return a motion of two harmonics per axis; axes that are not named are at rest."""
     draws = two_harmonic_draws(
         robot,
         TwoHarmonicOptions(PERIOD_S, highest_harmonic=10, limit_fraction=0.5, seed=seed, periods=4),
@@ -136,7 +136,7 @@ def measured(
     periods: int = 4,
     gain: FloatArray | None = None,
 ) -> Recording:
-    """Return periods as drives would tell them: band-limited torque, noise, rounded positions."""
+    """Return periods as drives measure them: band-limited torque, noise, rounded positions."""
     trajectory = motion.trajectory(robot, CYCLE_S)
     samples = trajectory.samples_per_period
     random = np.random.default_rng(seed)
@@ -197,7 +197,7 @@ def motion(robot: RobotDescription) -> FourierMotion:
 
 @pytest.fixture(scope="session")
 def unloaded(robot: RobotDescription, motion: FourierMotion) -> PeriodAverage:
-    """Friction is a tenth larger in the run without payload: it must not be carried over."""
+    """Run without payload, with a tenth more friction, which must not be carried over."""
     return averaged(robot, motion, None, seed=1, friction=1.1)
 
 

@@ -1,4 +1,4 @@
-"""A relative and an absolute limit of one quantity are alternatives: either one is enough."""
+"""A relative and an absolute limit of one quantity are alternatives: meeting one is enough."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def line(checks: tuple[PayloadCheck, ...], start: str) -> PayloadCheck:
     return found
 
 
-def test_a_light_tool_fails_by_percent_and_passes_by_kilograms() -> None:
+def test_a_light_tool_fails_in_percent_and_passes_in_kilograms() -> None:
     light = camera()
     by_percent = check_payload(light, PayloadLimits(centre_mm=200.0))
     assert not line(by_percent, "interval of the mass").passed
@@ -52,7 +52,7 @@ def test_a_light_tool_fails_by_percent_and_passes_by_kilograms() -> None:
     assert not line(check_payload(light, stricter), "interval of the mass").passed
 
 
-def test_an_absolute_limit_that_is_not_met_does_not_harm_a_relative_one_that_is() -> None:
+def test_a_missed_absolute_limit_does_not_affect_a_met_relative_one() -> None:
     heavy = estimate_of(load_cell("kr15"), ())  # 9.6 kg, 2σ of 10 g
     mass = line(check_payload(heavy, PayloadLimits(mass_kg=0.001)), "interval of the mass")
     assert mass.passed
@@ -60,7 +60,7 @@ def test_an_absolute_limit_that_is_not_met_does_not_harm_a_relative_one_that_is(
     assert "0.01 kg, limit 0.001 kg" in mass.text
 
 
-def test_a_residual_in_newton_metres_is_an_alternative_and_still_a_matter_of_the_fit() -> None:
+def test_a_residual_limit_in_newton_metres_is_an_alternative_limit_of_the_fit() -> None:
     poor = replace(estimate_of(load_cell("kr15"), ()), residual_nm=np.full(6, 30.0))
     for limits, fits in ((PayloadLimits(), False), (PayloadLimits(residual_nm=31.0), True)):
         result = PayloadResult(poor, check_payload(poor, limits))
@@ -69,7 +69,7 @@ def test_a_residual_in_newton_metres_is_an_alternative_and_still_a_matter_of_the
     assert not nearly.fits
 
 
-def test_the_limit_that_was_met_is_kept_in_the_payload_file(tmp_path: Path) -> None:
+def test_the_met_limit_is_stored_in_the_payload_file(tmp_path: Path) -> None:
     light, path = camera(), tmp_path / "payload.json"
     limits = PayloadLimits(centre_mm=200.0, mass_kg=0.03, inertia_kg_m2=0.01)
     write_payload(path, PayloadResult(light, check_payload(light, limits)))

@@ -1,4 +1,4 @@
-"""A centre of gravity behind the flange is said, for every maker who has Z out of the flange."""
+"""A centre of gravity behind the flange is reported for controllers with Z out of the flange."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def exported(
 
 
 @pytest.mark.parametrize("to", [each for each in LoadFormat if each is not LoadFormat.URDF])
-def test_behind_the_flange_is_said_with_its_distance_and_before_it_nothing(
+def test_a_centre_behind_the_flange_is_reported_with_its_distance(
     to: LoadFormat, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     notes, text = exported(tmp_path, -0.2, to, capsys)
@@ -45,7 +45,5 @@ def test_behind_the_flange_is_said_with_its_distance_and_before_it_nothing(
     assert exported(tmp_path, 0.2, to, capsys)[0] == []
 
 
-def test_a_urdf_has_no_rule_of_the_flange(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_urdf_needs_no_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert exported(tmp_path, -0.2, LoadFormat.URDF, capsys)[0] == []

@@ -1,4 +1,4 @@
-"""A payload beside a model of the robot whose friction `identify --choose` found."""
+"""Payload identification with a robot model whose friction terms `identify --choose` selected."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from tests.builders.raised_codes import raises_code
 OPTIONS = ModelOptions(rotors=False)
 
 
-def test_a_model_of_whose_friction_a_share_gives_way_weighs_a_payload(
+def test_a_model_with_presliding_hysteresis_identifies_a_payload(
     lab: SimpleNamespace,
     robot: RobotDescription,
     unloaded: PeriodAverage,
     loaded: PeriodAverage,
     both: PeriodicRuns,
 ) -> None:
-    """As `identify --choose` makes it: the runs' own robot file knows nothing of the share."""
+    """As with `identify --choose`, the robot file of the runs has no presliding terms."""
     remembering = robot.joints[2].model_copy(
         update={
             "friction": (*robot.joints[2].friction, "presliding"),
@@ -53,7 +53,7 @@ def test_a_model_of_whose_friction_a_share_gives_way_weighs_a_payload(
         assert np.max(np.abs(off)) < 3.0, procedure
 
 
-def test_torques_are_not_subtracted_where_gears_lose_more_with_the_payload(
+def test_difference_is_refused_if_gear_losses_depend_on_the_payload(
     robot: RobotDescription, both: PeriodicRuns
 ) -> None:
     joints = tuple(

@@ -24,7 +24,7 @@ IMPORTED = ("empty", "first", "second", "third", "left on", "heavy left on")
 
 @pytest.fixture(scope="module")
 def imported(lab: SimpleNamespace, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Periodic runs of another maker's six axes: empty, loaded three times, with a rest left on."""
+    """Imported periodic runs of six axes: empty, loaded three times, and with a body left on."""
     place = tmp_path_factory.mktemp("imported")
     robot = lab.six_axes(name="six")
     motion = lab.motion_of(robot)
@@ -56,7 +56,7 @@ def imported(lab: SimpleNamespace, tmp_path_factory: pytest.TempPathFactory) -> 
     return place
 
 
-def test_repeated_periodic_runs_from_another_makers_csv(
+def test_repeated_periodic_runs_from_csv_files_of_another_manufacturer(
     lab: SimpleNamespace, imported: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Three runs with the payload, one without; the scatter is reported."""
@@ -73,7 +73,7 @@ def test_repeated_periodic_runs_from_another_makers_csv(
         assert abs(entry["value"] - truth) < 3.0 * entry["std"]
 
 
-def test_what_was_left_on_the_flange_shows_where_a_model_of_the_robot_is_given(
+def test_a_body_left_on_the_flange_is_found_with_a_model_of_the_robot(
     imported: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     runs, model = ["--runs", str(imported / "runs")], str(imported / "empty.json")
@@ -82,7 +82,7 @@ def test_what_was_left_on_the_flange_shows_where_a_model_of_the_robot_is_given(
     write_estimate(Path(model), estimate_runs([empty], how).estimate)
     words = ["payload", "identify", "--loaded", "first", "--procedure", "together", *runs]
     capsys.readouterr()
-    # The torques of both runs alone cannot tell: it passes, and says what it counts on.
+    # With the torques of both runs alone the check passes and states its assumption.
     assert run([*words, "--no-rotors", "--unloaded", "left on"]) == 0
     capsys.readouterr()
     assert run([*words, "--unloaded", "left on", "--model", model]) == 1

@@ -1,4 +1,4 @@
-"""A payload weighed by a model that says what the torques went through."""
+"""Payload identification with a model that contains the delay and filter of the torques."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ OPTIONS = ModelOptions(rotors=False)
 
 
 def late(torque_nm: FloatArray, step_s: float) -> FloatArray:
-    """Return periodic torques that come late, to the last fraction of a sample."""
+    """Return periodic torques delayed by fractions of a sample."""
     turn = np.exp(-2j * np.pi * np.outer(np.fft.rfftfreq(len(torque_nm), step_s), LATE_S))
     return np.fft.irfft(np.fft.rfft(torque_nm, axis=0) * turn, axis=0)
 
@@ -41,7 +41,7 @@ def narrow(torque_nm: FloatArray, step_s: float) -> FloatArray:
 
 @pytest.mark.parametrize("periodic", [True, False])
 @pytest.mark.parametrize(("through", "channel"), [(late, LATE), (narrow, NARROW)])
-def test_what_a_model_says_of_torques_holds_for_a_payload(
+def test_the_torque_channel_of_a_model_is_applied_to_the_payload(
     lab: SimpleNamespace,
     tmp_path: Path,
     through: Callable[[FloatArray, float], FloatArray],

@@ -1,4 +1,4 @@
-"""Load data of every maker: golden files computed by hand, and round trips of what can exist."""
+"""Load data of every controller: golden files computed by hand, and round trips."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from identification.payload.controllers.formats import (
 from identification.payload.controllers.text import number_writer
 from tests.builders.raised_codes import raises_code
 
-# A body whose numbers are known without a computer. Mass 4 kg, centre of gravity at
+# A body that is computed by hand. Mass 4 kg, centre of gravity at
 # (10, -20, 100) mm. Principal moments 0.03, 0.05 and 0.06 kg m^2, their axes turned by +30 degrees
 # about z against the flange's. With cos^2 30 = 3/4, sin^2 30 = 1/4, sin 30 cos 30 = sqrt(3)/4:
 #   Ixx = 0.03 * 3/4 + 0.05 * 1/4 = 0.035
@@ -38,7 +38,7 @@ def last_lines(text: str, mark: str) -> list[str]:
 
 
 def test_kuka_load_data_by_hand() -> None:
-    # mm; A is the turn about z: 30 degrees; J are the principal moments in the order of the axes.
+    # mm; A is the rotation about z: 30 degrees; J are the principal moments in axis order.
     text = load_data(TURNED_ABOUT_Z, LoadFormat.KUKA)
     assert last_lines(text, ";") == [
         "LOAD_DATA[1]={M 4,CM {X 10,Y -20,Z 100,A 30,B 0,C 0},J {X 0.03,Y 0.05,Z 0.06}}"
@@ -47,7 +47,7 @@ def test_kuka_load_data_by_hand() -> None:
     assert "A, B, C [deg]" in text
 
 
-def test_kuka_turns_b_about_y_and_c_about_x() -> None:
+def test_kuka_rotates_b_about_y_and_c_about_x() -> None:
     # Axes turned by +20 degrees about y: x' = (cos, 0, -sin), z' = (sin, 0, cos), so
     #   Ixz = 0.03 * cos * (-sin) + 0.06 * sin * cos = 0.03 sin 20 cos 20 = 0.015 sin 40.
     sin2, s, c = np.sin(np.radians(40.0)), np.sin(np.radians(20.0)), np.cos(np.radians(20.0))
@@ -117,7 +117,7 @@ def test_fanuc_schedule_by_hand() -> None:
     assert [float(value) for _, value in rows] == pytest.approx(
         [4.0, 1.0, -2.0, 10.0, 0.356900674, 0.458872296, 0.611829728], rel=3e-9
     )
-    # What the schedule cannot hold is said.
+    # Values that do not fit the schedule are reported.
     assert "-0.00866025403784" in text
     assert "left out" in text
 
@@ -168,12 +168,12 @@ def test_urdf_link_by_hand() -> None:
 
 
 def random_body(seed: int) -> PayloadBody:
-    """Return a body of a few point masses and balls, so that it can exist; some degenerate."""
+    """Return a possible body of a few point masses and balls; some are degenerate."""
     random = np.random.default_rng(seed)
     kind = seed % 4
     if kind == 0:  # a ball: all moments equal
         inertia = np.eye(3) * random.uniform(0.01, 1.0)
-    elif kind == 1:  # a cylinder, pointing anywhere
+    elif kind == 1:  # a cylinder in any direction
         axis = random.normal(size=3)
         axis /= np.linalg.norm(axis)
         across, along = 0.2, 0.35 * random.uniform(0.1, 1.0)
@@ -190,7 +190,7 @@ def random_body(seed: int) -> PayloadBody:
 
 @pytest.mark.fault(34)
 @pytest.mark.parametrize("form", LoadFormat)
-def test_a_thousand_bodies_read_back_as_they_were_written(
+def test_a_thousand_bodies_are_read_back_as_written(
     form: LoadFormat, measured: Callable[[str], None]
 ) -> None:
     worst = 0.0
@@ -202,7 +202,7 @@ def test_a_thousand_bodies_read_back_as_they_were_written(
 
 
 @pytest.mark.parametrize("form", LoadFormat)
-def test_a_changed_digit_is_seen(form: LoadFormat) -> None:
+def test_a_changed_digit_is_detected(form: LoadFormat) -> None:
     text = load_data(TURNED_ABOUT_Z, form)
     changed = text.replace("0.035", "0.0351").replace("0.03,", "0.0301,").replace("0.3569", "0.36")
     assert changed != text
@@ -210,7 +210,7 @@ def test_a_changed_digit_is_seen(form: LoadFormat) -> None:
 
 
 @pytest.mark.parametrize("form", LoadFormat)
-def test_another_text_is_no_load_data(form: LoadFormat) -> None:
+def test_text_that_is_not_load_data_is_refused(form: LoadFormat) -> None:
     for text in ("", "hello", "{}", "[1, 2, 3]", "<robot/>"):
         with raises_code(ConfigError, "RID-LOAD-DATA-FORMAT", form.value):
             read_load_data(text, form)
@@ -220,7 +220,7 @@ def test_another_text_is_no_load_data(form: LoadFormat) -> None:
 
 @pytest.mark.fault(33)
 @pytest.mark.parametrize("form", LoadFormat)
-def test_what_cannot_exist_is_not_written(
+def test_an_impossible_body_is_not_written(
     form: LoadFormat, measured: Callable[[str], None]
 ) -> None:
     # One moment larger than the other two together.
@@ -231,7 +231,7 @@ def test_what_cannot_exist_is_not_written(
     measured("refused: negative mass, triangle of inertias")
 
 
-def test_more_inertia_than_the_controller_takes_is_refused() -> None:
+def test_an_inertia_beyond_the_controllers_limit_is_refused() -> None:
     heavy = PayloadBody(900.0, np.zeros(3), np.diag([140.0, 140.0, 140.0]))
     with raises_code(EstimationError, "RID-LOAD-DATA-RANGE", "140 kg", "133 kg"):
         load_data(heavy, LoadFormat.UR)
@@ -245,7 +245,7 @@ def test_origin_lines_cannot_leave_their_comment() -> None:
 
 
 @pytest.mark.parametrize("form", LoadFormat)
-def test_no_more_digits_are_written_than_are_known(form: LoadFormat) -> None:
+def test_only_the_known_digits_are_written(form: LoadFormat) -> None:
     body = PayloadBody(
         9.608412345678,
         np.array([0.0239051234, 0.0898012345, -0.202841234]),
@@ -258,12 +258,12 @@ def test_no_more_digits_are_written_than_are_known(form: LoadFormat) -> None:
     found = read_load_data(text, form)
     assert deviation(body, found, form) <= sure
     assert found.is_consistent
-    values = re.findall(r"\d[\d.]*\d", text.split("9.6", 1)[1])  # from the mass on
+    values = re.findall(r"\d[\d.]*\d", text.split("9.6", 1)[1])  # starting with the mass
     assert all(len(each.replace(".", "").lstrip("0")) <= 5 for each in values), values
     assert len(load_data(body, form)) > len(text)
 
 
-def test_what_was_weighed_on_scales_keeps_all_its_digits() -> None:
+def test_weighed_values_keep_all_their_digits() -> None:
     body = PayloadBody(2.80512345, np.zeros(3), np.diag([0.01, 0.011, 0.012]))
     assert rounding(body, np.zeros(10)) == 0.0
     assert "M 2.80512345," in load_data(body, LoadFormat.KUKA, (), 0.0)
@@ -278,5 +278,5 @@ def test_what_was_weighed_on_scales_keeps_all_its_digits() -> None:
         (9.6084, 3, "9.61"),
     ],
 )
-def test_a_pendant_has_no_exponents(value: float, count: int, text: str) -> None:
+def test_values_for_a_teach_pendant_have_no_exponent(value: float, count: int, text: str) -> None:
     assert number_writer(count)(value) == text

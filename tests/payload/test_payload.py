@@ -1,4 +1,4 @@
-"""Payloads: simulate with Pinocchio, recover by each procedure, with intervals that hold."""
+"""Payload identification: simulated with Pinocchio, recovered by each procedure with intervals."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def runs(*averages: tuple[PeriodAverage, bool]) -> PeriodicRuns:
 
 
 def sigmas_off(estimate: PayloadEstimate, truth: PayloadBody) -> np.ndarray:
-    """Return how far what is not held is off, in standard deviations; zero for what is held."""
+    """Return the errors in standard deviations; zero for fixed values."""
     off = estimate.reported - truth.reported
     return np.divide(off, estimate.sigma, out=np.zeros_like(off), where=estimate.sigma > 0.0)
 
@@ -70,7 +70,7 @@ def test_every_procedure_recovers_the_payload_within_its_intervals(
     assert found.body.is_consistent
 
 
-def test_apart_tells_what_the_payload_makes_of_each_axis_torque(
+def test_apart_gives_the_payloads_part_of_each_axis_torque(
     lab: SimpleNamespace, robot: RobotDescription, motion: FourierMotion, both: PeriodicRuns
 ) -> None:
     found = identify_payload(robot, both, PayloadOptions("apart", OPTIONS))
@@ -79,11 +79,11 @@ def test_apart_tells_what_the_payload_makes_of_each_axis_torque(
     with_payload = lab.averaged(robot, motion, lab.medium, seed=3, noise_nm=0.0)
     without = lab.averaged(robot, motion, None, seed=3, noise_nm=0.0)
     made = np.sqrt(np.mean((with_payload.torque_nm - without.torque_nm) ** 2, axis=0))
-    # At a reversal the joint's friction is undetermined, and absorbs a little of this.
+    # At a reversal the joint's friction is undetermined, and absorbs part of the difference.
     np.testing.assert_allclose(found.payload_nm, made, rtol=0.08)
 
 
-def test_what_the_unloaded_run_carried_is_weighed_by_a_model(
+def test_a_body_in_the_unloaded_run_is_identified_by_a_model(
     lab: SimpleNamespace,
     robot: RobotDescription,
     motion: FourierMotion,
@@ -120,19 +120,19 @@ def test_a_model_of_another_robot_is_refused(
         identify_payload(other, both, PayloadOptions("model", OPTIONS, alone))
 
 
-def test_friction_belongs_to_its_run_and_not_to_the_payload(
+def test_friction_may_differ_between_the_runs(
     lab: SimpleNamespace, robot: RobotDescription, motion: FourierMotion, loaded: PeriodAverage
 ) -> None:
     warm = lab.averaged(robot, motion, None, seed=1, friction=0.6)
     found = identify_payload(
         robot, runs((warm, False), (loaded, True)), PayloadOptions("difference", OPTIONS)
     )
-    # The friction that differs by 40 % is worth more than the payload on the wrist's axes.
+    # On the wrist's axes, 40 % of the friction exceeds the torque of the payload.
     assert 0.4 * lab.coulomb_nm[3] > 3.0
     assert np.max(np.abs(sigmas_off(found, lab.medium))) < 3.0
 
 
-def test_a_known_mass_is_held_and_makes_the_rest_sharper(
+def test_a_known_mass_is_fixed_and_improves_the_other_values(
     robot: RobotDescription, both: PeriodicRuns
 ) -> None:
     free = identify_payload(robot, both, PayloadOptions("together", OPTIONS))
@@ -146,12 +146,12 @@ def test_a_known_mass_is_held_and_makes_the_rest_sharper(
     assert np.all(held.sigma[1:4] <= 1.1 * free.sigma[1:4])
     by_scales = PayloadOptions("together", OPTIONS, known=(KnownPayloadValue("m", 9.6, 0.002),))
     weighed = identify_payload(robot, both, by_scales)
-    # Between both, nearer to the surer one.
+    # Between both, closer to the more certain one.
     assert free.reported[0] < weighed.reported[0] < 9.6
     assert weighed.sigma[0] < min(0.002, free.sigma[0])
 
 
-def test_a_centre_and_an_inertia_about_it_can_be_known_too(
+def test_a_known_centre_and_inertia_about_it_are_fixed(
     lab: SimpleNamespace, robot: RobotDescription, both: PeriodicRuns
 ) -> None:
     known = (KnownPayloadValue("cz", -0.202, 0.0), KnownPayloadValue("Ixx", 0.612, 0.0))
@@ -162,16 +162,14 @@ def test_a_centre_and_an_inertia_about_it_can_be_known_too(
     assert np.max(np.abs(sigmas_off(found, lab.medium)[[0, 1, 2, 5, 6, 7, 8, 9]])) < 3.0
 
 
-def test_a_held_centre_that_no_payload_has_is_refused(
-    robot: RobotDescription, both: PeriodicRuns
-) -> None:
+def test_an_impossible_fixed_centre_is_refused(robot: RobotDescription, both: PeriodicRuns) -> None:
     how = PayloadOptions("together", OPTIONS, known=(KnownPayloadValue("cx", 5.0, 0.0),))
     with raises_code(EstimationError, "RID-PAYLOAD-CONTRADICTION"):
         identify_payload(robot, both, how)
 
 
 @pytest.mark.parametrize("mass_kg", [957.9, 4.8])
-def test_a_held_value_that_the_recordings_contradict_is_held_and_fails_the_verdict(
+def test_a_fixed_value_that_contradicts_the_recordings_fails_the_verdict(
     robot: RobotDescription, both: PeriodicRuns, mass_kg: float
 ) -> None:
     how = PayloadOptions("together", OPTIONS, known=(KnownPayloadValue("m", mass_kg, 0.0),))
@@ -182,7 +180,7 @@ def test_a_held_value_that_the_recordings_contradict_is_held_and_fails_the_verdi
     assert failed[0].value > 20.0
 
 
-def test_a_weighed_value_that_the_recordings_contradict_fails_the_verdict(
+def test_a_weighed_value_that_contradicts_the_recordings_fails_the_verdict(
     robot: RobotDescription, both: PeriodicRuns
 ) -> None:
     how = PayloadOptions("together", OPTIONS, known=(KnownPayloadValue("m", 12.0, 0.01),))
@@ -203,7 +201,7 @@ def test_a_weighed_value_that_the_recordings_contradict_fails_the_verdict(
         ((0, 1, 2, 3, 4, -5), {"joint6"}),
     ],
 )
-def test_torques_of_swapped_or_reversed_axes_fail_the_verdict_by_their_residuals(
+def test_swapped_or_reversed_axes_fail_the_verdict_by_their_residuals(
     lab: SimpleNamespace,
     robot: RobotDescription,
     motion: FourierMotion,
@@ -223,7 +221,7 @@ def test_torques_of_swapped_or_reversed_axes_fail_the_verdict_by_their_residuals
         assert bad & axes
 
 
-def test_every_axis_of_a_sound_pair_keeps_its_residual_limit(
+def test_every_axis_of_a_correct_pair_is_within_its_residual_limit(
     robot: RobotDescription, both: PeriodicRuns
 ) -> None:
     for procedure in ("together", "apart", "difference"):
@@ -232,7 +230,7 @@ def test_every_axis_of_a_sound_pair_keeps_its_residual_limit(
         assert np.max(found.residual_share) < 0.1
 
 
-def test_residuals_of_a_model_that_is_right_are_about_the_measured_noise(
+def test_residuals_of_a_correct_model_equal_the_measured_noise(
     robot: RobotDescription, both: PeriodicRuns, alone: Estimate
 ) -> None:
     for procedure in ("together", "apart", "difference", "model"):
@@ -242,7 +240,7 @@ def test_residuals_of_a_model_that_is_right_are_about_the_measured_noise(
         assert over == [pytest.approx(1.0, abs=0.6)] * len(over), (procedure, over)
 
 
-def test_a_payload_file_keeps_the_noise_and_is_refused_without_it(
+def test_a_payload_file_contains_the_noise_and_is_refused_without_it(
     robot: RobotDescription, both: PeriodicRuns, tmp_path: Path
 ) -> None:
     found = identify_payload(robot, both, PayloadOptions("together", OPTIONS))
@@ -260,7 +258,7 @@ def test_a_payload_file_keeps_the_noise_and_is_refused_without_it(
     assert "noise_nm" in str(caught.value)
 
 
-def test_what_contradicts_itself_is_not_a_payload(
+def test_a_contradictory_payload_file_is_refused(
     robot: RobotDescription, both: PeriodicRuns
 ) -> None:
     twice = PayloadOptions(
@@ -278,11 +276,11 @@ def test_what_contradicts_itself_is_not_a_payload(
         KnownPayloadValue("m", 1.0, -0.1)
 
 
-def test_axes_that_stand_still_leave_parameters_unseen_which_are_named(
+def test_parameters_not_identifiable_with_axes_at_rest_are_named(
     lab: SimpleNamespace,
     robot: RobotDescription,
 ) -> None:
-    # Axis 1 alone, vertical: it turns the payload about one line, and feels no gravity.
+    # Axis 1 alone, vertical: it rotates the payload about one line, without gravity.
     still = lab.motion_of(robot, axes=(0,))
     pair = runs(
         (lab.averaged(robot, still, None, seed=1), False),
@@ -297,10 +295,10 @@ def test_axes_that_stand_still_leave_parameters_unseen_which_are_named(
         _ = found.body
 
 
-def test_the_four_wrist_side_axes_show_all_ten(
+def test_the_last_four_axes_identify_all_ten_parameters(
     lab: SimpleNamespace, robot: RobotDescription
 ) -> None:
-    # As in the thesis: axes 3 to 6 move, 1 and 2 stand still.
+    # As in the thesis: axes 3 to 6 move, 1 and 2 are at rest.
     wrist = lab.motion_of(robot, axes=(2, 3, 4, 5))
     pair = runs(
         (lab.averaged(robot, wrist, None, seed=1), False),
@@ -311,7 +309,7 @@ def test_the_four_wrist_side_axes_show_all_ten(
     assert np.max(np.abs(sigmas_off(found, lab.medium))) < 3.0
 
 
-def test_a_wrong_torque_constant_shows_as_the_gain_effects_say(
+def test_a_wrong_torque_constant_has_the_effect_that_gain_effects_predicts(
     lab: SimpleNamespace, robot: RobotDescription, motion: FourierMotion, both: PeriodicRuns
 ) -> None:
     how = PayloadOptions("difference", OPTIONS)
@@ -328,7 +326,7 @@ def test_a_wrong_torque_constant_shows_as_the_gain_effects_say(
     )
     change = wrong.values - right.values
     assert np.allclose(change, 0.02 * right.gain_slopes[:, 2], atol=0.1 * np.abs(change).max())
-    # All constants off by one share is a payload off by that share.
+    # An equal error of all constants is an equal error of the payload.
     assert right.gain_effects[0].sum() == pytest.approx(right.reported[0], rel=0.02)
     wide = identify_payload(
         robot, both, PayloadOptions("difference", OPTIONS, torque_constant_sigma=0.02)
@@ -336,7 +334,7 @@ def test_a_wrong_torque_constant_shows_as_the_gain_effects_say(
     assert wide.sigma[0] > 2.0 * right.sigma[0]
 
 
-def test_a_payload_on_an_unloaded_robot_is_refused_in_words(
+def test_a_payload_in_the_unloaded_run_is_refused(
     robot: RobotDescription, unloaded: PeriodAverage, loaded: PeriodAverage
 ) -> None:
     swapped = runs((unloaded, True), (loaded, False))
@@ -350,7 +348,7 @@ def test_a_payload_on_an_unloaded_robot_is_refused_in_words(
         identify_payload(robot, runs((loaded, True)), PayloadOptions("model", OPTIONS))
 
 
-def test_torques_of_different_motions_are_not_subtracted(
+def test_runs_of_different_motions_are_refused(
     lab: SimpleNamespace, robot: RobotDescription, loaded: PeriodAverage
 ) -> None:
     other = lab.averaged(robot, lab.motion_of(robot, seed=3), None, seed=1)
@@ -361,10 +359,10 @@ def test_torques_of_different_motions_are_not_subtracted(
     assert np.max(np.abs(sigmas_off(together, lab.medium))) < 3.5
 
 
-def test_an_estimate_that_no_body_can_have_is_moved_to_the_closest_one_that_can(
+def test_an_impossible_estimate_is_replaced_by_the_closest_possible_body(
     lab: SimpleNamespace, robot: RobotDescription, motion: FourierMotion
 ) -> None:
-    # A thin plate on the limit of what exists, in much noise.
+    # A thin plate is on the limit of possible bodies; the noise is large.
     plate = PayloadBody.of_reported(
         np.array([3.0, 0.0, 0.0, 0.1, 0.02, 0.02, 0.0399, 0.0, 0.0, 0.0])
     )

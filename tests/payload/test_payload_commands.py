@@ -1,4 +1,4 @@
-"""`rid-daq payload` through its commands: a real robot's recordings, exports, refusals."""
+"""`rid-daq payload` by its commands: recordings of a real robot, exports, refusals."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def identify(place: Path, *words: str) -> list[str]:
     return ["payload", "identify", "--band", "9.4", "--runs", str(place / "runs"), *words]
 
 
-def test_a_real_payload_is_weighed_within_two_percent_and_inside_its_interval(
+def test_a_real_payload_is_identified_within_two_percent_and_its_interval(
     workshop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     capsys.readouterr()
@@ -60,7 +60,7 @@ def test_a_real_payload_is_weighed_within_two_percent_and_inside_its_interval(
     assert mass["name"] == "m"
     assert abs(mass["value"] - WEIGHED_KG) < 0.02 * WEIGHED_KG
     assert abs(mass["value"] - WEIGHED_KG) < 2.0 * mass["std"]
-    # White noise would promise several times more than it can hold.
+    # With white noise the interval would be several times too narrow.
     assert mass["std"] > 3.0 * mass["std_noise"]
     assert document["verdict"]["passed"] is True
     assert "poorly determined; moving" in " ".join(document["payload"]["findings"])
@@ -81,7 +81,7 @@ def test_a_real_payload_is_weighed_within_two_percent_and_inside_its_interval(
         ("apart", "other motion"),
     ],
 )
-def test_every_procedure_weighs_a_real_payload_inside_its_interval(
+def test_every_procedure_identifies_a_real_payload_within_its_interval(
     workshop: Path, procedure: str, trained: str | None, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = identify(workshop, "--loaded", "loaded", "--procedure", procedure, "--json")
@@ -97,16 +97,16 @@ def test_every_procedure_weighs_a_real_payload_inside_its_interval(
     section = json.loads(capsys.readouterr().out)["payload"]
     mass = section["parameters"][0]
     assert abs(mass["value"] - WEIGHED_KG) < 2.0 * mass["std"] < 0.05 * WEIGHED_KG
-    # What each axis feels of the payload; `apart` has forgotten which axis measured what.
+    # Payload torque of each axis; `apart` gives no mass per percent of an axis.
     felt = [(axis["payload"], axis["mass_per_percent"]) for axis in section["axes"]]
     assert felt[1][0] == pytest.approx(25.0, rel=0.1)
     assert all((share is None) is (procedure == "apart") for _, share in felt)
 
 
-def test_a_model_with_friction_terms_of_its_own_weighs_a_payload(
+def test_a_model_with_its_own_friction_terms_identifies_a_payload(
     workshop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """As `identify --choose` finds them: load-dependent friction in the joints that carry."""
+    """As with `identify --choose`: load-dependent friction in the joints that carry the load."""
     data = RunData.load(find_run(workshop / "runs", "other motion"))
     joints = tuple(
         joint.model_copy(update={"friction": (*joint.friction, "load")})
@@ -128,7 +128,7 @@ def test_a_model_with_friction_terms_of_its_own_weighs_a_payload(
         assert abs(mass["value"] - WEIGHED_KG) < 3.0 * mass["std"]  # of another day
 
 
-def test_friction_terms_are_an_option_where_no_model_brings_its_own(
+def test_friction_terms_are_an_option_if_no_model_contains_them(
     workshop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = identify(workshop, "--unloaded", "unloaded", "--loaded", "loaded", "--json")
@@ -149,7 +149,7 @@ def test_friction_terms_are_an_option_where_no_model_brings_its_own(
     assert "--model" in error
 
 
-def test_a_weighed_mass_is_held(workshop: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_weighed_mass_is_fixed(workshop: Path, capsys: pytest.CaptureFixture[str]) -> None:
     capsys.readouterr()
     words = identify(workshop, "--unloaded", "unloaded", "--loaded", "loaded", "--json")
     words += ["-o", str(workshop / "held.json"), "--known", "m=2.805+-0.002"]
@@ -160,7 +160,7 @@ def test_a_weighed_mass_is_held(workshop: Path, capsys: pytest.CaptureFixture[st
     assert mass["std"] <= 0.002
 
 
-def test_a_mass_in_grams_is_refused_before_anything_is_read(
+def test_a_mass_in_grams_is_refused_before_any_file_is_read(
     workshop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = identify(workshop, "--unloaded", "unloaded", "--loaded", "loaded", "--known", "m=2805")
@@ -170,7 +170,7 @@ def test_a_mass_in_grams_is_refused_before_anything_is_read(
     assert said.endswith("[RID-OPTION-RANGE]\n")
 
 
-def test_a_mass_of_another_payload_is_held_and_fails_the_verdict(
+def test_the_mass_of_another_payload_fails_the_verdict(
     workshop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = identify(workshop, "--unloaded", "unloaded", "--loaded", "loaded", "--json")
@@ -183,10 +183,10 @@ def test_a_mass_of_another_payload_is_held_and_fails_the_verdict(
     assert "grams given as kilograms" in " ".join(document["payload"]["findings"])
 
 
-def test_a_session_with_the_currents_of_two_axes_swapped_does_not_pass(
+def test_a_session_with_swapped_currents_of_two_axes_fails(
     workshop: Path, real_robot: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    second, third = 14, 15  # columns of their currents
+    second, third = 14, 15  # the columns of their currents
     for label in ("unloaded", "loaded"):
         name, rows = FILES[label]
         with (real_robot / name).open(newline="") as file:
@@ -208,7 +208,7 @@ def test_a_session_with_the_currents_of_two_axes_swapped_does_not_pass(
 
 @pytest.mark.fault(34)
 @pytest.mark.parametrize("form", LoadFormat)
-def test_every_export_is_read_back_and_a_changed_one_is_caught(
+def test_every_export_is_read_back_and_a_changed_one_is_detected(
     workshop: Path,
     form: LoadFormat,
     capsys: pytest.CaptureFixture[str],
@@ -217,12 +217,12 @@ def test_every_export_is_read_back_and_a_changed_one_is_caught(
     payload, file = str(workshop / "payload.json"), workshop / f"load.{form.value}"
     assert run(["payload", "export", payload, "--to", form.value, "-o", str(file)]) == 0
     assert run(["payload", "read-back", payload, str(file), "--from", form.value]) == 0
-    # Written again only when told.
+    # An existing file is replaced only on request.
     assert run(["payload", "export", payload, "--to", form.value, "-o", str(file)]) == 2
     text = file.read_text(encoding="utf-8")
     mass_kg = read_payload(workshop / "payload.json").estimate.body.mass_kg
     mass = next(m for n in range(12, 2, -1) if (m := f"{mass_kg:.{n}g}") in text)
-    assert len(mass) <= 7  # as many digits as are known
+    assert len(mass) <= 7  # only the known digits
     assert text.count(mass) == 1
     file.write_text(text.replace(mass, f"{float(mass) * 1.01:.6g}"), encoding="utf-8")
     capsys.readouterr()
@@ -234,7 +234,7 @@ def test_every_export_is_read_back_and_a_changed_one_is_caught(
 
 
 @pytest.mark.fault(33)
-def test_what_did_not_pass_reaches_no_controller(
+def test_a_failed_payload_is_not_exported(
     workshop: Path, capsys: pytest.CaptureFixture[str], measured: Callable[[str], None]
 ) -> None:
     payload = workshop / "unsure.json"
@@ -245,7 +245,7 @@ def test_what_did_not_pass_reaches_no_controller(
     assert run(["payload", "export", str(payload), "--to", "ur", "-o", str(out)]) == 6
     assert "[RID-PAYLOAD-FAILED]" in capsys.readouterr().err
     assert not out.exists()
-    # Nor does one whose verdict was edited.
+    # Nor is one with an edited verdict.
     edited = payload.read_text(encoding="utf-8").replace('"passed": false', '"passed": true')
     payload.write_text(edited, encoding="utf-8")
     assert run(["payload", "export", str(payload), "--to", "ur", "-o", str(out)]) == 2
@@ -269,7 +269,7 @@ def test_an_inertia_that_fails_in_percent_is_exported_by_its_limit_in_kg_m2(
     assert run(["payload", "export", payload, "--to", "ur", "-o", out]) == 0
 
 
-def test_a_payload_whose_mass_was_edited_is_refused(workshop: Path) -> None:
+def test_a_payload_file_with_an_edited_mass_is_refused(workshop: Path) -> None:
     document = json.loads((workshop / "payload.json").read_text(encoding="utf-8"))
     document["values"][0] *= 0.5
     edited = workshop / "edited.json"
@@ -296,7 +296,7 @@ def test_a_payload_whose_mass_was_edited_is_refused(workshop: Path) -> None:
         (["--unloaded", "loaded", "--loaded", "unloaded"], "check which runs carried"),
     ],
 )
-def test_what_cannot_be_meant_is_refused_in_words(
+def test_contradictory_options_are_refused(
     workshop: Path, words: list[str], said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     capsys.readouterr()
@@ -304,7 +304,7 @@ def test_what_cannot_be_meant_is_refused_in_words(
     assert said in capsys.readouterr().err
 
 
-def test_a_model_of_another_robot_is_refused_whatever_it_says_of_late_torques(
+def test_a_model_of_another_robot_is_refused_with_any_torque_channel(
     workshop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     late = TorqueChannel.of_delays(np.full(3, 0.004), np.full(3, 1e-4))

@@ -1,4 +1,4 @@
-"""Two sigma of every payload procedure hold the truth in simulated experiments."""
+"""Two-sigma intervals of every payload procedure cover the truth in simulated experiments."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def experiments(lab: SimpleNamespace, robot: RobotDescription) -> list[PeriodicR
 
 @pytest.mark.slow
 @pytest.mark.parametrize("procedure", ["together", "difference", "model", "apart"])
-def test_two_sigma_intervals_hold_in_at_least_nine_of_ten_cases(
+def test_two_sigma_intervals_cover_the_truth_in_at_least_nine_of_ten_cases(
     lab: SimpleNamespace,
     robot: RobotDescription,
     experiments: list[PeriodicRuns],
@@ -57,5 +57,5 @@ def test_two_sigma_intervals_hold_in_at_least_nine_of_ten_cases(
         off.append((found.reported - lab.medium.reported) / found.sigma)
     inside = np.abs(np.array(off)) < 2.0
     assert inside.mean() >= 0.9
-    # Neither are they wide for safety's sake: scatter over quoted sigma, all parameters together.
+    # The intervals are not too wide: ratio of scatter and stated sigma, all parameters together.
     assert 0.7 < float(np.sqrt(np.mean(np.square(off)))) < 1.4

@@ -1,4 +1,4 @@
-"""A payload that no such robot carries is doubted: before its motion, and in its verdict."""
+"""A payload above the robot's rating is questioned before its motion and in its verdict."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def robot(**values: object) -> RobotDescription:
     return load_robot("kr15").model_copy(update=values)
 
 
-def test_a_rating_counts_before_the_drawings() -> None:
+def test_the_rating_has_priority_over_the_drawings() -> None:
     arm = robot()
     assert arm.cad is not None
     drawn = sum(link.mass_kg for link in arm.cad)
@@ -34,11 +34,11 @@ def test_a_rating_counts_before_the_drawings() -> None:
     assert by_rating.mass_kg == 15
 
 
-def test_a_guess_of_the_links_is_no_rating() -> None:
+def test_guessed_link_masses_give_no_rating() -> None:
     assert HeaviestPayload.of(robot(cad=None)) is None
 
 
-def test_a_payload_said_to_be_heavier_is_refused_before_the_motion() -> None:
+def test_a_stated_payload_above_the_rating_is_refused_before_the_motion() -> None:
     arm = robot(rated_payload_kg=15.0)
     refuse_heavier(arm, 15.0)
     with pytest.raises(LimitError) as refused:
@@ -47,7 +47,7 @@ def test_a_payload_said_to_be_heavier_is_refused_before_the_motion() -> None:
 
 
 @pytest.mark.parametrize(("mass_kg", "passed"), [(4.0, True), (60.0, False)])
-def test_a_verdict_holds_the_identified_mass_against_the_rating(
+def test_the_verdict_compares_the_identified_mass_with_the_rating(
     mass_kg: float, passed: bool
 ) -> None:
     loaded = load_cell("kr15")
@@ -63,7 +63,7 @@ def test_a_verdict_holds_the_identified_mass_against_the_rating(
     assert line.value == pytest.approx(100.0 * mass_kg / 15.0, rel=0.2)
 
 
-def test_a_session_with_such_a_payload_ends_before_anything_moves(
+def test_a_session_with_a_payload_above_the_rating_ends_before_any_motion(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["payload", "kr15", "--known", "m=2000", "--yes", "--runs", str(tmp_path)]

@@ -1,4 +1,4 @@
-"""One motion recorded twice is brought together in time, and only then subtracted."""
+"""Two recordings of one motion are aligned in time before they are subtracted."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ STEP_S = 0.01
 
 
 def recorded(late_s: float, torque_nm: float, *, size: float = 1.0) -> SmoothedSignals:
-    """Return 20 s of two joints, the stamps of whose motion are late."""
+    """Return 20 s of two joints with delayed time stamps."""
     time_s = np.arange(0.0, 20.0, STEP_S)
     phase = np.outer(time_s - late_s, [1.1, 1.7])
     wave = size * (np.sin(phase) + 0.3 * np.sin(2.3 * phase))
@@ -36,7 +36,7 @@ def recorded(late_s: float, torque_nm: float, *, size: float = 1.0) -> SmoothedS
 
 @settings(max_examples=20)
 @given(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
-def test_what_is_left_is_the_payloads_torque(first_s: float, second_s: float) -> None:
+def test_the_difference_is_the_payloads_torque(first_s: float, second_s: float) -> None:
     found = torque_difference(recorded(first_s, 5.0), recorded(second_s, 2.0))
     assert len(found) * STEP_S > 13.9
     np.testing.assert_allclose(found.torque_nm, 3.0, atol=1e-3)

@@ -1,4 +1,4 @@
-"""Sensitivity of a payload to wrong knowledge: the thesis's table 5.3, Monte Carlo, the command."""
+"""Sensitivity of a payload to wrong assumptions: table 5.3 of the thesis, Monte Carlo, command."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def table(problems: dict[Any, SensitivityProblem]) -> dict[tuple[str, str], dict
     return rows
 
 
-def test_what_is_believed_rightly_gives_the_true_payload(
+def test_correct_assumptions_give_the_true_payload(
     problems: dict[Any, SensitivityProblem],
 ) -> None:
     sides: tuple[Comparison, ...] = ("model", "difference")
@@ -74,11 +74,11 @@ def test_what_is_believed_rightly_gives_the_true_payload(
             assert np.max(np.abs(off)) < 1e-4
 
 
-def test_the_table_has_the_direction_and_order_of_the_thesis(
+def test_the_table_has_the_signs_and_magnitudes_of_the_thesis(
     table: dict[tuple[str, str], dict[str, float]],
 ) -> None:
-    # Table 5.3, percent: torque constant 3 too large by a tenth: m 10.2, cy -6.3, cz -7.4, Ixx 9.4,
-    # Iyy 78.8, Izz 1.0; with the payload's torques alone (the difference), ours are that.
+    # Table 5.3, percent: torque constant 3 too large by 10 %: m 10.2, cy -6.3, cz -7.4, Ixx 9.4,
+    # Iyy 78.8, Izz 1.0; with the payload's torques alone (the difference), ours are the same.
     row = table["difference", "torque constant 3"]
     assert 7.0 < row["m"] < 18.0
     assert -16.0 < row["cy"] < -3.0
@@ -86,15 +86,15 @@ def test_the_table_has_the_direction_and_order_of_the_thesis(
     assert 5.0 < row["Ixx"] < 40.0
     assert 40.0 < row["Iyy"] < 300.0
     assert abs(row["Izz"]) < 3.0
-    # Torque constants 3 to 6: m 11.3, Ixx 19.3. All of the payload's torques a tenth too large are
-    # a payload a tenth too heavy, of the same centre.
+    # Torque constants 3 to 6: m 11.3, Ixx 19.3. If all of the payload's torques are 10 % too large,
+    # the payload is 10 % too heavy, with the same centre.
     row = table["difference", "torque constants 3-6"]
     assert row == pytest.approx(
         {name: 0.0 if name in ("cx", "cy", "cz") else 10.0 for name in REPORTED}, abs=1e-3
     )
     # Torque constant 3 with all axes moving: m 2.5, less than without.
     assert 0.0 < table["difference", "all axes, torque constant 3"]["m"] < 10.0
-    # Robot links a tenth too heavy: m -30.5, cx 48.6, cy 49.5, cz 36.8, Izz -8.6.
+    # Robot links 10 % too heavy: m -30.5, cx 48.6, cy 49.5, cz 36.8, Izz -8.6.
     row = table["model", "robot links"]
     assert -45.0 < row["m"] < -15.0
     assert 10.0 < row["cx"] < 90.0
@@ -106,7 +106,7 @@ def test_the_table_has_the_direction_and_order_of_the_thesis(
     assert 0.0 < row["m"] < 5.0
     assert 10.0 < row["Ixx"] < 90.0
     assert 100.0 < row["Iyy"] < 900.0
-    # Efficiency and friction in the joints: small on the mass (0.7, -0.1, -0.0).
+    # Efficiency and friction in the joints: small effect on the mass (0.7, -0.1, -0.0).
     for words in ("efficiency 90 %", "efficiency 95 %", "25 % of friction in the joints"):
         assert abs(table["model", words]["m"]) < 4.0
     assert abs(table["model", "25 % of friction in the joints"]["Ixx"]) < 10.0
@@ -116,7 +116,7 @@ def test_the_table_has_the_direction_and_order_of_the_thesis(
     assert 8.0 < table["model", "torque bias -12 Nm, axis 3"]["m"] < 25.0
 
 
-def test_a_second_run_takes_away_what_is_alike_in_both(
+def test_a_second_run_cancels_errors_common_to_both(
     table: dict[tuple[str, str], dict[str, float]],
 ) -> None:
     for words in (
@@ -128,12 +128,12 @@ def test_a_second_run_takes_away_what_is_alike_in_both(
         assert max(abs(p) for p in table["difference", words].values()) < 1e-3
 
 
-def test_a_known_mass_stays(table: dict[tuple[str, str], dict[str, float]]) -> None:
+def test_a_known_mass_is_unchanged(table: dict[tuple[str, str], dict[str, float]]) -> None:
     assert table["model", "known mass, robot links"]["m"] == pytest.approx(0.0, abs=1e-9)
     assert table["model", "known mass 5 % too large"]["m"] == pytest.approx(5.0, abs=1e-9)
 
 
-def test_draws_scatter_as_the_theory_of_least_squares_says(
+def test_the_scatter_of_draws_agrees_with_least_squares_theory(
     problems: dict[Any, SensitivityProblem],
 ) -> None:
     from identification.sensitivity.problem import MotionEstimator
@@ -150,7 +150,7 @@ def test_draws_scatter_as_the_theory_of_least_squares_says(
     assert doubtful[:, 0].std() > 3.0 * values[:, 0].std()
 
 
-def test_the_same_seed_draws_the_same_wherever_it_is_computed(
+def test_the_same_seed_gives_the_same_draws_on_any_computer(
     problems: dict[Any, SensitivityProblem], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("identification.sensitivity.monte_carlo.BATCH", 5)
@@ -164,7 +164,7 @@ def test_the_same_seed_draws_the_same_wherever_it_is_computed(
         here, join_batches(list(monte_carlo(problem, doubt, "difference", 12, seed=3, jobs=1)))
     )
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # Dask's own, of ports and sockets
+        warnings.simplefilter("ignore")  # messages of Dask about ports and sockets
         from dask.distributed import LocalCluster
 
         with LocalCluster(
@@ -202,7 +202,7 @@ def test_the_command_writes_the_table(tmp_path: Path, capsys: pytest.CaptureFixt
         (["--draws", "5", "--scheduler", "tcp://127.0.0.1:9"], "no Dask scheduler responds"),
     ],
 )
-def test_what_cannot_be_meant_is_refused(
+def test_invalid_options_are_refused(
     words: list[str],
     said: str,
     capsys: pytest.CaptureFixture[str],

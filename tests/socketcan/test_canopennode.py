@@ -1,7 +1,7 @@
-"""CANopenNode, a third party's stack in C, on SocketCAN: as a device of ours, and as a master.
+"""CANopenNode, a CANopen stack in C by other authors, as a device and as a master on SocketCAN.
 
-Its program for Linux is `canopend`, with the dictionary of its own example (CiA 301 and no more).
-It runs if RID_DAQ_SOCKETCAN names an interface that is up, and `canopend` is on the path or named
+Its program for Linux is `canopend`, with the dictionary of its own example (CiA 301 only). These
+tests run if RID_DAQ_SOCKETCAN names an interface that is up, and `canopend` is on the path or named
 by RID_DAQ_CANOPEND. No registry has `canopend`; it must be built from source.
 """
 
@@ -46,14 +46,14 @@ WATCH_S = 0.5
 
 
 class Device:
-    """`canopend` as a device, and our end of the bus."""
+    """`canopend` as a device, and the master's end of the bus."""
 
     def __init__(self, link: CanLink) -> None:
         self.link = link
         self.port = SdoPort(link, DEVICE, lambda frame, now_s: None, timeout_s=PATIENCE_S)
 
     def wait(self, wanted: Callable[[Frame], bool], beat_s: float = 0.0) -> Frame:
-        """Return the first frame that is wanted; meanwhile send our heartbeat every `beat_s`."""
+        """Return the first wanted frame; meanwhile send our heartbeat every `beat_s`."""
         end_s = time.monotonic() + PATIENCE_S
         while time.monotonic() < end_s:
             if beat_s:
@@ -70,7 +70,7 @@ class Device:
 
 
 def storage(folder: Path) -> str:
-    """Return `canopend`'s storage: files that say that nothing is stored yet, which is no error."""
+    """Return `canopend`'s storage option, with files that state that nothing is stored yet."""
     for name in ("od_comm", "mainline"):
         (folder / f"{name}.persist").write_text("-\n")
     return f"{folder}/"
@@ -108,13 +108,13 @@ def test_objects_are_read_written_and_refused(device: Device) -> None:
         assert caught.value.code == code, address
 
 
-def test_its_state_follows_our_commands(device: Device) -> None:
+def test_the_device_follows_our_nmt_commands(device: Device) -> None:
     device.reaches(NmtState.STOPPED, NmtCommand.STOP)
     device.reaches(NmtState.PRE_OPERATIONAL, NmtCommand.ENTER_PRE_OPERATIONAL)
     device.reaches(NmtState.OPERATIONAL, NmtCommand.START)
 
 
-def test_it_takes_our_mapping_and_answers_every_sync(device: Device) -> None:
+def test_the_device_accepts_our_mapping_and_answers_every_sync(device: Device) -> None:
     device.reaches(NmtState.PRE_OPERATIONAL, NmtCommand.ENTER_PRE_OPERATIONAL)
     pdo = PdoMapping("tpdo", 1, tpdo_cob_id(DEVICE), (MappedObject(0x1001, 0, 8),))
     for write in pdo.writes():
@@ -128,7 +128,7 @@ def test_it_takes_our_mapping_and_answers_every_sync(device: Device) -> None:
         assert len(answer.data) == 1
 
 
-def test_it_hears_our_heartbeat_and_notices_our_silence(device: Device) -> None:
+def test_the_device_receives_our_heartbeat_and_detects_its_loss(device: Device) -> None:
     entry = consumer_entry(OURS, round(1000 * WATCH_S))
     device.port.write(0x1016, 1, entry.to_bytes(4, "little"))
     device.link.send(heartbeat_frame(OURS, NmtState.OPERATIONAL))
@@ -158,10 +158,10 @@ def simulated() -> Iterator[SimulatedCell]:
         yield cell
 
 
-def told(folder: Path, *commands: str) -> list[str]:
-    """Return what `canopend`'s gateway (CiA 309-3) answers, a line a command.
+def gateway_answers(folder: Path, *commands: str) -> list[str]:
+    """Return the answers of `canopend`'s gateway (CiA 309-3), one line per command.
 
-    It answers on its standard input, which is a terminal's: here a socket.
+    The gateway answers on its standard input, which is usually a terminal: here it is a socket.
     """
     command = [CANOPEND, CHANNEL, "-i", str(MASTER), "-s", storage(folder), "-c", "stdio"]
     ours, theirs = socket.socketpair()
@@ -180,10 +180,10 @@ def told(folder: Path, *commands: str) -> list[str]:
             process.terminate()
 
 
-def test_as_a_master_it_reads_writes_and_is_refused_by_our_drives(
+def test_a_foreign_master_reads_and_writes_objects_and_is_refused_by_our_drives(
     simulated: SimulatedCell, tmp_path: Path
 ) -> None:
-    answers = told(
+    answers = gateway_answers(
         tmp_path,
         "set sdo_timeout 10000",
         "1 read 0x1000 0 u32",
@@ -207,11 +207,13 @@ def test_as_a_master_it_reads_writes_and_is_refused_by_our_drives(
     assert "rid-daq" in answers[9] or "ERROR" in answers[9], "block transfer is refused properly"
 
 
-def test_as_a_master_it_starts_and_stops_our_drives(
+def test_a_foreign_master_starts_and_stops_our_drives(
     simulated: SimulatedCell, tmp_path: Path
 ) -> None:
     with open_can(CanBusConfig(interface="socketcan", channel=CHANNEL)) as link:
-        answers = told(tmp_path, "3 write 0x1017 0 u16 20", "3 start", "3 stop", "3 preop")
+        answers = gateway_answers(
+            tmp_path, "3 write 0x1017 0 u16 20", "3 start", "3 stop", "3 preop"
+        )
         assert answers == ["OK"] * 4
         seen: list[int] = []
         end_s = time.monotonic() + PATIENCE_S

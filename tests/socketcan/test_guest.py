@@ -1,7 +1,7 @@
-"""Real SocketCAN, and a disk that fails, on any machine: tests run in a user-mode-linux guest.
+"""Tests with real SocketCAN and a failing disk, in a user-mode-linux guest, on any computer.
 
-The guest's files are the host's; it starts in two seconds and needs no privilege. Skipped where
-what it takes is not installed (Debian: user-mode-linux can-utils busybox-static iproute2 dmsetup
+The guest uses the host's files; it starts in two seconds and needs no privilege. The tests are
+skipped if a tool is missing (Debian: user-mode-linux can-utils busybox-static iproute2 dmsetup
 e2fsprogs).
 """
 
@@ -32,8 +32,8 @@ pytestmark = [
 
 
 def boot(folder: Path, *tests: str) -> str:
-    """Run tests in the guest; return what it wrote."""
-    if CANOPEND:  # the guest has a /tmp of its own
+    """Run tests in the guest; return their output."""
+    if CANOPEND:  # the guest has its own /tmp
         shutil.copy(CANOPEND, folder / "canopend")
     environment = {
         "PATH": os.environ["PATH"],
@@ -75,7 +75,7 @@ def assert_passed(output: str) -> None:
 
 @pytest.fixture(scope="module")
 def figures(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Return what was measured in the guest, by fault."""
+    """Return the measured values of the guest by fault."""
     tests = ("tests/socketcan/test_interface.py", "tests/faults/test_failing_disk.py")
     output = boot(tmp_path_factory.mktemp("guest"), *tests)
     assert_passed(output)
@@ -86,7 +86,7 @@ def figures(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 
 @pytest.mark.alone
 @pytest.mark.fault(12)
-def test_the_interface_and_drives_on_it(
+def test_the_can_interface_and_drives_on_it(
     figures: dict[str, str], measured: Callable[[str], None]
 ) -> None:
     for fault in ("full queue", "bus-off", "interface down"):
@@ -95,7 +95,7 @@ def test_the_interface_and_drives_on_it(
 
 @pytest.mark.alone
 @pytest.mark.fault(26)
-def test_the_kernels_stamps_are_of_use_while_the_date_is_set(
+def test_the_kernels_time_stamps_are_usable_while_the_date_is_set(
     figures: dict[str, str], measured: Callable[[str], None]
 ) -> None:
     measured(f"SocketCAN, date set in motion: {figures['date set in motion']}")
@@ -103,7 +103,7 @@ def test_the_kernels_stamps_are_of_use_while_the_date_is_set(
 
 @pytest.mark.alone
 @pytest.mark.fault(24)
-def test_a_disk_that_dies_in_motion(
+def test_a_disk_that_fails_during_a_motion(
     figures: dict[str, str], measured: Callable[[str], None]
 ) -> None:
     measured(f"EIO of a block device that dies: {figures['failing disk']}")

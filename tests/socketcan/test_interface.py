@@ -1,7 +1,7 @@
-"""A SocketCAN interface of the kernel's: times, losses, bus-off, queues; candump as a witness.
+"""SocketCAN interface of the kernel: times, losses, bus-off, queues; compared with candump.
 
-These tests run where RID_DAQ_SOCKETCAN names a virtual CAN interface that is up and may be changed:
-in the guest that test_guest.py boots, or by hand.
+These tests run if RID_DAQ_SOCKETCAN names a virtual CAN interface that is up and may be changed: in
+the guest that test_guest.py boots, or by hand.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ IN_THE_GUEST = pytest.mark.skipif(
 
 FRAME = struct.Struct("=IB3x8s")
 PATIENCE_S = 120.0
-MOST_WAITING = 500  # more than a plain socket's buffer holds
+MOST_WAITING = 500  # more than the buffer of a plain socket holds
 
 
 @pytest.fixture
@@ -55,7 +55,7 @@ def link() -> Iterator[CanLink]:
 
 @pytest.fixture
 def raw() -> Iterator[socket.socket]:
-    """A plain socket beside ours."""
+    """A plain socket on the same interface."""
     with socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as other:
         other.bind((CHANNEL,))
         other.settimeout(PATIENCE_S)
@@ -67,7 +67,7 @@ def run(*command: str) -> str:
 
 
 def fast_cell() -> LoadedCell:
-    """Return the bundled cell at 125 Hz on the interface, without a plate, patient."""
+    """Return the bundled cell at 125 Hz on the interface, without a plate, with long timeouts."""
     loaded = load_cell("ir361")
     config = loaded.config
     values = {
@@ -110,7 +110,8 @@ def test_cansend_is_received_and_candump_sees_what_is_sent(link: CanLink) -> Non
     )
     received = None
     until_s = time.monotonic() + PATIENCE_S
-    while received is None and time.monotonic() < until_s:  # candump takes a while to listen
+    # candump needs some time before it listens
+    while received is None and time.monotonic() < until_s:
         run("cansend", CHANNEL, "181#3706E803")
         received = link.receive(link.clock.now_s() + 0.5)
         if witness.poll() is None:
@@ -123,7 +124,7 @@ def test_cansend_is_received_and_candump_sees_what_is_sent(link: CanLink) -> Non
     assert seen <= {"201#0F00", "202#0000000000000000", "181#3706E803"}
 
 
-def test_a_frame_read_late_says_when_it_arrived(link: CanLink, raw: socket.socket) -> None:
+def test_a_frame_read_late_has_its_arrival_time(link: CanLink, raw: socket.socket) -> None:
     before_s = link.clock.now_s()
     raw.send(FRAME.pack(0x181, 2, b"ab"))
     sent_s = link.clock.now_s()
@@ -134,7 +135,7 @@ def test_a_frame_read_late_says_when_it_arrived(link: CanLink, raw: socket.socke
 
 @IN_THE_GUEST
 @pytest.mark.parametrize("step_s", [3600.0, -3600.0, 0.4, -0.4])
-def test_a_frame_that_waits_while_the_date_is_set_keeps_its_place_in_time(
+def test_a_frame_that_waits_while_the_date_is_set_keeps_its_time(
     link: CanLink, raw: socket.socket, step_s: float
 ) -> None:
     before_s = link.clock.now_s()
@@ -147,20 +148,18 @@ def test_a_frame_that_waits_while_the_date_is_set_keeps_its_place_in_time(
 
 
 def set_date(step_s: float) -> None:
-    """Set the date; of the guest, not of the computer that runs it."""
+    """Set the date of the guest, not of the host."""
     time.clock_settime(time.CLOCK_REALTIME, time.clock_gettime(time.CLOCK_REALTIME) + step_s)
 
 
-def test_other_frames_than_classic_data_frames_are_left_out(
-    link: CanLink, raw: socket.socket
-) -> None:
+def test_only_classic_data_frames_are_returned(link: CanLink, raw: socket.socket) -> None:
     raw.send(FRAME.pack(0x8000_0181, 2, b"ab"))
     raw.send(FRAME.pack(0x4000_0181, 2, b""))
     raw.send(FRAME.pack(0x182, 1, b"c"))
     assert link.receive(link.clock.now_s() + 1.0) == Frame(0x182, b"c")
 
 
-def test_a_burst_of_two_thousand_frames_is_kept(raw: socket.socket) -> None:
+def test_no_frame_of_a_burst_of_two_thousand_is_lost(raw: socket.socket) -> None:
     with CanLink(SocketCanPort(CHANNEL)) as link:
         for number in range(2000):
             raw.send(FRAME.pack(0x181, 4, number.to_bytes(4, "little")))
@@ -180,7 +179,7 @@ def test_lost_frames_are_counted(raw: socket.socket) -> None:
         received = 0
         while link.receive(0.0) is not None:
             received += 1
-        raw.send(FRAME.pack(0x181, 0, b""))  # the count comes with the next frame that fits
+        raw.send(FRAME.pack(0x181, 0, b""))  # the count arrives with the next frame that fits
         assert link.receive(1.0 + link.clock.now_s()) is not None
         assert received < 200
         assert link.lost_frames == 200 - received
@@ -193,7 +192,7 @@ def test_bus_off_is_an_error(link: CanLink, raw: socket.socket, can_id: int) -> 
         link.receive(link.clock.now_s() + 1.0)
 
 
-def test_error_frames_that_are_no_bus_off_are_counted(raw: socket.socket) -> None:
+def test_error_frames_other_than_bus_off_are_counted(raw: socket.socket) -> None:
     port = SocketCanPort(CHANNEL)
     with CanLink(port) as link:
         raw.send(FRAME.pack(0x2000_0004, 8, b"\0\x10" + bytes(6)))  # error passive
@@ -205,22 +204,22 @@ def test_error_frames_that_are_no_bus_off_are_counted(raw: socket.socket) -> Non
 
 @pytest.fixture
 def blocked() -> Iterator[None]:
-    """An interface whose frames do not go out, as without anybody who acknowledges."""
+    """Block the interface's output, as if no node acknowledged."""
     run("tc", "qdisc", "add", "dev", CHANNEL, "root", "plug", "limit", "1000000")
     yield
     subprocess.run(["tc", "qdisc", "del", "dev", CHANNEL, "root"], check=False)
 
 
-def test_few_set_points_wait_for_a_dead_bus_and_none_survives_it(
+def test_few_set_points_are_queued_on_a_dead_bus_and_none_is_sent_later(
     link: CanLink, raw: socket.socket, blocked: None
 ) -> None:
     taken, text = fill(link)
     assert "transmit queue is full" in text
     assert 18 <= taken <= 32, "a cycle of sixteen axes fits, and little more"
     link.close()
-    run("ip", "link", "set", CHANNEL, "down")  # as bus-off does: the carrier is gone
+    run("ip", "link", "set", CHANNEL, "down")  # as in bus-off: the carrier is lost
     assert "backlog 0b 0p" in run("tc", "-s", "qdisc", "show", "dev", CHANNEL)
-    set_points(raw)  # those that went out before
+    set_points(raw)  # those sent before
     run("tc", "qdisc", "del", "dev", CHANNEL, "root")
     run("ip", "link", "set", CHANNEL, "up")
     assert set_points(raw) == 0
@@ -229,7 +228,7 @@ def test_few_set_points_wait_for_a_dead_bus_and_none_survives_it(
     )
 
 
-def test_the_preflight_looks_at_the_transmit_queue(loaded: LoadedCell) -> None:
+def test_the_preflight_checks_the_transmit_queue(loaded: LoadedCell) -> None:
     before = transmit_queue_frames(CHANNEL)
     try:
         for frames, verdict in ((4, "red"), (10, "ok"), (1000, "red")):
@@ -243,7 +242,7 @@ def test_the_preflight_looks_at_the_transmit_queue(loaded: LoadedCell) -> None:
 
 
 @IN_THE_GUEST
-def test_a_motion_does_not_notice_that_the_date_is_set(
+def test_setting_the_date_does_not_disturb_a_motion(
     simulated: SimulatedCell, loaded: LoadedCell
 ) -> None:
     with open_cell(simulated.cell, loaded.robot) as cell:
@@ -259,7 +258,7 @@ def test_a_motion_does_not_notice_that_the_date_is_set(
 
 
 @pytest.mark.parametrize("fault", ["bus-off", "interface down"])
-def test_a_bus_that_dies_in_motion_is_an_error_and_nothing_follows(
+def test_a_bus_lost_during_a_motion_is_an_error_and_nothing_is_sent_later(
     fault: str,
     simulated: SimulatedCell,
     loaded: LoadedCell,
@@ -280,7 +279,7 @@ def test_a_bus_that_dies_in_motion_is_an_error_and_nothing_follows(
     while (axes := simulated.axes()).enabled.any() or np.abs(axes.velocity).max() > 1e-3:
         assert time.monotonic() < until_s, "the drives did not stop by themselves"
         time.sleep(0.05)
-    set_points(raw)  # those of before
+    set_points(raw)  # those sent before
     run("ip", "link", "set", CHANNEL, "down")
     run("ip", "link", "set", CHANNEL, "up")
     assert set_points(raw) == 0
@@ -304,7 +303,7 @@ def drive(
     enable: bool = True,
     after_sync: Callable[[], None] = lambda: None,
 ) -> int:
-    """Exchange `cycles` cycles over the bus as in a motion."""
+    """Exchange `cycles` cycles over the bus as during a motion."""
     next_s = cell.axes.enable() if enable else cell.clock.now_s()
     for _ in range(cycles):
         next_s = max(next_s + cell.config.cycle_time_s, cell.clock.now_s())
@@ -319,7 +318,7 @@ def drive(
 
 
 def set_points(raw: socket.socket, listen_s: float = 0.5) -> int:
-    """Return how many set-points came, those that waited and those of half a second."""
+    """Return the number of received set-points, both waiting ones and those of half a second."""
     until_s = time.monotonic() + listen_s
     raw.settimeout(0.05)
     count = waiting = 0
@@ -329,13 +328,13 @@ def set_points(raw: socket.socket, listen_s: float = 0.5) -> int:
             waiting += time.monotonic() >= until_s
         except TimeoutError:
             waiting = 0
-        except OSError:  # told once that the interface was down
+        except OSError:  # reported once that the interface was down
             continue
     return count
 
 
 def fill(link: CanLink) -> tuple[int, str]:
-    """Return how many set-points the bus took until it refused one, and its words."""
+    """Return the number of set-points queued until the bus refused one, and the error text."""
     for taken in range(1000):
         try:
             link.send(Frame(0x201, taken.to_bytes(8, "little")))

@@ -1,4 +1,4 @@
-"""Paths in joint positions: curves through poses, and tables, in the motion or a planner's file."""
+"""Joint paths: curves through poses, and tables of positions in the motion or a planner's file."""
 
 from __future__ import annotations
 
@@ -50,12 +50,12 @@ def csv(rows: list[tuple[float, float, float, float]]) -> list[str]:
 
 
 @pytest.mark.parametrize("fraction", [0.3, 1.0])
-def test_a_curve_goes_through_its_poses_within_the_share_of_limits(fraction: float) -> None:
+def test_a_curve_passes_its_poses_within_the_given_fraction_of_the_limits(fraction: float) -> None:
     samples = joint_path(speed_fraction=fraction).plan(ROBOT, T)
     verify_limits(samples, ROBOT)
     for pose in POINTS:
         gap = np.abs(samples.position - pose).max(axis=1).min()
-        assert gap < 3.0 * T  # one cycle at the joints' speed limits
+        assert gap < 3.0 * T  # one cycle at the joints' velocity limits
     assert (samples.position[0] == POINTS[0]).all()
     np.testing.assert_allclose(samples.position[-1], POINTS[-1], atol=1e-12)
     speed = np.abs(samples.velocity).max(axis=0) / [j.limits.velocity for j in ROBOT.joints]
@@ -71,7 +71,7 @@ def test_a_curve_goes_through_its_poses_within_the_share_of_limits(fraction: flo
     )
 
 
-def test_a_table_of_a_csv_file_is_followed_and_comes_into_the_motion(tmp_path: Path) -> None:
+def test_a_table_in_a_csv_file_is_followed_and_stored_in_the_motion(tmp_path: Path) -> None:
     motion = load_motion(written(tmp_path, csv(table())))
     assert isinstance(motion, JointTableMotion)
     samples = motion.plan(ROBOT, T)
@@ -115,7 +115,7 @@ def test_a_table_of_a_csv_file_is_followed_and_comes_into_the_motion(tmp_path: P
         ),
     ],
 )
-def test_tables_that_cannot_be_meant_are_refused_by_their_row(
+def test_an_invalid_table_is_refused_with_its_row(
     tmp_path: Path, lines: list[str], code: str, details: tuple[str, ...]
 ) -> None:
     with raises_code(ConfigError, code, *details):
@@ -244,7 +244,7 @@ def test_velocities_that_contradict_the_positions_are_refused(
         load_motion(planned_csv(tmp_path, names, factor * planned_rows()[1])).plan(ROBOT, T)
 
 
-def test_a_table_that_is_not_there_is_told(tmp_path: Path) -> None:
+def test_a_missing_or_empty_table_is_refused(tmp_path: Path) -> None:
     motion = written(tmp_path, [])
     with raises_code(ConfigError, "RID-TABLE-INVALID"):
         load_motion(motion)
@@ -273,7 +273,7 @@ def test_a_table_that_is_not_there_is_told(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_poses_that_cannot_be_reached_are_refused(
+def test_unreachable_poses_are_refused(
     points: tuple[tuple[float, ...], ...], code: str, details: tuple[str, ...]
 ) -> None:
     with raises_code(ConfigError, code, *details):

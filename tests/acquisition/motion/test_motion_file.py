@@ -1,4 +1,4 @@
-"""Every kind of motion: read as it was written, planned within limits, and able to say itself."""
+"""Every kind of motion: read and written without change, planned within limits, described."""
 
 from __future__ import annotations
 
@@ -105,12 +105,12 @@ def numbers(tree: Any) -> Iterator[tuple[Any, Any]]:
             yield tree, key
 
 
-def test_every_kind_of_the_schema_has_an_example_here() -> None:
+def test_every_kind_of_the_schema_has_an_example() -> None:
     assert set(KINDS) == set(EXAMPLES)
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_kind_knows_itself(kind: str, tmp_path: Path) -> None:
+def test_each_kind_has_a_description_a_next_command_and_a_plan(kind: str, tmp_path: Path) -> None:
     (tmp_path / "motion.yaml").write_text(dump_yaml(content_of(kind)))
     motion = load_motion(tmp_path / "motion.yaml")
     assert type(motion) is KINDS[kind]
@@ -131,7 +131,7 @@ def test_a_kind_knows_itself(kind: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 @settings(max_examples=12)
 @given(data=st.data())
-def test_a_motion_is_refused_or_reads_back_equal_and_stays_within_the_limits(
+def test_a_changed_motion_is_refused_or_stays_equal_and_within_the_limits(
     kind: str, data: st.DataObject
 ) -> None:
     keys = content_of(kind)
@@ -154,19 +154,19 @@ def test_a_motion_is_refused_or_reads_back_equal_and_stays_within_the_limits(
     assert np.abs(samples.velocity[[0, -1]]).max() < 1e-9
 
 
-def test_more_harmonics_than_a_series_can_have_are_refused() -> None:
+def test_more_than_the_allowed_harmonics_are_refused() -> None:
     motion = read(content_of("multisine") | {"period_s": 100.0, "transient_periods": 0})
     with raises_code(ConfigError, "RID-MOTION-BAND", "2000", "period_s", "1000"):
         motion.plan(ROBOT, T)
 
 
-def test_one_kind_is_not_taken_for_another() -> None:
+def test_a_motion_of_another_kind_is_refused() -> None:
     motion = read(content_of("multipoint"))
     with raises_code(ConfigError, "RID-MOTION-KIND"):
         FourierMotion.require(motion, "a session needs a fourier motion")
 
 
-def test_a_motion_written_reads_back_equal(tmp_path: Path) -> None:
+def test_a_written_motion_is_read_back_equal(tmp_path: Path) -> None:
     motion = FourierMotion(
         kind="fourier",
         robot="ir361",
@@ -178,7 +178,7 @@ def test_a_motion_written_reads_back_equal(tmp_path: Path) -> None:
     assert load_motion(path) == motion
 
 
-def test_a_motion_of_an_unknown_kind_names_the_kinds(tmp_path: Path) -> None:
+def test_an_unknown_kind_is_refused_with_the_known_kinds(tmp_path: Path) -> None:
     path = tmp_path / "motion.yaml"
     path.write_text("robot: ir361\nkind: forier\n")
     names = ("motion.yaml:2:1: kind:", "'forier'", "fourier?", ", multipoint,")
@@ -189,7 +189,7 @@ def test_a_motion_of_an_unknown_kind_names_the_kinds(tmp_path: Path) -> None:
         load_motion(path)
 
 
-def test_an_unknown_key_of_a_motion_names_the_allowed_ones(tmp_path: Path) -> None:
+def test_an_unknown_key_is_refused_with_the_nearest_key(tmp_path: Path) -> None:
     path = tmp_path / "motion.yaml"
     path.write_text("kind: multipoint\nrobot: ir361\nseed: 1\nsped_fraction: 0.5\n")
     with raises_code(ConfigError, "RID-FILE-VALUE", "speed_fraction"):

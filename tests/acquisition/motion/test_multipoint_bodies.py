@@ -1,4 +1,4 @@
-"""Random points of a validation motion, and the moves between them, keep off the robot itself."""
+"""Random validation poses, and the moves between them, avoid self-collision."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def ball(link: int, place_m: tuple[float, float, float], radius_m: float) -> Cap
     return Capsule(kind="capsule", link=link, start_m=place_m, end_m=place_m, radius_m=radius_m)
 
 
-def test_every_row_of_the_motion_is_clear_of_the_robots_own_bodies() -> None:
+def test_no_row_of_the_motion_collides() -> None:
     arm = robot(ball(0, (0.0, 0.0, 0.0), 0.4), ball(3, (0.0, 0.0, 0.0), 0.2))
     motion = MultipointMotion(kind="multipoint", robot="flat", seed=1)
     open_arm = robot()
@@ -44,13 +44,13 @@ def test_every_row_of_the_motion_is_clear_of_the_robots_own_bodies() -> None:
     assert len(motion.poses(arm)) == 20
 
 
-def test_without_bodies_the_points_are_those_of_the_seed() -> None:
+def test_without_bodies_the_points_depend_on_the_seed_alone() -> None:
     motion = MultipointMotion(kind="multipoint", robot="flat", seed=4, range_fraction=0.5)
     draws = np.random.default_rng(4).uniform(-1.0, 1.0, (20, 3))
     np.testing.assert_allclose(motion.poses(robot()), 1.5 * draws)
 
 
-def test_bodies_that_leave_no_room_are_refused_with_what_to_do() -> None:
+def test_bodies_that_leave_no_free_pose_are_refused_with_the_remedy() -> None:
     full = robot(ball(0, (0.0, 0.0, 0.0), 0.9), ball(3, (0.0, 0.0, 0.0), 0.2))
     motion = MultipointMotion(kind="multipoint", robot="flat", seed=1)
     with raises_code(ConfigError, "RID-DESIGN-NONE", "1000"):

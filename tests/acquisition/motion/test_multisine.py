@@ -1,4 +1,4 @@
-"""Multisines: lines of their own for every joint, low peaks, and nothing between the lines."""
+"""Multisines: separate spectral lines for each joint, low crest factors, no energy elsewhere."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def multisine(**changes: object) -> MultisineMotion:
 
 
 @pytest.mark.parametrize("grid", ["odd", "random_odd", "full"])
-def test_no_two_joints_share_a_line(robot: RobotDescription, grid: str) -> None:
+def test_no_two_joints_share_a_spectral_line(robot: RobotDescription, grid: str) -> None:
     lines = multisine(grid=grid).excited_lines(robot)
     every = np.concatenate(lines)
     assert len(set(every.tolist())) == len(every)
@@ -57,7 +57,7 @@ def test_no_two_joints_share_a_line(robot: RobotDescription, grid: str) -> None:
     assert len(empty) == (len(odd) // 4 if grid == "random_odd" else 0)
 
 
-def test_a_realisation_has_its_speeds_on_its_lines_alone(robot: RobotDescription) -> None:
+def test_the_velocity_of_a_realisation_is_on_its_lines_alone(robot: RobotDescription) -> None:
     motion = multisine()
     lines, phasors = motion.excited_lines(robot), motion.speed_phasors(robot)
     samples = motion.plan(robot, STEP_S)
@@ -78,14 +78,14 @@ def test_a_realisation_has_its_speeds_on_its_lines_alone(robot: RobotDescription
     assert len(main) == motion.realisations * motion.periods * rows
 
 
-def test_realisations_differ_and_come_back_from_the_seed(robot: RobotDescription) -> None:
+def test_realisations_differ_and_are_reproduced_by_the_seed(robot: RobotDescription) -> None:
     first, second, *_ = multisine().realisation_motions(robot)
     assert first != second
     assert multisine().realisation_motions(robot)[0] == first
     assert multisine(seed=1).realisation_motions(robot)[0] != first
 
 
-def test_peaks_are_made_small() -> None:
+def test_the_crest_factor_is_low() -> None:
     lines = np.arange(3, 81, 2)
     time = np.arange(4096) / 4096
     random = np.random.default_rng(0)
@@ -119,13 +119,13 @@ def test_peaks_are_made_small() -> None:
         ),
     ],
 )
-def test_what_cannot_be_excited_is_refused(
+def test_an_invalid_multisine_is_refused(
     robot: RobotDescription, changes: dict[str, object], code: str, details: tuple[str, ...]
 ) -> None:
     with raises_code(ConfigError, code, *details):
         multisine(**changes).excited_lines(robot)
 
 
-def test_the_slow_sine_is_no_line() -> None:
+def test_the_slow_sine_is_not_on_a_spectral_line() -> None:
     with raises_invalid("", "lowest_hz", "two harmonics"):
         multisine(lowest_hz=0.125)

@@ -1,4 +1,4 @@
-"""Ramps join smoothly, never leave the period's path, and rest-to-rest moves keep to limits."""
+"""Ramps: smooth joins, no departure from the period's path, point-to-point moves within limits."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class TestRunIn:
         np.testing.assert_array_equal(path.velocity[0], 0.0)
         np.testing.assert_array_equal(path.acceleration[0], 0.0)
 
-    def test_joins_the_period_without_a_step_in_any_derivative(self) -> None:
+    def test_joins_the_period_with_continuous_derivatives(self) -> None:
         t = TRAJECTORY.sample_times_s[:50]
         ramp = run_in(TRAJECTORY, 300)
         position = np.concatenate([ramp.position, TRAJECTORY.position(t)])
@@ -41,7 +41,7 @@ class TestRunIn:
         np.testing.assert_allclose(central(position), velocity[1:-1], atol=3e-3)
         np.testing.assert_allclose(central(velocity), acceleration[1:-1], atol=2e-2)
         jerk = central(acceleration)
-        # Class C3: the jerk itself changes by a little from row to row, at the joint as elsewhere.
+        # Class C3: the jerk changes little from row to row, at the join as elsewhere.
         assert np.abs(np.diff(jerk, axis=0)).max() < 0.1 * np.abs(jerk).max()
 
     def test_stays_on_the_path_and_below_the_speed_of_the_period(self) -> None:
@@ -53,7 +53,7 @@ class TestRunIn:
 
 
 class TestRunOut:
-    def test_leaves_the_period_where_it_ends_and_comes_to_rest(self) -> None:
+    def test_starts_at_the_end_of_the_period_and_comes_to_rest(self) -> None:
         path = run_out(TRAJECTORY, 300)
         zero = np.zeros(1)
         np.testing.assert_allclose(path.position[:1], TRAJECTORY.position(zero))
@@ -66,7 +66,7 @@ class TestRunOut:
 
 
 class TestRestToRest:
-    def test_goes_from_pose_to_pose(self) -> None:
+    def test_moves_from_one_pose_to_the_other(self) -> None:
         start, end = np.array([0.0, 1.0]), np.array([1.0, -0.5])
         path = join([rest_to_rest(start, end, 200, T), standstill(end, 3)])
         assert path.position.shape == (203, 2)

@@ -1,4 +1,4 @@
-"""A rehearsal is the motion's own path, once, at a fraction of its speed."""
+"""Rehearsal: the path of the motion, once, at a fraction of its speed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ from config.robot.robot import RobotDescription
 from tests.builders.raised_codes import raises_code
 
 
-def test_it_goes_the_same_way_slower(motion: MotionSamples, robot: RobotDescription) -> None:
+def test_a_rehearsal_follows_the_same_path_at_the_reduced_speed(
+    motion: MotionSamples, robot: RobotDescription
+) -> None:
     slow = rehearsal(motion, 4.0)
     verify_limits(slow, robot)
     np.testing.assert_allclose(slow.position[0], motion.position[0], atol=1e-12)
@@ -30,13 +32,15 @@ def test_it_goes_the_same_way_slower(motion: MotionSamples, robot: RobotDescript
     assert slow.samples_per_period is None
 
 
-def test_it_has_one_period_of_a_periodic_motion(motion: MotionSamples) -> None:
+def test_a_rehearsal_has_one_period_of_a_periodic_motion(motion: MotionSamples) -> None:
     assert motion.samples_per_period is not None
-    left_out = 2 * motion.samples_per_period  # of one to settle and two that count
+    left_out = 2 * motion.samples_per_period  # one transient and two main periods
     assert len(rehearsal(motion, 1.0)) == len(motion) - left_out
 
 
 @pytest.mark.parametrize("slower", [0.5, float("nan"), float("inf")])
-def test_it_is_not_faster(motion: MotionSamples, slower: float) -> None:
+def test_a_rehearsal_faster_than_the_motion_is_refused(
+    motion: MotionSamples, slower: float
+) -> None:
     with raises_code(ConfigError, "RID-OPTION-RANGE", "slower"):
         rehearsal(motion, slower)

@@ -1,4 +1,4 @@
-"""Planned motions: at rest at both ends, within limits between the samples too, or refused."""
+"""Planned motions: at rest at both ends, within limits also between samples, or refused."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class TestFourierPlan:
         for values in (self.samples.velocity, self.samples.acceleration):
             np.testing.assert_array_equal(values[[0, -1]], 0.0)
 
-    def test_runs_in_settles_measures_and_runs_out(self) -> None:
+    def test_has_run_in_transient_main_and_run_out(self) -> None:
         phase = self.samples.phase
         changes = phase[np.flatnonzero(np.diff(phase, prepend=99))]
         assert changes.tolist() == [Phase.RUN_IN, Phase.TRANSIENT, Phase.MAIN, Phase.RUN_OUT]
@@ -82,7 +82,7 @@ class TestFourierPlan:
         main = self.samples.position[self.samples.phase == Phase.MAIN].reshape(3, 1250, -1)
         np.testing.assert_array_equal(main[0], main[2])
 
-    def test_holds_its_main_period_once(self) -> None:
+    def test_stores_its_main_period_once(self) -> None:
         planned = fourier(periods=3, transient_periods=2).plan(ROBOT, T)
         assert len(planned) == len(self.samples)
         assert planned.period_ends == self.samples.period_ends
@@ -91,7 +91,7 @@ class TestFourierPlan:
         for name in ("position", "velocity", "acceleration", "phase"):
             np.testing.assert_array_equal(getattr(planned, name)[rows], getattr(self.samples, name))
 
-    def test_holds_as_many_rows_for_an_hour_as_for_a_minute(self) -> None:
+    def test_stores_as_many_rows_for_an_hour_as_for_a_minute(self) -> None:
         hour, minute = (fourier(periods=count).plan(ROBOT, T) for count in (360, 6))
         assert len(hour.position) == len(minute.position)
         assert len(hour) - len(minute) == 354 * 1250
@@ -109,7 +109,7 @@ class TestFourierPlan:
         assert 0.1 < ramp_s < 4.0
         verify_limits(samples, ROBOT)
 
-    def test_names_joint_value_and_limit_where_the_period_exceeds_one(self) -> None:
+    def test_beyond_a_limit_is_refused_with_joint_value_and_limit(self) -> None:
         names = ("position of joint", "'axis2'", "1.59753 rad", "is 1;")
         with raises_code(ConfigError, "RID-MOTION-LIMIT", *names):
             fourier(amplitude=2.0).plan(ROBOT, T)
@@ -140,7 +140,7 @@ class TestFourierPlan:
 
 
 class TestMultipointPlan:
-    def test_visits_every_pose_at_rest(self) -> None:
+    def test_is_at_rest_at_every_pose(self) -> None:
         motion = multipoint(points=20)
         samples = motion.plan(ROBOT, T)
         for pose in motion.poses(ROBOT):
@@ -151,7 +151,7 @@ class TestMultipointPlan:
         assert samples.samples_per_period is None
         assert 20.0 < samples.duration_s < 60.0
 
-    def test_is_the_same_for_the_same_seed_and_another_for_another(self) -> None:
+    def test_depends_on_the_seed_alone(self) -> None:
         one, same, other = (multipoint(seed=s).plan(ROBOT, T) for s in (4, 4, 5))
         np.testing.assert_array_equal(one.position, same.position)
         assert len(other) != len(one) or (other.position != one.position).any()
@@ -173,7 +173,7 @@ class TestMultipointPlan:
 
 
 class TestApproach:
-    def test_goes_gently_from_pose_to_pose(self) -> None:
+    def test_goes_slowly_from_pose_to_pose(self) -> None:
         start, end = np.array([0.0, 0.5, -1.0]), np.array([1.0, -1.0, 2.0])
         samples = approach(start, end, ROBOT, T)
         np.testing.assert_array_equal(samples.position[[0, -1]], [start, end])
@@ -182,7 +182,7 @@ class TestApproach:
         speed_use = np.abs(samples.velocity).max(axis=0) / [j.limits.velocity for j in ROBOT.joints]
         assert speed_use.max() <= 0.3
 
-    def test_to_where_it_stands_is_a_motion_of_two_rows(self) -> None:
+    def test_to_the_present_pose_has_two_rows(self) -> None:
         samples = approach(np.zeros(3), np.zeros(3), ROBOT, T)
         assert len(samples) == 2
         np.testing.assert_array_equal(samples.velocity, 0.0)
@@ -201,7 +201,7 @@ class Rows(TypedDict):
 
 class TestVerifyLimits:
     @staticmethod
-    def still(rows: int = 10) -> Rows:
+    def at_rest(rows: int = 10) -> Rows:
         return {
             "position": np.zeros((rows, 3)),
             "velocity": np.zeros((rows, 3)),
@@ -210,56 +210,56 @@ class TestVerifyLimits:
         }
 
     def test_finds_a_peak_between_the_samples(self) -> None:
-        rows = self.still()
+        rows = self.at_rest()
         rows["position"][:, 1] = 0.9999
-        rows["velocity"][4, 1] = 0.4  # swings beyond 1.0 between row 4 and row 5
+        rows["velocity"][4, 1] = 0.4  # overshoots 1.0 between row 4 and row 5
         samples = MotionSamples(ROBOT.joint_names, 0.01, **rows)
         assert samples.position.max() < 1.0
         with raises_code(ConfigError, "RID-MOTION-LIMIT", "'axis2'", "1.00"):
             verify_limits(samples, ROBOT)
 
-    def test_takes_a_step_in_position_for_the_speed_that_it_needs(self) -> None:
-        rows = self.still()
+    def test_treats_a_position_step_as_a_speed(self) -> None:
+        rows = self.at_rest()
         rows["position"][5:, 0] = 0.1
         with raises_code(ConfigError, "RID-MOTION-LIMIT", "'axis1'"):
             verify_limits(MotionSamples(ROBOT.joint_names, T, **rows), ROBOT)
 
-    def test_looks_at_every_row_of_a_long_motion(self) -> None:
-        rows = self.still(25_000)
+    def test_checks_every_row_of_a_long_motion(self) -> None:
+        rows = self.at_rest(25_000)
         rows["velocity"][[10_000, 24_998], [2, 2]] = [3.1, -3.3]
         upper = ("velocity of joint", "'axis3'", "3.1 rad/s", "80 s", "is 3;")
         lower = ("-3.3 rad/s", "200 s", "is -3")
         with raises_code(ConfigError, "RID-MOTION-LIMIT", *upper, *lower):
             verify_limits(MotionSamples(ROBOT.joint_names, T, **rows), ROBOT)
 
-    def test_refuses_another_robots_motion(self) -> None:
-        samples = MotionSamples(("x", "y", "z"), T, **self.still())
+    def test_refuses_a_motion_of_another_robot(self) -> None:
+        samples = MotionSamples(("x", "y", "z"), T, **self.at_rest())
         with raises_code(ConfigError, "RID-MOTION-JOINTS"):
             verify_limits(samples, ROBOT)
 
 
 class TestMotionSamples:
-    def test_cannot_be_changed(self) -> None:
-        samples = MotionSamples(ROBOT.joint_names, T, **TestVerifyLimits.still())
+    def test_is_immutable(self) -> None:
+        samples = MotionSamples(ROBOT.joint_names, T, **TestVerifyLimits.at_rest())
         assert not samples.position.flags.writeable
 
     @pytest.mark.parametrize("name", ["position", "velocity", "acceleration"])
-    def test_refuses_what_is_not_finite(
+    def test_refuses_values_that_are_not_finite(
         self, name: Literal["position", "velocity", "acceleration"]
     ) -> None:
-        rows = TestVerifyLimits.still()
+        rows = TestVerifyLimits.at_rest()
         rows[name][3, 1] = np.nan
         with raises_code(ConfigError, "RID-API-ARGUMENT", f"motion {name} ", "(3, 1)"):
             MotionSamples(ROBOT.joint_names, T, **rows)
 
-    def test_refuses_shapes_that_do_not_fit(self) -> None:
-        rows = TestVerifyLimits.still()
+    def test_refuses_inconsistent_shapes(self) -> None:
+        rows = TestVerifyLimits.at_rest()
         rows["velocity"] = rows["velocity"][1:]
         with raises_code(ConfigError, "RID-API-ARGUMENT", "velocity", "(10, 3)", "(9, 3)"):
             MotionSamples(ROBOT.joint_names, T, **rows)
 
-    def test_refuses_periods_that_do_not_add_up(self) -> None:
-        rows = TestVerifyLimits.still()
+    def test_refuses_a_wrong_number_of_periods(self) -> None:
+        rows = TestVerifyLimits.at_rest()
         rows["phase"][:] = Phase.MAIN
         with raises_code(ConfigError, "RID-API-ARGUMENT", "10"):
             MotionSamples(ROBOT.joint_names, T, **rows, samples_per_period=4, periods=2)
@@ -268,11 +268,13 @@ class TestMotionSamples:
 @pytest.mark.parametrize(
     "motion", [fourier(period_s=1e9), fourier(periods=10_000), fourier(ramp_s=1e9)]
 )
-def test_an_endless_motion_is_refused_before_it_fills_the_memory(motion: FourierMotion) -> None:
+def test_a_periodic_motion_that_is_too_long_is_refused_before_it_fills_the_memory(
+    motion: FourierMotion,
+) -> None:
     with raises_code(ConfigError, "RID-MOTION-LONG", "14400"):
         motion.plan(load_robot("ir361"), 0.008)
 
 
-def test_so_is_one_from_point_to_point() -> None:
+def test_a_multipoint_motion_that_is_too_long_is_refused() -> None:
     with raises_code(ConfigError, "RID-MOTION-LONG", "14400"):
         multipoint(speed_fraction=1e-9).plan(ROBOT, T)

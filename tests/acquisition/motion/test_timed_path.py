@@ -1,4 +1,4 @@
-"""A timed path is driven as its rows say, by the robot and at the cycle that it was timed for."""
+"""Timed path: driven row by row, only by the robot and at the cycle time that it was made for."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def timed(**changes: object) -> TimedPathMotion:
     return TimedPathMotion.model_validate(document)
 
 
-def test_it_is_driven_from_rest_to_rest() -> None:
+def test_a_timed_path_runs_from_rest_to_rest() -> None:
     samples = timed().plan(ROBOT, T)
     np.testing.assert_allclose(samples.position[[0, -1], 0], [0.0, 0.1], atol=1e-12)
     assert samples.velocity[:, 0].max() == pytest.approx(0.1 * 30.0 / 16.0, rel=1e-3)
@@ -48,7 +48,7 @@ def test_poses_of_another_number_of_joints_are_refused() -> None:
         timed(points=points).plan(ROBOT, T)
 
 
-def test_a_way_beyond_a_limit_is_refused() -> None:
+def test_a_path_beyond_a_limit_is_refused() -> None:
     points = ((0.0, 0.0, 0.0), (0.0, 0.6, 0.0), (0.0, 1.2, 0.0))
     with raises_code(ConfigError, "RID-MOTION-LIMIT", "'axis2'", "1.2 rad"):
         timed(points=points).plan(ROBOT, T)
@@ -63,7 +63,7 @@ def test_a_way_beyond_a_limit_is_refused() -> None:
         ({"place": (*WAY["place"][:-1], 1.1)}, ("place",)),
     ],
 )
-def test_a_way_that_is_not_from_rest_to_rest_along_its_curve_is_refused(
+def test_a_path_that_does_not_start_and_end_at_rest_is_refused(
     changes: dict[str, object], names: tuple[str, ...]
 ) -> None:
     with raises_invalid("", *names):

@@ -44,7 +44,7 @@ def tool(samples: MotionSamples) -> FloatArray:
 
 
 def rates(points: FloatArray) -> tuple[float, float, float]:
-    """The largest speed, acceleration and jerk of the tool point, by differences."""
+    """Return the largest speed, acceleration and jerk of the tool point by differences."""
     found = []
     for _ in range(3):
         points = np.diff(points, axis=0) / T
@@ -57,7 +57,7 @@ def away_from(points: FloatArray, others: FloatArray) -> float:
     return max(float(np.linalg.norm(others - p, axis=1).min()) for p in points)
 
 
-def test_a_line_is_straight_and_driven_within_what_was_asked() -> None:
+def test_a_line_is_straight_and_within_its_speed_acceleration_and_jerk() -> None:
     samples = path(LINE).plan(ROBOT, T)
     points = tool(samples)
     np.testing.assert_allclose(points[0], START, atol=1e-9)
@@ -67,7 +67,7 @@ def test_a_line_is_straight_and_driven_within_what_was_asked() -> None:
     assert speed == pytest.approx(0.4, rel=1e-6)
     assert 2.0 < acceleration <= 4.0 * 1.001
     assert jerk <= 80.0 * 1.001
-    # 0.3 m at 0.4 m/s, and each of two ramps v / a + smoothing, of which half the way is lost
+    # 0.3 m at 0.4 m/s; two ramps of v / a plus smoothing, each at half speed on average
     assert (samples.phase == Phase.MAIN).sum() * T == pytest.approx(
         0.3 / 0.4 + 0.4 / 4.0 + 1.5 * 0.1, abs=3 * T
     )
@@ -86,7 +86,7 @@ def test_velocity_and_acceleration_are_the_positions_own() -> None:
         assert not values[[0, -1]].any()
 
 
-def test_the_tool_follows_every_segment() -> None:
+def test_the_tool_point_passes_through_every_segment() -> None:
     motion = path(LINE, BEND, ARC, SPLINE)
     points = tool(motion.plan(ROBOT, T))
     for point in ((0.6, 0.1, -1.7), (0.8, 0.1, -1.7), (0.8, -0.1, -1.7)):  # stops
@@ -97,13 +97,13 @@ def test_the_tool_follows_every_segment() -> None:
     np.testing.assert_allclose(np.linalg.norm(arc - [0.8, 0.0, -1.7], axis=1), 0.1, atol=1e-8)
 
 
-def test_a_corner_with_a_blend_is_driven_through_within_all_limits() -> None:
+def test_a_blended_corner_is_driven_without_a_stop_within_all_limits() -> None:
     stopping = path(LINE, BEND).plan(ROBOT, T)
     blending = path(LINE, BEND, blend_m=0.05).plan(ROBOT, T)
     assert blending.duration_s < stopping.duration_s - 0.2
     points = tool(blending)
     corner = np.array(CORNER)
-    # the quintic passes the corner at 3/16 of its reach, along the bisector
+    # the quintic passes the corner at 3/16 of its length, along the bisector
     assert np.linalg.norm(points - corner, axis=1).min() == pytest.approx(
         0.05 * 3.0 / 16.0 * np.sqrt(2.0), abs=1e-4
     )
@@ -118,7 +118,7 @@ def test_a_corner_with_a_blend_is_driven_through_within_all_limits() -> None:
     assert acceleration <= 4.0 * np.sqrt(2.0)  # along and across
 
 
-def test_a_blend_never_eats_more_than_half_a_segment() -> None:
+def test_a_blend_takes_at_most_half_a_segment() -> None:
     short: Segment = {"kind": "line", "to_m": (0.6, -0.18, -1.7)}
     motion = path(short, {"kind": "line", "to_m": (0.65, -0.18, -1.7)}, blend_m=1.0)
     (stretch,) = motion.sections()
@@ -130,13 +130,13 @@ def test_a_blend_never_eats_more_than_half_a_segment() -> None:
     assert stretch.pieces[0].length_m == pytest.approx(0.01)
 
 
-def test_smooth_joints_need_neither_blend_nor_stop() -> None:
+def test_tangential_segments_need_neither_blend_nor_stop() -> None:
     straight_on: Segment = {"kind": "line", "to_m": (0.6, 0.2, -1.7)}
     assert len(path(LINE, straight_on).sections()) == 1
     assert len(path(LINE, BEND).sections()) == 2
 
 
-def test_a_circle_segment_closes_after_a_whole_turn() -> None:
+def test_a_circle_segment_ends_where_it_starts() -> None:
     turn: Segment = {"kind": "circle", "centre_m": (0.7, -0.2, -1.7), "turns": -1.0}
     samples = path(turn).plan(ROBOT, T)
     points = tool(samples)
@@ -147,8 +147,8 @@ def test_a_circle_segment_closes_after_a_whole_turn() -> None:
 
 @pytest.mark.parametrize("speed", [0.5, 5.0])
 @pytest.mark.parametrize("seed", [1, 2])
-def test_whatever_speed_is_asked_for_every_limit_holds(seed: int, speed: float) -> None:
-    """Splines through random points; the joints limit the speed if the path does not."""
+def test_every_limit_holds_at_any_requested_speed(seed: int, speed: float) -> None:
+    """Draw splines through random points; the joints limit the speed if the path does not."""
     random = np.random.default_rng(seed)
     box = np.array([(0.5, 0.8), (-0.3, 0.3), (-1.8, -1.4)])
     points = tuple(tuple(p) for p in random.uniform(box[:, 0], box[:, 1], (6, 3)).tolist())
@@ -165,7 +165,7 @@ def test_whatever_speed_is_asked_for_every_limit_holds(seed: int, speed: float) 
     assert rates(tool(samples))[0] <= speed * 1.0001
 
 
-def test_six_axes_keep_their_orientation_along_a_path() -> None:
+def test_a_robot_with_six_axes_keeps_its_orientation_along_a_path() -> None:
     robot = load_robot("ur10e")
     near = (0.3, -1.2, 1.5, -1.8, -1.5, 0.2)
     chain = Chain.from_description(robot)
@@ -186,7 +186,7 @@ def test_six_axes_keep_their_orientation_along_a_path() -> None:
     np.testing.assert_allclose(forward(chain, samples.position[-1:])[0], to[1], atol=1e-9)
 
 
-def test_a_row_of_the_motion_is_told_by_its_segment() -> None:
+def test_a_row_of_the_motion_is_located_by_its_segment() -> None:
     motion = path(LINE, BEND, blend_m=0.02)
     samples = motion.plan(ROBOT, T)
     assert motion.where(ROBOT, T, 30) == "segment 1 (line), 0 mm into it"
@@ -256,7 +256,7 @@ def test_a_row_of_the_motion_is_told_by_its_segment() -> None:
         ((BEND,), {"speed_m_s": 1e-6}, "RID-MOTION-LONG", ("360555 s", "14400 s")),
     ],
 )
-def test_what_cannot_be_driven_is_refused_by_its_segment(
+def test_an_undrivable_path_is_refused_with_its_segment(
     segments: tuple[Segment, ...],
     changes: dict[str, object],
     code: str,

@@ -1,4 +1,4 @@
-"""The plate's offsets, told from gravity's moment by turning axis 1 (thesis, 4.4)."""
+"""Plate offsets, separated from the moment of gravity by turning axis 1 (thesis, 4.4)."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ def geometry() -> PlateGeometry:
 
 
 def about(axis: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
-    """Rotation by Rodrigues' formula."""
+    """Return the rotation about an axis by Rodrigues' formula."""
     x, y, z = axis
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.asarray(np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross)
 
 
 def measure(turn: ZeroTurn, noise_n: float = 0.3, seed: int = 0) -> PlateOffset:
-    """Return the zero found from readings with a known final offset, drift and moment."""
+    """Return the estimated zero from readings with a known final offset, drift and moment."""
     random = np.random.default_rng(seed)
     samples, readings = turn_samples(ROBOT, turn, 1.0, 5.0, CYCLE_S)
     time_s = 100.0 + CYCLE_S * np.arange(len(samples), dtype=np.float64)
@@ -77,7 +77,7 @@ def test_the_turn_is_half_a_turn_about_the_middle_of_the_ranges() -> None:
     assert turn.axis.tolist() == pytest.approx([0.0, 0.0, -1.0], abs=1e-12)
 
 
-def test_half_a_turn_gives_half_sum_and_half_difference_without_noise() -> None:
+def test_half_a_turn_separates_offset_and_moment_exactly_without_noise() -> None:
     turn = plan_turn(ROBOT)
     found = measure(turn, noise_n=0.0)
     np.testing.assert_allclose(found.offset_n, OFFSET, atol=1e-9)
@@ -87,7 +87,7 @@ def test_half_a_turn_gives_half_sum_and_half_difference_without_noise() -> None:
 
 
 @pytest.mark.parametrize("limit", [0.6, 1.0, 1.4])
-def test_a_smaller_turn_tells_them_apart_by_the_same_algebra(limit: float) -> None:
+def test_a_smaller_turn_separates_them_by_the_same_equations(limit: float) -> None:
     turn = plan_turn(robot_with(-limit, limit))
     assert turn.turn_rad == pytest.approx(2 * limit - 0.04)
     found = measure(turn, noise_n=0.0)
@@ -97,7 +97,7 @@ def test_a_smaller_turn_tells_them_apart_by_the_same_algebra(limit: float) -> No
 
 
 @pytest.mark.parametrize("limit", [2.7, 0.7])
-def test_what_is_found_lies_within_its_reported_uncertainty(limit: float) -> None:
+def test_the_estimate_is_within_its_reported_uncertainty(limit: float) -> None:
     turn = plan_turn(robot_with(-limit, limit))
     off, slow = [], []
     for seed in range(40):
@@ -114,7 +114,7 @@ def test_a_smaller_turn_is_less_certain() -> None:
     assert measure(less).offset_sigma_n[4:].max() > measure(half).offset_sigma_n[4:].max()
 
 
-def test_a_turn_that_cannot_tell_them_apart_is_refused() -> None:
+def test_a_turn_too_small_for_the_separation_is_refused() -> None:
     with raises_code(ConfigError, "RID-PLATE-ZERO-POSE", "axis1", "44"):
         plan_turn(robot_with(-0.4, 0.4))
     with raises_code(ConfigError, "RID-PLATE-ZERO-POSE"):
@@ -137,7 +137,7 @@ def test_an_axis_that_is_not_vertical_is_refused() -> None:
         plan_turn(weightless)
 
 
-def test_the_motion_keeps_the_limits_and_rests_where_it_reads() -> None:
+def test_the_motion_is_within_the_limits_and_at_rest_during_readings() -> None:
     turn = plan_turn(ROBOT)
     samples, readings = turn_samples(ROBOT, turn, 1.0, 2.0, CYCLE_S)
     verify_limits(samples, ROBOT)
@@ -149,7 +149,7 @@ def test_the_motion_keeps_the_limits_and_rests_where_it_reads() -> None:
         assert not samples.velocity[part].any()
 
 
-def test_an_overloaded_channel_is_named() -> None:
+def test_an_overloaded_channel_is_refused_with_its_name() -> None:
     turn = plan_turn(ROBOT)
     time_s = CYCLE_S * np.arange(3 * 500, dtype=np.float64)
     valid = np.ones((1500, 8), dtype=np.bool_)

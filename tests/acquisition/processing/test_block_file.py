@@ -1,4 +1,4 @@
-"""Arrays that are kept on the disk come back as they were."""
+"""Arrays stored on disk are read back unchanged."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from config.errors import RecordingError
 from tests.builders.raised_codes import raises_code
 
 
-def test_arrays_come_back_by_their_numbers_and_may_be_set_again() -> None:
+def test_arrays_are_read_by_number_and_can_be_replaced() -> None:
     blocks = BlockFile((3, 2))
     values = {number: np.random.default_rng(number + 9).normal(size=(3, 2)) for number in (4, -1)}
     for number, array in values.items():
@@ -27,14 +27,14 @@ def test_arrays_come_back_by_their_numbers_and_may_be_set_again() -> None:
     np.testing.assert_array_equal(blocks[0], np.zeros((3, 2)))
 
 
-def test_it_leaves_no_file_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_file_is_left_on_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     blocks = BlockFile((3, 2))
     blocks[0] = np.ones((3, 2))
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_full_disk_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_is_an_error_that_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     blocks = BlockFile((3, 2))
     monkeypatch.setattr(os, "pwrite", lambda *_: 7)
     with raises_code(RecordingError, "RID-SYSTEM-DISK-FULL"):

@@ -1,4 +1,4 @@
-"""Periods are cut alike whether a recording comes as a whole or in parts."""
+"""Periods of a recording in parts are the same as those of the whole recording."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PERIODS = 6
 
 @pytest.fixture
 def recording() -> Recording:
-    """Seven rows of run-in, six periods, eleven rows of run-out; warm drives; two lost answers."""
+    """Run-in of 7 rows, 6 periods, run-out of 11 rows; drives warm up, two lost answers."""
     random = np.random.default_rng(2)
     rows = RUN_IN + PERIODS * K + 11
     turns = 2.0 * np.pi * (np.arange(rows) - RUN_IN) / K
@@ -71,7 +71,7 @@ def averaged(recording: Recording, rows: int) -> PeriodAverage:
 @pytest.mark.parametrize(
     "gone", [[], [RUN_IN], [RUN_IN - 1, RUN_IN + PERIODS * K], [RUN_IN, RUN_IN + 1]]
 )
-def test_the_average_of_parts_is_that_of_the_whole_bit_by_bit(
+def test_the_average_of_parts_equals_that_of_the_whole_bit_by_bit(
     recording: Recording, rows: int, gone: list[int]
 ) -> None:
     whole = average_periods(without(recording, gone))
@@ -84,7 +84,7 @@ def test_the_average_of_parts_is_that_of_the_whole_bit_by_bit(
             assert one == other
 
 
-def test_a_part_without_its_surroundings_is_cut_where_it_is_told(recording: Recording) -> None:
+def test_a_part_alone_is_cut_at_the_given_start(recording: Recording) -> None:
     begin = RUN_IN + 2 * K
     part = recording.part(slice(begin + 1, begin + 2 * K))  # the first row was lost
     values, present = cut_periods(part, begin)
@@ -93,7 +93,7 @@ def test_a_part_without_its_surroundings_is_cut_where_it_is_told(recording: Reco
     np.testing.assert_array_equal(values[1, :, :2], recording.position[begin + K : begin + 2 * K])
 
 
-def test_before_its_first_period_there_is_nothing_to_cut(recording: Recording) -> None:
+def test_no_period_is_cut_before_the_first_one(recording: Recording) -> None:
     cutter = PeriodCutter()
     cutter.add(recording.part(slice(0, RUN_IN)))
     assert cutter.periods == 0
@@ -104,7 +104,7 @@ def test_before_its_first_period_there_is_nothing_to_cut(recording: Recording) -
 
 
 @pytest.mark.parametrize("axis", [0, 1])
-def test_sums_in_blocks_are_added_in_the_order_of_one_sum(axis: int) -> None:
+def test_sums_by_blocks_equal_one_sum_bit_by_bit(axis: int) -> None:
     values = np.random.default_rng(1).normal(size=(40, 30, 6))
     total = None
     for block in np.array_split(values, 7, axis=axis):

@@ -1,4 +1,4 @@
-"""Averaging: (3.9, 3.10), transients dropped, lost rows shift nothing, bad periods are named."""
+"""Period average (3.9, 3.10): transients excluded, lost rows tolerated, bad periods rejected."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def one_period() -> np.ndarray:
 
 
 def record(periods: int = 8, seed: int = 0, noise: float = 1.0) -> Recording:
-    """A run-in, one transient period (off by far), main periods, a run-out."""
+    """Return a recording of run-in, one transient period (far off), main periods and run-out."""
     phase = np.repeat(
         np.array([Phase.RUN_IN, Phase.TRANSIENT, Phase.MAIN, Phase.RUN_OUT], dtype=np.uint8),
         [RUN_IN, K, periods * K, 20],
@@ -55,7 +55,7 @@ def record(periods: int = 8, seed: int = 0, noise: float = 1.0) -> Recording:
 
 
 def without(recording: Recording, rows: np.ndarray) -> Recording:
-    """The recording as if these rows had never been written."""
+    """Return the recording without these rows."""
     keep = np.ones(len(recording), dtype=bool)
     keep[rows] = False
     return replace(
@@ -71,14 +71,14 @@ def without(recording: Recording, rows: np.ndarray) -> Recording:
 
 
 def invalid(recording: Recording, rows: np.ndarray) -> Recording:
-    """The recording with these rows held from before and marked."""
+    """Return the recording with these rows repeated from before and marked invalid."""
     valid = recording.valid.copy()
     valid[rows] = False
     return replace(recording, valid=valid)
 
 
 def unanswered(recording: Recording, rows: np.ndarray, joint: int) -> Recording:
-    """The recording with one joint's values held from before in these rows."""
+    """Return the recording with a joint's values repeated from before in these rows."""
     answered = np.array(recording.joint_valid)
     answered[rows, joint] = False
     position, torque = recording.position.copy(), recording.torque_nm.copy()
@@ -104,7 +104,7 @@ def main_row(period: int, sample: int = 0) -> int:
 
 
 class TestMeanAndNoise:
-    def test_mean_comes_within_the_noise_of_the_mean(self) -> None:
+    def test_the_mean_is_within_the_noise_of_the_mean(self) -> None:
         average = average_periods(record(periods=16))
         channels = np.concatenate([average.position, average.torque_nm], axis=1)
         error = np.abs(channels - one_period()).max(axis=0)
@@ -114,7 +114,7 @@ class TestMeanAndNoise:
         assert average.samples_per_period == K
         assert average.period_s == pytest.approx(2.0)
 
-    def test_variance_is_3_10(self) -> None:
+    def test_the_variance_is_that_of_3_10(self) -> None:
         recording = record(periods=6)
         average = average_periods(recording)
         main = recording.torque_nm[recording.phase == Phase.MAIN].reshape(6, K, 2)
@@ -130,12 +130,13 @@ class TestMeanAndNoise:
         ).sum(axis=0)
         np.testing.assert_allclose(both_sides, average.torque_variance)
 
-    def test_bin_variance_shows_the_colour_of_the_noise(self) -> None:
+    def test_the_bin_variance_shows_coloured_noise(self) -> None:
         recording = record(periods=40, noise=0.01)
         phase = np.random.default_rng(1).uniform(0, 2 * np.pi, 40)
         hum = np.zeros((len(recording), 2))
         for period in range(40):
-            turns = 2 * np.pi * 30 * np.arange(K) / K  # at harmonic 30, another phase each time
+            # at harmonic 30, with another phase in each period
+            turns = 2 * np.pi * 30 * np.arange(K) / K
             hum[main_row(period) : main_row(period + 1), 0] = 0.2 * np.sin(turns + phase[period])
         average = average_periods(replace(recording, torque_nm=recording.torque_nm + hum))
         spectrum = average.torque_bin_variance[:, 0]
@@ -143,11 +144,11 @@ class TestMeanAndNoise:
         assert spectrum[30] == pytest.approx((0.2 / 2) ** 2, rel=0.1)
         assert np.sort(spectrum)[-2] < 1e-4 * spectrum[30]
 
-    def test_transients_and_ramps_are_not_averaged_in(self) -> None:
-        average = average_periods(record(noise=0.0))  # the transient period is 1.0 off
+    def test_transients_and_ramps_are_excluded(self) -> None:
+        average = average_periods(record(noise=0.0))  # the transient period is off by 1.0
         np.testing.assert_allclose(average.position, one_period()[:, :2], atol=1e-12)
 
-    def test_keeps_the_filter_for_who_divides_it_out(self) -> None:
+    def test_the_torque_filter_is_kept_for_later_compensation(self) -> None:
         average = average_periods(record())
         assert average.torque_filter == ButterworthFilter(order=8, cutoff_hz=40.0)
 
@@ -155,7 +156,9 @@ class TestMeanAndNoise:
 class TestLostRows:
     @settings(max_examples=25)
     @given(seed=st.integers(0, 1000), lost=st.integers(1, 4), erase=st.booleans())
-    def test_single_losses_shift_and_bias_nothing(self, seed: int, lost: int, erase: bool) -> None:
+    def test_single_losses_neither_shift_nor_bias_the_mean(
+        self, seed: int, lost: int, erase: bool
+    ) -> None:
         recording = record(noise=1e-6)
         inner = np.arange(main_row(0) + 1, main_row(8) - 1)
         rows = np.random.default_rng(seed).choice(inner[::5], lost, replace=False)
@@ -174,17 +177,17 @@ class TestLostRows:
             average_periods(damaged).position, one_period()[:, :2], atol=1e-12
         )
 
-    def test_the_lost_first_row_of_the_main_phase_is_found_again(self) -> None:
+    def test_a_lost_first_row_of_the_main_phase_is_reconstructed(self) -> None:
         average = average_periods(without(record(noise=0.0), np.array([main_row(0)])))
         np.testing.assert_allclose(average.position, one_period()[:, :2], atol=1e-12)
         assert average.missing_samples == 1
 
-    def test_a_start_that_cannot_be_told_is_refused(self) -> None:
+    def test_an_ambiguous_start_is_refused(self) -> None:
         gone = np.array([main_row(0) - 1, main_row(0), main_row(8) - 1, main_row(8)])
         with raises_code(DataQualityError, "RID-RECORDING-ROWS-LOST"):
             average_periods(without(record(), gone))
 
-    def test_a_gap_rejects_its_period_by_name(self) -> None:
+    def test_a_gap_rejects_its_period(self) -> None:
         gap = np.arange(main_row(3, 100), main_row(3, 104))
         average = average_periods(invalid(record(), gap))
         assert [period.index for period in average.rejected] == [3]
@@ -196,7 +199,7 @@ class TestLostRows:
         with raises_code(DataQualityError, "RID-RECORDING-ROWS-LOST", "40", "1600"):
             average_periods(invalid(record(), rows))
 
-    def test_a_run_that_was_stopped_keeps_its_whole_periods(self) -> None:
+    def test_a_stopped_run_keeps_its_complete_periods(self) -> None:
         stopped = without(record(), np.arange(main_row(5, 120), main_row(8) + 20))
         average = average_periods(stopped)
         assert average.periods_kept == 5
@@ -209,7 +212,7 @@ class TestLostAnswers:
 
     @settings(max_examples=25)
     @given(seed=st.integers(0, 1000))
-    def test_one_and_a_half_percent_of_each_joints_answers_is_borne(self, seed: int) -> None:
+    def test_one_and_a_half_percent_of_each_joints_answers_may_be_lost(self, seed: int) -> None:
         recording, rng = record(noise=1e-6), np.random.default_rng(seed)
         for joint in range(2):
             for period in range(8):
@@ -221,7 +224,7 @@ class TestLostAnswers:
         np.testing.assert_allclose(average.position, one_period()[:, :2], atol=1e-6)
         np.testing.assert_allclose(average.torque_nm, one_period()[:, 2:], atol=1e-5)
 
-    def test_a_period_that_misses_more_of_a_joint_is_rejected_by_its_name(self) -> None:
+    def test_a_period_with_too_many_lost_answers_of_a_joint_is_rejected(self) -> None:
         damaged = unanswered(record(), main_row(3) + np.arange(7, 57, 10), 1)
         average = average_periods(damaged)
         assert [period.index for period in average.rejected] == [3]
@@ -229,21 +232,21 @@ class TestLostAnswers:
             "joint 'b': 5 of 200 samples missing, 1 in sequence from sample 7"
         )
 
-    def test_more_than_two_percent_of_a_joint_is_refused_with_the_periods(self) -> None:
+    def test_more_than_two_percent_of_a_joints_answers_is_refused(self) -> None:
         recording = record()
         for period, lost in enumerate((8, 4, 9, 7, 8, 0, 4, 9)):
             recording = unanswered(recording, main_row(period) + 5 * np.arange(1, lost + 1), 0)
         with raises_code(DataQualityError, "RID-RECORDING-ROWS-LOST", "'a'", "49", "1600"):
             average_periods(recording)
 
-    def test_rows_and_answers_that_contradict_one_another_are_no_recording(self) -> None:
+    def test_contradictory_rows_and_answers_are_refused(self) -> None:
         damaged = unanswered(record(), np.array([50]), 0)
         with raises_code(RecordingError, "RID-API-ARGUMENT"):
             replace(damaged, valid=np.ones(len(damaged), dtype=bool))
 
 
 class TestOutOfFamily:
-    def test_a_knock_rejects_its_period_by_joint(self) -> None:
+    def test_a_collision_rejects_its_period_and_names_the_joint(self) -> None:
         average = average_periods(knocked(record(), period=5, size=1.5, rows=10))
         assert [period.index for period in average.rejected] == [5]
         assert "torque of joint 'b' differs" in average.rejected[0].reason
@@ -260,10 +263,10 @@ class TestOutOfFamily:
         drifting = replace(recording, torque_nm=recording.torque_nm + drift)
         assert average_periods(drifting).rejected == ()
 
-    def test_differences_that_do_not_matter_reject_nothing(self) -> None:
+    def test_negligible_differences_reject_nothing(self) -> None:
         recording = record(noise=0.0)
         position = recording.position.copy()
-        position[main_row(2, 10), 0] += 5e-5  # one count, in a recording without any noise
+        position[main_row(2, 10), 0] += 5e-5  # one count, in a noise-free recording
         assert average_periods(replace(recording, position=position)).rejected == ()
 
     def test_a_joint_at_rest_that_creeps_by_a_count_rejects_nothing(self) -> None:
@@ -273,8 +276,8 @@ class TestOutOfFamily:
         position[main_row(2, 10) : main_row(2, 60), 1] += 2.4e-5
         assert average_periods(replace(recording, position=position)).rejected == ()
 
-    def test_a_joint_that_moves_little_is_held_to_its_own_motion(self) -> None:
-        """As a prismatic one is, by millimetres beside radians."""
+    def test_a_joint_with_a_small_motion_is_compared_with_that_motion(self) -> None:
+        """A prismatic joint moves by millimetres, the other joint by radians."""
         recording = record(noise=1e-6)
         position = recording.position.copy()
         position[:, 1] *= 2e-3
@@ -292,7 +295,7 @@ class TestOutOfFamily:
 
 
 class TestRefusals:
-    def test_one_period_has_no_noise(self) -> None:
+    def test_of_one_period_no_noise_can_be_estimated(self) -> None:
         with raises_code(DataQualityError, "RID-RECORDING-PERIODS"):
             average_periods(record(periods=1))
 
@@ -311,8 +314,8 @@ class TestRefusals:
         assert isinstance(average, PeriodAverage)
 
 
-def test_temperature_is_the_mean_over_the_good_periods() -> None:
-    """A drive that warms up by a kelvin a period; a knocked period does not count."""
+def test_temperature_is_the_mean_over_the_accepted_periods() -> None:
+    """The drive warms up by 1 K per period; a rejected period does not count."""
     recording = record(periods=5)
     period = (np.arange(len(recording)) - RUN_IN) // K - 1
     warm = replace(recording, temperature_k=np.stack([300.0 + period, 310.0 + 0.0 * period], 1))

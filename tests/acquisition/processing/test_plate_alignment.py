@@ -56,7 +56,7 @@ def force(sync_s: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def stream(first_s: float, last_s: float, number: int = 0, seed: int = 0) -> NDArray[Any]:
-    """Rows whose channels all follow one sine, on a clock that begins at zero with the stream."""
+    """Return rows whose channels follow one sine, on a clock that starts with the stream."""
     random = np.random.default_rng(seed)
     device = np.arange(first_s, last_s, 1.0 / RATE_HZ)
     rows = np.zeros(len(device), dtype=ROW_DTYPE)
@@ -77,17 +77,17 @@ def of(rows: NDArray[Any], events: NDArray[Any] | None = None, **amplifier: Any)
     return PlateRows(header(**amplifier), rows, none if events is None else events, damage)
 
 
-def test_rows_are_put_on_the_recordings_times(recording: Recording) -> None:
+def test_plate_rows_are_resampled_at_the_recordings_times(recording: Recording) -> None:
     measured = with_plate(recording, of(stream(0.0, 23.0))).reaction
     assert measured is not None
     assert measured.valid.all()
     assert measured.clock is not None
     assert measured.clock.drift_ppm == pytest.approx(100.0, abs=2.0)
     error = measured.channels_n - force(recording.time_s)[:, np.newaxis]
-    assert np.abs(error).max() < 0.15  # half a count, and 50 us of 820 N/s
+    assert np.abs(error).max() < 0.15  # half a count, plus 50 us at 820 N/s
 
 
-def test_a_stream_after_a_lost_line_has_a_clock_of_its_own(recording: Recording) -> None:
+def test_a_stream_after_a_lost_connection_has_its_own_clock(recording: Recording) -> None:
     rows = np.concatenate([stream(0.0, 9.0), stream(12.0, 23.0, 1)])
     measured = with_plate(recording, of(rows)).reaction
     assert measured is not None
@@ -99,7 +99,7 @@ def test_a_stream_after_a_lost_line_has_a_clock_of_its_own(recording: Recording)
     assert np.abs(error[measured.valid]).max() < 0.2
 
 
-def test_overload_and_reset_are_not_valid(recording: Recording) -> None:
+def test_rows_with_overload_or_reset_are_invalid(recording: Recording) -> None:
     rows = stream(0.0, 23.0)
     rows["status"][9000:9010] |= 1 << 4
     rows["status"][20000:20010] = 0
@@ -114,7 +114,7 @@ def test_overload_and_reset_are_not_valid(recording: Recording) -> None:
     assert not others[at[0]].any()
 
 
-def test_a_wired_trigger_is_the_best_clock(recording: Recording) -> None:
+def test_a_wired_trigger_gives_the_best_clock(recording: Recording) -> None:
     rows = stream(0.0, 23.0)
     edges = np.zeros(SAMPLES, dtype=EVENT_DTYPE)
     edges["kind"] = PROFILE.events.trigger
@@ -126,7 +126,7 @@ def test_a_wired_trigger_is_the_best_clock(recording: Recording) -> None:
     assert stream_clock(recording, of(rows, edges), 0).method == "arrivals"
 
 
-def test_marks_are_taken_where_they_tell_more(recording: Recording) -> None:
+def test_marks_are_used_if_they_are_more_accurate(recording: Recording) -> None:
     rows = stream(0.0, 23.0)
     rows["arrival_s"] += np.random.default_rng(5).gamma(4.0, 0.01, len(rows))
     rows["arrival_s"] = np.maximum.accumulate(rows["arrival_s"])

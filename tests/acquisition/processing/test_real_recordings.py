@@ -31,17 +31,17 @@ def layout(columns: int = 31) -> ImportMap:
 
 class TestImport:
     @pytest.mark.parametrize("name", SOUND)
-    def test_of_sound_files_uses_every_row(self, real_robot: Path, name: str) -> None:
+    def test_of_undamaged_files_uses_every_row(self, real_robot: Path, name: str) -> None:
         recording, report = import_csv(real_robot / f"{name}.csv", layout(), load_robot("ur10e"))
         assert report.damaged == ()
         assert report.findings == ()
         assert report.rows_used == len(recording) == report.rows_read
         assert report.step_median_s == pytest.approx(0.010, abs=1e-6)
-        assert recording.sample_period_s is None  # 10 and 12 ms in turn
+        assert recording.sample_period_s is None  # alternately 10 and 12 ms
         moving = [ratio for ratio in report.velocity_ratio if ratio is not None]
         assert moving == pytest.approx([1.0] * len(moving), abs=0.005)
 
-    def test_of_the_damaged_file_names_rows_2_to_20_and_no_others(self, real_robot: Path) -> None:
+    def test_of_the_damaged_file_reports_rows_2_to_20_and_no_others(self, real_robot: Path) -> None:
         recording, report = import_csv(real_robot / "ur-19_09_27-11_32_02.csv", layout(19))
         (damaged,) = report.damaged
         assert (damaged.first, damaged.last) == (2, 20)
@@ -55,7 +55,7 @@ class TestImport:
 
 class TestSmoothing:
     @pytest.mark.parametrize("name", ["ur-20_02_12-50sec_12harm", "ur-20_01_17-ptp_10_points"])
-    def test_velocity_agrees_with_what_the_robot_itself_reports(
+    def test_velocity_agrees_with_the_robots_own_velocity(
         self, real_robot: Path, name: str
     ) -> None:
         path = real_robot / f"{name}.csv"
@@ -66,10 +66,10 @@ class TestSmoothing:
             reported = np.interp(smooth.time_s, raw[:, 0], raw[:, 7 + joint])
             assert np.std(smooth.velocity[:, joint] - reported) < 0.02 * np.std(reported)
 
-    def test_of_the_damaged_file_invents_nothing_in_its_hole(self, real_robot: Path) -> None:
+    def test_of_the_damaged_file_puts_no_rows_into_its_gap(self, real_robot: Path) -> None:
         recording, _ = import_csv(real_robot / "ur-19_09_27-11_32_02.csv", layout(19))
         smooth = smooth_nonperiodic(recording, 9.4)
-        assert smooth.time_s.min() > 0.727  # the first sound stretch starts at row 21
+        assert smooth.time_s.min() > 0.727  # the first sound part starts at row 21
         assert np.abs(smooth.velocity).max() < 1.5
 
 
@@ -88,7 +88,7 @@ class TestPeriods:
         deviation_rad = float(np.sqrt(average.position_variance[number - 1]))
         assert 0.01e-3 < deviation_rad < 0.05e-3
 
-    def test_the_way_into_the_motion_is_out_of_family(self, real_robot: Path) -> None:
+    def test_the_run_in_is_out_of_family(self, real_robot: Path) -> None:
         import_map = layout().model_copy(update={"rows": RowRange(first=82, last=5805)})
         recording, _ = import_csv(real_robot / "ur-20_01_22-joint_2.csv", import_map)
         average = average_periods(resample_periods(recording, 10.0))
@@ -96,7 +96,7 @@ class TestPeriods:
         assert rejected.index == 0
         assert "position of joint 'joint2' differs" in rejected.reason
 
-    def test_a_wrong_period_shows_in_the_variance(self, real_robot: Path) -> None:
+    def test_a_wrong_period_increases_the_variance(self, real_robot: Path) -> None:
         import_map = layout().model_copy(update={"rows": RowRange(first=387, last=5805)})
         recording, _ = import_csv(real_robot / "ur-20_01_22-joint_2.csv", import_map)
         right = average_periods(resample_periods(recording, 10.0))

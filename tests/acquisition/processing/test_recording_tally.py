@@ -1,4 +1,4 @@
-"""A recording is counted alike whether it comes as a whole or in parts."""
+"""Statistics of a recording are the same for the whole and for its parts."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NUMBERS = (
 
 @pytest.fixture
 def recording() -> Recording:
-    """Two joints; 20 rows before the motion, answers lost here and there, the end waited for."""
+    """Two joints; 20 rows before the motion, some lost answers, hold at the end."""
     random = np.random.default_rng(1)
     answered = random.random((ROWS, 2)) > 0.05
     position = random.normal(size=(ROWS, 2)).cumsum(axis=0)
@@ -42,7 +42,7 @@ def recording() -> Recording:
 
 
 @pytest.mark.parametrize("size", [1, 7, 50, 391])
-def test_parts_come_to_what_the_whole_does(recording: Recording, size: int) -> None:
+def test_statistics_of_parts_equal_those_of_the_whole(recording: Recording, size: int) -> None:
     whole = RecordingTally(recording)
     parts = RecordingTally(recording.part(slice(0, size)))
     for first in range(size, ROWS, size):
@@ -52,7 +52,9 @@ def test_parts_come_to_what_the_whole_does(recording: Recording, size: int) -> N
     assert parts.cutter.periods == whole.cutter.periods == 8
 
 
-def test_it_tells_how_far_and_fast_the_valid_rows_went(recording: Recording) -> None:
+def test_positions_speeds_torques_and_losses_are_those_of_the_valid_rows(
+    recording: Recording,
+) -> None:
     tally, good = RecordingTally(recording), recording.valid
     position = recording.position[good]
     steps = np.diff(position, axis=0) / np.diff(recording.time_s[good])[:, np.newaxis]
@@ -66,7 +68,7 @@ def test_it_tells_how_far_and_fast_the_valid_rows_went(recording: Recording) -> 
 
 
 def ended_early(recording: Recording) -> Recording:
-    """Three periods of 50 are enough: behind them the motion goes on at the seventh."""
+    """Return the recording stopped after 3 periods of 50: the motion continues at the seventh."""
     whole = replace(
         recording, answered=np.ones((ROWS, 2), dtype=np.bool_), valid=np.ones(ROWS, dtype=np.bool_)
     )
@@ -81,9 +83,7 @@ def ended_early(recording: Recording) -> Recording:
 
 
 @pytest.mark.parametrize("size", [7, 170, 250])
-def test_rows_that_an_early_end_leaves_undriven_are_not_lost(
-    recording: Recording, size: int
-) -> None:
+def test_rows_skipped_by_an_early_end_are_not_lost(recording: Recording, size: int) -> None:
     early = ended_early(recording)
     tally = RecordingTally(early.part(slice(0, size)))
     for first in range(size, len(early), size):
@@ -91,13 +91,13 @@ def test_rows_that_an_early_end_leaves_undriven_are_not_lost(
     assert tally.lost == (0, 0)
     assert tally.motion_rows == 371 - 150
     gap = replace(early, time_s=early.time_s + np.where(np.arange(len(early)) < 170, 0.0, 1.5))
-    assert RecordingTally(gap).lost == (150, 150)  # cycles went by, and nothing was written
+    assert RecordingTally(gap).lost == (150, 150)  # time passed without rows
 
 
 def test_without_set_points_there_is_no_following_error(recording: Recording) -> None:
     assert RecordingTally(replace(recording, target_position=None)).following_error is None
 
 
-def test_before_the_motion_it_has_reached_nothing(recording: Recording) -> None:
+def test_before_the_motion_nothing_is_counted(recording: Recording) -> None:
     tally = RecordingTally(recording.part(slice(0, 20)))
     assert (tally.last_row, tally.lost, tally.cutter.periods) == (-1, (0, 0), 0)

@@ -1,4 +1,4 @@
-"""A torque that its source renews more seldom than the rows are recorded is found, and no other."""
+"""Detection of a torque that its source updates less often than rows are recorded."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def recording(position: FloatArray, torque: FloatArray) -> Recording:
     )
 
 
-def test_a_staircase_is_found_with_its_rows() -> None:
+def test_a_repeated_torque_is_detected_with_its_number_of_rows() -> None:
     position, torque = motion()
     rows = np.arange(len(torque))
     torque[:, 0] = torque[rows // 20 * 20, 0]
@@ -46,7 +46,7 @@ def test_a_staircase_is_found_with_its_rows() -> None:
     np.testing.assert_array_equal(found.update_row[:, 1], rows)
 
 
-def test_a_staircase_at_rest_goes_on_in_its_own_time() -> None:
+def test_a_repeated_torque_at_rest_keeps_its_update_times() -> None:
     position, torque = motion()
     rows = np.arange(len(torque))
     rest = rows >= 4000
@@ -57,24 +57,24 @@ def test_a_staircase_at_rest_goes_on_in_its_own_time() -> None:
 
 
 @pytest.mark.parametrize("steps", [20.0, 100.0, 1000.0])
-def test_a_coarse_torque_is_not_held(steps: float) -> None:
+def test_a_coarsely_quantised_torque_is_not_repeated(steps: float) -> None:
     position, torque = motion()
     assert find_repeated_torques(position, np.round(torque * steps / 30.0) * 30.0 / steps) is None
 
 
-def test_noise_is_not_held() -> None:
+def test_noise_is_not_repeated() -> None:
     position, torque = motion()
     noisy = torque + np.random.default_rng(0).normal(0.0, 0.1, torque.shape)
     assert find_repeated_torques(position, noisy) is None
 
 
-def test_rows_that_are_repeated_whole_are_not_repeated_torques() -> None:
+def test_completely_repeated_rows_are_not_repeated_torques() -> None:
     position, torque = motion()
     rows = np.arange(len(torque)) // 4 * 4
     assert find_repeated_torques(position[rows], torque[rows]) is None
 
 
-def test_the_sentence_names_joint_rates_and_what_is_done() -> None:
+def test_the_finding_names_joint_rates_and_treatment() -> None:
     position, torque = motion()
     assert repeated_torque_sentence(recording(position, torque)) == ""
     torque[:, 1] = torque[np.arange(len(torque)) // 20 * 20, 1]

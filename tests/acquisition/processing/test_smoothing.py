@@ -1,4 +1,4 @@
-"""A recording that is not periodic: stamps are the truth, no phase shift, nothing across a gap."""
+"""Smoothing of a recording that is not periodic: true stamps, no phase shift, gaps kept."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def truth(t: np.ndarray) -> np.ndarray:
 
 
 def uneven(duration_s: float = 12.0, seed: int = 0, noise: float = 0.0) -> Recording:
-    """Stamps whose steps alternate between 8, 10 and 12 ms."""
+    """Return stamps with steps of 8, 10 and 12 ms."""
     rng = np.random.default_rng(seed)
     t = 100.0 + np.cumsum(rng.choice([0.008, 0.010, 0.012], round(duration_s / 0.01)))
     rows = len(t)
@@ -58,14 +58,14 @@ class TestLowPass:
         y = low_pass(x, 0.01, 9.4)[500:-500]
         np.testing.assert_allclose(y, np.sqrt(0.5) * x[500:-500], atol=2e-3)
 
-    def test_passes_what_is_well_below(self) -> None:
+    def test_passes_frequencies_well_below(self) -> None:
         t = np.arange(2000) * 0.01
         x = np.sin(2 * np.pi * 2.0 * t)[:, np.newaxis]
         np.testing.assert_allclose(low_pass(x, 0.01, 9.4)[200:-200], x[200:-200], atol=1e-3)
 
     @pytest.mark.parametrize("shape", [(1, 2), (2, 3), (9, 1), (400,), (900, 70), (300, 4, 5)])
     @pytest.mark.parametrize("order", ["C", "F"])
-    def test_is_a_butterworth_of_order_4_there_and_back(
+    def test_is_a_forward_backward_butterworth_filter_of_order_4(
         self, shape: tuple[int, ...], order: Literal["C", "F"]
     ) -> None:
         x = np.asarray(np.cumsum(np.random.default_rng(1).normal(size=shape), axis=0), order=order)
@@ -76,13 +76,13 @@ class TestLowPass:
         np.testing.assert_allclose(low_pass(x, 0.01, 3.0), expected, atol=1e-10)
         np.testing.assert_array_equal(x, before)
 
-    def test_refuses_a_cut_off_beyond_the_sampling(self) -> None:
+    def test_refuses_a_cut_off_above_the_nyquist_frequency(self) -> None:
         with raises_code(ConfigError, "RID-RECORDING-CUTOFF", "45"):
             low_pass(np.zeros((100, 1)), 0.01, 49.0)
 
 
 class TestSmoothing:
-    def test_finds_the_derivatives_of_what_moved(self) -> None:
+    def test_estimates_the_derivatives_of_the_motion(self) -> None:
         smooth = smooth_nonperiodic(uneven(), 9.4)
         t = smooth.time_s
         h = 1e-4
@@ -93,19 +93,19 @@ class TestSmoothing:
         np.testing.assert_allclose(smooth.acceleration, acceleration, atol=0.05)
         np.testing.assert_allclose(smooth.torque_nm, 10.0 * truth(t), atol=2e-3)
 
-    def test_is_uniform_and_states_its_cut_off(self) -> None:
+    def test_is_uniform_and_reports_its_cut_off(self) -> None:
         smooth = smooth_nonperiodic(uneven(), 9.4)
         np.testing.assert_allclose(np.diff(smooth.time_s), smooth.sample_period_s, rtol=1e-6)
         assert smooth.sample_period_s == pytest.approx(0.01)
         assert smooth.cutoff_hz == 9.4
         assert (smooth.segment == 0).all()
 
-    def test_takes_noise_out(self) -> None:
+    def test_reduces_noise(self) -> None:
         smooth = smooth_nonperiodic(uneven(duration_s=40.0, noise=1.0), 5.0)
         error = smooth.torque_nm - 10.0 * truth(smooth.time_s)
         assert error.std() < 0.4
 
-    def test_cuts_at_a_gap_and_invents_nothing_inside(self) -> None:
+    def test_splits_at_a_gap_and_leaves_it_empty(self) -> None:
         recording = uneven()
         gap = (recording.time_s > 104.0) & (recording.time_s < 105.0)
         smooth = smooth_nonperiodic(part(recording, ~gap), 9.4)
@@ -113,7 +113,7 @@ class TestSmoothing:
         assert not ((smooth.time_s > 104.0) & (smooth.time_s < 105.0)).any()
         np.testing.assert_allclose(smooth.position, truth(smooth.time_s), atol=5e-4)
 
-    def test_leaves_out_rows_that_are_not_valid(self) -> None:
+    def test_ignores_invalid_rows(self) -> None:
         recording = uneven()
         position, valid = recording.position.copy(), recording.valid.copy()
         position[500] = 1e3
@@ -121,7 +121,7 @@ class TestSmoothing:
         smooth = smooth_nonperiodic(replace(recording, position=position, valid=valid), 9.4)
         np.testing.assert_allclose(smooth.position, truth(smooth.time_s), atol=5e-4)
 
-    def test_refuses_shreds(self) -> None:
+    def test_refuses_parts_that_are_too_short(self) -> None:
         recording = uneven(duration_s=4.0)
         shreds = np.arange(len(recording)) % 30 < 20
         with raises_code(DataQualityError, "RID-RECORDING-CUTOFF"):
@@ -131,7 +131,7 @@ class TestSmoothing:
 
 
 class TestResamplePeriods:
-    def test_puts_whole_periods_on_a_grid_of_their_own(self) -> None:
+    def test_puts_whole_periods_on_a_uniform_grid(self) -> None:
         recording = resample_periods(uneven(duration_s=13.0), 4.0)
         assert recording.samples_per_period == 400
         assert recording.sample_period_s == pytest.approx(0.01)
@@ -160,7 +160,7 @@ class TestTemperature:
         warmth = 300.0 + 0.5 * (recording.time_s - 100.0)
         return replace(recording, temperature_k=np.stack([warmth, warmth + 5.0], axis=1))
 
-    def test_follows_its_stamps_without_ringing(self) -> None:
+    def test_follows_its_stamps_without_overshoot(self) -> None:
         smooth = smooth_nonperiodic(self.warming(), 9.4)
         expected = 300.0 + 0.5 * (smooth.time_s - 100.0)
         assert smooth.temperature_k is not None
@@ -174,18 +174,18 @@ class TestTemperature:
         assert smooth.temperature_k.min() == 300.0
         assert smooth.temperature_k.max() == 301.0
 
-    def test_comes_along_when_periods_are_put_on_a_grid(self) -> None:
+    def test_is_resampled_with_the_periods(self) -> None:
         resampled = resample_periods(self.warming(), 4.0)
         expected = 300.0 + 0.5 * (resampled.time_s - 100.0)
         assert resampled.temperature_k is not None
         np.testing.assert_allclose(resampled.temperature_k[:, 0], expected, atol=1e-9)
 
-    def test_is_unknown_where_it_was_not_recorded(self) -> None:
+    def test_is_unknown_if_it_was_not_recorded(self) -> None:
         assert smooth_nonperiodic(uneven(), 9.4).temperature_k is None
         assert resample_periods(uneven(duration_s=13.0), 4.0).temperature_k is None
 
 
-def test_a_cut_off_that_does_not_fit_is_refused_in_seconds_where_samples_are_seldom() -> None:
+def test_a_cut_off_too_high_for_the_sampling_period_is_refused_in_seconds() -> None:
     with raises_code(ConfigError, "RID-RECORDING-CUTOFF", "10", "s", "0.045"):
         low_pass(np.zeros((9, 1)), 10.0, 10.0)
     with raises_code(ConfigError, "RID-RECORDING-CUTOFF", "10", "ms", "45"):

@@ -1,4 +1,4 @@
-"""A torque channel delays and filters as its equations say, and refuses other joints."""
+"""Torque channel: delay and filter by their equations; other joints are refused."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ TORQUE = np.stack([np.sin(3.0 * TIME_S) + np.sign(np.sin(5.0 * TIME_S)), np.cos(
 INNER = slice(500, -500)
 
 
-def test_without_values_nothing_changes() -> None:
+def test_a_channel_without_values_changes_nothing() -> None:
     channel = TorqueChannel.none(2)
     assert channel.kind == "none"
     np.testing.assert_allclose(channel.through(TORQUE, STEP_S), TORQUE, atol=1e-12)
 
 
-def test_a_delay_shifts_by_parts_of_a_sample() -> None:
+def test_a_delay_can_be_a_fraction_of_a_sample() -> None:
     channel = TorqueChannel.of_delays(np.array([0.0, 0.0037]), np.zeros(2))
     late = channel.through(TORQUE, STEP_S)
     shifted = CubicSpline(TIME_S, TORQUE[:, 1])(TIME_S[INNER] - 0.0037)
@@ -34,7 +34,7 @@ def test_a_delay_shifts_by_parts_of_a_sample() -> None:
     assert not channel.filters
 
 
-def test_a_lag_is_a_filter_of_first_order() -> None:
+def test_a_lag_is_a_first_order_filter() -> None:
     channel = replace(TorqueChannel.none(2), lag_s=np.full(2, 0.03))
     assert channel.kind == "lag"
     b, a = bilinear([1.0], [0.03, 1.0], 1.0 / STEP_S)
@@ -43,7 +43,7 @@ def test_a_lag_is_a_filter_of_first_order() -> None:
 
 
 @pytest.mark.parametrize("order", [1, 2, 4])
-def test_a_zero_phase_filter_is_a_butterworth_filter_run_both_ways(order: int) -> None:
+def test_a_zero_phase_filter_is_a_forward_backward_butterworth_filter(order: int) -> None:
     channel = replace(TorqueChannel.none(2), width_s=np.full(2, 0.03), order=order)
     assert channel.kind == "zero-phase"
     expected = sosfiltfilt(
@@ -52,7 +52,7 @@ def test_a_zero_phase_filter_is_a_butterworth_filter_run_both_ways(order: int) -
     np.testing.assert_allclose(channel.through(TORQUE, STEP_S)[INNER], expected[INNER], atol=0.04)
 
 
-def test_columns_of_a_joint_pass_its_own_channel() -> None:
+def test_each_joints_columns_pass_its_own_channel() -> None:
     channel = replace(TorqueChannel.none(2), lag_s=np.array([0.0, 0.02]))
     columns = np.repeat(TORQUE[:, np.newaxis, 1], 2, axis=1)
     through = channel.through(TORQUE, STEP_S)
@@ -60,7 +60,7 @@ def test_columns_of_a_joint_pass_its_own_channel() -> None:
     assert channel.of_joint(columns, 0, STEP_S) is columns
 
 
-def test_it_tells_how_far_it_spreads_an_event() -> None:
+def test_the_spread_of_an_event_is_reported() -> None:
     channel = TorqueChannel.of_delays(np.array([0.004, -0.002]), np.zeros(2))
     np.testing.assert_allclose(channel.after_s, [0.004, 0.0])
     np.testing.assert_allclose(channel.before_s, [0.0, 0.002])

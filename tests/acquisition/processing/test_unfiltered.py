@@ -1,4 +1,4 @@
-"""The signals before the low-pass, and the filter of finite reach that torque and columns share."""
+"""Signals before the low-pass, and the finite window filter for torque and regressor columns."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def recording(step_s: float = STEP_S, duration_s: float = 4.0, bits: int = 0) ->
     )
 
 
-def test_the_window_is_3_db_down_at_its_cut_off_without_phase() -> None:
+def test_the_window_is_3_db_down_at_its_cut_off_without_phase_shift() -> None:
     time_s = np.arange(0.0, 4.0, STEP_S)
     wave = np.sin(2.0 * np.pi * 10.0 * time_s)[:, np.newaxis]
     rows = np.arange(500, 3500)
@@ -59,7 +59,7 @@ def test_the_window_spreads_a_jump_over_its_reach_and_no_further() -> None:
     assert np.all(np.abs(mean[500 - reach : 500 + reach]) < 1.0)
 
 
-def test_a_part_of_the_rows_is_that_part_of_all_of_them() -> None:
+def test_filtering_a_part_equals_that_part_of_the_filtered_whole() -> None:
     values = np.random.default_rng(0).normal(size=(800, 3, 2))
     rows = np.arange(100, 700, 12)
     whole = window_mean(values, np.arange(800), STEP_S, 10.0)
@@ -68,7 +68,7 @@ def test_a_part_of_the_rows_is_that_part_of_all_of_them() -> None:
     )
 
 
-def test_derivatives_are_those_of_the_path() -> None:
+def test_derivatives_are_those_of_the_position() -> None:
     time_s = np.arange(0.0, 4.0, STEP_S)
     velocity, acceleration = derived(path(time_s), STEP_S)
     np.testing.assert_allclose(velocity[50:-50, 0], 3.0 * np.cos(3.0 * time_s)[50:-50], atol=1e-8)
@@ -86,8 +86,8 @@ def test_only_a_coarse_encoder_is_smoothed(step_s: float, bits: int, width_s: fl
     assert smoothing_width(position, step_s) == pytest.approx(width_s, rel=0.05)
 
 
-def test_a_noisy_position_is_smoothed_as_a_coarse_one() -> None:
-    noise = 2.8e-5 * np.random.default_rng(1).normal(size=(4000, 2))  # that of 16 bits
+def test_a_noisy_position_is_smoothed_like_a_coarse_one() -> None:
+    noise = 2.8e-5 * np.random.default_rng(1).normal(size=(4000, 2))  # a resolution of 16 bits
     assert smoothing_width(recording().position + noise, STEP_S) == pytest.approx(7.7e-3, rel=0.1)
 
 
@@ -101,7 +101,7 @@ def test_a_smoothed_recording_keeps_its_unfiltered_signals() -> None:
     np.testing.assert_allclose(source.torque_nm, 10.0 * source.position, atol=1e-9)
 
 
-def test_a_gap_parts_the_unfiltered_rows_too() -> None:
+def test_a_gap_also_splits_the_unfiltered_rows() -> None:
     whole = recording(duration_s=6.0)
     kept = (whole.time_s < 2.0) | (whole.time_s > 3.0)
     cut = Recording(

@@ -31,7 +31,7 @@ def plate(**changed: object) -> PlateConfig:
 
 
 def kistler(channels: np.ndarray, a: float, b: float, az0: float) -> list[float]:
-    """Return Fx, Fy, Fz, Mx', My', Mz line by line as on the maker's sheet."""
+    """Return Fx, Fy, Fz, Mx', My', Mz line by line as in the data sheet."""
     fx12, fx34, fy14, fy23, fz1, fz2, fz3, fz4 = channels
     fx = fx12 + fx34
     fy = fy14 + fy23
@@ -49,13 +49,15 @@ angles = st.tuples(*[st.floats(-3.0, 3.0)] * 3)
 
 
 @given(channels=forces, a=lengths, b=lengths, az0=st.floats(-0.1, 0.0))
-def test_the_wrench_is_the_makers(channels: np.ndarray, a: float, b: float, az0: float) -> None:
+def test_the_wrench_is_that_of_the_data_sheet(
+    channels: np.ndarray, a: float, b: float, az0: float
+) -> None:
     wrench = plate_wrench_matrix(a, b, az0) @ channels
     np.testing.assert_allclose(wrench, kistler(channels, a, b, az0), atol=1e-9)
 
 
-def test_a_weight_on_the_surface_presses_where_it_stands() -> None:
-    """At (ax, ay) the sheet has ax = -My' / Fz and ay = Mx' / Fz."""
+def test_a_weight_on_the_surface_gives_its_position() -> None:
+    """The data sheet has ax = -My' / Fz and ay = Mx' / Fz for a weight at (ax, ay)."""
     sensors = np.array([(0.12, 0.2), (-0.12, 0.2), (-0.12, -0.2), (0.12, -0.2)])
     shares = np.array([0.4, 0.3, 0.1, 0.2])
     channels = np.concatenate([np.zeros(4), 800.0 * shares])
@@ -64,15 +66,15 @@ def test_a_weight_on_the_surface_presses_where_it_stands() -> None:
     np.testing.assert_allclose((-my / fz, mx / fz), shares @ sensors, atol=1e-15)
 
 
-def test_the_base_wrench_is_the_opposite_of_what_the_plate_feels() -> None:
-    """Gravity points along +z of a plate; the base pushes the robot up."""
+def test_the_base_wrench_is_opposite_to_the_wrench_on_the_plate() -> None:
+    """Gravity acts along +z of a plate; the base pushes the robot up."""
     geometry = PlateGeometry.from_config(plate())
     standing = geometry.base_wrench(np.array([[0.0, 0.0, 0.0, 0.0, 250.0, 250.0, 250.0, 250.0]]))
     np.testing.assert_allclose(standing, [[0.0, 0.0, -1000.0, 0.0, 0.0, 0.0]], atol=1e-12)
 
 
-def test_a_plate_that_stands_elsewhere_adds_the_lever() -> None:
-    """Turned by 90 degrees about z and moved: its x is the base's y."""
+def test_a_displaced_plate_adds_the_lever_arm() -> None:
+    """The plate is turned by 90 degrees about z and moved: its x is the y of the base."""
     geometry = PlateGeometry.from_config(
         plate(position_m=(0.3, 0.0, 0.1), rotation_rad=(0.0, 0.0, np.pi / 2.0), az0_m=0.0)
     )
@@ -81,7 +83,7 @@ def test_a_plate_that_stands_elsewhere_adds_the_lever() -> None:
 
 
 @given(wrench=st.lists(st.floats(-1e3, 1e3), min_size=6, max_size=6), at=shifts, turned=angles)
-def test_channels_of_a_wrench_give_it_back(
+def test_a_wrench_converted_to_channels_and_back_is_unchanged(
     wrench: list[float], at: tuple[float, ...], turned: tuple[float, ...]
 ) -> None:
     crosstalk = np.eye(8) + 0.02 * np.sin(np.arange(64.0)).reshape(8, 8)
@@ -94,7 +96,7 @@ def test_channels_of_a_wrench_give_it_back(
 
 
 @given(channels=forces)
-def test_crosstalk_is_undone(channels: np.ndarray) -> None:
+def test_crosstalk_is_compensated(channels: np.ndarray) -> None:
     crosstalk = np.eye(8) + 0.03 * np.cos(np.arange(64.0)).reshape(8, 8)
     mixed = PlateGeometry.from_config(plate(sensitivity=tuple(map(tuple, crosstalk))))
     straight = PlateGeometry.from_config(plate())

@@ -24,7 +24,7 @@ def recording(
     noise_n: float = 0.1,
     valid: NDArray[np.bool_] | None = None,
 ) -> Recording:
-    """Periods of a robot whose plate channels follow a sine of 10 N and its harmonics."""
+    """Return periods in which the plate channels follow a sine of 10 N and its harmonics."""
     random = np.random.default_rng(0)
     rows = K * PERIODS
     time_s = np.arange(rows, dtype=np.float64) * CYCLE_S
@@ -62,7 +62,7 @@ def varying(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return values - values.mean(axis=0)
 
 
-def test_the_mean_period_has_its_noise_divided_by_the_periods() -> None:
+def test_the_variance_of_the_mean_period_is_divided_by_the_periods() -> None:
     reaction = average_periods(recording()).reaction
     assert reaction is not None
     angle = 2.0 * np.pi * np.arange(K) / K
@@ -73,7 +73,7 @@ def test_the_mean_period_has_its_noise_divided_by_the_periods() -> None:
     assert np.sqrt(power) == pytest.approx(0.1, rel=0.05)
 
 
-def test_noise_that_channels_share_shows_between_them() -> None:
+def test_noise_common_to_channels_appears_in_their_covariance() -> None:
     plain = recording(noise_n=0.0)
     assert plain.reaction is not None
     shared = np.random.default_rng(1).standard_normal((len(plain), 1)) @ np.ones((1, 8))
@@ -84,7 +84,7 @@ def test_noise_that_channels_share_shows_between_them() -> None:
     np.testing.assert_allclose(total / total[0, 0], np.ones((8, 8)), atol=1e-6)
 
 
-def test_drift_is_measured_over_whole_periods_and_removed() -> None:
+def test_drift_is_estimated_over_whole_periods_and_removed() -> None:
     plain, drifting = (
         average_periods(recording(drift_n_s=d, offset_n=o)).reaction
         for d, o in ((0.0, 0.0), (0.05, 20.0))
@@ -97,7 +97,7 @@ def test_drift_is_measured_over_whole_periods_and_removed() -> None:
     np.testing.assert_allclose(varying(drifting.channels_n), varying(plain.channels_n), atol=1e-9)
 
 
-def test_a_jump_of_the_zero_is_no_drift() -> None:
+def test_a_zero_jump_is_not_drift() -> None:
     plain = recording()
     assert plain.reaction is not None
     channels = plain.reaction.channels_n.copy()
@@ -111,7 +111,7 @@ def test_a_jump_of_the_zero_is_no_drift() -> None:
     )
 
 
-def test_a_period_with_an_overload_is_not_averaged_in() -> None:
+def test_a_period_with_an_overload_is_excluded_from_the_average() -> None:
     valid = everywhere()
     valid[3 * K + 10 : 3 * K + 30, 4] = False
     average = average_periods(recording(valid=valid))
@@ -122,7 +122,7 @@ def test_a_period_with_an_overload_is_not_averaged_in() -> None:
     assert average.reaction.left_out == ()
 
 
-def test_a_channel_that_overloads_again_and_again_is_left_out_instead() -> None:
+def test_a_repeatedly_overloaded_channel_is_excluded_instead() -> None:
     valid = everywhere()
     for period in range(PERIODS):
         valid[period * K + 10 : period * K + 30, 4] = False
@@ -134,13 +134,13 @@ def test_a_channel_that_overloads_again_and_again_is_left_out_instead() -> None:
     assert np.isfinite(average.reaction.channels_n).all()
 
 
-def test_a_plate_that_failed_leaves_the_torques() -> None:
+def test_the_torques_are_kept_if_the_plate_fails() -> None:
     valid = everywhere()
     valid[:, :6] = False
     assert average_periods(recording(valid=valid)).reaction is None
 
 
-def test_single_rows_without_the_plate_are_left_out_of_its_mean() -> None:
+def test_single_rows_without_the_plate_are_excluded_from_its_mean() -> None:
     valid = everywhere()
     valid[5 * K + 7] = False
     plain = recording()
@@ -156,7 +156,7 @@ def test_single_rows_without_the_plate_are_left_out_of_its_mean() -> None:
     np.testing.assert_allclose(average.reaction.channels_n[7], truth, atol=0.2)
 
 
-def test_a_knock_on_the_plate_is_out_of_family() -> None:
+def test_a_collision_on_the_plate_is_out_of_family() -> None:
     plain = recording()
     assert plain.reaction is not None
     channels = plain.reaction.channels_n.copy()
@@ -179,7 +179,7 @@ def test_a_plate_of_another_length_is_refused() -> None:
         replace(plain, reaction=short)
 
 
-def test_too_few_valid_periods_at_one_sample_are_told() -> None:
+def test_too_few_valid_periods_at_one_sample_are_reported() -> None:
     valid = everywhere()
     for period in range(PERIODS - 1):
         valid[period * K + 7, 3] = False
@@ -188,7 +188,7 @@ def test_too_few_valid_periods_at_one_sample_are_told() -> None:
 
 
 def drifting(*parts: tuple[int, int, float], limit_n_s: float = 0.5) -> Recording:
-    """A channel's level moves on by so many N/s while samples pass: (first, last, N/s) of fz1."""
+    """Return a recording with drift of channel fz1 in parts: (first sample, last sample, N/s)."""
     plain = recording(noise_n=0.05)
     assert plain.reaction is not None
     channels = plain.reaction.channels_n.copy()
@@ -198,8 +198,8 @@ def drifting(*parts: tuple[int, int, float], limit_n_s: float = 0.5) -> Recordin
     return replace(plain, reaction=reaction)
 
 
-def test_a_period_of_drift_is_not_averaged_and_named() -> None:
-    """Row 29 of the faults: in-run drift beyond the limit marks exactly those periods."""
+def test_a_period_of_drift_is_excluded_and_named() -> None:
+    """Row 29 of the faults: drift beyond the limit marks exactly the periods in which it occurs."""
     average = average_periods(drifting((3 * K, 4 * K, 0.6), (7 * K + 40, 7 * K + 60, -12.0)))
     assert [p.index for p in average.rejected] == [3, 7]
     for period, rate in zip(average.rejected, (0.6, -0.96), strict=True):
@@ -210,19 +210,19 @@ def test_a_period_of_drift_is_not_averaged_and_named() -> None:
 
 @pytest.mark.parametrize("at", [0, 5, 10, 11])
 @pytest.mark.parametrize("into", [0.1, 0.5, 0.9])
-def test_a_jump_costs_the_period_in_which_it_happens(at: int, into: float) -> None:
-    """Row 29 of the faults, wherever in the run: the last period has none after it."""
+def test_a_jump_rejects_only_its_own_period(at: int, into: float) -> None:
+    """Row 29 of the faults, at any place in the run; no period follows the last one."""
     first = at * K + int(into * K)
     average = average_periods(drifting((first, first + 1, 2.0 / CYCLE_S)))
     assert [p.index for p in average.rejected] == [at]
 
 
-def test_drift_within_the_limit_costs_nothing() -> None:
+def test_drift_within_the_limit_rejects_nothing() -> None:
     assert average_periods(drifting((0, PERIODS * K, 0.45))).rejected == ()
 
 
-def test_a_channel_that_drifts_all_the_time_is_left_out_instead() -> None:
-    """Row 29 of the faults: the others and the torques are not lost for it."""
+def test_a_channel_that_drifts_permanently_is_excluded_instead() -> None:
+    """Row 29 of the faults: the other channels and the torques are kept."""
     average = average_periods(drifting((0, PERIODS * K, 0.6)))
     assert average.rejected == ()
     assert average.reaction is not None

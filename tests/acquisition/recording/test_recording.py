@@ -1,4 +1,4 @@
-"""A recording refuses what it cannot mean, and cannot be changed."""
+"""Recording: inconsistent values are refused, and arrays are immutable."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_keeps_its_own_read_only_copies() -> None:
     assert not recording.torque_nm.flags.writeable
 
 
-def test_names_the_row_where_time_does_not_increase() -> None:
+def test_names_the_row_at_which_time_does_not_increase() -> None:
     given = fields()
     given["time_s"][3] = given["time_s"][2]
     with raises_code(RecordingError, "RID-RECORDING-CLOCK", "0.020000"):
@@ -42,7 +42,7 @@ def test_names_the_row_where_time_does_not_increase() -> None:
 
 
 @pytest.mark.parametrize("name", ["time_s", "position", "torque_nm"])
-def test_refuses_what_is_not_finite(name: str) -> None:
+def test_refuses_values_that_are_not_finite(name: str) -> None:
     given = fields()
     given[name].flat[1] = np.inf
     with raises_code(RecordingError, "RID-API-ARGUMENT", f"{name} ", "1"):
@@ -60,14 +60,12 @@ def test_refuses_what_is_not_finite(name: str) -> None:
         ({"joint_names": ()}, ("no joints",)),
     ],
 )
-def test_refuses_what_does_not_fit_together(
-    change: dict[str, Any], details: tuple[str, ...]
-) -> None:
+def test_refuses_inconsistent_shapes(change: dict[str, Any], details: tuple[str, ...]) -> None:
     with raises_code(RecordingError, "RID-API-ARGUMENT", *details):
         Recording(**(fields() | change))
 
 
-def test_holds_the_drives_temperatures_where_they_are_known() -> None:
+def test_stores_the_drives_temperatures_if_they_are_known() -> None:
     assert Recording(**fields()).temperature_k is None
     warm = np.full((5, 2), 310.0)
     assert Recording(**(fields() | {"temperature_k": warm})).temperature_k is not None

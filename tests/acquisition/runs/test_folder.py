@@ -31,7 +31,7 @@ def folder(root: Path) -> RunFolder:
 
 
 @given(st.lists(st.integers(0, 2**48 * 10**6 - 1), min_size=2, max_size=5))
-def test_ids_are_unique_and_sort_by_time(times_ns: list[int]) -> None:
+def test_ids_are_unique_and_sorted_by_time(times_ns: list[int]) -> None:
     ids = [new_run_id(time_ns) for time_ns in times_ns]
     assert all(RUN_ID.fullmatch(run_id) for run_id in ids)
     assert len(set(ids)) == len(ids)
@@ -40,7 +40,7 @@ def test_ids_are_unique_and_sort_by_time(times_ns: list[int]) -> None:
     assert milliseconds == sorted(milliseconds)
 
 
-def test_a_new_run_says_what_it_is(folder: RunFolder, root: Path) -> None:
+def test_a_new_run_has_a_manifest_with_its_kind(folder: RunFolder, root: Path) -> None:
     manifest = folder.manifest()
     assert folder.path == root.resolve() / folder.run_id
     assert (manifest.label, manifest.kind, manifest.status) == ("first run", "record", "unfinished")
@@ -56,12 +56,12 @@ def test_a_label_is_plain_text(root: Path, label: str) -> None:
 
 
 @pytest.mark.parametrize("label", ["a", "..", "Prüfung 3_b-2.1", "x" * 64])
-def test_a_label_never_becomes_a_path(root: Path, label: str) -> None:
+def test_a_label_is_never_part_of_a_path(root: Path, label: str) -> None:
     folder = RunFolder.create(root, label)
     assert [path.name for path in root.iterdir()] == [folder.run_id]
 
 
-def test_files_are_written_whole_and_noted(folder: RunFolder) -> None:
+def test_files_are_written_completely_and_listed(folder: RunFolder) -> None:
     folder.write("cell.yaml", b"old")
     path = folder.write("cell.yaml", b"name: a\n")
     folder.write("figures/torque.svg", b"<svg/>")
@@ -77,7 +77,7 @@ def test_files_are_written_whole_and_noted(folder: RunFolder) -> None:
     ["", "..", "../x", "/etc/passwd", "a//b", "a/../b", "x\n", ".hidden", "a\0", "nul", "COM1.txt",
      "a b", "trailing.", MANIFEST],
 )  # fmt: skip
-def test_a_name_cannot_lead_elsewhere(folder: RunFolder, name: str) -> None:
+def test_a_name_outside_the_folder_is_refused(folder: RunFolder, name: str) -> None:
     with pytest.raises(ConfigError):
         folder.write(name, b"x")
 
@@ -98,7 +98,7 @@ def test_a_link_in_the_folder_is_refused(folder: RunFolder, tmp_path: Path) -> N
     assert (outside / "secret").read_bytes() == b"secret"
 
 
-def test_a_waiting_temporary_link_is_replaced_not_followed(
+def test_a_link_in_place_of_the_temporary_file_is_replaced_and_not_followed(
     folder: RunFolder, tmp_path: Path
 ) -> None:
     outside = tmp_path / "outside"
@@ -109,7 +109,7 @@ def test_a_waiting_temporary_link_is_replaced_not_followed(
     assert folder.read("a.txt") == b"x"
 
 
-def test_a_finished_run_names_every_file_and_verifies(folder: RunFolder) -> None:
+def test_a_finished_run_lists_every_file_and_verifies(folder: RunFolder) -> None:
     folder.write("cell.yaml", b"a")
     (folder.path / "recording.mcap").write_bytes(b"rows")
     assert folder.verify() == (
@@ -122,7 +122,7 @@ def test_a_finished_run_names_every_file_and_verifies(folder: RunFolder) -> None
     assert folder.verify() == ()
 
 
-def test_verify_finds_changed_and_missing_files_and_added_ones_are_strays(
+def test_verify_finds_changed_missing_and_unlisted_files(
     folder: RunFolder,
 ) -> None:
     for name in ("a.txt", "b.txt"):
@@ -138,7 +138,7 @@ def test_verify_finds_changed_and_missing_files_and_added_ones_are_strays(
     assert folder.strays() == ("c.txt",)
 
 
-def test_a_file_that_was_changed_meanwhile_keeps_the_hash_that_it_was_written_with(
+def test_a_file_changed_after_its_writing_keeps_its_first_hash(
     folder: RunFolder,
 ) -> None:
     folder.write("robot.yaml", b"gear 121")
@@ -152,14 +152,14 @@ def test_a_file_that_was_changed_meanwhile_keeps_the_hash_that_it_was_written_wi
         folder.read("robot.yaml")
 
 
-def test_later_steps_may_add_results(folder: RunFolder) -> None:
+def test_later_steps_can_add_results(folder: RunFolder) -> None:
     folder.finish(RunStatus.COMPLETE)
     folder.write("result.json", b"{}")
     assert folder.verify() == ()
     assert folder.manifest().status == RunStatus.COMPLETE
 
 
-def test_a_run_can_be_moved_and_opened(folder: RunFolder, tmp_path: Path) -> None:
+def test_a_moved_run_can_be_opened(folder: RunFolder, tmp_path: Path) -> None:
     folder.finish(RunStatus.COMPLETE)
     moved = folder.path.rename(tmp_path / "from a colleague")
     opened = RunFolder.open(moved)
@@ -186,7 +186,7 @@ def test_another_format_is_refused(folder: RunFolder, other: int) -> None:
         folder.manifest()
 
 
-def test_a_manifest_that_is_a_link_or_a_pipe_is_refused(folder: RunFolder, tmp_path: Path) -> None:
+def test_a_manifest_that_is_a_link_or_pipe_is_refused(folder: RunFolder, tmp_path: Path) -> None:
     path = folder.path / MANIFEST
     target = path.rename(tmp_path / "elsewhere.json")
     path.symlink_to(target)
@@ -194,12 +194,12 @@ def test_a_manifest_that_is_a_link_or_a_pipe_is_refused(folder: RunFolder, tmp_p
         folder.manifest()
 
 
-def test_what_is_no_run_folder_is_refused(tmp_path: Path) -> None:
+def test_a_folder_that_is_not_a_run_is_refused(tmp_path: Path) -> None:
     with raises_code(RecordingError, "RID-RUN-DAMAGED"):
         RunFolder.open(tmp_path)
 
 
-def test_runs_are_listed_by_time_and_strangers_left_out(root: Path, tmp_path: Path) -> None:
+def test_runs_are_listed_by_time_without_other_folders(root: Path, tmp_path: Path) -> None:
     runs = [RunFolder.create(root, f"run {i}", now_ns=NOW_NS + i * 10**9) for i in (0, 1, 2)]
     (root / "notes").mkdir()
     (root / new_run_id(NOW_NS)).mkdir()
@@ -208,7 +208,7 @@ def test_runs_are_listed_by_time_and_strangers_left_out(root: Path, tmp_path: Pa
     assert list_runs(tmp_path / "none") == ()
 
 
-def test_a_run_is_found_by_id_beginning_label_path_or_latest(root: Path) -> None:
+def test_a_run_is_found_by_start_of_id_label_path_or_latest(root: Path) -> None:
     first = RunFolder.create(root, "slow", now_ns=NOW_NS)
     last = RunFolder.create(root, "fast", now_ns=NOW_NS + 10**15)
     assert find_run(root, "latest") == last
@@ -227,14 +227,16 @@ def test_a_run_is_found_by_id_beginning_label_path_or_latest(root: Path) -> None
         ("../..", "RID-RUN-UNKNOWN"),
     ],
 )
-def test_an_unclear_reference_is_refused(root: Path, reference: str, code: str) -> None:
+def test_an_ambiguous_or_unknown_reference_is_refused(
+    root: Path, reference: str, code: str
+) -> None:
     for _ in range(2):
         RunFolder.create(root, "same", now_ns=NOW_NS)
     with raises_code(ConfigError, code, repr(reference)):
         find_run(root, reference)
 
 
-def test_of_runs_of_one_label_the_newest_is_meant_and_that_is_said_with_dates(
+def test_a_label_of_several_runs_means_the_newest_and_the_dates_are_reported(
     root: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     old, new = (RunFolder.create(root, "same", now_ns=NOW_NS + i * 10**14) for i in range(2))
@@ -245,7 +247,7 @@ def test_of_runs_of_one_label_the_newest_is_meant_and_that_is_said_with_dates(
     assert f"older: {old.run_id} ({old.manifest().created_utc[:10]} " in said
 
 
-def test_an_ids_beginning_that_means_several_runs_is_told_with_their_dates(root: Path) -> None:
+def test_an_id_start_of_several_runs_is_refused_with_their_dates(root: Path) -> None:
     first = RunFolder.create(root, "a", now_ns=NOW_NS)
     RunFolder.create(root, "b", now_ns=NOW_NS + 10**9)
     created = first.manifest().created_utc[:10]
@@ -253,7 +255,7 @@ def test_an_ids_beginning_that_means_several_runs_is_told_with_their_dates(root:
         find_run(root, first.run_id[:4])
 
 
-def test_the_latest_run_that_has_a_file_is_meant_where_one_is_needed(root: Path) -> None:
+def test_latest_means_the_latest_run_with_the_required_file(root: Path) -> None:
     with_file = RunFolder.create(root, "same", now_ns=NOW_NS)
     with_file.write("payload.json", b"{}")
     RunFolder.create(root, "same", now_ns=NOW_NS + 10**15)
@@ -263,7 +265,7 @@ def test_the_latest_run_that_has_a_file_is_meant_where_one_is_needed(root: Path)
         find_run(root, "latest", having=("session.json",))
 
 
-def test_a_file_that_is_there_is_a_file_and_all_else_a_run(root: Path, tmp_path: Path) -> None:
+def test_an_existing_file_is_a_file_and_anything_else_is_a_run(root: Path, tmp_path: Path) -> None:
     made = RunFolder.create(root, "arm v1.json")
     assert find_file_or_run(root, "arm v1.json") == made
     file = tmp_path / "model"
@@ -273,7 +275,7 @@ def test_a_file_that_is_there_is_a_file_and_all_else_a_run(root: Path, tmp_path:
         find_file_or_run(root, "x.json")
 
 
-def test_a_run_whose_manifest_is_torn_is_named_and_not_passed_over(
+def test_a_run_with_a_damaged_manifest_is_reported_and_not_skipped(
     root: Path, folder: RunFolder
 ) -> None:
     later = RunFolder.create(root, "second", now_ns=NOW_NS + 10**9)
@@ -286,9 +288,7 @@ def test_a_run_whose_manifest_is_torn_is_named_and_not_passed_over(
         find_run(root, "latest")
 
 
-def test_a_disk_that_is_gone_is_a_typed_error(
-    folder: RunFolder, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_lost_disk_is_a_typed_error(folder: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     def gone(path: Path) -> bool:
         raise OSError(errno.EIO, os.strerror(errno.EIO), str(path))
 
@@ -300,7 +300,7 @@ def test_a_disk_that_is_gone_is_a_typed_error(
         folder.finish(RunStatus.STOPPED)
 
 
-def test_a_folder_of_another_run_in_its_place_is_not_written_to(
+def test_another_run_in_place_of_the_folder_is_not_written_to(
     root: Path, folder: RunFolder
 ) -> None:
     other = RunFolder.create(root, "second run")

@@ -1,4 +1,4 @@
-"""The recorder's main function, in the test's own process."""
+"""Main function of the recorder, in the test's process."""
 
 from __future__ import annotations
 
@@ -38,7 +38,9 @@ def ring() -> Ring:
     return ring
 
 
-def test_it_empties_the_ring_after_the_tasks_last_word(ring: Ring, tmp_path: Path) -> None:
+def test_the_recorder_empties_the_ring_after_the_task_has_finished(
+    ring: Ring, tmp_path: Path
+) -> None:
     control = ControlBlock.create()
     control.task.state = TaskState.FINISHED
     run_recorder(ring, control, tmp_path / "r.mcap", HEADER, os.getppid())
@@ -48,7 +50,7 @@ def test_it_empties_the_ring_after_the_tasks_last_word(ring: Ring, tmp_path: Pat
     assert journal.damage.notes == ()
 
 
-def test_it_finishes_when_the_program_says_that_the_task_is_gone(
+def test_the_recorder_finishes_when_the_program_declares_the_task_gone(
     ring: Ring, tmp_path: Path
 ) -> None:
     control = ControlBlock.create()
@@ -57,7 +59,7 @@ def test_it_finishes_when_the_program_says_that_the_task_is_gone(
     assert read_journal(tmp_path / "r.mcap").damage.finished
 
 
-def test_an_orphan_finishes_when_the_task_shows_no_sign_of_life(
+def test_an_orphaned_recorder_finishes_if_the_task_shows_no_sign_of_life(
     ring: Ring, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     control = ControlBlock.create()
@@ -71,7 +73,7 @@ def test_an_orphan_finishes_when_the_task_shows_no_sign_of_life(
     assert len(read_journal(tmp_path / "r.mcap").rows) == ROWS
 
 
-def test_what_it_cannot_write_it_reports(ring: Ring, tmp_path: Path) -> None:
+def test_a_write_error_is_reported(ring: Ring, tmp_path: Path) -> None:
     control = ControlBlock.create()
     run_recorder(ring, control, tmp_path / "none" / "r.mcap", HEADER, os.getppid())
     assert control.recorder.state is RecorderState.FAILED
@@ -79,7 +81,7 @@ def test_what_it_cannot_write_it_reports(ring: Ring, tmp_path: Path) -> None:
     assert control.recorder.error.refusal == "RID-FILE-WRITE"
 
 
-def test_it_ignores_the_signals_that_stop_the_program(ring: Ring, tmp_path: Path) -> None:
+def test_the_recorder_ignores_the_signals_that_stop_the_program(ring: Ring, tmp_path: Path) -> None:
     control = ControlBlock.create()
     control.task.state = TaskState.FINISHED
     run_recorder(ring, control, tmp_path / "r.mcap", HEADER, os.getppid())

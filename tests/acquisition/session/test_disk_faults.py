@@ -1,7 +1,7 @@
 """Effects of a bad disk on a running motion: faults 21 and 24.
 
 The disk is simulated by the file object that the journal writes to. The test controls the time, so
-that nothing depends on the speed of the computer.
+that the load of the computer has no effect.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def signals_restored() -> Iterator[None]:
 
 
 class Disk:
-    """A disk with so much room; `error` is what a write beyond it says."""
+    """A disk with limited room; a write beyond it raises `error`."""
 
     def __init__(self, room: int, error: int) -> None:
         self.room, self.error, self.released = room, error, 0
@@ -75,7 +75,7 @@ Play = Callable[[int, int], Disk]
 
 @pytest.fixture
 def play(monkeypatch: pytest.MonkeyPatch) -> Play:
-    """Return how to make the disk fail."""
+    """Return a function that makes the disk fail."""
 
     def begin(room: int, error: int) -> Disk:
         disk = Disk(room, error)
@@ -95,7 +95,7 @@ def play(monkeypatch: pytest.MonkeyPatch) -> Play:
 
 
 class Bench:
-    """The cyclic task beside the recorder: a thread each, simulated time between them."""
+    """The cyclic task and the recorder in one thread each, with simulated time between them."""
 
     def __init__(self, cell: CellConfig, robot: RobotDescription, axes: Any, clock: Any) -> None:
         self.ring, self.control = Ring.create(3, 64), ControlBlock.create()
@@ -135,7 +135,7 @@ def bench(cell: CellConfig, robot: RobotDescription, axes: Any, clock: Any) -> B
 
 
 @pytest.mark.fault(24)
-def test_a_full_disk_stops_the_motion_and_the_file_is_finished_in_the_room_kept_free(
+def test_a_full_disk_stops_the_motion_and_the_reserved_room_completes_the_file(
     bench: Bench,
     motion: MotionSamples,
     play: Play,
@@ -159,7 +159,7 @@ def test_a_full_disk_stops_the_motion_and_the_file_is_finished_in_the_room_kept_
 
 
 @pytest.mark.fault(24)
-def test_a_disk_that_fails_stops_the_motion_and_keeps_what_was_written(
+def test_a_failing_disk_stops_the_motion_and_the_written_rows_are_kept(
     bench: Bench,
     motion: MotionSamples,
     play: Play,
@@ -184,7 +184,7 @@ def test_a_disk_that_fails_stops_the_motion_and_keeps_what_was_written(
 
 
 class Recording:
-    """The recorder alone, with a clock that advances only while it waits; rows follow the clock."""
+    """The recorder alone, on a clock that advances only while it waits; rows follow the clock."""
 
     def __init__(self, ring: Ring, period_s: float, rows: int) -> None:
         self.ring, self.period_s, self.rows = ring, period_s, rows
@@ -220,7 +220,7 @@ class Recording:
 
 
 @pytest.mark.fault(24)
-def test_stalls_of_the_disk_are_absorbed(
+def test_short_stalls_of_the_disk_lose_no_row(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, measured: Callable[[str], None]
 ) -> None:
     period_s, rows = 0.001, 30_000
@@ -244,7 +244,7 @@ def test_stalls_of_the_disk_are_absorbed(
 
 
 @pytest.mark.fault(21)
-def test_whenever_the_recorder_is_killed_all_but_a_tenth_of_a_second_is_on_disk(
+def test_a_killed_recorder_loses_at_most_a_tenth_of_a_second(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, measured: Callable[[str], None]
 ) -> None:
     bench = Recording(Ring.create(3, 4096), 0.002, 2000)
@@ -254,7 +254,7 @@ def test_whenever_the_recorder_is_killed_all_but_a_tenth_of_a_second_is_on_disk(
     def look() -> None:
         if bench.now_s < 0.2:
             return
-        shutil.copy(path, snapshot)  # what a reader finds if the process ends here
+        shutil.copy(path, snapshot)  # the file as a reader finds it if the process is killed now
         newest_s = float(read_journal(snapshot).rows["time_s"][-1])
         lost_s.append((bench.ring.written - 1) * bench.period_s - newest_s)
 

@@ -1,4 +1,4 @@
-"""While a motion runs, every question is about what is new, and about all of that."""
+"""Early stop: the rule receives every new period of a running motion exactly once."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def end_of(period: int) -> int:
 
 
 class Bench:
-    """A journal that is written in pieces, and what was asked about it."""
+    """A journal written in pieces, and the periods that the rule received."""
 
     def __init__(self, path: Path, rule: EarlyStopRule | None = None) -> None:
         self.control = ControlBlock.create()
@@ -58,8 +58,8 @@ class Bench:
         self.asked.append(new)
         return next(self.answers)
 
-    def come_to(self, row: int) -> None:
-        """Write rows up to `row`, and keep the task at the last row until it is judged."""
+    def write_up_to(self, row: int) -> None:
+        """Write rows up to `row` and wait until the rule has judged them."""
         self._writer.append(rows()[self._written : row].tobytes())
         self._writer.flush()
         self._written = row
@@ -80,37 +80,37 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
     bench.close()
 
 
-def test_every_row_is_seen_once_and_in_order(bench: Bench) -> None:
+def test_the_rule_receives_every_row_once_and_in_order(bench: Bench) -> None:
     for row in (end_of(1), end_of(2) + 3, end_of(3) + 7, end_of(4) - 1, end_of(5) + 2):
-        bench.come_to(row)
+        bench.write_up_to(row)
     assert [new.periods for new in bench.asked] == [3, 5]
     assert [new.first_row for new in bench.asked] == [BEFORE, BEFORE + 3 * K]
     seen = np.concatenate([new.recording.sample_index for new in bench.asked])
     np.testing.assert_array_equal(seen, rows()["sample_index"][: end_of(5)])
 
 
-def test_what_is_enough_is_told_to_the_task(bench: Bench) -> None:
+def test_the_task_receives_the_verdict_of_the_rule(bench: Bench) -> None:
     bench.answers = iter([False, True])
-    bench.come_to(end_of(3))
+    bench.write_up_to(end_of(3))
     assert (bench.control.program.periods_judged, bench.control.program.enough) == (3, False)
-    bench.come_to(end_of(4))
+    bench.write_up_to(end_of(4))
     assert (bench.control.program.periods_judged, bench.control.program.enough) == (4, True)
-    bench.come_to(end_of(5))
+    bench.write_up_to(end_of(5))
     assert len(bench.asked) == 2
 
 
-def test_two_periods_are_never_enough_and_nobody_is_asked(bench: Bench) -> None:
-    bench.come_to(end_of(2))
+def test_two_periods_are_never_enough_and_the_rule_is_not_called(bench: Bench) -> None:
+    bench.write_up_to(end_of(2))
     assert bench.control.program.periods_judged == 2
     assert bench.asked == []
 
 
-def test_what_the_rule_raises_comes_after_the_motion(tmp_path: Path) -> None:
+def test_an_error_of_the_rule_is_raised_after_the_motion(tmp_path: Path) -> None:
     def fail(new: NewPeriods) -> bool:
         raise ZeroDivisionError
 
     bench = Bench(tmp_path / "recording.mcap", fail)
-    bench.come_to(end_of(3))
+    bench.write_up_to(end_of(3))
     assert bench.control.program.periods_judged == 3
     with pytest.raises(ZeroDivisionError):
         bench.close()

@@ -1,4 +1,4 @@
-"""Every frame on the bus in a BLF file: held against the hub's own log by python-can's readers."""
+"""Recorder of every bus frame in a BLF file, compared with the log of the simulated bus."""
 
 from __future__ import annotations
 
@@ -49,7 +49,9 @@ def frames(reader: can.io.generic.MessageReader) -> list[Frame]:
     return [(m.arbitration_id, bytes(m.data), round(1e6 * m.timestamp)) for m in reader]
 
 
-def test_it_holds_what_was_on_the_bus(simulated: SimulatedCell, log: Path, tmp_path: Path) -> None:
+def test_the_file_contains_every_frame_on_the_bus(
+    simulated: SimulatedCell, log: Path, tmp_path: Path
+) -> None:
     robot = load_cell("ir361").robot
     joints = tuple(
         FourierJoint(joint=name, sine=(0.1,), cosine=(0.0,)) for name in robot.joint_names
@@ -65,7 +67,8 @@ def test_it_holds_what_was_on_the_bus(simulated: SimulatedCell, log: Path, tmp_p
             outcome = record_motion(cell.cell, robot, samples, run)
             count = recorder.finish()
     recorded = frames(can.BLFReader(file))
-    there = frames(can.CanutilsLogReader(log))[:count]  # a simulated bus begins with its listener
+    # a simulated bus exists while its listener does
+    there = frames(can.CanutilsLogReader(log))[:count]
     assert [frame[:2] for frame in recorded] == [frame[:2] for frame in there]
     apart_us = np.array([a[2] - b[2] for a, b in zip(recorded, there, strict=True)])
     assert np.ptp(apart_us) <= 2, "both round"
@@ -77,7 +80,7 @@ def test_it_holds_what_was_on_the_bus(simulated: SimulatedCell, log: Path, tmp_p
     assert measured <= answered
 
 
-def test_a_bus_that_ends_is_told_and_what_came_is_kept(
+def test_a_lost_bus_is_reported_and_the_received_frames_are_kept(
     simulated: SimulatedCell, tmp_path: Path
 ) -> None:
     file = tmp_path / "frames.blf"
@@ -92,7 +95,7 @@ def test_a_bus_that_ends_is_told_and_what_came_is_kept(
     assert (0x123, b"abc") in [frame[:2] for frame in frames(can.BLFReader(file))]
 
 
-def test_a_session_that_fails_leaves_a_whole_file_and_no_traceback(
+def test_a_failed_session_leaves_a_complete_file_and_no_traceback(
     simulated: SimulatedCell, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "frames.blf"
@@ -108,7 +111,7 @@ def test_a_session_that_fails_leaves_a_whole_file_and_no_traceback(
     assert [frame[0] for frame in frames(can.BLFReader(file))].count(SYNC_COB_ID) == 0
 
 
-def test_what_cannot_be_recorded_is_refused_at_the_start(
+def test_a_bus_that_cannot_be_recorded_is_refused_at_the_start(
     simulated: SimulatedCell, tmp_path: Path
 ) -> None:
     slcan = CanBusConfig(interface="slcan", channel="/dev/ttyACM0", bitrate=1_000_000)

@@ -1,4 +1,4 @@
-"""Every process beside the program ends within its patience, and what it died of is said."""
+"""Helper processes: each ends within its timeout, and an abnormal end is reported."""
 
 from __future__ import annotations
 
@@ -32,9 +32,7 @@ def die() -> None:
         (hang, 0.1, ["the helper did not finish and was killed; nothing is lost"]),
     ],
 )
-def test_its_end_is_said_where_it_was_not_its_own(
-    main: object, patience_s: float, notes: list[str]
-) -> None:
+def test_an_abnormal_end_is_reported(main: object, patience_s: float, notes: list[str]) -> None:
     helper = HelperProcess(
         "helper",
         main,  # type: ignore[arg-type]
@@ -46,5 +44,5 @@ def test_its_end_is_said_where_it_was_not_its_own(
     assert helper.end() == notes
 
 
-def test_what_was_never_started_has_ended() -> None:
+def test_a_process_that_was_never_started_ends_without_a_note() -> None:
     assert HelperProcess("helper", leave, (), patience_s=120.0).end() == []

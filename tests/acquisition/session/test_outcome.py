@@ -1,4 +1,4 @@
-"""Outcome of a motion: later events are kept, and unconfirmed states are not claimed."""
+"""Outcome of a motion: late stops are kept, and unconfirmed states are not claimed."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Outcome = Callable[..., RecordOutcome]
 
 @pytest.fixture
 def control() -> ControlBlock:
-    """The words of a motion that came to its end."""
+    """The control block of a motion that has finished."""
     control = ControlBlock.create()
     control.task.state = TaskState.FINISHED
     return control
@@ -49,7 +49,7 @@ def outcome(control: ControlBlock, tmp_path: Path) -> Outcome:
     return of
 
 
-def test_a_motion_that_nobody_stopped_is_followed_by_the_next(outcome: Outcome) -> None:
+def test_after_an_undisturbed_motion_the_next_one_can_start(outcome: Outcome) -> None:
     ended = outcome()
     assert ended.complete
     assert ended.late_stop is None
@@ -64,7 +64,7 @@ def test_a_motion_that_nobody_stopped_is_followed_by_the_next(outcome: Outcome) 
         (StopCode.CLIENT_LOST, "the motion's client is out of reach"),
     ],
 )
-def test_a_word_that_the_task_read_no_more_stops_what_would_follow(
+def test_a_stop_request_after_the_end_of_the_motion_stops_the_sequence(
     outcome: Outcome, control: ControlBlock, code: StopCode, who: str
 ) -> None:
     control.program.request_stop(code)
@@ -76,10 +76,11 @@ def test_a_word_that_the_task_read_no_more_stops_what_would_follow(
     assert "after the end of the motion" in ended.late_stop.text
 
 
-def test_a_signal_after_the_tasks_last_word_does_too_whatever_else_was_asked_before(
+def test_a_signal_after_the_end_stops_the_sequence_despite_an_earlier_request(
     outcome: Outcome, control: ControlBlock
 ) -> None:
-    control.program.request_stop(StopCode.RECORDER)  # which ends as soon as the task says its last
+    # the recorder ends as soon as the task has finished
+    control.program.request_stop(StopCode.RECORDER)
     with signals_handled(lambda: control.program.request_stop(StopCode.INTERRUPTED)) as came:
         signal.raise_signal(signal.SIGTERM)
     ended = outcome(came)
@@ -88,14 +89,16 @@ def test_a_signal_after_the_tasks_last_word_does_too_whatever_else_was_asked_bef
     assert ended.interrupted_by is signal.SIGTERM
 
 
-def test_a_recorder_that_ends_before_the_task_is_nobodys_stop(
+def test_a_recorder_that_ends_before_the_task_is_not_a_late_stop(
     outcome: Outcome, control: ControlBlock
 ) -> None:
     control.program.request_stop(StopCode.RECORDER)
     assert outcome().late_stop is None
 
 
-def test_a_stop_in_time_is_no_late_one(outcome: Outcome, control: ControlBlock) -> None:
+def test_a_stop_during_the_motion_is_not_a_late_stop(
+    outcome: Outcome, control: ControlBlock
+) -> None:
     control.program.request_stop(StopCode.STOP_BUTTON)
     control.task.report_stop(StopReason(StopCode.STOP_BUTTON, "stopped"))
     ended = outcome()
@@ -107,7 +110,7 @@ def test_a_stop_in_time_is_no_late_one(outcome: Outcome, control: ControlBlock) 
     ("power_off", "said"),
     [(True, "disabled the drives"), (False, "without confirmation")],
 )
-def test_a_task_that_failed_says_of_the_power_what_was_seen(
+def test_the_text_of_a_failed_task_states_if_power_off_was_confirmed(
     outcome: Outcome, control: ControlBlock, power_off: bool, said: str
 ) -> None:
     control.task.power_off = power_off
@@ -117,7 +120,7 @@ def test_a_task_that_failed_says_of_the_power_what_was_seen(
     assert said in ended.stop.text
 
 
-def test_a_task_that_did_not_finish_has_died_whatever_its_exit_code(
+def test_a_task_that_did_not_finish_has_died_with_any_exit_code(
     outcome: Outcome, control: ControlBlock
 ) -> None:
     control.task.state = TaskState.MOVING

@@ -1,4 +1,4 @@
-"""Rows 28 to 30 of the faults, on the simulated cell with its amplifier, end to end."""
+"""Rows 28 to 30 of the faults, end to end on the simulated cell with its amplifier."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def record(
     cell: CellConfig | None = None,
     periods: int = PERIODS,
 ) -> tuple[RecordOutcome, Recording, PlateRows]:
-    """Record a motion in lock-step while things go wrong on the amplifier's line."""
+    """Record a motion in lock-step with faults on the line of the amplifier."""
     joints = tuple(
         FourierJoint(joint=name, offset=offset, sine=(0.2,), cosine=(0.1,))
         for name, offset in zip(loaded.robot.joint_names, (0.1, -0.15, 0.2), strict=True)
@@ -85,7 +85,7 @@ def averaged(recording: Recording, rows: PlateRows) -> PeriodAverage:
 
 
 def first_row_of(recording: Recording, rows: PlateRows, period: int) -> int:
-    """Return the row of the plate at the beginning of a main period."""
+    """Return the first plate row of a main period."""
     begin_s = recording.time_s[recording.phase == Phase.MAIN][0] + period * PERIOD_S
     return int(np.searchsorted(stream_clock(recording, rows, 0).to_sync(rows.device_s), begin_s))
 
@@ -102,7 +102,7 @@ Healthy = tuple[RecordOutcome, Recording, PlateRows]
 
 
 @pytest.mark.fault(28)
-def test_row_28_overloads_are_flagged_and_no_saturated_sample_is_averaged(
+def test_row_28_overloads_are_flagged_and_saturated_samples_are_not_averaged(
     loaded: LoadedCell, healthy: Healthy, tmp_path: Path, measured: Measured
 ) -> None:
     begin = first_row_of(healthy[1], healthy[2], 3) + 600
@@ -139,10 +139,10 @@ def test_row_28_more_than_three_overloaded_periods_stop_the_run(
 
 
 @pytest.mark.fault(29)
-def test_row_29_exactly_the_periods_of_drift_beyond_the_limit_are_left_out(
+def test_row_29_exactly_the_periods_with_drift_beyond_the_limit_are_excluded(
     loaded: LoadedCell, healthy: Healthy, tmp_path: Path, measured: Measured
 ) -> None:
-    """1 N/s for two periods, 30 % into the second: 0.7, 1 and 0.3 N/s; 0.5 N/s is the limit."""
+    """Drift 1 N/s for two periods from 30 % of the second: 0.7, 1 and 0.3 N/s; limit 0.5 N/s."""
     begin = first_row_of(healthy[1], healthy[2], 2) + int(0.3 * PERIOD_S * RATE_HZ)
     fault = AmplifierFault(kind="drift", row=begin, count=1, duration_s=2 * PERIOD_S, channel=6)
     outcome, recording, rows = record(loaded, tmp_path, fault)
@@ -156,7 +156,7 @@ def test_row_29_exactly_the_periods_of_drift_beyond_the_limit_are_left_out(
     measured("2 of 2 periods beyond 0.5 N/s left out, no other")
 
 
-def test_row_29_the_plants_own_drift_costs_no_period(healthy: Healthy) -> None:
+def test_row_29_the_simulated_plates_own_drift_rejects_no_period(healthy: Healthy) -> None:
     average = averaged(healthy[1], healthy[2])
     assert average.rejected == ()
     assert average.reaction is not None
@@ -165,7 +165,7 @@ def test_row_29_the_plants_own_drift_costs_no_period(healthy: Healthy) -> None:
 
 
 @pytest.mark.fault(30)
-def test_row_30_damage_costs_at_most_two_rows_more_than_it_hits(
+def test_row_30_corrupted_bytes_lose_at_most_two_more_rows_than_they_hit(
     loaded: LoadedCell, healthy: Healthy, tmp_path: Path, measured: Measured
 ) -> None:
     faults = (
@@ -222,9 +222,7 @@ def test_the_same_seed_gives_the_same_file_up_to_the_last_sync(
     assert aligned[0].channels_n.tobytes() == aligned[1].channels_n.tobytes()
 
 
-def test_a_wired_trigger_puts_the_rows_on_the_times_of_sync(
-    loaded: LoadedCell, tmp_path: Path
-) -> None:
+def test_a_wired_trigger_aligns_the_rows_with_sync(loaded: LoadedCell, tmp_path: Path) -> None:
     plate = loaded.config.plate
     assert plate is not None
     amplifier = plate.amplifier.model_copy(update={"trigger": True, "rate_hz": 1000.0})
@@ -234,7 +232,7 @@ def test_a_wired_trigger_puts_the_rows_on_the_times_of_sync(
     edges = rows.of_kind("trigger")
     assert len(edges) >= len(recording) - 5
     clock = stream_clock(recording, rows, 0)
-    # the plant's clock: 3 ms when switched on at 0, 100 ppm fast; SYNC takes 50 us on the bus
+    # the plate's clock: 3 ms at switch-on at 0, 100 ppm fast; SYNC takes 50 us on the bus
     sync_s = recording.time_s[len(recording) // 2 :: 50]
     device_s = 0.003 + 1.0001 * sync_s
     late_s = clock.to_sync(device_s) - sync_s

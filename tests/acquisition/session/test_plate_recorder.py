@@ -1,4 +1,4 @@
-"""The plate's recorder on the simulated amplifier: what was sent is what is read back."""
+"""Plate recorder on the simulated amplifier: the rows in the file are the rows sent."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def recorded(served: Any, tmp_path: Path) -> tuple[PlateRows, PlateBlock]:
 
 
 @pytest.mark.parametrize("form", ["binary", "ascii"])
-def test_every_row_is_there_with_its_times(
+def test_every_row_is_recorded_with_its_times(
     serve_amplifier: Serve, tmp_path: Path, form: str
 ) -> None:
     rows, block = recorded(serve_amplifier(format=form, baud_rate=921600), tmp_path)
@@ -97,7 +97,7 @@ def test_the_same_seed_gives_the_same_file(serve_amplifier: Serve, tmp_path: Pat
     assert rows[0].tobytes() == rows[1].tobytes()
 
 
-def test_damage_on_the_line_costs_what_it_hits_and_is_counted(
+def test_corrupted_bytes_lose_only_the_rows_that_they_hit_and_are_counted(
     serve_amplifier: Serve, tmp_path: Path
 ) -> None:
     clean, _ = recorded(serve_amplifier(), tmp_path)
@@ -131,11 +131,12 @@ def test_every_overloaded_row_is_flagged(serve_amplifier: Serve, tmp_path: Path)
     assert int(event["detail"]) == 1 << 5
 
 
-def test_unplugged_and_plugged_in_again_it_goes_on_as_a_new_stream(
+def test_after_a_replug_the_recording_continues_as_a_new_stream(
     serve_amplifier: Serve, tmp_path: Path
 ) -> None:
     served = serve_amplifier(AmplifierFault(kind="unplug", row=5000, duration_s=0.2))
-    served.stream_s = 6.0  # more than the system holds back, which is lost when it is unplugged
+    # more than the system buffers; the buffer is lost when the plate is unplugged
+    served.stream_s = 6.0
     rows, block = recorded(served, tmp_path)
     assert np.unique(rows.stream).tolist() == [0, 1]
     assert [int(event["kind"]) for event in rows.events if event["kind"] > 255] == [
@@ -146,7 +147,7 @@ def test_unplugged_and_plugged_in_again_it_goes_on_as_a_new_stream(
     assert rows.damage.finished
 
 
-def test_a_line_that_stays_lost_is_an_error(
+def test_a_line_that_stays_disconnected_is_an_error(
     serve_amplifier: Serve, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("acquisition.session.plate_recorder.RETRY_PATIENCE_S", 0.05)
@@ -158,7 +159,7 @@ def test_a_line_that_stays_lost_is_an_error(
     assert block.error.refusal == "RID-AMPLIFIER-SILENT"
 
 
-def test_a_file_that_is_not_whole_is_an_error(
+def test_an_incomplete_file_is_an_error(
     serve_amplifier: Serve, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(PlateJournalWriter, "trouble", "was deleted")
@@ -181,7 +182,9 @@ def test_an_amplifier_in_reset_is_refused(serve_amplifier: Serve, tmp_path: Path
     assert not (tmp_path / "plate.mcap").exists()
 
 
-def test_another_range_is_refused_by_name(serve_amplifier: Serve, tmp_path: Path) -> None:
+def test_an_amplifier_with_another_range_is_refused_with_its_name(
+    serve_amplifier: Serve, tmp_path: Path
+) -> None:
     served = serve_amplifier()
     ready(served)
     other = served.plate.amplifier.model_copy(
@@ -194,7 +197,7 @@ def test_another_range_is_refused_by_name(serve_amplifier: Serve, tmp_path: Path
     assert all(text in str(block.error) for text in ("fx12", "1250 N", "2500 N"))
 
 
-def test_a_port_that_is_not_there_is_told(serve_amplifier: Serve, tmp_path: Path) -> None:
+def test_a_missing_port_is_an_error(serve_amplifier: Serve, tmp_path: Path) -> None:
     served = serve_amplifier()
     gone = served.plate.amplifier.model_copy(update={"address": str(tmp_path / "none")})
     served.plate = served.plate.model_copy(update={"amplifier": gone})
@@ -202,7 +205,7 @@ def test_a_port_that_is_not_there_is_told(serve_amplifier: Serve, tmp_path: Path
     assert isinstance(block.error, TransportError)
 
 
-def test_an_orphan_ends(serve_amplifier: Serve, tmp_path: Path) -> None:
+def test_an_orphaned_recorder_ends(serve_amplifier: Serve, tmp_path: Path) -> None:
     served = serve_amplifier()
     ready(served)
     block = record(served, tmp_path / "plate.mcap", parent=-1)
@@ -210,7 +213,7 @@ def test_an_orphan_ends(serve_amplifier: Serve, tmp_path: Path) -> None:
     assert read_plate_journal(tmp_path / "plate.mcap").damage.finished
 
 
-def test_a_run_is_never_replaced(serve_amplifier: Serve, tmp_path: Path) -> None:
+def test_a_run_is_never_overwritten(serve_amplifier: Serve, tmp_path: Path) -> None:
     served = serve_amplifier()
     ready(served)
     (tmp_path / "plate.mcap").write_bytes(b"x")
@@ -218,7 +221,7 @@ def test_a_run_is_never_replaced(serve_amplifier: Serve, tmp_path: Path) -> None
     assert isinstance(block.error, RecordingError)
 
 
-def test_it_runs_as_a_process_of_its_own(serve_amplifier: Serve, tmp_path: Path) -> None:
+def test_the_recorder_runs_as_a_separate_process(serve_amplifier: Serve, tmp_path: Path) -> None:
     served = serve_amplifier()
     ready(served)
     block = PlateBlock.create()
@@ -234,7 +237,7 @@ def test_it_runs_as_a_process_of_its_own(serve_amplifier: Serve, tmp_path: Path)
     assert len(read_plate_journal(path).rows) == block.status(0.0).rows == ROWS
 
 
-# the file alone
+# the file format alone
 
 
 def header(served: Any) -> PlateHeader:
@@ -261,7 +264,9 @@ def write(path: Path, head: PlateHeader, *, finish: bool) -> None:
             writer.abandon()
 
 
-def test_a_mark_stands_beside_its_question(serve_amplifier: Serve, tmp_path: Path) -> None:
+def test_a_mark_is_stored_with_the_time_of_its_request(
+    serve_amplifier: Serve, tmp_path: Path
+) -> None:
     write(tmp_path / "p.mcap", header(serve_amplifier()), finish=True)
     marks = read_plate_journal(tmp_path / "p.mcap").of_kind("mark")
     assert set(marks["asked_s"].tolist()) == {0.25}
@@ -285,7 +290,7 @@ def test_other_programs_read_the_same_rows(serve_amplifier: Serve, tmp_path: Pat
             assert offset % kind.base.itemsize == 0
 
 
-def test_a_torn_file_gives_what_was_flushed(serve_amplifier: Serve, tmp_path: Path) -> None:
+def test_a_truncated_file_gives_every_flushed_row(serve_amplifier: Serve, tmp_path: Path) -> None:
     path = tmp_path / "p.mcap"
     write(path, header(serve_amplifier()), finish=False)
     whole = path.read_bytes()
@@ -298,7 +303,7 @@ def test_a_torn_file_gives_what_was_flushed(serve_amplifier: Serve, tmp_path: Pa
         assert len(rows.rows) >= 600 * cut / len(whole) - 60
 
 
-def test_damage_is_left_out_and_named(serve_amplifier: Serve, tmp_path: Path) -> None:
+def test_damaged_chunks_are_skipped_and_reported(serve_amplifier: Serve, tmp_path: Path) -> None:
     path = tmp_path / "p.mcap"
     write(path, header(serve_amplifier()), finish=True)
     data = bytearray(path.read_bytes())
@@ -310,7 +315,7 @@ def test_damage_is_left_out_and_named(serve_amplifier: Serve, tmp_path: Path) ->
     assert (rows.damage.bad_chunks, rows.rows_lost) == (1, 12)
 
 
-def test_what_is_no_plate_is_refused_by_name(tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_plate_recording_is_refused_with_its_name(tmp_path: Path) -> None:
     path = tmp_path / "p.mcap"
     path.write_bytes(b"nonsense")
     with raises_code(RecordingError, "RID-RECORDING-EMPTY", "p.mcap"):

@@ -88,7 +88,7 @@ def record(loaded: LoadedCell, tmp_path: Path) -> Record:
     return call
 
 
-def test_every_row_of_the_motion_is_there_on_the_time_of_sync(
+def test_every_row_of_the_motion_is_recorded_at_the_time_of_sync(
     loaded: LoadedCell, record: Record
 ) -> None:
     with served(loaded) as simulated:
@@ -106,7 +106,7 @@ def test_every_row_of_the_motion_is_there_on_the_time_of_sync(
     assert np.ptp(rows.channels_n, axis=0).min() > 1.0
 
 
-def test_the_plates_line_lost_in_mid_motion_stops_it(loaded: LoadedCell, record: Record) -> None:
+def test_a_lost_plate_line_stops_the_motion(loaded: LoadedCell, record: Record) -> None:
     with served(loaded, AmplifierFault(kind="unplug", row=7000, duration_s=1e5)) as simulated:
         outcome, rows = record(simulated, periods=500)
     assert outcome.stop is not None
@@ -135,7 +135,7 @@ def test_a_killed_plate_recorder_stops_the_motion(loaded: LoadedCell, record: Re
     assert not rows.damage.finished
 
 
-def test_overloads_in_more_than_three_periods_stop_it_and_name_the_range(
+def test_overloads_in_more_than_three_periods_stop_the_motion_and_name_the_range(
     loaded: LoadedCell, record: Record
 ) -> None:
     fault = AmplifierFault(kind="overload", row=4000, duration_s=1e5, channel=4)
@@ -148,7 +148,7 @@ def test_overloads_in_more_than_three_periods_stop_it_and_name_the_range(
     assert np.all(rows.overload[full].any(axis=1))
 
 
-def test_a_real_plate_in_reset_is_refused_before_anything_moves(
+def test_a_real_plate_in_reset_is_refused_before_any_motion(
     loaded: LoadedCell, record: Record
 ) -> None:
     with (
@@ -158,7 +158,7 @@ def test_a_real_plate_in_reset_is_refused_before_anything_moves(
         record(simulated, simulated_flag=False)
 
 
-def test_preparing_changes_only_what_differs(loaded: LoadedCell) -> None:
+def test_preparation_changes_only_the_settings_that_differ(loaded: LoadedCell) -> None:
     profile = loaded.amplifier_profile
     assert profile is not None
     with served(loaded) as simulated:

@@ -1,6 +1,6 @@
-"""Motions recorded from a simulated cell, through all real processes, in lock-step.
+"""Motions recorded from a simulated cell through all real processes, in lock-step.
 
-What counts at the end of every test is what the simulated axes do, not what was called.
+Each test judges the motion of the simulated axes and not the calls that were made.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def folder(tmp_path: Path) -> RunFolder:
 
 
 def fourier(loaded: LoadedCell, periods: int) -> FourierMotion:
-    """Return periods of 2 s in which every axis goes to and fro by some 15 degrees."""
+    """Return periods of 2 s in which every axis oscillates by about 15 degrees."""
     centre = (0.1, -0.15, 0.2)
     joints = tuple(
         FourierJoint(joint=name, offset=offset, sine=(0.2,), cosine=(0.1,))
@@ -102,7 +102,7 @@ def record(simulated: SimulatedCell, loaded: LoadedCell, folder: RunFolder) -> R
 
 
 def in_mid_motion(act: Callable[[], None]) -> Callable[[TaskProgress], None]:
-    """Return what calls `act` at every progress from the main phase on."""
+    """Return a function that calls `act` at each progress report from the main phase on."""
 
     def on_progress(progress: TaskProgress) -> None:
         if progress.phase >= Phase.MAIN:
@@ -135,7 +135,7 @@ def at_rest(simulated: SimulatedCell) -> bool:
     return not axes.enabled.any() and float(np.abs(axes.velocity).max()) < 1e-6
 
 
-def test_a_motion_is_recorded_whole(
+def test_a_complete_motion_is_recorded(
     record: Record, short: MotionSamples, simulated: SimulatedCell, folder: RunFolder
 ) -> None:
     seen: list[TaskProgress] = []
@@ -157,7 +157,7 @@ def test_a_motion_is_recorded_whole(
     assert_at_rest(simulated)
 
 
-def test_its_end_says_whether_the_drives_were_seen_without_power(
+def test_the_outcome_states_if_power_off_was_confirmed(
     record: Record, short: MotionSamples
 ) -> None:
     def look(progress: TaskProgress) -> None:
@@ -188,7 +188,7 @@ def test_five_interrupts_stop_the_motion_once_and_the_file_is_closed(
     outcome = record(long, in_mid_motion(interrupt))
     assert sent
     closed_s = 1e-9 * (outcome.path.stat().st_mtime_ns - sent[0])
-    assert -0.02 < closed_s < PATIENCE_S  # a file's time is that of the kernel's last tick
+    assert -0.02 < closed_s < PATIENCE_S  # a file's time has the resolution of the kernel's tick
     assert outcome.interrupted_by is number
     assert outcome.stop is not None
     assert outcome.stop.code is StopCode.INTERRUPTED
@@ -212,7 +212,7 @@ def test_a_killed_recorder_stops_the_motion_and_its_file_stays_readable(
 
 @pytest.fixture
 def small_disk() -> Iterator[None]:
-    """No file of this process's children can grow beyond 1 MB."""
+    """Limit the size of the child processes' files to 1 MB."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, hard))
     yield
@@ -221,14 +221,14 @@ def small_disk() -> Iterator[None]:
 
 @pytest.mark.fault(24)
 @pytest.mark.usefixtures("small_disk")
-def test_a_disk_that_takes_no_more_stops_the_motion_and_what_was_written_stays_readable(
+def test_a_full_disk_stops_the_motion_and_the_written_rows_stay_readable(
     record: Record, long: MotionSamples, simulated: SimulatedCell, measured: Callable[[str], None]
 ) -> None:
     outcome = record(long)
     assert outcome.stop is not None
     assert outcome.stop.code is StopCode.RECORDER
     assert "cannot be written" in outcome.stop.text
-    assert outcome.rows > 0.95 * 1_000_000 / (row_struct(3).size + 35 + 16)  # but for one write
+    assert outcome.rows > 0.95 * 1_000_000 / (row_struct(3).size + 35 + 16)  # except for one write
     assert_at_rest(simulated)
     measured(f"quick stop, axes at rest, {outcome.rows} rows readable")
 
@@ -245,7 +245,7 @@ def test_a_killed_task_is_reported_and_the_drives_stop_by_themselves(
     measured("the drives stop by themselves, file closed")
 
 
-def test_an_error_in_the_program_itself_stops_the_motion_before_it_travels_on(
+def test_an_error_in_the_program_stops_the_motion_at_once(
     record: Record, long: MotionSamples, simulated: SimulatedCell, folder: RunFolder
 ) -> None:
     def fail(progress: TaskProgress) -> None:
@@ -259,7 +259,7 @@ def test_an_error_in_the_program_itself_stops_the_motion_before_it_travels_on(
 
 
 class Start(Protocol):
-    """Starts a program of its own; it moves when the `with` begins."""
+    """Starts a separate program; its robot moves when the `with` block begins."""
 
     def __call__(
         self, *, alone: bool = False
@@ -292,7 +292,7 @@ def start(simulated: SimulatedCell, loaded: LoadedCell, folder: RunFolder) -> St
 
 @pytest.mark.fault(19)
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_a_program_that_is_told_to_end_closes_its_file_first(
+def test_a_terminated_program_closes_its_file_before_it_ends(
     start: Start,
     simulated: SimulatedCell,
     folder: RunFolder,
@@ -320,13 +320,13 @@ def test_a_program_that_is_told_to_end_closes_its_file_first(
 
 @pytest.fixture
 def killed(start: Start) -> Iterator[int]:
-    """The pid of a program that was killed with SIGKILL in mid-motion."""
+    """Process id of a program that was killed with SIGKILL during the motion."""
     with start() as program:
         program.kill()
         yield program.pid
 
 
-def test_a_killed_program_leaves_the_axes_at_rest_and_the_recording_whole(
+def test_a_killed_program_leaves_the_axes_at_rest_and_a_complete_recording(
     killed: int, simulated: SimulatedCell, folder: RunFolder
 ) -> None:
     wait_for(lambda: at_rest(simulated))
@@ -345,7 +345,7 @@ def test_a_killed_program_leaves_the_axes_at_rest_and_the_recording_whole(
 
 
 @pytest.mark.fault(18)
-def test_a_computer_that_dies_leaves_the_axes_at_rest_and_the_recording_recoverable(
+def test_killing_all_processes_leaves_the_axes_at_rest_and_a_recoverable_recording(
     start: Start,
     simulated: SimulatedCell,
     folder: RunFolder,
@@ -367,7 +367,7 @@ def test_a_computer_that_dies_leaves_the_axes_at_rest_and_the_recording_recovera
     measured(f"axes at rest by their heartbeat consumer ({timeout_ms} ms) and ramp")
 
 
-def test_nothing_moves_for_a_motion_of_another_cycle_time_or_beyond_the_limits(
+def test_a_motion_of_another_cycle_time_or_beyond_the_limits_moves_nothing(
     record: Record, loaded: LoadedCell, short: MotionSamples, folder: RunFolder
 ) -> None:
     faster = replace(short, sample_period_s=0.004)
@@ -382,7 +382,7 @@ def test_nothing_moves_for_a_motion_of_another_cycle_time_or_beyond_the_limits(
     assert not folder.file("recording.mcap").exists()
 
 
-def test_nothing_moves_where_nothing_can_be_recorded(
+def test_nothing_moves_if_nothing_can_be_recorded(
     record: Record, short: MotionSamples, simulated: SimulatedCell, folder: RunFolder
 ) -> None:
     before = simulated.axes().position

@@ -1,4 +1,4 @@
-"""Motions that are refused before any device is opened, each by its own guard."""
+"""Motions that are refused before any device is opened, each by a different guard."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def samples() -> MotionSamples:
 
 @pytest.fixture
 def attempt(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Try:
-    """Return what records a motion; the test fails if a process is about to be started."""
+    """Return a function that records a motion; the test fails if a process is about to start."""
 
     def begun(*_: object) -> None:
         pytest.fail("the motion was not refused")
@@ -60,12 +60,12 @@ def attempt(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Try:
     return call
 
 
-def test_a_motion_of_another_cycle_time(attempt: Try, samples: MotionSamples) -> None:
+def test_a_motion_of_another_cycle_time_is_refused(attempt: Try, samples: MotionSamples) -> None:
     with raises_code(ConfigError, "RID-MOTION-CYCLE"):
         attempt(replace(samples, sample_period_s=0.5 * T))
 
 
-def test_a_motion_beyond_the_limits(attempt: Try, samples: MotionSamples) -> None:
+def test_a_motion_beyond_the_limits_is_refused(attempt: Try, samples: MotionSamples) -> None:
     far = replace(
         samples,
         position=20.0 * samples.position,
@@ -76,33 +76,37 @@ def test_a_motion_beyond_the_limits(attempt: Try, samples: MotionSamples) -> Non
         attempt(far)
 
 
-def test_a_motion_that_is_too_fast_for_a_motor_of_a_coupled_wrist(
+def test_a_motion_too_fast_for_a_motor_of_a_coupled_wrist_is_refused(
     attempt: Try, samples: MotionSamples
 ) -> None:
-    """Each joint is within its limits; alpha3' = q3' + 50 q2' is not."""
+    """Each joint is within its limits, but the motor speed alpha3' = q3' + 50 q2' is not."""
     coupling = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -50.0, 1.0))
     with raises_code(PreflightError, "RID-MOTION-LIMIT", "motor", "axis3"):
         attempt(samples, robot=ROBOT.model_copy(update={"coupling": coupling}))
 
 
-def test_a_feedforward_beyond_the_speed_limit(attempt: Try, samples: MotionSamples) -> None:
+def test_a_feedforward_beyond_the_speed_limit_is_refused(
+    attempt: Try, samples: MotionSamples
+) -> None:
     fastest = max(joint.limits.velocity for joint in ROBOT.joints)
     with raises_code(PreflightError, "RID-MOTION-LIMIT"):
         attempt(replace(samples, feedforward=np.full_like(samples.velocity, 1.01 * fastest)))
 
 
-def test_a_sum_of_motion_and_feedforward_beyond_the_limits(
+def test_a_sum_of_motion_and_feedforward_beyond_the_limits_is_refused(
     attempt: Try, samples: MotionSamples
 ) -> None:
-    """Within the speed limits, but it begins with a step."""
+    """The sum is within the speed limits, but it begins with a step."""
     ahead = samples.velocity.copy()
     ahead[0] = 0.3 * np.array([joint.limits.velocity for joint in ROBOT.joints])
     with raises_code(PreflightError, "RID-MOTION-COMMAND"):
         attempt(replace(samples, feedforward=ahead))
 
 
-def test_a_motion_that_comes_too_close(attempt: Try, samples: MotionSamples) -> None:
-    """A wall is at the point of the path that is farthest from its start."""
+def test_a_motion_that_comes_too_close_to_a_wall_is_refused(
+    attempt: Try, samples: MotionSamples
+) -> None:
+    """The wall is at the point of the path that is farthest from the start."""
     chain = Chain.from_description(ROBOT)
     links = link_transforms(chain, samples.position)[:, -1]
     x = links[:, 0, :3] @ chain.tool_m + links[:, 0, 3]
@@ -115,7 +119,7 @@ def test_a_motion_that_comes_too_close(attempt: Try, samples: MotionSamples) -> 
         attempt(samples, cell)
 
 
-def test_a_disk_without_room(
+def test_a_disk_with_too_little_room_is_refused(
     attempt: Try, samples: MotionSamples, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("acquisition.session.record.FREE_BYTES", 1 << 60)

@@ -1,4 +1,4 @@
-"""Damaged journals written again: nothing wrong in them, nothing hidden, little lost."""
+"""Repair of damaged journals: no wrong number, no hidden loss, few lost rows."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from tests.builders.raised_codes import raises_code
 
 ROWS = 4000
 KILLS = 3
-CUTS, FLIPS = 200, 25  # benchmarks.recover: 1000 of each
+CUTS, FLIPS = 200, 25  # benchmarks.recover uses 1000 of each
 ROWS_BETWEEN_FLUSHES = 12
 
 
@@ -43,7 +43,7 @@ def rows() -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def whole(rows: np.ndarray, tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """The bytes of a file that the recorder's own main function wrote."""
+    """Bytes of a file that the recorder's main function wrote."""
     path = tmp_path_factory.mktemp("real") / "recording.mcap"
     ring, control = Ring.create(3, ROWS), ControlBlock.create()
     layout = row_struct(3)
@@ -59,7 +59,7 @@ def whole(rows: np.ndarray, tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 @dataclass
 class Damaged:
-    """Writes damaged bytes, repairs them, and holds what every repair must hold."""
+    """Writes damaged bytes, repairs them, and checks what must hold for every repair."""
 
     folder: Path
     rows: np.ndarray
@@ -81,7 +81,7 @@ class Damaged:
         assert journal.header == HEADER
         assert journal.damage.finished
         assert len(kept) == repair.kept_rows
-        # a row is there, told to be lost, or after the last one of a file said to be torn
+        # a row is kept, reported as lost, or follows the last row of a truncated file
         assert len(kept) + repair.lost_rows == ROWS or not repair.damage.finished
         assert repair.whole == (len(kept) == ROWS and repair.damage.finished)
         return len(kept), repair.lost_rows
@@ -102,7 +102,7 @@ def read_only(path: Path, data: bytes) -> int:
 
 
 @pytest.mark.fault(25)
-def test_a_file_cut_anywhere_gives_what_stood_before_the_cut(
+def test_a_truncated_file_gives_every_row_before_the_cut(
     damaged: Damaged, whole: bytes, tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
     ends = [whole.index(row.tobytes()) + row.nbytes for row in damaged.rows]
@@ -136,7 +136,7 @@ def test_a_flipped_bit_changes_no_number_and_hides_no_loss(
 
 @pytest.mark.fault(25)
 @pytest.mark.parametrize("kill", range(KILLS))
-def test_a_killed_writer_loses_nothing_that_it_had_flushed(
+def test_a_killed_writer_loses_no_flushed_row(
     kill: int, tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
     path = tmp_path / "killed.mcap"
@@ -178,7 +178,7 @@ def test_lost_rows_stay_visible_in_the_new_file(
     assert len(messages) == repair.kept_rows
 
 
-def test_a_file_of_the_drive_monitor_is_repaired_too(tmp_path: Path) -> None:
+def test_a_file_of_the_drive_monitor_is_repaired(tmp_path: Path) -> None:
     header = MonitorHeader(joint_names=("a", "b"), period_s=1.0)
     with MonitorWriter(tmp_path / "old.mcap", header) as writer:
         for second in range(20):
@@ -206,14 +206,14 @@ def unheaded(tmp_path: Path, whole: bytes) -> Path:
     return path
 
 
-def test_rows_without_their_header_are_refused_and_no_file_is_made(unheaded: Path) -> None:
+def test_rows_without_a_header_are_refused_and_no_file_is_written(unheaded: Path) -> None:
     target = unheaded.with_name("new.mcap")
     with raises_code(RecordingError, "RID-RECORDING-FOREIGN"):
         repair_journal(unheaded, target)
     assert not target.exists()
 
 
-def test_a_file_that_is_still_written_says_so(tmp_path: Path) -> None:
+def test_a_file_is_reported_as_being_written_until_it_is_closed(tmp_path: Path) -> None:
     path = tmp_path / "open.mcap"
     with JournalWriter(path, HEADER):
         assert being_written(path)

@@ -18,7 +18,7 @@ def cycle_statistics(rows: NDArray[Any], pieces: int = 1) -> CycleStatistics:
     return tally.statistics()
 
 
-def test_counts_and_percentiles_are_those_of_the_rows() -> None:
+def test_counts_and_percentiles_match_the_rows() -> None:
     rows = np.zeros(100, dtype=row_dtype(2))
     rows["cycle"] = np.arange(100)
     rows["cycle"][60:] += 3
@@ -38,7 +38,7 @@ def test_counts_and_percentiles_are_those_of_the_rows() -> None:
     assert statistics.exchange_p99_s == pytest.approx(1e-3)
 
 
-def test_no_rows_are_no_trouble_and_all_of_it_is_json() -> None:
+def test_statistics_of_no_rows_are_zero_and_serialisable_as_json() -> None:
     statistics = cycle_statistics(np.zeros(0, dtype=row_dtype(3)))
     assert statistics.cycles == statistics.overruns == 0
     assert statistics.missed_frames == (0, 0, 0)
@@ -56,7 +56,7 @@ def some_rows(count: int) -> NDArray[Any]:
 
 
 @pytest.mark.parametrize("count", [1, 2, 99, 1000, 20_000])
-def test_rows_in_pieces_count_as_all_of_them_at_once(count: int) -> None:
+def test_statistics_of_pieces_equal_those_of_the_whole(count: int) -> None:
     rows = some_rows(count)
     statistics = cycle_statistics(rows, pieces=min(count, 7))
     assert statistics == cycle_statistics(rows)
@@ -66,7 +66,7 @@ def test_rows_in_pieces_count_as_all_of_them_at_once(count: int) -> None:
         assert found == np.percentile(rows[f"{name}_s"], (50.0, 99.0, 100.0)).tolist()
 
 
-def test_of_very_many_rows_percentiles_are_known_to_a_thousandth() -> None:
+def test_percentiles_of_very_many_rows_are_accurate_to_a_thousandth() -> None:
     rows = some_rows(200_000)
     statistics = cycle_statistics(rows, pieces=40)
     for name in ("lateness", "exchange"):

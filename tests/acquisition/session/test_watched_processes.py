@@ -1,4 +1,4 @@
-"""The program's watch of the cyclic task and the recorder, with processes that only look alive."""
+"""Supervision of the cyclic task and the recorder by the program, with simulated processes."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ LOOKS = 3
 
 
 class Process:
-    """A process that has ended after some looks, or was killed."""
+    """A process that ends after a number of checks, or when it is killed."""
 
     def __init__(self, looks: int) -> None:
-        self.sentinel, self._other_end = os.pipe()  # nothing is ever written
+        self.sentinel, self._other_end = os.pipe()  # never written to
         self.killed = False
         self._looks = looks
 
@@ -44,7 +44,7 @@ Make = Callable[[int], Process]
 
 @pytest.fixture
 def make(monkeypatch: pytest.MonkeyPatch) -> Iterator[Make]:
-    """Return a function that starts processes without a parent that waits for them."""
+    """Return a function that makes simulated processes."""
     monkeypatch.setattr("acquisition.session.record.WATCH_S", 0.0)
     made: list[Process] = []
 
@@ -66,7 +66,7 @@ def watch(task: Process, recorder: Process, control: ControlBlock) -> None:
 def test_a_task_without_a_sign_of_life_is_killed(
     make: Make, monkeypatch: pytest.MonkeyPatch, state: TaskState
 ) -> None:
-    """Then the drives stop by their own watch."""
+    """Then the heartbeat timeout of each drive stops it."""
     patience = "START" if state is TaskState.BRING_UP else "BEAT"
     monkeypatch.setattr(f"acquisition.session.record.{patience}_PATIENCE_S", -1.0)
     control = ControlBlock.create()
@@ -76,7 +76,7 @@ def test_a_task_without_a_sign_of_life_is_killed(
     assert task.killed
 
 
-def test_a_task_that_gives_signs_of_life_goes_on(make: Make) -> None:
+def test_a_task_with_signs_of_life_is_not_killed(make: Make) -> None:
     control = ControlBlock.create()
     task = make(LOOKS)
     watch(task, make(9), control)
@@ -84,7 +84,7 @@ def test_a_task_that_gives_signs_of_life_goes_on(make: Make) -> None:
     assert not control.program.stop_code
 
 
-def test_a_recorder_that_has_died_stops_the_motion(make: Make) -> None:
+def test_a_recorder_that_died_stops_the_motion(make: Make) -> None:
     control = ControlBlock.create()
     watch(make(LOOKS), make(0), control)
     assert control.program.stop_code == StopCode.RECORDER

@@ -1,4 +1,4 @@
-"""On the bins differentiation is exact, and the anti-alias filter is divided out."""
+"""Frequency bins: exact differentiation and compensation of the anti-alias filter."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class TestDifferentiation:
         ):
             np.testing.assert_allclose(found, exact, atol=1e-10 * np.abs(exact).max())
 
-    def test_on_a_finer_grid_is_the_same_signal(self) -> None:
+    def test_on_a_finer_grid_gives_the_same_signal(self) -> None:
         truth = trajectory()
         q, v, a = differentiate_on_bins(truth.position(truth.sample_times_s), T, 5, oversampling=4)
         t = np.arange(4 * K) * T / 4
@@ -57,7 +57,7 @@ class TestDifferentiation:
         np.testing.assert_allclose(v, truth.velocity(t), atol=1e-11)
         np.testing.assert_allclose(a, truth.acceleration(t), atol=1e-10)
 
-    def test_leaves_out_what_is_above_the_harmonics(self) -> None:
+    def test_removes_frequencies_above_the_harmonics(self) -> None:
         truth = trajectory(harmonics=6)
         only_5 = FourierTrajectory(
             truth.joint_names, T, K, truth.offset, truth.sine[:5], truth.cosine[:5]
@@ -66,7 +66,7 @@ class TestDifferentiation:
         q, _, _ = differentiate_on_bins(truth.position(t), T, 5)
         np.testing.assert_allclose(q, only_5.position(t), atol=1e-12)
 
-    def test_of_an_odd_number_of_samples(self) -> None:
+    def test_of_an_odd_number_of_samples_is_exact(self) -> None:
         t = np.arange(2499) * 0.012
         w = 2 * np.pi / (2499 * 0.012)
         _, v, _ = differentiate_on_bins(np.sin(20 * w * t)[:, np.newaxis], 0.012, 25)
@@ -78,7 +78,7 @@ class TestDifferentiation:
 
 
 class TestBins:
-    def test_a_sine_of_amplitude_a_has_a_bin_of_half_of_it(self) -> None:
+    def test_a_sine_of_amplitude_a_has_a_bin_of_a_half(self) -> None:
         x = 3.0 * np.sin(2 * np.pi * 7 * np.arange(100) / 100)[:, np.newaxis] + 2.0
         bins = to_bins(x, 10)
         assert bins.shape == (11, 1)
@@ -90,7 +90,7 @@ class TestBins:
 class TestFilter:
     butterworth = ButterworthFilter(order=8, cutoff_hz=40.0)
 
-    def test_passes_0_7071_at_its_cut_off_and_all_at_zero(self) -> None:
+    def test_has_a_gain_of_0_7071_at_its_cut_off_and_1_at_zero(self) -> None:
         response = filter_response(self.butterworth, np.array([0.0, 40.0]))
         np.testing.assert_allclose(np.abs(response), [1.0, np.sqrt(0.5)], rtol=1e-12)
 
@@ -102,7 +102,7 @@ class TestFilter:
         found = filter_response(ButterworthFilter(order=order, cutoff_hz=40.0), f)
         np.testing.assert_allclose(found, expected, rtol=1e-8)
 
-    def test_divided_out_gives_the_signal_before_it(self) -> None:
+    def test_compensation_recovers_the_signal_before_the_filter(self) -> None:
         truth = trajectory(harmonics=50)  # up to 5 Hz
         x = truth.position(truth.sample_times_s)
         response = filter_response(self.butterworth, np.arange(51) / (K * T))
@@ -110,11 +110,11 @@ class TestFilter:
         assert np.abs(filtered - x).max() > 0.1
         np.testing.assert_allclose(divide_filter(filtered, T, self.butterworth, 50), x, atol=1e-10)
 
-    def test_division_where_nothing_passes_is_refused(self) -> None:
+    def test_compensation_at_zero_gain_is_refused(self) -> None:
         with raises_code(ConfigError, "RID-MOTION-BAND", "600", "60", "10"):
             divide_filter(np.zeros((K, 1)), T, ButterworthFilter(order=8, cutoff_hz=10.0), 600)
 
-    def test_without_a_filter_limits_to_the_bins(self) -> None:
+    def test_without_a_filter_the_signal_is_limited_to_the_bins(self) -> None:
         truth = trajectory()
         x = truth.position(truth.sample_times_s)
         np.testing.assert_allclose(divide_filter(x, T, None, 5), x, atol=1e-12)

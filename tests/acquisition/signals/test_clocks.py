@@ -18,19 +18,19 @@ PPM, OFFSET_S, JITTER_S, LENGTH_S = 100.0, 0.003, 0.005, 170.0
 
 
 def device_time(rate_hz: float) -> NDArray[np.float64]:
-    """Row times on the device's own clock, in microseconds as it sends them."""
+    """Return row times on the device's clock, in the microseconds that it sends."""
     return np.round(np.arange(0.0, LENGTH_S, 1.0 / rate_hz), 6)
 
 
 def on_sync(device_s: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The truth: 100 ppm slow and 3 ms late, on a host's monotonic clock."""
+    """Return the true times on a host's monotonic clock: 100 ppm slow and 3 ms late."""
     return 9000.0 + OFFSET_S + device_s * (1.0 + 1e-6 * PPM)
 
 
 class TestArrivals:
     @pytest.mark.parametrize("rate_hz", [125.0, 480.0, 960.0])
     @pytest.mark.parametrize("law", ["uniform", "exponential", "read in chunks"])
-    def test_170_s_of_rows_with_5_ms_of_jitter_are_put_in_their_place_within_50_us(
+    def test_rows_over_170_s_with_5_ms_of_jitter_are_located_within_50_us(
         self, rate_hz: float, law: str
     ) -> None:
         random = np.random.default_rng(3)
@@ -50,8 +50,8 @@ class TestArrivals:
         assert (error < 3.0 * clock.sigma_s(device) + 1e-8).all()
         assert clock.sigma_s(device).max() < 200e-6
 
-    def test_the_uncertainty_is_honest_where_short_delays_are_rare(self) -> None:
-        """The sum of two delays is hardly ever zero: the lowest arrivals are all late."""
+    def test_the_uncertainty_covers_the_error_if_short_delays_are_rare(self) -> None:
+        """The sum of two delays is almost never zero: even the earliest arrivals are late."""
         device = device_time(125.0)
         true, inside = on_sync(device), []
         for seed in range(12):
@@ -61,13 +61,13 @@ class TestArrivals:
             inside.append(error < 2.0 * clock.sigma_s(device)[[0, len(device) // 2, -1]])
         assert np.mean(inside) > 0.9
 
-    def test_a_known_shortest_delay_is_taken_off(self) -> None:
+    def test_a_known_minimum_delay_is_subtracted(self) -> None:
         device = device_time(125.0)
         arrival = on_sync(device) + 0.004
         clock = clock_from_arrivals(device, arrival, shortest_delay_s=0.004)
         np.testing.assert_allclose(clock.to_sync(device), on_sync(device), atol=2e-6)
 
-    def test_a_clock_that_wanders_says_so(self) -> None:
+    def test_a_wandering_clock_is_reported(self) -> None:
         device = device_time(480.0)
         wandering = on_sync(device) + 0.001 * np.sin(device / 20.0)
         jitter = np.random.default_rng(0).uniform(0.0, 0.0005, len(device))
@@ -89,7 +89,7 @@ class TestArrivals:
 
 
 class TestMarks:
-    def test_bound_the_clock_however_differently_the_two_ways_delay(self) -> None:
+    def test_bound_the_clock_although_the_two_delays_differ(self) -> None:
         random = np.random.default_rng(1)
         device = np.linspace(0.0, LENGTH_S, 60)
         true = on_sync(device)
@@ -99,13 +99,13 @@ class TestMarks:
         assert error.max() < 0.4e-3
         assert (error < 2.0 * clock.sigma_s(device)).all()
 
-    def test_no_straight_clock_between_them_means_that_it_was_set(self) -> None:
+    def test_that_no_linear_clock_fits_are_refused(self) -> None:
         device = np.linspace(0.0, 10.0, 20)
         true = device + 0.01 * (device > 5.0)
         with raises_code(DataQualityError, "RID-PLATE-CLOCK"):
             clock_from_marks(true - 0.001, device, true + 0.001)
 
-    def test_an_answer_before_its_question_is_refused(self) -> None:
+    def test_with_an_answer_before_the_request_are_refused(self) -> None:
         device = np.arange(5.0)
         with raises_code(DataQualityError, "RID-PLATE-CLOCK"):
             clock_from_marks(device + 0.1, device, device)
@@ -116,13 +116,13 @@ class TestEdges:
         random = np.random.default_rng(2)
         device = device_time(125.0)
         late = np.abs(random.normal(0.0, 20e-6, len(device)))
-        late[::50] += 0.003  # a SYNC that waited for the bus
+        late[::50] += 0.003  # a SYNC that was delayed on the bus
         clock = clock_from_edges(device, on_sync(device) + late)
         error = clock.to_sync(device) - on_sync(device)
         assert np.abs(error - error.mean()).max() < 5e-6
-        assert np.abs(error).max() < 30e-6  # the mean lateness is the SYNC's own
+        assert np.abs(error).max() < 30e-6  # the mean delay is that of SYNC
 
-    def test_are_paired_by_a_coarse_clock(self) -> None:
+    def test_are_matched_by_a_coarse_clock(self) -> None:
         sync = on_sync(device_time(125.0))
         device = np.delete(device_time(125.0), [5, 6, 900])
         device = np.sort(np.append(device, 31.4165))  # a glitch

@@ -26,7 +26,9 @@ def wave(frequency_hz: float, times: NDArray[np.float64]) -> NDArray[np.float64]
 
 @pytest.mark.parametrize("rate_hz", [158.0, 960.0, 1000.0])
 @pytest.mark.parametrize("frequency_hz", [0.1, 5.0, 20.0, 50.0])
-def test_what_both_rates_carry_passes(rate_hz: float, frequency_hz: float) -> None:
+def test_frequencies_below_both_nyquist_frequencies_pass(
+    rate_hz: float, frequency_hz: float
+) -> None:
     times = rows(rate_hz)
     found, good = resample(times, wave(frequency_hz, times), whole(times), AT, 1.0 / CYCLE_S)
     assert good.all()
@@ -34,13 +36,13 @@ def test_what_both_rates_carry_passes(rate_hz: float, frequency_hz: float) -> No
 
 
 @pytest.mark.parametrize("frequency_hz", [76.0, 115.0, 124.0, 135.0, 400.0])
-def test_what_would_fold_back_does_not(frequency_hz: float) -> None:
+def test_frequencies_that_would_alias_are_removed(frequency_hz: float) -> None:
     times = rows(960.0)
     found, _ = resample(times, wave(frequency_hz, times), whole(times), AT, 1.0 / CYCLE_S)
     assert np.abs(found).max() < PASS_ERROR
 
 
-def test_more_rows_than_samples_make_less_noise() -> None:
+def test_more_rows_than_samples_reduce_noise() -> None:
     times = rows(1000.0)
     noise = np.random.default_rng(0).standard_normal((len(times), 1))
     found, _ = resample(times, noise, whole(times), AT, 1.0 / CYCLE_S)
@@ -58,7 +60,7 @@ def test_short_gaps_are_filled() -> None:
     np.testing.assert_allclose(found, wave(5.0, AT), atol=3e-4)
 
 
-def test_long_gaps_are_not() -> None:
+def test_long_gaps_stay_empty() -> None:
     times = rows(960.0)
     there = np.ones(len(times), dtype=bool)
     there[4000 : 4001 + LONGEST_FILLED_GAP] = False
@@ -70,7 +72,7 @@ def test_long_gaps_are_not() -> None:
     assert bad_s.max() == pytest.approx(times[4003] + 0.1, abs=0.02)
 
 
-def test_no_value_in_overload_gets_into_a_sample() -> None:
+def test_no_overloaded_value_enters_a_sample() -> None:
     times = rows(960.0)
     values, valid = wave(5.0, times), whole(times)
     values[5000:5003], valid[5000:5003] = 1e9, False
@@ -80,7 +82,7 @@ def test_no_value_in_overload_gets_into_a_sample() -> None:
     assert (found[~good] == 0.0).all()
 
 
-def test_nothing_is_invented_beyond_the_ends() -> None:
+def test_no_sample_is_extrapolated_beyond_the_ends() -> None:
     times = rows(960.0)
     _, good = resample(times, wave(5.0, times), whole(times), AT - 2.5, 1.0 / CYCLE_S)
     assert not good[AT - 2.5 < 0.1].any()
@@ -90,6 +92,6 @@ def test_nothing_is_invented_beyond_the_ends() -> None:
 @pytest.mark.parametrize(
     "times", [np.zeros(1), np.zeros(10), np.array([0.0, 1.0, 2.4, 3.0, 4.6, 5.0])]
 )
-def test_times_that_are_not_regular_are_refused(times: NDArray[np.float64]) -> None:
+def test_irregular_times_are_refused(times: NDArray[np.float64]) -> None:
     with raises_code(DataQualityError, "RID-PLATE-CLOCK"):
         resample(times, np.zeros((len(times), 1)), whole(times), AT, 125.0)

@@ -1,4 +1,4 @@
-"""The sum of a motion and its feedforward, computed as for the drives, respects the limits.
+"""Limits of the sum of a motion and its feedforward, computed as for the drives.
 
 A feedforward within the speed limits of every row can still command any acceleration and position.
 Therefore the total command is compared with the limits.
@@ -48,7 +48,7 @@ def motion(periods: int = 3, offset: float = 0.0) -> MotionSamples:
 
 
 def added(samples: MotionSamples, more: Callable[[FloatArray], FloatArray]) -> MotionSamples:
-    """Return a motion with a feedforward for axis1: its velocity and `more` of the row's number."""
+    """Return a motion with a feedforward for axis1: its velocity plus `more(row)`."""
     ahead = samples.velocity.copy()
     ahead[:, 0] += more(np.arange(len(samples), dtype=float))
     return replace(samples, feedforward=ahead)
@@ -61,11 +61,11 @@ def refusal(samples: MotionSamples, *names: str) -> str:
 
 
 def window(rows: FloatArray, count: int) -> FloatArray:
-    """Return a factor that rises from 0 and falls to 0 smoothly over a motion's rows."""
+    """Return a factor that rises smoothly from 0 and falls back to 0 over a motion's rows."""
     return np.asarray(np.sin(np.pi * rows / (count - 1)) ** 2)
 
 
-def test_the_commands_are_those_of_the_position_loop_to_drives_that_obey() -> None:
+def test_the_commands_are_those_of_the_position_loop_with_ideal_drives() -> None:
     samples = motion()
     samples = added(samples, lambda k: 0.2 * window(k, len(samples)) * np.sin(0.3 * k))
     assert samples.feedforward is not None
@@ -82,7 +82,7 @@ def test_the_commands_are_those_of_the_position_loop_to_drives_that_obey() -> No
         deviation = deviation + T * (np.array(command) - samples.velocity[k])
 
 
-def test_a_motion_without_feedforward_is_its_own_command() -> None:
+def test_a_motion_without_feedforward_is_commanded_as_planned() -> None:
     samples = motion()
     assert commanded_motion(samples, GAIN) is samples
     verify_command(samples, CELL.config, CELL.robot)
@@ -98,7 +98,7 @@ def test_a_small_smooth_feedforward_is_accepted() -> None:
 
 
 @pytest.mark.parametrize("share", [0.05, 0.3, 0.999])
-def test_a_feedforward_that_changes_its_sign_in_every_cycle_is_refused(share: float) -> None:
+def test_a_feedforward_that_alternates_in_every_cycle_is_refused(share: float) -> None:
     samples = motion()
     ahead = np.zeros_like(samples.velocity)
     ahead[:, 0] = share * LIMITS[0].velocity * (-1.0) ** np.arange(len(samples))
@@ -109,7 +109,7 @@ def test_a_feedforward_that_changes_its_sign_in_every_cycle_is_refused(share: fl
     )
 
 
-def test_a_joint_that_the_feedforward_pushes_beyond_its_position_limit_is_refused() -> None:
+def test_a_feedforward_that_moves_a_joint_beyond_its_position_limit_is_refused() -> None:
     samples = motion(offset=LIMITS[0].position_max - 0.101)
     words = refusal(added(samples, lambda k: 0.6 * window(k, len(samples))))
     assert "position of joint 'axis1' reaches" in words
@@ -121,29 +121,29 @@ def test_a_command_beyond_the_speed_limit_is_refused() -> None:
     most = MARGIN * LIMITS[0].velocity
 
     def fast(k: FloatArray) -> FloatArray:
-        # fast enough that the position loop does not take it back
+        # too fast for the position loop to compensate
         return np.asarray(1.05 * most * window(k, len(samples)) * np.sin(0.4 * k))
 
     refusal(added(samples, fast), "velocity of joint", "'axis1'")
 
 
 @pytest.mark.parametrize("row", [0, -1])
-def test_a_feedforward_must_begin_and_end_at_rest(row: int) -> None:
+def test_a_feedforward_that_does_not_start_and_end_at_zero_is_refused(row: int) -> None:
     samples = motion()
     ahead = samples.velocity.copy()
     ahead[row, 1] = 2.0 * LIMITS[1].acceleration * T
     refusal(replace(samples, feedforward=ahead), "'axis2'")
 
 
-def test_a_step_from_one_period_to_the_run_out_is_refused_where_periods_may_be_left_out() -> None:
-    """Each row follows the one before it smoothly; leaving out periods does not."""
+def test_a_step_between_a_period_and_the_run_out_is_refused_if_periods_can_be_skipped() -> None:
+    """The complete feedforward is smooth; skipping periods makes a step."""
     samples = motion(periods=4)
     rows = samples.samples_per_period
     assert rows is not None
     ends = sorted(samples.period_ends)
 
     def swelling(k: FloatArray) -> FloatArray:
-        # swells until the first period ends, and is gone when the last one does
+        # increases until the end of the first period and is zero at the end of the last
         return np.asarray(0.3 * np.exp(-0.5 * ((k - ends[0]) / 60.0) ** 2))
 
     words = refusal(added(samples, swelling))
@@ -151,7 +151,7 @@ def test_a_step_from_one_period_to_the_run_out_is_refused_where_periods_may_be_l
     assert f"(row {ends[0]})" in words
 
 
-def test_a_repeated_period_is_looked_at_like_one_that_is_held() -> None:
+def test_a_repeated_period_is_checked_like_a_stored_one() -> None:
     samples = motion()
     rows = samples.samples_per_period
     assert rows is not None
@@ -163,10 +163,10 @@ def test_a_repeated_period_is_looked_at_like_one_that_is_held() -> None:
 
 @settings(max_examples=40, deadline=None)
 @given(st.floats(0.0, 1.0), st.floats(0.01, 3.1), st.floats(0.0, 6.2), st.integers(0, 2))
-def test_what_is_accepted_is_commanded_within_the_limits(
+def test_an_accepted_feedforward_is_commanded_within_the_limits(
     size: float, pace: float, phase: float, joint: int
 ) -> None:
-    """Whatever the feedforward: it is refused, or a simulated loop stays within every limit."""
+    """Each feedforward is refused, or a simulated loop stays within every limit."""
     samples = motion(periods=1)
     k = np.arange(len(samples), dtype=float)
     ahead = samples.velocity.copy()
@@ -187,8 +187,8 @@ def test_what_is_accepted_is_commanded_within_the_limits(
         at, before = at + T * command, command
 
 
-def test_a_motor_of_a_coupled_wrist_that_is_commanded_too_fast_is_refused() -> None:
-    """alpha3' = q3' + 50 q2'; each joint is within its limits."""
+def test_a_command_too_fast_for_a_motor_of_a_coupled_wrist_is_refused() -> None:
+    """The motor speed is alpha3' = q3' + 50 q2'; each joint is within its limits."""
     coupling = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -50.0, 1.0))
     coupled = CELL.robot.model_copy(update={"coupling": coupling})
     samples = motion()

@@ -1,4 +1,4 @@
-"""The supervisor of a wrist whose joint 3 hangs on motors 2 and 3: q3 = alpha3 - 0.5 alpha2."""
+"""Supervisor of a wrist in which motors 2 and 3 move joint 3: q3 = alpha3 - 0.5 alpha2."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def watch(cell: CellConfig, robot: RobotDescription) -> Watch:
     return at_speed(cell, robot.model_copy(update={"coupling": coupling}))
 
 
-def test_all_is_well_where_the_joints_follow(watch: Watch) -> None:
+def test_joints_that_follow_stop_nothing(watch: Watch) -> None:
     assert watch.run(lambda cycle: None) == (None, None)
 
 
@@ -40,17 +40,17 @@ def test_a_joint_is_unknown_while_one_of_its_motors_is_silent(watch: Watch) -> N
     assert seen[12] == [1, 1, 1]
 
 
-def test_silence_is_counted_for_the_drive_that_is_silent(watch: Watch) -> None:
+def test_missed_answers_are_counted_for_the_silent_drive(watch: Watch) -> None:
     number, reason = watch.run(set_at("received", lambda n: n >= 10, 1, False))
     assert number == 12
     assert reason is not None
     assert (reason.code, reason.joint) == (StopCode.MISSED_FRAMES, "joint2")
 
 
-def test_a_joint_is_not_left_unknown_where_its_motors_are_silent_in_turn(
+def test_a_joint_whose_motors_are_silent_in_turn_stops_the_motion(
     cell: CellConfig, robot: RobotDescription
 ) -> None:
-    """No drive misses two cycles in a row, and joint 3 is never known."""
+    """No drive misses two cycles in a row, but the position of joint 3 is never known."""
     coupling = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.5, -0.5, 1.0))
     watch = at_speed(cell, robot.model_copy(update={"coupling": coupling}))
 
@@ -66,12 +66,12 @@ def test_a_joint_is_not_left_unknown_where_its_motors_are_silent_in_turn(
     assert (reason.value, reason.limit) == (3.0, 3.0)
 
 
-def test_a_position_that_is_known_in_between_begins_the_count_anew(watch: Watch) -> None:
+def test_a_known_position_in_between_restarts_the_count(watch: Watch) -> None:
     assert watch.run(set_at("received", lambda n: n % 3 != 0, 1, False)) == (None, None)
 
 
-def test_a_jump_in_between_does_not(watch: Watch) -> None:
-    """The received value was not a position either."""
+def test_a_position_jump_in_between_does_not_restart_the_count(watch: Watch) -> None:
+    """The value received in between is not a plausible position."""
 
     def fault(cycle: Cycle) -> None:
         if cycle.number in (10, 12, 13):
@@ -85,7 +85,7 @@ def test_a_jump_in_between_does_not(watch: Watch) -> None:
     assert (reason.code, reason.joint) == (StopCode.MISSED_FRAMES, "joint3")
 
 
-def test_a_motor_that_stands_is_seen_although_its_joint_is_moved_by_another(
+def test_a_stuck_motor_is_detected_although_another_one_moves_its_joint(
     watch: Watch,
 ) -> None:
     """Motor 3 does not move (alpha3 = const); joint 3 turns backwards with motor 2."""
@@ -103,7 +103,7 @@ def test_a_motor_that_stands_is_seen_although_its_joint_is_moved_by_another(
     assert number <= 9 + 8
 
 
-def test_a_motor_must_not_be_faster_than_its_axis_may_be(
+def test_a_command_faster_than_a_motors_axis_allows_is_refused(
     watch: Watch, robot: RobotDescription
 ) -> None:
     """alpha3' = q3' + 0.5 q2': both joints are within their limits, the motor is not."""
@@ -117,7 +117,7 @@ def test_a_motor_must_not_be_faster_than_its_axis_may_be(
     assert "for its motor" in reason.text
 
 
-def test_a_motor_that_is_measured_faster_than_its_axis_may_be_stops(watch: Watch) -> None:
+def test_a_motor_measured_faster_than_its_axis_allows_stops_the_motion(watch: Watch) -> None:
     """alpha3' = q3' + 0.5 q2' = 2.9 rad/s of 2.2, while both joints are within their limits."""
 
     def fault(cycle: Cycle) -> None:

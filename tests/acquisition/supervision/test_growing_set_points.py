@@ -1,4 +1,4 @@
-"""Set-points that exceed a speed limit gradually, so that no single step is too large."""
+"""Set-points that exceed a speed limit gradually, without a large step."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def watch(cell: CellConfig, robot: RobotDescription) -> Watch:
 
 
 def speeding_up(quantity: str) -> Fault:
-    """A set-point's velocity, or its feedforward, that gains 0.11 rad/s in every cycle."""
+    """Increase a set-point's velocity, or its feedforward, by 0.11 rad/s in each cycle."""
 
     def fault(cycle: Cycle) -> None:
         gained = 0.11 * cycle.number
@@ -32,13 +32,15 @@ def speeding_up(quantity: str) -> Fault:
 
 
 @pytest.mark.parametrize("quantity", ["velocity", "feedforward"])
-def test_a_set_point_that_grows_too_fast_gradually_is_not_sent(watch: Watch, quantity: str) -> None:
-    """No step is too large, and the measured velocity is still within its limit."""
+def test_a_set_point_that_becomes_too_fast_gradually_is_not_sent(
+    watch: Watch, quantity: str
+) -> None:
+    """No step is too large, and the measured velocity is within its limit."""
     fault = speeding_up(quantity)
 
     def fault_and_delay(cycle: Cycle) -> None:
         fault(cycle)
-        if cycle.number == 16:  # the answer is lost: only the set-point can tell
+        if cycle.number == 16:  # the answer is lost: only the set-point shows the speed
             cycle.received[0] = False
 
     number, reason = watch.run(fault_and_delay)

@@ -1,4 +1,4 @@
-"""All drives silent at once, or answering in a bunch: the adapter's fault, and no drive's."""
+"""All drives silent at once, or answering in a burst: a fault of the adapter, not of a drive."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ def watch(cell: CellConfig, robot: RobotDescription) -> Watch:
     return at_speed(cell, robot)
 
 
-def held_up(silent: Callable[[int], bool], released: int) -> Fault:
-    """No drive answers in some cycles; then the frames go out together, and each answers twice."""
+def delayed_frames(silent: Callable[[int], bool], released: int) -> Fault:
+    """Block all answers in some cycles; then release the frames together, two from each drive."""
 
     def fault(cycle: Cycle) -> None:
         cycle.second_answers = [int(cycle.number >= released)] * 3
@@ -35,20 +35,20 @@ def all_silent(cycle: Cycle) -> None:
 
 
 @pytest.mark.parametrize(
-    "fault", [all_silent, held_up(lambda k: k in (10, 11), 12)], ids=["silent", "in a bunch"]
+    "fault", [all_silent, delayed_frames(lambda k: k in (10, 11), 12)], ids=["silent", "in a bunch"]
 )
-def test_what_silences_all_drives_is_no_drives_fault(watch: Watch, fault: Fault) -> None:
+def test_silence_of_all_drives_is_blamed_on_the_adapter(watch: Watch, fault: Fault) -> None:
     number, reason = watch.run(fault)
     assert reason is not None
     assert (reason.code, number, reason.joint) == (StopCode.MISSED_FRAMES, 12, None)
     assert "adapter" in reason.text
 
 
-def test_frames_that_are_held_up_for_a_cycle_stop_nothing(watch: Watch) -> None:
-    assert watch.run(held_up(lambda k: k == 10, 11)) == (None, None)
+def test_frames_delayed_by_one_cycle_stop_nothing(watch: Watch) -> None:
+    assert watch.run(delayed_frames(lambda k: k == 10, 11)) == (None, None)
 
 
-def test_a_gateway_that_repeats_every_drives_frames_is_another_sender(watch: Watch) -> None:
+def test_a_gateway_that_repeats_the_frames_of_all_drives_is_a_second_sender(watch: Watch) -> None:
     def repeated(cycle: Cycle) -> None:
         cycle.second_answers = [max(0, cycle.number - 9)] * 3
         if cycle.number >= 10:

@@ -27,8 +27,8 @@ def stops_in(
     rising_nm: float = 0.0,
     periods: int = 1,
 ) -> int | None:
-    """Return in which cycle the second joint's encoder counts as stuck."""
-    encoders.check(1, command, command, 0.0, 1)  # it still moves
+    """Return the cycle in which the second joint's encoder counts as stuck."""
+    encoders.check(1, command, command, 0.0, 1)  # still moving
     for cycle in range(1, 50):
         reason = encoders.check(1, command, velocity, rising_nm * cycle, periods)
         if reason is not None:
@@ -38,17 +38,19 @@ def stops_in(
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_one_that_stands_while_a_fast_command_is_given_is_stuck(
+def test_a_joint_that_does_not_follow_a_fast_command_is_stuck(
     encoders: StuckEncoders, sign: float
 ) -> None:
     assert stops_in(encoders, sign * FAST) == CYCLES
 
 
-def test_a_slow_command_alone_may_leave_a_joint_in_stiction(encoders: StuckEncoders) -> None:
+def test_a_joint_that_does_not_follow_a_slow_command_can_be_in_stiction(
+    encoders: StuckEncoders,
+) -> None:
     assert stops_in(encoders, SLOW) is None
 
 
-def test_with_a_slow_command_the_torque_that_rises_tells(
+def test_a_slow_command_with_rising_torque_is_a_stuck_encoder(
     encoders: StuckEncoders, robot: RobotDescription
 ) -> None:
     strain_nm = RULES.stuck_encoder_torque_fraction * robot.joints[1].limits.torque
@@ -56,9 +58,9 @@ def test_with_a_slow_command_the_torque_that_rises_tells(
 
 
 def braked(encoders: StuckEncoders, strain_nm: float, after_nm: float) -> int | None:
-    """Return when a joint counts as stuck that stands after a hard stop, with what it then holds.
+    """Return the cycle in which a joint that stopped abruptly counts as stuck.
 
-    The torque that braked it comes out of the drive's filter some cycles late.
+    The drive's filter delays the braking torque by some cycles.
     """
     for speed in (4.0 * FAST, 2.0 * FAST, 0.5 * SLOW):
         assert encoders.check(1, SLOW, speed, -1.5 * strain_nm, 1) is None
@@ -71,36 +73,38 @@ def braked(encoders: StuckEncoders, strain_nm: float, after_nm: float) -> int | 
     return None
 
 
-def test_the_end_of_hard_braking_is_no_strain(
+def test_the_end_of_hard_braking_is_not_a_stuck_encoder(
     encoders: StuckEncoders, robot: RobotDescription
 ) -> None:
-    """A joint that stops abruptly and sticks while the loop settles."""
+    """The joint stops abruptly and sticks while the loop settles."""
     strain_nm = RULES.stuck_encoder_torque_fraction * robot.joints[1].limits.torque
     assert braked(encoders, strain_nm, 0.0) is None
 
 
-def test_strain_after_braking_tells_still(encoders: StuckEncoders, robot: RobotDescription) -> None:
+def test_rising_torque_after_braking_is_a_stuck_encoder(
+    encoders: StuckEncoders, robot: RobotDescription
+) -> None:
     strain_nm = RULES.stuck_encoder_torque_fraction * robot.joints[1].limits.torque
     assert braked(encoders, strain_nm, 0.2 * strain_nm) == 5 + 6 + CYCLES - 1
 
 
-def test_without_a_command_nothing_is_stuck(encoders: StuckEncoders) -> None:
+def test_a_joint_without_a_command_is_never_stuck(encoders: StuckEncoders) -> None:
     assert stops_in(encoders, 0.0, rising_nm=100.0) is None
 
 
 @pytest.mark.parametrize(("share", "stuck"), [(0.99, True), (1.01, False)])
-def test_a_creeping_joint_is_a_moving_one(
+def test_a_joint_is_stuck_below_a_fraction_of_the_commanded_speed(
     encoders: StuckEncoders, share: float, stuck: bool
 ) -> None:
     found = stops_in(encoders, FAST, velocity=share * STUCK_FRACTION * FAST)
     assert (found is not None) is stuck
 
 
-def test_skipped_cycles_count(encoders: StuckEncoders) -> None:
+def test_skipped_cycles_are_counted(encoders: StuckEncoders) -> None:
     assert stops_in(encoders, FAST, periods=CYCLES) == 1
 
 
-def test_a_joint_that_has_moved_again_begins_anew(encoders: StuckEncoders) -> None:
+def test_a_movement_restarts_the_count(encoders: StuckEncoders) -> None:
     for _ in range(3):
         for _ in range(CYCLES - 1):
             assert encoders.check(1, FAST, 0.0, 0.0, 1) is None

@@ -1,4 +1,4 @@
-"""The supervisor against the table of faults: how many cycles until which reason to stop."""
+"""Supervisor against the table of faults: the cycle and the reason of each stop."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def cycle_at(number: int, where: float, speed: float = SPEED) -> Cycle:
 
 
 class Watch:
-    """The supervisor as the cyclic task uses it: positions are held, then the cycle is judged."""
+    """The supervisor as the cyclic task uses it: store positions, then judge the cycle."""
 
     def __init__(self, cell: CellConfig, robot: RobotDescription, start: float = 0.0) -> None:
         self.positions = HeldPositions(cell, robot)
@@ -65,7 +65,7 @@ class Watch:
         return self.supervisor.judge(cycle)
 
     def run(self, fault: Fault, cycles: int = 200) -> tuple[int, StopReason] | tuple[None, None]:
-        """Run cycles 1, 2, ...; return when and why the supervisor stops."""
+        """Run cycles 1, 2, ...; return the cycle and the reason of the stop."""
         for number in range(1, cycles + 1):
             cycle = cycle_at(number, SPEED * T * number)
             fault(cycle)
@@ -75,7 +75,7 @@ class Watch:
 
 
 def at_speed(cell: CellConfig, robot: RobotDescription) -> Watch:
-    """Return a supervisor whose motion has just come up to speed, at 0."""
+    """Return a supervisor whose motion has just reached its speed, at position 0."""
     where = -T * sum(SETTLE)
     watch = Watch(cell, robot, where)
     for number, speed in enumerate(SETTLE, 1 - len(SETTLE)):
@@ -94,7 +94,7 @@ def event(kind: EventKind, code: int = 0) -> DriveEvent:
 
 
 def set_at(name: str, at: Callable[[int], bool], joint: int, value: object) -> Fault:
-    """Return a fault that puts a value in one joint's place in the cycles that `at` picks."""
+    """Return a fault that sets one joint's value in the cycles that `at` selects."""
 
     def fault(cycle: Cycle) -> None:
         if at(cycle.number):
@@ -112,7 +112,7 @@ def event_at(at: Callable[[int], bool], event: DriveEvent) -> Fault:
 
 
 def late(at: Callable[[int], bool], count: int = 1) -> Fault:
-    """So many answers come after their cycle in the cycles that `at` picks."""
+    """Return a fault with `count` late answers in the cycles that `at` selects."""
 
     def fault(cycle: Cycle) -> None:
         cycle.late_frames = count * sum(map(at, range(1, cycle.number + 1)))
@@ -129,11 +129,11 @@ def stuck(joint: int, since: int) -> Fault:
 
 
 def at_rest_in_stiction(feedforward: float) -> Fault:
-    """A set-point at rest, with what pre-compensation commands to hold the joint's torque."""
+    """Return a set-point at rest with a feedforward that holds the joint's torque."""
 
     def fault(cycle: Cycle) -> None:
         where = SPEED * T
-        ahead = [feedforward * min(1.0, cycle.number / 20)] * 3  # the load comes on gradually
+        ahead = [feedforward * min(1.0, cycle.number / 20)] * 3  # the load rises gradually
         cycle.target = SetPoint([where] * 3, [0.0] * 3, ahead, cycle.number, 5)
         cycle.position = [where] * 3
         cycle.command = ahead
@@ -142,22 +142,22 @@ def at_rest_in_stiction(feedforward: float) -> Fault:
 
 
 def compensated_to_nothing(cycle: Cycle) -> None:
-    """A motion whose pre-compensation takes all its speed out of the command."""
+    """Set a feedforward that cancels the whole velocity command of a motion."""
     ahead = [SPEED * max(0.0, 1.0 - cycle.number / 5)] * 3
     cycle.target = SetPoint(cycle.target.position, [SPEED] * 3, ahead, cycle.number, 3)
     cycle.command = ahead
     stuck(1, 10)(cycle)
 
 
-def test_what_pre_compensation_commands_at_rest_is_no_wish_to_move(
+def test_a_feedforward_at_rest_is_not_a_stuck_encoder(
     cell: CellConfig, robot: RobotDescription
 ) -> None:
-    """The joint holds a torque at rest, at its set-point."""
+    """The joint is at rest at its set-point and holds a torque."""
     at_rest = Watch(cell, robot, SPEED * T)
     assert at_rest.run(at_rest_in_stiction(0.4)) == (None, None)
 
 
-def test_an_encoder_is_stuck_whatever_pre_compensation_adds(watch: Watch) -> None:
+def test_a_stuck_encoder_is_detected_despite_a_feedforward(watch: Watch) -> None:
     number, reason = watch.run(compensated_to_nothing)
     assert number == 14
     assert reason is not None
@@ -173,7 +173,7 @@ def in_fault(joint: int, since: int) -> Fault:
 
 
 def runaway(joint: int, since: int) -> Fault:
-    """The joint turns the other way at 1.5 rad/s."""
+    """Turn the joint in the wrong direction at 1.5 rad/s."""
 
     def fault(cycle: Cycle) -> None:
         if cycle.number >= since:
@@ -223,7 +223,7 @@ STOPS: dict[str, tuple[Fault, StopCode, int]] = {
     "a drive in fault": (
         in_fault(2, 10), StopCode.DRIVE_FAULT, 10),
     "14: a stuck encoder": (stuck(1, 10), StopCode.STUCK_ENCODER, 14),
-    # 2 rad/s apart: 0.02 rad + 0.1 s x 0.5 rad/s are passed in the fifth cycle
+    # the error grows by 2 rad/s: it exceeds 0.02 rad + 0.1 s x 0.5 rad/s in the fifth cycle
     "15: a runaway": (runaway(0, 10), StopCode.FOLLOWING_ERROR, 14),
     "a torque beyond its limit": (
         set_at("torque_nm", lambda k: k >= 10, 1, -111.0), StopCode.TORQUE_LIMIT, 10),
@@ -259,7 +259,7 @@ GOES_ON: dict[str, Fault] = {
 
 
 @pytest.mark.parametrize("name", STOPS)
-def test_it_stops_in_the_right_cycle_for_the_right_reason(watch: Watch, name: str) -> None:
+def test_the_motion_stops_in_the_right_cycle_for_the_right_reason(watch: Watch, name: str) -> None:
     fault, code, at = STOPS[name]
     number, reason = watch.run(fault)
     assert reason is not None
@@ -268,7 +268,7 @@ def test_it_stops_in_the_right_cycle_for_the_right_reason(watch: Watch, name: st
 
 
 @pytest.mark.parametrize("name", GOES_ON)
-def test_it_goes_on(watch: Watch, name: str) -> None:
+def test_the_motion_continues_with_tolerable_faults(watch: Watch, name: str) -> None:
     assert watch.run(GOES_ON[name]) == (None, None)
 
 
@@ -294,7 +294,7 @@ IN_ORDER: tuple[tuple[str, Fault], ...] = (
 
 
 @pytest.mark.parametrize(("first", "second"), list(combinations(range(len(IN_ORDER)), 2)))
-def test_of_two_faults_in_one_cycle_the_one_that_is_checked_first_is_told(
+def test_of_two_faults_in_one_cycle_the_first_checked_is_reported(
     watch: Watch, first: int, second: int
 ) -> None:
     words, fault = IN_ORDER[first]
@@ -320,7 +320,7 @@ OF_ONE_JOINT: tuple[tuple[StopCode, Fault], ...] = (
 
 
 @pytest.mark.parametrize(("first", "second"), [(0, 1), (0, 2), (0, 3), (1, 2), (2, 3)])
-def test_of_two_faults_of_a_joint_the_one_that_is_checked_first_is_told(
+def test_of_two_faults_of_a_joint_the_first_checked_is_reported(
     watch: Watch, first: int, second: int
 ) -> None:
     code, fault = OF_ONE_JOINT[first]
@@ -329,7 +329,7 @@ def test_of_two_faults_of_a_joint_the_one_that_is_checked_first_is_told(
     assert (number, reason.code) == (30, code)
 
 
-def test_without_a_plausible_position_the_following_error_is_held(watch: Watch) -> None:
+def test_without_a_plausible_position_the_following_error_is_kept(watch: Watch) -> None:
     behind = 0.001
     seen: dict[int, tuple[list[int], list[float]]] = {}
     for number in range(1, 14):
@@ -346,7 +346,9 @@ def test_without_a_plausible_position_the_following_error_is_held(watch: Watch) 
         assert seen[number][1] == pytest.approx([SPEED * T * number - behind] * 3)
 
 
-def test_a_position_beyond_its_limit_stops(cell: CellConfig, robot: RobotDescription) -> None:
+def test_a_position_beyond_its_limit_stops_the_motion(
+    cell: CellConfig, robot: RobotDescription
+) -> None:
     watch = Watch(cell, robot, 2.015)
     cycle = cycle_at(1, 2.015, 0.0)
     cycle.position[0] = 2.021
@@ -357,13 +359,13 @@ def test_a_position_beyond_its_limit_stops(cell: CellConfig, robot: RobotDescrip
     assert reason.limit == pytest.approx(2.02)
 
 
-def test_after_skipped_cycles_positions_may_have_gone_further(watch: Watch) -> None:
+def test_after_skipped_cycles_a_larger_position_step_is_accepted(watch: Watch) -> None:
     cycle = cycle_at(8, SPEED * T * 8)
     cycle.periods = 8
     assert watch.judge(cycle) is None
 
 
-def test_a_refused_set_point_is_not_taken_as_sent(watch: Watch) -> None:
+def test_a_refused_set_point_is_not_the_reference_for_the_next(watch: Watch) -> None:
     for _ in range(2):
         assert watch.judge(cycle_at(1, 1.0, 0.0)) is not None
 
@@ -377,7 +379,7 @@ def test_the_text_names_joint_value_limit_and_what_to_check(watch: Watch) -> Non
 @pytest.mark.promise("sum-verified")
 @pytest.mark.parametrize("joint", [0, 1, 2])
 @pytest.mark.parametrize("ahead", [math.nan, math.inf, -math.inf, 1e3, SPEED + 0.2, SPEED - 0.2])
-def test_a_feedforward_that_jumps_or_is_no_number_is_never_sent(
+def test_a_feedforward_that_jumps_or_is_not_finite_is_never_sent(
     cell: CellConfig, robot: RobotDescription, joint: int, ahead: float
 ) -> None:
     """The last guard, in the cycle itself, for sources that cannot be checked in advance."""

@@ -1,4 +1,4 @@
-"""Before the motion: an order to stop keeps drives from power, and none misses this computer."""
+"""Before the motion: a stop order keeps drives without power, and every drive is kept alive."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ TOLD_TO_SWITCH_ON = b"\x07\x00"
 
 
 class Started:
-    """The main function of the task's process, on simulated drives, in the test's own process."""
+    """Main function of the task's process, run in the test's process on simulated drives."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
         cell, self.robot = one_axis(deceleration=8.0, velocity=1.0, acceleration=4.0, limit=2.0)
@@ -45,7 +45,7 @@ class Started:
         monkeypatch.setattr(process, "open_cell", self.open_cell)
 
     def use(self, profile: ServoProfile) -> None:
-        """Put drives of a family on the bus."""
+        """Connect drives of a family to the bus."""
         self.cell = self.cell.model_copy(update={"servo": profile})
         self.bus = ObedientCell(self.cell, self.robot, 4096)
 
@@ -90,7 +90,7 @@ def started(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Started:
     return Started(monkeypatch, tmp_path)
 
 
-def test_without_an_order_the_drives_are_tried_and_moved(started: Started) -> None:
+def test_without_a_stop_order_the_drives_are_checked_and_moved(started: Started) -> None:
     started.run()
     assert started.control.task.error is None
     assert started.control.task.cycles > 0
@@ -98,7 +98,7 @@ def test_without_an_order_the_drives_are_tried_and_moved(started: Started) -> No
 
 
 @pytest.mark.parametrize("moved_rad", [0.2, -0.02])
-def test_a_robot_that_stands_elsewhere_than_it_was_seen_last_gets_no_power(
+def test_a_robot_away_from_its_last_known_pose_gets_no_power(
     started: Started, moved_rad: float
 ) -> None:
     started.use(ServoProfile())
@@ -110,7 +110,9 @@ def test_a_robot_that_stands_elsewhere_than_it_was_seen_last_gets_no_power(
     assert not any(any(powered) for *_, powered in started.bus.trace)
 
 
-def test_a_held_key_may_move_it_and_that_is_noted(started: Started) -> None:
+def test_a_hold_to_run_motion_can_move_a_displaced_robot_and_a_note_is_kept(
+    started: Started,
+) -> None:
     started.pose = KnownPose((0.2,), "run A", binding=False)
     started.run()
     assert started.control.task.error is None
@@ -119,17 +121,17 @@ def test_a_held_key_may_move_it_and_that_is_noted(started: Started) -> None:
     assert any("run A" in note for note in started.control.task.notes)
 
 
-def test_a_robot_that_has_sagged_into_its_brake_stands_where_it_was_seen(started: Started) -> None:
+def test_a_robot_that_sagged_into_its_brakes_counts_as_not_displaced(started: Started) -> None:
     started.pose = KnownPose((0.002,), "run A")
     started.run()
     assert started.control.task.error is None
     assert not started.control.task.displaced
 
 
-def test_no_drive_misses_this_computer_while_a_long_way_is_measured(
+def test_no_drive_times_out_during_the_collision_check_of_a_long_path(
     started: Started, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Neither its heartbeat (1016h) nor its commands (1400h:05): for both it waits 80 ms."""
+    """The drives watch its heartbeat (1016h) and its commands (1400h:05), each for 80 ms."""
     started.use(ServoProfile())
     bus = started.bus
 
@@ -165,7 +167,7 @@ def test_a_stop_while_the_drives_are_configured_powers_none(
 
 
 @pytest.mark.parametrize("trial", [True, False])
-def test_a_stop_while_the_drives_are_enabled_ends_that_within_a_cycle(
+def test_a_stop_while_the_drives_are_enabled_ends_the_enabling_within_a_cycle(
     started: Started, monkeypatch: pytest.MonkeyPatch, trial: bool
 ) -> None:
     if not trial:
@@ -190,7 +192,7 @@ def test_a_stop_while_the_drives_are_enabled_ends_that_within_a_cycle(
 
 
 @pytest.mark.parametrize("state", [RecorderState.STARTING, RecorderState.FAILED])
-def test_without_a_recorder_nothing_is_opened(
+def test_without_a_recorder_no_device_is_opened(
     started: Started, monkeypatch: pytest.MonkeyPatch, state: RecorderState
 ) -> None:
     monkeypatch.setattr(process, "RECORDER_PATIENCE_S", 0.0)
@@ -203,7 +205,7 @@ def test_without_a_recorder_nothing_is_opened(
     started.bus.shutdown()
 
 
-def test_a_drive_that_stops_too_late_without_this_computer_is_not_moved(
+def test_a_drive_whose_watchdog_acts_too_late_is_not_moved(
     started: Started, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("drivers.servo.watchdog_test.acts_within_s", lambda _cell: 1e-3)

@@ -1,4 +1,4 @@
-"""The cyclic task in the test's own process, against ideal drives on a clock that it steps."""
+"""Cyclic task in the test's process, with ideal drives on a simulated clock."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Axes(Protocol):
 
 
 class Bench:
-    """A task, what it runs on, and the rows that it wrote."""
+    """A cyclic task with its axes, clock and ring, and the rows that it wrote."""
 
     def __init__(self, cell: CellConfig, robot: RobotDescription, axes: Any, clock: Any) -> None:
         self.control = ControlBlock.create()
@@ -78,9 +78,7 @@ def bench(cell: CellConfig, robot: RobotDescription, axes: Any, clock: Any) -> B
     return Bench(cell, robot, axes, clock)
 
 
-def test_a_motion_is_approached_streamed_held_and_ended(
-    bench: Bench, motion: MotionSamples
-) -> None:
+def test_a_motion_has_approach_main_part_hold_and_end(bench: Bench, motion: MotionSamples) -> None:
     assert bench.run(motion) is None
     assert bench.axes.calls == ["enable", "disable"]
     rows = bench.rows()
@@ -98,7 +96,7 @@ def test_a_motion_is_approached_streamed_held_and_ended(
     np.testing.assert_allclose(bench.axes.true_position, motion.position[-1], atol=1e-3)
 
 
-def test_the_first_set_point_is_where_the_robot_stands(bench: Bench, motion: MotionSamples) -> None:
+def test_the_first_set_point_is_the_robots_position(bench: Bench, motion: MotionSamples) -> None:
     bench.run(motion)
     first = bench.rows()[0]
     np.testing.assert_allclose(first["target_position"], first["position"], atol=1e-9)
@@ -115,7 +113,7 @@ class Watching(PlannedMotion):
         self.seen.append(position.copy())
 
 
-def test_a_source_is_told_of_the_whole_way_to_its_motion_and_along_it(
+def test_a_source_receives_every_position_during_approach_and_motion(
     bench: Bench, motion: MotionSamples
 ) -> None:
     source = Watching(motion)
@@ -125,7 +123,7 @@ def test_a_source_is_told_of_the_whole_way_to_its_motion_and_along_it(
     np.testing.assert_array_equal(source.seen[1 : len(positions)], positions[:-1])
 
 
-def test_the_command_is_the_position_loops_and_acts_one_cycle_later(
+def test_the_command_of_the_position_loop_acts_one_cycle_later(
     bench: Bench, motion: MotionSamples
 ) -> None:
     bench.run(motion)
@@ -167,7 +165,7 @@ def restart(axes: Any) -> None:
         (restart, StopCode.DRIVE_RESTARTED, 0),
     ],
 )
-def test_a_fault_is_answered_by_a_quick_stop_in_the_cycle_that_shows_it(
+def test_a_fault_causes_a_quick_stop_in_the_cycle_that_shows_it(
     bench: Bench,
     motion: MotionSamples,
     change: Callable[[Any], None],
@@ -185,7 +183,7 @@ def test_a_fault_is_answered_by_a_quick_stop_in_the_cycle_that_shows_it(
     assert bench.rows()["velocity_command"][-1].tolist() == [0.0, 0.0, 0.0]
 
 
-def test_a_single_missing_answer_is_one_invalid_value(bench: Bench, motion: MotionSamples) -> None:
+def test_a_single_missed_answer_is_one_invalid_value(bench: Bench, motion: MotionSamples) -> None:
     def script(axes: Any, cycle: int) -> None:
         axes.answers.received[1] = cycle != 200
 
@@ -194,7 +192,7 @@ def test_a_single_missing_answer_is_one_invalid_value(bench: Bench, motion: Moti
     assert np.argwhere(bench.rows()["valid"] == 0).tolist() == [[199, 1]]
 
 
-def test_a_reversed_axis_does_not_get_far(bench: Bench, motion: MotionSamples) -> None:
+def test_a_reversed_axis_stops_after_a_short_distance(bench: Bench, motion: MotionSamples) -> None:
     bench.axes.reversed_joint = 0
     reason = bench.run(motion)
     assert reason is not None
@@ -230,7 +228,7 @@ def fail_recorder(bench: Bench) -> Callable[[Any, int], None]:
         (fail_recorder, StopCode.RECORDER),
     ],
 )
-def test_an_order_to_stop_is_obeyed_in_the_next_cycle(
+def test_a_stop_order_takes_effect_in_the_next_cycle(
     bench: Bench,
     motion: MotionSamples,
     order: Callable[[Bench], Callable[[Any, int], None]],
@@ -244,7 +242,7 @@ def test_an_order_to_stop_is_obeyed_in_the_next_cycle(
     assert bench.axes.calls[-1] == "disable"
 
 
-def test_nothing_is_enabled_after_an_order_to_stop(bench: Bench, motion: MotionSamples) -> None:
+def test_no_drive_is_enabled_after_a_stop_order(bench: Bench, motion: MotionSamples) -> None:
     bench.control.program.request_stop(StopCode.INTERRUPTED)
     reason = bench.run(motion)
     assert reason is not None
@@ -252,20 +250,20 @@ def test_nothing_is_enabled_after_an_order_to_stop(bench: Bench, motion: MotionS
     assert bench.axes.calls == []
 
 
-def test_nothing_is_enabled_after_an_order_that_comes_while_the_way_is_measured(
+def test_no_drive_is_enabled_after_a_stop_order_during_the_path_check(
     bench: Bench, motion: MotionSamples, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def asked_meanwhile(*_: object, **__: object) -> None:
+    def request_stop_meanwhile(*_: object, **__: object) -> None:
         bench.control.program.request_stop(StopCode.STOP_BUTTON)
 
-    monkeypatch.setattr("acquisition.task.cyclic_task.refuse_collision", asked_meanwhile)
+    monkeypatch.setattr("acquisition.task.cyclic_task.refuse_collision", request_stop_meanwhile)
     reason = bench.run(motion)
     assert reason is not None
     assert bench.control.task.stop_reason == reason
     assert bench.axes.calls == []
 
 
-def test_an_overrun_is_skipped_and_counted_and_the_motion_keeps_its_time(
+def test_an_overrun_is_skipped_and_counted_and_the_motion_keeps_its_schedule(
     bench: Bench, motion: MotionSamples
 ) -> None:
     bench.clock.oversleep_s = {100: 1.2 * T}
@@ -281,7 +279,7 @@ def test_an_overrun_is_skipped_and_counted_and_the_motion_keeps_its_time(
     assert len(index) in (len(motion) - 1, len(motion))
 
 
-def test_after_a_long_pause_the_stop_comes_before_anything_else(
+def test_after_a_long_pause_the_stop_is_the_first_action(
     bench: Bench, motion: MotionSamples
 ) -> None:
     bench.clock.oversleep_s = {200: 0.2}
@@ -296,7 +294,7 @@ def test_after_a_long_pause_the_stop_comes_before_anything_else(
     assert bench.rows()["lateness_s"].max() == pytest.approx(0.2), "what stopped it is on record"
 
 
-def test_a_bus_that_is_lost_ends_the_motion_and_the_clean_up_goes_on(
+def test_a_lost_bus_ends_the_motion_and_the_clean_up_continues(
     bench: Bench, motion: MotionSamples
 ) -> None:
     def script(axes: Any, cycle: int) -> None:
@@ -311,7 +309,7 @@ def test_a_bus_that_is_lost_ends_the_motion_and_the_clean_up_goes_on(
     assert "while stopping: adapter unplugged" in bench.control.task.notes
 
 
-def test_an_axis_that_does_not_come_to_rest_or_confirm_is_reported(
+def test_an_axis_that_does_not_stop_or_confirm_is_reported(
     bench: Bench, motion: MotionSamples
 ) -> None:
     bench.axes.script = break_at(150, silence)
@@ -323,7 +321,7 @@ def test_an_axis_that_does_not_come_to_rest_or_confirm_is_reported(
     assert bench.axes.cycle < 300, "the wait for standstill is limited"
 
 
-def test_in_real_time_a_recorder_that_lags_stops_the_motion_before_a_row_is_lost(
+def test_in_real_time_a_slow_recorder_stops_the_motion_before_a_row_is_lost(
     bench: Bench, motion: MotionSamples
 ) -> None:
     bench.lockstep = False
@@ -336,7 +334,7 @@ def test_in_real_time_a_recorder_that_lags_stops_the_motion_before_a_row_is_lost
     assert np.unique(np.diff(rows["cycle"].astype(int))).tolist() == [1]
 
 
-def test_in_lock_step_time_stands_still_until_the_recorder_has_made_room(
+def test_in_lock_step_simulated_time_waits_for_the_recorder(
     bench: Bench, motion: MotionSamples, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bench.ring = Ring.create(3, 64)
@@ -350,16 +348,16 @@ def test_in_lock_step_time_stands_still_until_the_recorder_has_made_room(
     np.testing.assert_allclose(np.diff(rows["time_s"]), T, rtol=1e-9)
 
 
-def test_a_robot_that_stands_outside_its_limits_is_not_moved(
-    bench: Bench, motion: MotionSamples
-) -> None:
+def test_a_robot_outside_its_limits_is_not_moved(bench: Bench, motion: MotionSamples) -> None:
     bench.axes.answers.position[2] = 2.5
     with raises_code(PreflightError, "RID-POSE-OUTSIDE", "joint3", "2.5000", "-2 to"):
         bench.run(motion)
     assert bench.axes.sent == []
 
 
-def test_the_control_block_tells_how_far_the_task_is(bench: Bench, motion: MotionSamples) -> None:
+def test_the_control_block_shows_the_progress_of_the_task(
+    bench: Bench, motion: MotionSamples
+) -> None:
     seen = []
     bench.axes.script = lambda axes, cycle: seen.append(bench.control.progress)
     bench.run(motion)
@@ -369,7 +367,7 @@ def test_the_control_block_tells_how_far_the_task_is(bench: Bench, motion: Motio
 
 
 class TestEnoughPeriods:
-    def test_the_motion_goes_over_to_its_run_out_without_a_jump(
+    def test_the_motion_continues_with_its_run_out_without_a_jump(
         self, bench: Bench, motion: MotionSamples
     ) -> None:
         bench.control.program.announce_judgement()
@@ -383,14 +381,16 @@ class TestEnoughPeriods:
         moved = rows[rows["sample_index"] >= 0]["target_position"]
         assert np.abs(np.diff(moved, axis=0)).max() <= largest * 1.001
 
-    def test_what_is_not_enough_runs_to_its_end(self, bench: Bench, motion: MotionSamples) -> None:
+    def test_a_motion_without_enough_periods_runs_to_its_end(
+        self, bench: Bench, motion: MotionSamples
+    ) -> None:
         bench.control.program.announce_judgement()
         bench.control.program.judge(2, False)
         assert bench.run(motion) is None
         main = bench.rows()["phase"] == Phase.MAIN
         assert main.sum() == 2 * (motion.samples_per_period or 0)
 
-    def test_in_real_time_it_waits_for_no_judgement(
+    def test_in_real_time_the_motion_does_not_wait_for_a_verdict(
         self, bench: Bench, motion: MotionSamples
     ) -> None:
         bench.lockstep = False

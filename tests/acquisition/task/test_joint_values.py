@@ -29,7 +29,7 @@ def ring() -> Ring:
     return Ring.create(3, 64)
 
 
-def test_values_are_the_latest_cycles_against_their_limits(
+def test_the_latest_values_are_shown_with_their_limits(
     ring: Ring, cell: CellConfig, robot: RobotDescription
 ) -> None:
     watch = JointWatch(ring, cell, robot)
@@ -46,7 +46,7 @@ def test_values_are_the_latest_cycles_against_their_limits(
     assert seen.valid.tolist() == [True, False, True]
 
 
-def test_looking_takes_no_row_away(ring: Ring, cell: CellConfig, robot: RobotDescription) -> None:
+def test_reading_removes_no_row(ring: Ring, cell: CellConfig, robot: RobotDescription) -> None:
     watch = JointWatch(ring, cell, robot)
     for cycle in range(10):
         write(ring, cycle)
@@ -55,7 +55,7 @@ def test_looking_takes_no_row_away(ring: Ring, cell: CellConfig, robot: RobotDes
     assert len(ring.read()) == 10 * ring.row_size
 
 
-def test_the_latest_rows_are_whole_and_in_order_wherever_the_ring_ends(ring: Ring) -> None:
+def test_the_latest_rows_are_complete_and_in_order_at_any_wrap_of_the_ring(ring: Ring) -> None:
     for cycle in range(150):
         write(ring, cycle)
         ring.read()
@@ -64,7 +64,7 @@ def test_the_latest_rows_are_whole_and_in_order_wherever_the_ring_ends(ring: Rin
         np.testing.assert_allclose(rows["time_s"], np.arange(first, cycle + 1) * T)
 
 
-def test_more_than_the_ring_holds_is_never_given(ring: Ring) -> None:
+def test_at_most_the_rows_in_the_ring_are_returned(ring: Ring) -> None:
     for cycle in range(64):
         write(ring, cycle)
     assert len(ring.latest(1000)) == 63 * ring.row_size

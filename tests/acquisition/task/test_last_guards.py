@@ -1,4 +1,4 @@
-"""Guards of the cyclic task that act if a previous guard has failed."""
+"""Last guards of the cyclic task, which act if the previous guard has failed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def bench(cell: CellConfig, robot: RobotDescription, axes: Any, clock: Any) -> B
     return Bench(cell, robot, axes, clock)
 
 
-def test_a_robot_that_leaves_its_limits_while_it_gets_power_is_not_moved(
+def test_a_robot_that_leaves_its_limits_during_enabling_is_not_moved(
     bench: Bench, motion: MotionSamples, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     enable = bench.axes.enable  # type: ignore[attr-defined]
@@ -39,10 +39,10 @@ def test_a_robot_that_leaves_its_limits_while_it_gets_power_is_not_moved(
     assert bench.axes.sent == []
 
 
-def test_a_row_that_a_full_ring_loses_stops_the_motion(
+def test_a_row_lost_by_a_full_ring_stops_the_motion(
     bench: Bench, motion: MotionSamples, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In lock-step, if the recorder makes no room within its patience."""
+    """In lock-step the recorder makes no room within its timeout."""
     monkeypatch.setattr("acquisition.task.lockstep.RECORDER_PATIENCE_S", 0.0)
     bench.ring = Ring.create(3, 64)
     reason = bench.run(motion)
@@ -52,7 +52,7 @@ def test_a_row_that_a_full_ring_loses_stops_the_motion(
     assert np.unique(np.diff(bench.rows()["cycle"].astype(int))).tolist() == [1]
 
 
-def test_no_command_goes_out_while_no_drive_answers(bench: Bench, motion: MotionSamples) -> None:
+def test_no_command_is_sent_while_no_drive_answers(bench: Bench, motion: MotionSamples) -> None:
     def silence(axes: Any, cycle: int) -> None:
         axes.answers.received[:] = cycle not in (150, 151)
 
@@ -65,7 +65,7 @@ def test_no_command_goes_out_while_no_drive_answers(bench: Bench, motion: Motion
     assert len(bench.axes.sent) == len(rows) - 2
 
 
-def test_drives_that_take_no_command_stop_the_motion(
+def test_drives_that_ignore_commands_stop_the_motion(
     bench: Bench, motion: MotionSamples, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     command = bench.axes.command  # type: ignore[attr-defined]
@@ -80,7 +80,7 @@ def test_drives_that_take_no_command_stop_the_motion(
     assert bench.axes.stopped_at == 150
 
 
-def test_an_order_to_stop_that_is_withdrawn_stays() -> None:
+def test_a_withdrawn_stop_order_still_stops_the_motion() -> None:
     gone = [True]
     orders = StopOrders(ControlBlock.create(), lambda: gone[0])
     assert orders.is_stop_ordered()
@@ -90,7 +90,7 @@ def test_an_order_to_stop_that_is_withdrawn_stays() -> None:
     assert reason.code is StopCode.PROGRAM_GONE
 
 
-def test_a_quick_stop_goes_out_before_anything_else_of_its_cycle(
+def test_a_quick_stop_is_the_first_frame_of_its_cycle(
     bench: Bench, motion: MotionSamples, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stopped_at: dict[int, int | None] = {}

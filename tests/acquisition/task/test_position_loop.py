@@ -22,11 +22,11 @@ def test_the_command_stays_within_the_limits() -> None:
     assert LOOP.velocity_command([9.0, -9.0], [0.0, 0.0], [0.0, 0.0]) == [2.0, -3.0]
 
 
-def test_what_is_not_a_number_is_not_turned_into_one() -> None:
+def test_a_set_point_that_is_not_a_number_gives_a_command_that_is_not_a_number() -> None:
     assert math.isnan(LOOP.velocity_command([math.nan, 0.0], [0.0, 0.0], [0.0, 0.0])[0])
 
 
-def test_the_limits_are_the_robots_with_the_cells_margin(
+def test_the_limits_are_those_of_the_robot_with_the_margin_of_the_cell(
     cell: CellConfig, robot: RobotDescription
 ) -> None:
     loop = PositionLoop.of_cell(cell, robot)
@@ -35,6 +35,6 @@ def test_the_limits_are_the_robots_with_the_cells_margin(
 
 
 @pytest.mark.parametrize("gain", [0.0, -1.0, math.nan, math.inf])
-def test_a_gain_is_positive(gain: float) -> None:
+def test_a_gain_must_be_positive(gain: float) -> None:
     with raises_code(ConfigError, "RID-CELL-VALUE", "gain_per_s"):
         PositionLoop(gain, (1.0,))

@@ -1,4 +1,4 @@
-"""Requests of the cyclic task's process to the operating system."""
+"""Requests of the cyclic task's process to the operating system for low latency."""
 
 import multiprocessing
 import os
@@ -9,18 +9,18 @@ from pathlib import Path
 from acquisition.task.realtime import PROCESSOR_LATENCY, keep_processors_awake, request_realtime
 
 
-def test_the_kernel_is_asked_for_processors_that_wake_up_within_no_time(tmp_path: Path) -> None:
+def test_the_kernel_receives_a_wake_up_latency_of_zero(tmp_path: Path) -> None:
     latency = tmp_path / "cpu_dma_latency"
     latency.touch()
     assert keep_processors_awake(latency) is None
     assert struct.unpack("=i", latency.read_bytes()) == (0,)
 
 
-def test_a_kernel_without_the_wish_is_not_worth_a_word(tmp_path: Path) -> None:
+def test_a_kernel_without_this_request_is_not_reported(tmp_path: Path) -> None:
     assert keep_processors_awake(tmp_path / "cpu_dma_latency") is None
 
 
-def test_a_refusal_says_what_it_means_and_what_to_do(tmp_path: Path) -> None:
+def test_a_refusal_is_reported_with_its_effect_and_remedy(tmp_path: Path) -> None:
     told = keep_processors_awake(tmp_path)
     assert told == (
         f"processors may enter deep idle states between cycles ({tmp_path}: Is a directory);"
@@ -29,12 +29,12 @@ def test_a_refusal_says_what_it_means_and_what_to_do(tmp_path: Path) -> None:
 
 
 def report_refusals_and_wait(pipe: Connection) -> None:
-    """Send what was refused, then wait for a message."""
+    """Send the refusal, then wait for a message."""
     pipe.send(request_realtime())
     pipe.recv()
 
 
-def test_the_wish_holds_while_the_task_lives_or_its_refusal_is_told() -> None:
+def test_the_request_lasts_as_long_as_the_task_and_a_refusal_is_reported() -> None:
     context = multiprocessing.get_context("spawn")
     pipe, theirs = context.Pipe()
     task = context.Process(target=report_refusals_and_wait, args=(theirs,))

@@ -30,13 +30,13 @@ def a_row(joints: int, cycle: int) -> tuple[float, ...]:
 
 
 @pytest.mark.parametrize("joints", [1, 3, 6, 7, 16])
-def test_a_row_has_one_layout_for_struct_numpy_and_the_ros_message(joints: int) -> None:
+def test_a_row_has_the_same_layout_in_struct_numpy_and_the_ros_message(joints: int) -> None:
     dtype = row_dtype(joints)
     assert row_struct(joints).size == dtype.itemsize
     row = np.frombuffer(row_struct(joints).pack(*a_row(joints, 7)), dtype=dtype)[0]
     assert row["cycle"] == 7
     assert row["phase"] == 3
-    # CDR: every primitive aligned to its own size, fixed arrays without a length
+    # CDR: every primitive aligned to its size, fixed arrays without a length
     sizes = {"float64": 8, "int32": 4, "uint32": 4, "int16": 2, "uint16": 2, "uint8": 1}
     assert dtype.fields is not None
     offsets: dict[str, int] = {key: field[1] for key, field in dtype.fields.items()}
@@ -50,7 +50,7 @@ def test_a_row_has_one_layout_for_struct_numpy_and_the_ros_message(joints: int) 
     assert offset == dtype.itemsize
 
 
-def test_the_number_of_joints_follows_from_the_size_of_a_row() -> None:
+def test_the_number_of_joints_is_derived_from_the_row_size() -> None:
     assert [joints_of_row(row_struct(n).size) for n in range(1, 17)] == list(range(1, 17))
     assert joints_of_row(100) is None
 
@@ -60,7 +60,7 @@ def test_the_number_of_joints_follows_from_the_size_of_a_row() -> None:
     st.integers(1, 9),
     st.lists(st.one_of(st.just("write"), st.integers(1, 12)), max_size=60),
 )
-def test_rows_come_out_as_they_went_in_and_none_is_overwritten(
+def test_rows_are_read_unchanged_and_none_is_overwritten(
     capacity: int, steps: list[str | int]
 ) -> None:
     ring, model, cycle = Ring.create(2, capacity), deque[int](), 0
@@ -85,7 +85,7 @@ def test_a_row_that_does_not_fit_its_fields_is_refused() -> None:
         Ring.create(2, 4).write(a_row(2, -1))
 
 
-def test_a_ring_has_room() -> None:
+def test_a_ring_without_room_for_a_row_is_refused() -> None:
     with raises_code(RecordingError, "RID-INTERNAL-ERROR", "capacity"):
         Ring.create(3, 0)
 
@@ -105,7 +105,7 @@ print(ring.waiting, ring.written)
 """
 
 
-def test_another_program_looks_at_the_newest_rows_and_can_change_nothing() -> None:
+def test_another_program_reads_the_newest_rows_and_cannot_change_them() -> None:
     with subprocess.Popen(
         [sys.executable, "-c", CHILD],
         stdin=subprocess.PIPE,

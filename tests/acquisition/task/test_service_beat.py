@@ -1,4 +1,4 @@
-"""A motion that a service has ordered needs the service's signs of life and its client's lease."""
+"""A motion ordered by the service needs the service's signs of life and its client's lease."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def end_lease(bench: Bench) -> Callable[[Any, int], None]:
     ("order", "code"),
     [(hang_service, StopCode.SERVICE_LOST), (end_lease, StopCode.CLIENT_LOST)],
 )
-def test_a_motion_stops_in_the_next_cycle_without_service_or_lease(
+def test_a_motion_stops_in_the_next_cycle_after_a_lost_service_or_lease(
     bench: Bench,
     motion: MotionSamples,
     order: Callable[[Bench], Callable[[Any, int], None]],
@@ -68,7 +68,7 @@ def test_a_motion_stops_in_the_next_cycle_without_service_or_lease(
         (101.0, -inf, StopCode.CLIENT_LOST),
     ],
 )
-def test_nothing_is_enabled_without_service_or_lease(
+def test_no_drive_is_enabled_without_service_or_lease(
     bench: Bench, motion: MotionSamples, now_s: float, lease_end_s: float, code: StopCode
 ) -> None:
     bench.service.write(bench.now.now_s, lease_end_s)
@@ -80,7 +80,7 @@ def test_nothing_is_enabled_without_service_or_lease(
 
 
 @pytest.mark.promise("service-heartbeat")
-def test_a_service_that_lives_again_does_not_take_the_stop_back(
+def test_a_service_that_recovers_does_not_cancel_the_stop(
     bench: Bench, motion: MotionSamples
 ) -> None:
     def script(axes: Any, cycle: int) -> None:
@@ -96,7 +96,7 @@ def test_a_service_that_lives_again_does_not_take_the_stop_back(
 
 
 @pytest.mark.promise("service-heartbeat")
-def test_a_motion_goes_on_as_long_as_the_service_gives_signs_of_life(
+def test_a_motion_continues_while_the_service_gives_signs_of_life(
     bench: Bench, motion: MotionSamples
 ) -> None:
     def script(axes: Any, cycle: int) -> None:
@@ -109,7 +109,7 @@ def test_a_motion_goes_on_as_long_as_the_service_gives_signs_of_life(
 
 
 def look(service: ServiceBeat, found: Any) -> None:
-    """Tell, in a process of its own, what the signs of life say."""
+    """Report the signs of life as another process sees them."""
     found.put([reason.code.name if (reason := service.reason(at_s)) else "" for at_s in (1.0, 9.0)])
 
 

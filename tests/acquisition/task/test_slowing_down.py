@@ -1,4 +1,4 @@
-"""An axis in a quick stop that decelerates with less than half its set rate is reported."""
+"""Detection of an axis that brakes with less than half the quick-stop deceleration."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ DECELERATION = 10.0
 
 
 def first_found(speed: Callable[[float], float], period_s: float, until_s: float) -> float | None:
-    """Return when an axis with a speed by time is found too fast [s]; None: never."""
+    """Return the time at which an axis is found too fast [s], or None."""
     position, time_s = 0.0, 0.0
     slowing = DecelerationCheck([DECELERATION], period_s, [position], time_s)
     while time_s < until_s:
@@ -31,7 +31,7 @@ def first_found(speed: Callable[[float], float], period_s: float, until_s: float
     share=st.floats(0.6, 3.0),
     lag_cycles=st.floats(0.0, 2.0),
 )
-def test_an_axis_that_obeys_is_never_found(
+def test_an_axis_that_brakes_as_set_is_not_reported(
     period_s: float, begins_at: float, share: float, lag_cycles: float
 ) -> None:
     lag_s = min(lag_cycles * period_s, 0.004)
@@ -47,7 +47,7 @@ def test_an_axis_that_obeys_is_never_found(
     begins_at=st.floats(2.0 * SLACK, 6.0),
     share=st.floats(-2.0, 0.3),
 )
-def test_an_axis_that_does_not_obey_is_found_within_three_looks(
+def test_an_axis_that_does_not_brake_is_reported_within_three_checks(
     period_s: float, begins_at: float, share: float
 ) -> None:
     def speed(time_s: float) -> float:
@@ -61,20 +61,20 @@ def test_an_axis_that_does_not_obey_is_found_within_three_looks(
         assert found_s <= OBEY_S + 3.0 * look_s
 
 
-def test_an_axis_that_does_not_answer_is_not_judged() -> None:
+def test_a_silent_axis_is_not_judged() -> None:
     slowing = DecelerationCheck([DECELERATION], 0.02, [0.0], 0.0)
     assert not any(slowing.too_slow(0.02 * n, [0.1 * n], [False]) for n in range(1, 100))
 
 
-def test_a_cycle_that_takes_no_time_is_no_speed() -> None:
+def test_two_positions_at_the_same_time_give_no_speed() -> None:
     slowing = DecelerationCheck([DECELERATION], 0.02, [0.0], 0.0)
     assert slowing.too_slow(0.0, [0.0], [True]) == []
     assert slowing.too_slow(0.02, [0.02], [True]) == []
 
 
 @pytest.mark.parametrize("increment", [1e-6, 1e-4])
-def test_an_encoders_increment_is_no_speed(increment: float) -> None:
-    """At rest but for the last digit, at 1 ms."""
+def test_an_encoder_increment_is_not_a_speed(increment: float) -> None:
+    """The axis is at rest except for its last digit, at a cycle time of 1 ms."""
     slowing = DecelerationCheck([DECELERATION], 0.001, [0.0], 0.0)
     noise = [increment * (n % 2) for n in range(1, 500)]
     assert not any(slowing.too_slow(1e-3 * n, [x], [True]) for n, x in enumerate(noise, 1))

@@ -1,4 +1,4 @@
-"""A stop on simulated drives that obey their quick stop: no axis is found that slows down."""
+"""Stop on simulated drives that obey their quick stop: no axis is reported as too slow."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ STATED = 2.0
 
 
 def stating_cell() -> tuple[CellConfig, RobotDescription]:
-    """Return a cell whose one drive has a deceleration of its own, and its robot."""
+    """Return a cell whose one drive has its own deceleration, and its robot."""
     cell, robot = one_axis(deceleration=12.0, velocity=2.0, acceleration=6.0, limit=3.0)
     ramp = round(STATED * INCREMENTS * GEAR / (2.0 * math.pi))
     profile = ServoProfile(
@@ -36,10 +36,10 @@ def stating_cell() -> tuple[CellConfig, RobotDescription]:
 
 
 def wrist() -> tuple[CellConfig, RobotDescription]:
-    """Return a cell whose joint 2 hangs on both motors: q2 = alpha1 + alpha2.
+    """Return a cell with a coupled wrist: q2 = alpha1 + alpha2.
 
     At top speed motor 1 turns with 2 rad/s, motor 2 with -0.5 rad/s; while both slow down, joint 2
-    goes on with 1.5 rad/s until motor 2 stands.
+    continues with 1.5 rad/s until motor 2 is at rest.
     """
     cell, robot = one_axis(deceleration=4.0, velocity=2.0, acceleration=6.0, limit=3.0)
     (one,) = robot.joints
@@ -60,7 +60,7 @@ def wrist() -> tuple[CellConfig, RobotDescription]:
 
 
 @pytest.mark.parametrize("make", [wrist, stating_cell])
-def test_axes_that_obey_their_quick_stop_keep_their_power_until_they_rest(make: Make) -> None:
+def test_axes_that_obey_their_quick_stop_keep_power_until_they_are_at_rest(make: Make) -> None:
     cell, robot = make()
     outcome = Outcome(cell, robot, INCREMENTS, rows_until(cell, robot, 1.0), 1)
     assert outcome.error is None
@@ -72,7 +72,7 @@ def test_axes_that_obey_their_quick_stop_keep_their_power_until_they_rest(make: 
         assert with_power[-1] < 0.02
 
 
-def test_drives_are_waited_for_as_long_as_their_own_ramp_takes() -> None:
+def test_the_wait_for_rest_lasts_as_long_as_the_ramp_of_the_slowest_drive() -> None:
     cell, robot = stating_cell()
     bus = ObedientCell(cell, robot, INCREMENTS)
     with Cell(cell, robot, CanLink(bus)) as opened:

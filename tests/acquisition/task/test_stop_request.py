@@ -1,4 +1,4 @@
-"""A request to stop (the live page's button, `rid-daq stop`) on the frames of a real exchange."""
+"""Stop request (button of the live page, `rid-daq stop`) in the frames of a real exchange."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ QUICK_STOP, SYNC = "0200", "080"
 
 @pytest.mark.fault(23)
 @pytest.mark.slow
-def test_every_axis_is_told_to_stop_before_the_sync_after_the_request(
+def test_every_axis_gets_its_quick_stop_before_the_next_sync(
     tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
     loaded = load_cell("ir361")
@@ -49,7 +49,7 @@ def test_every_axis_is_told_to_stop_before_the_sync_after_the_request(
     looks = 0
 
     def ask_in_mid_motion() -> bool:
-        """Called by the task after it has looked for a request, once a cycle."""
+        """Request a stop; the task calls this once a cycle after its check for requests."""
         nonlocal looks
         looks += control.task.state is TaskState.MOVING
         if looks == AT_CYCLE:
@@ -104,7 +104,7 @@ print(control.program.stop_code, over.program.stop_code)
 """
 
 
-def test_another_program_finds_the_motion_that_a_process_has_under_way() -> None:
+def test_another_program_finds_the_running_motion_of_a_process() -> None:
     with subprocess.Popen(
         [sys.executable, "-c", CHILD], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as program:

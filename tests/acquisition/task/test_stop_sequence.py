@@ -43,7 +43,7 @@ def ending(cell: CellConfig, robot: RobotDescription, axes: Any, clock: Any) -> 
     return Ending(cell, robot, axes, clock)
 
 
-def test_the_quick_stop_comes_first_and_the_time_to_rest_is_told(
+def test_the_quick_stop_is_sent_first_and_the_time_to_rest_is_reported(
     ending: Ending, cell: CellConfig
 ) -> None:
     ending.run()
@@ -55,7 +55,7 @@ def test_the_quick_stop_comes_first_and_the_time_to_rest_is_told(
     assert ending.control.task.notes == ()
 
 
-def test_an_axis_that_is_not_seen_is_not_taken_for_one_at_rest(ending: Ending) -> None:
+def test_a_silent_axis_does_not_count_as_at_rest(ending: Ending) -> None:
     def silent(axes: Any, _cycle: int) -> None:
         axes.answers.received[2] = False
 
@@ -67,7 +67,7 @@ def test_an_axis_that_is_not_seen_is_not_taken_for_one_at_rest(ending: Ending) -
     assert ending.cycles * T < 1.0 + STOP_MARGIN_S
 
 
-def test_an_axis_that_does_not_slow_down_is_not_waited_for(ending: Ending) -> None:
+def test_an_axis_that_does_not_slow_down_is_disabled_at_once(ending: Ending) -> None:
     def deaf(axes: Any, _cycle: int) -> None:
         axes.true_velocity[1] = SPEED
 
@@ -78,7 +78,7 @@ def test_an_axis_that_does_not_slow_down_is_not_waited_for(ending: Ending) -> No
     assert ending.cycles * T < 0.15
 
 
-def test_an_axis_that_runs_beyond_its_limit_is_not_waited_for(
+def test_an_axis_that_runs_beyond_its_limit_is_disabled_at_once(
     ending: Ending, robot: RobotDescription
 ) -> None:
     ending.axes.true_position[0] = robot.joints[0].limits.position_max + 0.019
@@ -88,7 +88,9 @@ def test_an_axis_that_runs_beyond_its_limit_is_not_waited_for(
     assert note == "joint1 exceeded its limit during the stop: the drives were disabled at once"
 
 
-def test_a_bus_that_fails_meanwhile_is_noted_and_power_is_still_taken_away(ending: Ending) -> None:
+def test_a_bus_that_fails_during_the_wait_is_noted_and_power_is_still_removed(
+    ending: Ending,
+) -> None:
     def unplug(_axes: Any, _cycle: int) -> None:
         raise TransportError("adapter unplugged")
 
@@ -99,7 +101,7 @@ def test_a_bus_that_fails_meanwhile_is_noted_and_power_is_still_taken_away(endin
     assert ending.axes.calls[-1] == "disable"
 
 
-def test_drives_that_do_not_confirm_are_named(ending: Ending) -> None:
+def test_drives_that_do_not_confirm_power_off_are_named(ending: Ending) -> None:
     ending.axes.unconfirmed = ("joint1", "joint3")
     ending.sequence.disable()
     (note,) = ending.control.task.notes

@@ -1,4 +1,4 @@
-"""The computer's clock may leap: it is a label, and no time is measured by it (faults: row 26)."""
+"""Jumps of the wall clock: it is a label only, and no duration depends on it (faults: row 26)."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ NOW_NS = 1_800_000_000 * 10**9
 
 @pytest.fixture
 def leaping_clock(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Time of day that leaps by an hour to and fro at every look, in a zone of its own."""
+    """A wall clock that jumps by an hour back and forth at every read, in its own time zone."""
     leaps = itertools.cycle((0, HOUR_NS, -HOUR_NS, 5 * 10**6))
     monkeypatch.setattr("time.time_ns", lambda: NOW_NS + next(leaps))
     monkeypatch.setattr("time.time", lambda: (NOW_NS + next(leaps)) / 1e9)
@@ -61,7 +61,7 @@ def leaping_clock(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 @pytest.mark.fault(26)
 @pytest.mark.usefixtures("leaping_clock")
-def test_a_recording_does_not_notice_that_the_clock_leaps(
+def test_jumps_of_the_wall_clock_have_no_effect_on_a_recording(
     cell: CellConfig,
     robot: RobotDescription,
     axes: Any,
@@ -97,25 +97,25 @@ def test_a_recording_does_not_notice_that_the_clock_leaps(
 
 
 @pytest.mark.fault(26)
-def test_runs_stay_in_the_order_that_they_were_made_in(
+def test_runs_are_sorted_in_the_order_of_their_creation(
     tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
     steps_ns = (0, HOUR_NS, -HOUR_NS, -HOUR_NS + 10**6, 0, 5 * 10**8)
     made = [RunFolder.create(tmp_path, "run", now_ns=NOW_NS + step) for step in steps_ns]
     assert sorted(folder.run_id for folder in made) == [folder.run_id for folder in made]
     assert find_run(tmp_path, "latest").run_id == made[-1].run_id
-    assert made[2].manifest().created_utc.startswith("2027-01-15T07:00:00")  # as the clock said
+    assert made[2].manifest().created_utc.startswith("2027-01-15T07:00:00")  # by the wall clock
     measured("run ids in order although the clock went back by an hour")
 
 
-def test_a_clock_that_was_far_ahead_once_does_not_rule_for_ever(tmp_path: Path) -> None:
+def test_a_clock_that_was_once_far_ahead_does_not_fix_the_order_for_ever(tmp_path: Path) -> None:
     RunFolder.create(tmp_path, "wrong", now_ns=NOW_NS + 365 * 24 * HOUR_NS)
     first = RunFolder.create(tmp_path, "right", now_ns=NOW_NS)
     assert first.run_id < RunFolder.create(tmp_path, "wrong", now_ns=2 * NOW_NS).run_id
 
 
 @pytest.mark.fault(26)
-def test_no_computation_driver_or_task_reads_the_time_of_day(
+def test_no_computation_driver_or_task_reads_the_wall_clock(
     measured: Callable[[str], None],
 ) -> None:
     readers = set()

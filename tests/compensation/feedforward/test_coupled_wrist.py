@@ -1,4 +1,4 @@
-"""A coupled wrist: loops and torques are the motors', the feedforward is the joints'."""
+"""Coupled wrist: loops and torques belong to the motors, the feedforward to the joints."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SETTLE_ROWS = 100
 
 @pytest.fixture(scope="module")
 def cell() -> LoadedCell:
-    """The six-axis cell, its wrist coupled thirty times as much as it is: it must not be missed."""
+    """The six-axis cell with thirty times its wrist coupling, so that its effect is large."""
     bundled = load_cell("kr15")
     assert bundled.robot.coupling is not None
     weak = np.array(bundled.robot.coupling)
@@ -42,7 +42,7 @@ def loops(cell: LoadedCell) -> list[VelocityLoop]:
 
 
 def error_of(cell: LoadedCell, samples: MotionSamples) -> NDArray[np.float64]:
-    """Return the joints' RMS errors on the way through position loop and plant."""
+    """Return the joints' RMS errors of a motion through position loop and plant."""
     assert cell.plant is not None
     coupling = WristCoupling.of_robot(cell.robot)
     assert coupling is not None
@@ -62,7 +62,7 @@ def error_of(cell: LoadedCell, samples: MotionSamples) -> NDArray[np.float64]:
     return np.sqrt(np.mean(missed**2, axis=0))
 
 
-def test_every_joint_of_a_coupled_wrist_comes_closer(
+def test_every_joint_of_a_coupled_wrist_has_a_smaller_error(
     cell: LoadedCell, loops: list[VelocityLoop]
 ) -> None:
     assert cell.plant is not None
@@ -76,7 +76,7 @@ def test_every_joint_of_a_coupled_wrist_comes_closer(
     assert (after < before / 5.0).all()
 
 
-def test_on_line_is_refused_and_says_what_to_do(
+def test_on_line_compensation_is_refused_with_the_remedy(
     cell: LoadedCell, loops: list[VelocityLoop]
 ) -> None:
     assert cell.plant is not None

@@ -1,4 +1,4 @@
-"""Bending that motor encoders do not see: the estimate beside the truth of a simulated arm."""
+"""Gear deflection that motor encoders do not measure: estimate and truth of a simulated arm."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def robot_with(*stiffness: float | None) -> RobotDescription:
 
 
 def bent_arm() -> Plant:
-    """Return the bundled plant with gears that give."""
+    """Return the bundled plant with elastic gears."""
     assert CELL.plant is not None
     unmodelled = CELL.plant.unmodelled
     assert unmodelled is not None
@@ -50,7 +50,7 @@ def bent_arm() -> Plant:
 
 
 def driven_circle(plant: Plant) -> tuple[Recording, FloatArray]:
-    """Drive a circle; return what motors and their encoders say, and the true positions."""
+    """Drive a circle; return motor torques and encoder positions, and the true positions."""
     circle = CircleMotion(
         kind="circle",
         robot="ir361",
@@ -91,23 +91,23 @@ def driven_circle(plant: Plant) -> tuple[Recording, FloatArray]:
     return recording, np.array(joints)
 
 
-def test_the_estimate_is_of_the_size_of_the_true_bending() -> None:
+def test_the_estimate_has_the_size_of_the_true_deflection() -> None:
     recording, joints = driven_circle(bent_arm())
     chain = Chain.from_description(CELL.robot)
     main = recording.phase == Phase.MAIN
     motors, torques = recording.position[main], recording.torque_nm[main]
     true = np.linalg.norm(forward(chain, joints[main]) - forward(chain, motors), axis=1)
     true_rms = float(np.sqrt(np.mean(true**2)))
-    assert 1e-3 < true_rms < 3e-3  # the encoders' tracking error does not show it
+    assert 1e-3 < true_rms < 3e-3  # the encoders' tracking error does not contain it
     robot = robot_with(*STIFFNESS)
     found = deflection(robot, motors, torques)
     assert found is not None
-    assert true_rms < found.rms_m < 1.3 * true_rms  # friction and rotors make it larger
+    assert true_rms < found.rms_m < 1.3 * true_rms  # friction and rotors increase it
     assert true.max() < found.max_m < 1.4 * true.max()
 
 
-def test_a_model_gives_the_torques_that_gears_transmit() -> None:
-    """Axis 3's rotor has a parameter of its own; those of the others count as links' inertia."""
+def test_a_model_gives_the_torques_through_the_gears() -> None:
+    """Axis 3 has a rotor parameter; the rotors of the others are part of the link inertias."""
     recording, joints = driven_circle(bent_arm())
     main = recording.phase == Phase.MAIN
     true = (recording.position - joints)[main]
@@ -117,10 +117,10 @@ def test_a_model_gives_the_torques_that_gears_transmit() -> None:
     assert found.joint[:, 1:].mean(axis=0) == pytest.approx(true[:, 1:].mean(axis=0), rel=0.01)
     assert found.joint[:, 2].std() == pytest.approx(true[:, 2].std(), rel=0.05)
     measured = recording.torque_nm[main] / STIFFNESS
-    assert measured[:, 2].std() > 10.0 * true[:, 2].std()  # friction, above all
+    assert measured[:, 2].std() > 10.0 * true[:, 2].std()  # mainly friction
 
 
-def test_torques_by_a_model_need_more_than_the_ends_of_a_recording() -> None:
+def test_a_recording_that_is_too_short_for_torques_by_a_model_is_refused() -> None:
     recording, _ = driven_circle(bent_arm())
     phase = np.full(len(recording.phase), Phase.APPROACH, dtype=np.uint8)
     phase[:10] = Phase.MAIN
@@ -132,7 +132,7 @@ POSE = np.array([[0.2, -0.3, 0.5], [0.1, 0.4, 0.9]])
 TORQUE = np.array([[10.0, 200.0, -60.0], [-5.0, 150.0, 20.0]])
 
 
-def test_only_gears_of_known_stiffness_count() -> None:
+def test_only_gears_with_known_stiffness_are_included() -> None:
     found = deflection(robot_with(None, 6e4, None), POSE, TORQUE)
     assert found is not None
     assert found.known.tolist() == [False, True, False]
@@ -147,7 +147,7 @@ def test_without_any_stiffness_there_is_no_estimate() -> None:
     assert deflection(CELL.robot, POSE, TORQUE) is None
 
 
-def test_a_gear_of_a_coupled_wrist_moves_every_joint_that_its_motor_moves() -> None:
+def test_a_gear_of_a_coupled_wrist_deflects_every_joint_that_its_motor_moves() -> None:
     coupling = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.5, 1.0))
     robot = robot_with(None, 6e4, None).model_copy(update={"coupling": coupling})
     found = deflection(robot, POSE, TORQUE)
@@ -157,7 +157,7 @@ def test_a_gear_of_a_coupled_wrist_moves_every_joint_that_its_motor_moves() -> N
 
 
 @pytest.mark.parametrize("wrong", ["0.0", "-50000.0", "5.0"])
-def test_a_stiffness_that_no_gear_has_is_refused(tmp_path: Path, wrong: str) -> None:
+def test_an_implausible_stiffness_is_refused(tmp_path: Path, wrong: str) -> None:
     text = read_named("ir361", "robots", None)[0].decode()
     file = tmp_path / "robot.yaml"
     file.write_text(text.replace("gear_ratio: 121.0", f"stiffness_nm_rad: {wrong}"))

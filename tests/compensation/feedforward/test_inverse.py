@@ -1,4 +1,4 @@
-"""Pre-compensation on the simulated arm: a circle of 40 cm at 0.6 m/s, and loops of closed form."""
+"""Pre-compensation on the simulated arm: a circle of 40 cm at 0.6 m/s, and analytic loops."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def loops(cell: LoadedCell) -> list[VelocityLoop]:
 
 @pytest.fixture(scope="module")
 def wanted_torque(cell: LoadedCell, samples: MotionSamples) -> Array:
-    """The torque by our model with the plant's rigid bodies and straight friction."""
+    """Torque by our model with the plant's rigid bodies and linear friction."""
     assert cell.plant is not None
     model = RobotModel.from_description(cell.robot)
     parameters = true_parameters(model, cell.robot, cell.plant)
@@ -80,7 +80,7 @@ def error_of(
 
 
 class TestCircle:
-    def test_the_tool_point_is_on_it_at_constant_speed(
+    def test_the_tool_point_moves_on_the_circle_at_constant_speed(
         self, cell: LoadedCell, samples: MotionSamples
     ) -> None:
         chain = Chain.from_description(cell.robot)
@@ -112,13 +112,13 @@ class TestCircle:
             ({"near": (0.0, 0.0)}, "RID-MOTION-JOINTS", ("near", "2 values", "3 joints")),
         ],
     )
-    def test_what_cannot_be_driven_is_refused(
+    def test_an_undrivable_circle_is_refused(
         self, cell: LoadedCell, changes: dict[str, object], code: str, values: tuple[str, ...]
     ) -> None:
         with raises_code(ConfigError, code, *values):
             circle(**changes).plan(cell.robot, 0.008)
 
-    def test_a_point_out_of_reach_is_refused_with_where_the_tool_was(
+    def test_a_point_out_of_reach_is_refused_with_the_tools_position(
         self, cell: LoadedCell
     ) -> None:
         chain, near = Chain.from_description(cell.robot), np.array([0.1, -0.1, 0.4])
@@ -127,7 +127,7 @@ class TestCircle:
         with raises_code(ConfigError, "RID-PATH-REACH", "point 1", f"({place} mm)"):
             follow_tool_path(chain, (2.0 * tool)[np.newaxis], near)
 
-    def test_positions_are_those_that_were_wanted(self, cell: LoadedCell) -> None:
+    def test_joint_positions_reach_the_given_tool_positions(self, cell: LoadedCell) -> None:
         chain = Chain.from_description(cell.robot)
         points = circle().points(np.linspace(0.0, 1.0, 50))
         found = follow_tool_path(chain, points, np.array([0.1, -0.1, 0.4]))
@@ -142,7 +142,7 @@ class TestCompensation:
         assert 1e-3 < error.mean_m < 3e-3
         assert (error.joint_peak < 0.01).all()
 
-    def test_on_the_bins_it_is_less_than_a_tenth(
+    def test_compensation_on_the_bins_leaves_less_than_a_tenth(
         self,
         cell: LoadedCell,
         drive: Drive,
@@ -164,7 +164,7 @@ class TestCompensation:
         assert after.mean_m < before.mean_m / 20.0
         assert after.max_m < before.max_m / 12.0
 
-    def test_in_time_from_rest_to_rest_as_well(
+    def test_compensation_in_time_from_rest_to_rest_works_too(
         self,
         cell: LoadedCell,
         drive: Drive,
@@ -180,8 +180,8 @@ class TestCompensation:
 
 
 class TestInverseFilter:
-    def test_it_undoes_the_controller(self) -> None:
-        """Against python-control's simulation of K_p (1 + 1 / (T_i s))."""
+    def test_it_inverts_the_controller(self) -> None:
+        """Compare with python-control's simulation of K_p (1 + 1 / (T_i s))."""
         step_s, gain, integral_s = 1e-3, 300.0, 0.1
         times = np.arange(2000) * step_s
         torque_nm = 40.0 * np.sin(2.0 * math.pi * 2.0 * times)
@@ -196,7 +196,7 @@ class TestInverseFilter:
         found = control.forced_response(controller, times, error).outputs
         np.testing.assert_allclose(found, torque_nm, atol=0.05)
 
-    def test_a_constant_torque_is_carried_by_the_integrator(self) -> None:
+    def test_the_integrator_supplies_a_constant_torque(self) -> None:
         held = np.array([120.0, -40.0])
         inverse = InverseFilter(
             gain=np.array([300.0, 200.0]),
@@ -207,7 +207,7 @@ class TestInverseFilter:
         for _ in range(100):
             np.testing.assert_allclose(inverse.step(held), 0.0, atol=1e-12)
 
-    def test_a_step_fades_with_the_integral_time(self) -> None:
+    def test_a_step_decays_with_the_integral_time(self) -> None:
         inverse = InverseFilter(
             gain=np.array([100.0]),
             integral_time_s=np.array([0.1]),

@@ -1,4 +1,4 @@
-"""Tuning by a reference run and refinement over repetitions, on the simulated arm."""
+"""Tuning by a reference run and iterative refinement, on the simulated arm."""
 
 from __future__ import annotations
 
@@ -91,14 +91,14 @@ def refined(samples: MotionSamples, found: Refinement) -> MotionSamples:
     return replace(samples, feedforward=ahead + more)
 
 
-def repeated(
+def repeat(
     cell: LoadedCell,
     drive: Drive,
     loops: list[VelocityLoop],
     model: Estimate,
     planned: MotionSamples,
 ) -> tuple[list[FloatArray], MotionSamples, Refinement]:
-    """Three runs, each with what was learned from those before: errors, the last motion, step."""
+    """Refine over three runs; return the errors, the last motion and the last refinement."""
     samples = compensated_motion(planned, model, loops)
     sizes = []
     for seed in range(3):
@@ -111,7 +111,7 @@ def repeated(
 
 class TestTuning:
     @pytest.mark.parametrize("compensated", [False, True])
-    def test_wrong_loops_are_put_right_by_one_run_of_the_circle(
+    def test_one_run_of_the_circle_corrects_wrong_loops(
         self,
         cell: LoadedCell,
         drive: Drive,
@@ -135,7 +135,7 @@ class TestTuning:
             after = error_of(cell, drive, compensated_motion(motion, model, wrong, found.tuning))
             assert after.mean_m < 0.7 * before.mean_m
 
-    def test_what_cannot_tune_is_refused(
+    def test_unusable_reference_runs_are_refused(
         self,
         cell: LoadedCell,
         drive: Drive,
@@ -153,7 +153,7 @@ class TestTuning:
         with raises_code(DataQualityError, "RID-RECORDING-NOT-PERIODIC"):
             tune(path, not_periodic, model, loops, gain)
 
-    def test_an_axis_that_hardly_moves_is_left_alone(
+    def test_an_axis_with_little_motion_is_not_tuned(
         self,
         cell: LoadedCell,
         drive: Drive,
@@ -173,7 +173,7 @@ class TestTuning:
 
 
 class TestRefinement:
-    def test_the_circle_comes_far_closer_and_every_repetition_halves_what_is_left(
+    def test_the_error_of_the_circle_falls_and_halves_with_every_repetition(
         self,
         cell: LoadedCell,
         drive: Drive,
@@ -181,9 +181,12 @@ class TestRefinement:
         model: Estimate,
         planned: MotionSamples,
     ) -> None:
-        """All unmodelled effects are on; the bar is 20 times in the mean, 10 at its worst."""
+        """All unmodelled effects are on.
+
+        Required are factors of 20 in the mean and 10 in the maximum.
+        """
         before = error_of(cell, drive, planned)
-        sizes, samples, found = repeated(cell, drive, loops, model, planned)
+        sizes, samples, found = repeat(cell, drive, loops, model, planned)
         after = error_of(cell, drive, samples)
         assert after.mean_m < before.mean_m / 200.0
         assert after.max_m < before.max_m / 50.0
@@ -191,21 +194,21 @@ class TestRefinement:
         # At a reversal presliding friction acts as a spring, which the bound does not include.
         assert all((less < 0.5 * more).all() for more, less in pairwise(sizes))
 
-    def test_where_friction_has_no_memory_the_error_shrinks_within_the_stated_bound(
+    def test_with_memoryless_friction_the_error_falls_within_the_stated_bound(
         self,
         cell: LoadedCell,
         forgetful: tuple[Drive, list[VelocityLoop], Estimate],
         planned: MotionSamples,
     ) -> None:
         drive, loops, model = forgetful
-        sizes, _, found = repeated(cell, drive, loops, model, planned)
-        # The largest error, axis 1's friction, is of the kind that the bound is about.
+        sizes, _, found = repeat(cell, drive, loops, model, planned)
+        # The bound covers the largest error, which is from the friction of axis 1.
         assert (found.bound.largest < 0.2).all()
-        # What is left in the end is noise, which is no part of the bound.
+        # The remaining error is noise, which the bound does not include.
         assert sizes[1][0] < found.bound.largest[0] * sizes[0][0] + sizes[2][0]
-        assert (sizes[2] > 0.5 * sizes[1]).any()  # next to nothing is left to learn
+        assert (sizes[2] > 0.5 * sizes[1]).any()  # hardly any error is left
 
-    def test_a_plain_motion_is_refined_from_nothing(
+    def test_a_motion_without_feedforward_is_refined(
         self,
         cell: LoadedCell,
         drive: Drive,
@@ -261,7 +264,7 @@ class TestRefinement:
             found = refinement(planned, measured, model, loops, cell.config.position_gain_per_s)
             assert found.finished == finished
 
-    def test_the_bound_grows_with_what_is_not_known_and_narrows_the_band(
+    def test_the_bound_grows_with_the_uncertainty_and_narrows_the_band(
         self, loops: list[VelocityLoop], model: Estimate, planned: MotionSamples
     ) -> None:
         smooth = without_jumps(model)
@@ -282,7 +285,7 @@ class TestRefinement:
             stability_bound(planned, smooth, hopeless, 15.0)
 
 
-def test_repetitions_that_are_none_are_refused(
+def test_invalid_repetitions_are_refused(
     drive: Drive, planned: MotionSamples, path: MotionSamples
 ) -> None:
     recording = drive(path, 1)
@@ -297,7 +300,7 @@ def test_repetitions_that_are_none_are_refused(
         repeated_error(planned, [circle, circle])
 
 
-def test_more_torque_than_a_joint_has_is_refused_by_the_segment(
+def test_a_torque_beyond_the_limit_is_refused_with_the_segment(
     cell: LoadedCell, model: Estimate, path: MotionSamples
 ) -> None:
     refuse_torque(SPLINE, path, model, cell.robot)

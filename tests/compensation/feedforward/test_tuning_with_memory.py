@@ -1,4 +1,4 @@
-"""Tuning by a period whose friction remembers the period before."""
+"""Tuning with presliding friction, whose state is carried from one period to the next."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.builders.point_streams import T, loops_of
 ROWS = 500
 
 
-def test_a_feedforward_that_is_right_is_left_alone() -> None:
+def test_a_correct_feedforward_is_not_changed() -> None:
     cell = load_cell("ir361")
     joints = tuple(
         joint.model_copy(

@@ -1,4 +1,4 @@
-"""An axis as one inertia: the residual of the fit is compared with that of noise alone."""
+"""Axis as one inertia: the fit's residual compared with that of noise alone."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ FREQUENCY_HZ = np.linspace(0.5, 20.0, 4000)
 
 
 def fitted(resonance_hz: float | None = None) -> AxisMechanics:
-    """Return the fit of an inertia, or of one on a spring, measured with noise of `SHARE`."""
+    """Return the fit of an inertia, or of one with a spring, measured with noise of `SHARE`."""
     s = 2j * np.pi * FREQUENCY_HZ
     truth = 1.0 / (s * INERTIA + DAMPING)
     if resonance_hz is not None:
@@ -38,12 +38,12 @@ def fitted(resonance_hz: float | None = None) -> AxisMechanics:
     return fit_axis_mechanics(measured)
 
 
-def test_of_an_inertia_the_noise_alone_is_left() -> None:
+def test_the_residual_of_a_rigid_axis_is_that_of_the_noise() -> None:
     axis = fitted()
     assert axis.inertia == pytest.approx(INERTIA, rel=1e-3)
     assert axis.misfit == pytest.approx(axis.noise, rel=0.05)
 
 
-def test_of_an_elastic_axis_far_more_is_left() -> None:
+def test_the_residual_of_an_elastic_axis_is_far_larger() -> None:
     axis = fitted(resonance_hz=15.0)
     assert axis.misfit > 10.0 * axis.noise

@@ -1,4 +1,4 @@
-"""The cascade's margins: against closed forms, and against the simulated arm on their edge."""
+"""Stability margins of the cascade: compared with closed forms and with the simulated arm."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def cascade(
 
 
 def closed_form(one: Cascade, frequency_hz: np.ndarray) -> np.ndarray:
-    """The opened position loop written down again, without python-control."""
+    """Return the open position loop from its formula, without python-control."""
     loop, axis, s = one.loop, one.mechanics, 2j * math.pi * frequency_hz
     controller = loop.gain * (1.0 + 1.0 / (loop.integral_time_s * s)) / (1.0 + loop.lag_s * s)
     opened = controller * np.exp(-s * loop.delay_s) / (axis.inertia * s + axis.damping)
@@ -90,7 +90,7 @@ def test_margins_are_those_of_the_closed_form(
     assert found.crossover_hz == pytest.approx(at_one, rel=1e-3)
 
 
-def test_loops_are_the_series_of_their_parts() -> None:
+def test_loops_are_products_of_their_parts() -> None:
     one = cascade()
     frequency_hz = np.array([0.3, 2.0, 11.0])
     s = 2j * np.pi * frequency_hz
@@ -101,14 +101,14 @@ def test_loops_are_the_series_of_their_parts() -> None:
     np.testing.assert_allclose(one.position_loop(frequency_hz), closed_form(one, frequency_hz))
 
 
-def test_the_peak_is_the_largest_amplification_of_the_closed_loop() -> None:
+def test_the_peak_is_the_largest_gain_of_the_closed_loop() -> None:
     one = cascade(position_gain=40.0)
     opened = closed_form(one, np.geomspace(0.05, 62.5, 20_000))
     assert one.peak == pytest.approx(float(np.abs(opened / (1.0 + opened)).max()), rel=1e-2)
     assert one.peak > 1.1
 
 
-def test_a_linear_results_standard_deviation_is_the_one_of_its_covariance() -> None:
+def test_the_standard_deviation_of_a_linear_result_follows_from_its_covariance() -> None:
     names = ("gain", "integral_time_s")
     root = np.array([[20.0, 0.0], [-0.001, 0.002]])
     one = cascade()
@@ -128,7 +128,7 @@ def test_a_linear_results_standard_deviation_is_the_one_of_its_covariance() -> N
 
 @settings(max_examples=30)
 @given(st.floats(200.0, 3000.0), st.floats(0.03, 0.5), st.floats(2.0, 60.0))
-def test_the_largest_gain_just_keeps_both_margins(
+def test_the_largest_gain_just_meets_both_margins(
     gain: float, integral_s: float, inertia: float
 ) -> None:
     one = cascade(gain, integral_s, inertia=inertia)
@@ -141,7 +141,7 @@ def test_the_largest_gain_just_keeps_both_margins(
     assert at_edge.gain < 2.01 or at_edge.phase_deg < 60.2
 
 
-def test_a_loop_that_never_crosses_has_no_margin() -> None:
+def test_a_loop_without_a_crossing_has_no_margin() -> None:
     frequency_hz = np.geomspace(0.1, 100.0, 200)
     response = np.asarray(0.5 / (1.0 + 0.1j * frequency_hz), dtype=np.complex128)
     never = margins(control.FRD(response, 2.0 * math.pi * frequency_hz))
@@ -150,7 +150,7 @@ def test_a_loop_that_never_crosses_has_no_margin() -> None:
     assert never.gain_db is None
 
 
-def test_advice_names_the_axis_that_allows_least_and_counts_uncertainty() -> None:
+def test_advice_names_the_limiting_axis_and_includes_uncertainty() -> None:
     strong, weak = cascade(), cascade(inertia=40.0, joint="axis2")
     advice = advise([strong, weak])
     assert advice.joint_name == "axis2"
@@ -161,7 +161,7 @@ def test_advice_names_the_axis_that_allows_least_and_counts_uncertainty() -> Non
     assert raised.largest_per_s > raised.present_per_s
 
 
-def test_loops_of_different_joints_make_no_cascade() -> None:
+def test_loops_of_different_joints_are_refused() -> None:
     axis = replace(cascade().mechanics, joint_name="axis2")
     with raises_code(EstimationError, "RID-INTERNAL-ERROR", "axis2"):
         Cascade(cascade().loop, axis, 15.0, CYCLE_S)
@@ -169,7 +169,7 @@ def test_loops_of_different_joints_make_no_cascade() -> None:
 
 @pytest.fixture(scope="module")
 def smooth(cell: LoadedCell) -> PlantConfig:
-    """The arm without Coulomb friction, which would hold an unstable loop still."""
+    """The arm without Coulomb friction, which would hide an unstable loop."""
     assert cell.plant is not None
     plain = cell.plant.without_unmodelled()
     axes = tuple(axis.model_copy(update={"coulomb_nm": 0.0}) for axis in plain.axes)
@@ -189,10 +189,10 @@ def measured(cell: LoadedCell, smooth: PlantConfig) -> list[Cascade]:
 
 
 @pytest.mark.parametrize(("share", "grows"), [(0.85, False), (1.2, True)])
-def test_the_arm_swings_beyond_its_gain_margin_and_not_before(
+def test_the_arm_oscillates_beyond_its_gain_margin_and_not_below(
     cell: LoadedCell, smooth: PlantConfig, measured: list[Cascade], share: float, grows: bool
 ) -> None:
-    """The arm sags when its integrators start at zero; from there it settles, or does not."""
+    """The arm sags because its integrators start at zero; then it settles or oscillates."""
     edges = [one.position_margins.gain for one in measured]
     edge = min(gain for gain in edges if gain is not None)
     assert 2.0 < edge < 10.0

@@ -1,4 +1,4 @@
-"""Velocity controllers by multisine: simulated drives, and responses known in closed form."""
+"""Velocity controllers by multisine: simulated drives, and analytic responses."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def recorded(cell: LoadedCell, drive: Drive) -> tuple[MultisineMotion, Recording
 
 
 def known(response: np.ndarray, sigma: float) -> FrequencyResponse:
-    """A response measured with equal noise on every line."""
+    """Return a measured response with equal noise on every line."""
     nothing = Distortion(np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0))
     variance = np.full(len(response), sigma**2)
     return FrequencyResponse(
@@ -80,7 +80,7 @@ def known(response: np.ndarray, sigma: float) -> FrequencyResponse:
 
 
 def controller(gain: float, integral_s: float, delay_s: float, lag_s: float) -> np.ndarray:
-    """The controller's response, written down again."""
+    """Return the controller's response from its formula."""
     s = 2j * math.pi * FREQUENCY_HZ
     return np.asarray(
         gain * (1.0 + 1.0 / (integral_s * s)) / (1.0 + lag_s * s) * np.exp(-s * delay_s)
@@ -88,7 +88,7 @@ def controller(gain: float, integral_s: float, delay_s: float, lag_s: float) -> 
 
 
 @pytest.mark.parametrize(("delay_s", "lag_s"), [(0.0, 0.0), (0.004, 0.0), (0.0, 0.006)])
-def test_intervals_hold_the_truth_and_the_right_terms_are_chosen(
+def test_intervals_cover_the_truth_and_the_correct_terms_are_chosen(
     delay_s: float, lag_s: float
 ) -> None:
     random = np.random.default_rng(1)
@@ -107,7 +107,7 @@ def test_intervals_hold_the_truth_and_the_right_terms_are_chosen(
     assert 0.25 < np.mean(p_values) < 0.75
 
 
-def test_a_controller_of_another_kind_is_told_by_its_p_value() -> None:
+def test_a_controller_of_another_structure_has_a_small_p_value() -> None:
     resonant = controller(500.0, 0.08, 0.0, 0.0) * (1.0 + 0.5 / (1.0 + 1j * (FREQUENCY_HZ - 7.0)))
     assert fit_velocity_loop(known(resonant, 3.0)).p_value < 1e-6
 
@@ -124,7 +124,7 @@ def test_the_transfer_function_is_the_response_without_its_delay(
     np.testing.assert_allclose(loop.transfer_function(s) * np.exp(-s * delay_s), whole, rtol=1e-12)
 
 
-def test_misfits_that_are_alike_on_neighbouring_lines_are_not_white() -> None:
+def test_misfits_correlated_between_neighbouring_lines_are_not_white() -> None:
     random = np.random.default_rng(2)
 
     def drawn() -> np.ndarray:
@@ -136,7 +136,7 @@ def test_misfits_that_are_alike_on_neighbouring_lines_are_not_white() -> None:
     assert whiteness(np.ones(2, dtype=complex)) == 1.0
 
 
-def test_a_missing_filter_shows_in_size_and_whiteness_of_the_misfit() -> None:
+def test_a_missing_filter_shows_in_p_value_and_whiteness() -> None:
     random = np.random.default_rng(3)
     notch = 1.0 - 0.05 / (1.0 + 1j * (FREQUENCY_HZ / 6.0 - 6.0 / FREQUENCY_HZ))
     noise = random.normal(size=(2, len(FREQUENCY_HZ))) @ np.eye(len(FREQUENCY_HZ))
@@ -146,8 +146,8 @@ def test_a_missing_filter_shows_in_size_and_whiteness_of_the_misfit() -> None:
     assert loop.whiteness < 1e-3
 
 
-def test_one_noisy_response_in_a_hundred_is_suspected_of_being_something_else() -> None:
-    """Variances from few periods make large misfits likely: the chance of a cost knows that."""
+def test_one_noisy_response_in_a_hundred_is_rejected() -> None:
+    """Few periods give uncertain variances, which the distribution of the cost must include."""
     random = np.random.default_rng(4)
     truth = controller(500.0, 0.08, 0.0, 0.002)
     p_values = []
@@ -169,13 +169,13 @@ def test_one_noisy_response_in_a_hundred_is_suspected_of_being_something_else() 
 
 @pytest.fixture(scope="module")
 def proof() -> Proof:
-    """A shorter form of `python -m benchmarks.velocity_loop`."""
+    """Run a shorter form of `python -m benchmarks.velocity_loop`."""
     return prove(5, period_s=4.0)
 
 
 @pytest.mark.long
-def test_drives_are_found_within_2_percent_and_two_sigma_hold_them(proof: Proof) -> None:
-    """With current loop, tachometer ripple, delay, rounding, and everything else unmodelled."""
+def test_drives_are_identified_within_2_percent_and_within_two_sigma(proof: Proof) -> None:
+    """Current loop, tachometer ripple, delay, rounding and every unmodelled effect are on."""
     assert np.abs(proof.error).max() < 0.02
     assert proof.held.min() >= 0.8
     assert np.mean(np.abs(proof.deviation)) > 0.3
@@ -183,15 +183,15 @@ def test_drives_are_found_within_2_percent_and_two_sigma_hold_them(proof: Proof)
     assert np.mean(proof.p_values < 0.01) <= 0.2
 
 
-def test_the_multisine_as_instrument_beats_plain_spectra(proof: Proof) -> None:
+def test_the_multisine_as_instrument_is_better_than_plain_spectra(proof: Proof) -> None:
     ratio = np.sqrt(np.mean(proof.peer_error**2, axis=0) / np.mean(proof.error**2, axis=0))
     assert ratio.min() > 3.0
 
 
-def test_what_lies_between_the_lines_is_distortion(
+def test_power_between_the_lines_is_distortion(
     cell: LoadedCell, recorded: tuple[MultisineMotion, Recording]
 ) -> None:
-    """Friction is odd in the speed; a line is either excited, empty and odd, or even."""
+    """Friction is an odd function of speed; a line is excited, odd without excitation, or even."""
     motion, recording = recorded
     for measured in frequency_responses(recording, motion, cell.robot):
         assert measured.frd.omega == pytest.approx(2.0 * math.pi * measured.frequency_hz)
@@ -200,7 +200,7 @@ def test_what_lies_between_the_lines_is_distortion(
         assert np.median(measured.odd.output) > np.median(measured.even.output)
 
 
-def test_a_torn_realisation_is_left_out_and_the_others_keep_their_phases(
+def test_an_incomplete_realisation_is_skipped_and_the_others_keep_their_phases(
     cell: LoadedCell, recorded: tuple[MultisineMotion, Recording]
 ) -> None:
     motion, recording = recorded
@@ -234,8 +234,8 @@ def test_a_torn_realisation_is_left_out_and_the_others_keep_their_phases(
         np.testing.assert_array_equal(left.reference[0][0], whole.reference[0][1])
 
 
-def test_friction_that_holds_passes_for_a_spring_without_the_slow_sine(cell: LoadedCell) -> None:
-    """The drive's controller is found either way, the mechanics only without stiction.
+def test_stiction_without_the_slow_sine_looks_like_a_spring(cell: LoadedCell) -> None:
+    """The drive's controller is found in both cases, the mechanics only without stiction.
 
     During presliding, friction acts as a spring, whose torque is opposite to that of an inertia.
     """
@@ -250,13 +250,13 @@ def test_friction_that_holds_passes_for_a_spring_without_the_slow_sine(cell: Loa
         inertia[slow] = np.array([each.mechanics.inertia for each in found.cascades])
         for axis, loop in zip(cell.plant.axes, found.loops, strict=True):
             assert loop.gain == pytest.approx(axis.velocity_gain_nm_s, rel=0.02)
-    # The mass matrix of the plant about this pose, by Pinocchio.
+    # Mass matrix of the plant in this pose, by Pinocchio.
     np.testing.assert_allclose(inertia[True], [10.98, 24.58, 3.59], rtol=0.12)
     assert (inertia[False] < 0.8 * inertia[True]).all()
 
 
-def test_a_triangle_two_cycles_late_is_what_interpolated_commands_are() -> None:
-    """Against sums of a sampled sine, sent, delayed by a cycle and joined by lines."""
+def test_interpolated_commands_act_as_a_triangle_delayed_by_two_cycles() -> None:
+    """Compare with sums of a sine that is sampled, sent, delayed by a cycle and interpolated."""
     step_s, fine = 0.008, 50
     frequency_hz = np.array([1.0, 7.0, 31.25])
     rows = 1000
@@ -269,7 +269,7 @@ def test_a_triangle_two_cycles_late_is_what_interpolated_commands_are() -> None:
         assert found == pytest.approx(expected, abs=2e-3)
 
 
-def test_what_cannot_be_evaluated_is_refused(
+def test_unusable_recordings_are_refused(
     cell: LoadedCell, recorded: tuple[MultisineMotion, Recording]
 ) -> None:
     motion, recording = recorded
@@ -292,7 +292,7 @@ def test_what_cannot_be_evaluated_is_refused(
         )
 
 
-def test_one_realisation_knows_its_distortion_by_the_lines_that_are_left_empty(
+def test_one_realisation_estimates_its_distortion_from_the_empty_lines(
     cell: LoadedCell, drive: Drive
 ) -> None:
     assert cell.plant is not None

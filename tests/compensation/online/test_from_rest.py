@@ -1,6 +1,6 @@
-"""A simulated arm with presliding: identified, and streamed from rest.
+"""Simulated arm with presliding friction: identified, and streamed from rest.
 
-The arm has bristle friction, the model a Maxwell-slip series. No value comes from the plant.
+The arm has bristle friction, the model a Maxwell-slip series. No value is taken from the plant.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ FROM = ((0.10, -0.15, 0.20), (-0.30, 0.30, 0.60))
 
 @pytest.fixture(scope="module")
 def elastic(tmp_path_factory: pytest.TempPathFactory) -> LoadedCell:
-    """The bundled cell with a plant file that says presliding on every axis."""
+    """The bundled cell with a plant file that has presliding on every axis."""
     folder = tmp_path_factory.mktemp("elastic")
     cell, _, _ = read_named("ir361", "cells", None)
     plant, _, _ = read_named("ir361", "plants", None)
@@ -54,7 +54,7 @@ def elastic(tmp_path_factory: pytest.TempPathFactory) -> LoadedCell:
 
 @pytest.fixture(scope="module")
 def models(elastic: LoadedCell) -> tuple[Estimate, Estimate]:
-    """The arm identified with friction by sign(v), and with presliding hysteresis."""
+    """The arm identified with sign(v) friction, and with presliding hysteresis."""
     assert elastic.plant is not None
     options = TwoHarmonicOptions(10.0, tries=100, periods=8)
     motion = design_two_harmonic(elastic.robot, options, elastic.config.cycle_time_s)
@@ -85,7 +85,7 @@ def errors(
     samples: MotionSamples,
     start: tuple[float, ...],
 ) -> tuple[TrackingError, TrackingError, TrackingError]:
-    """Return the errors without compensation, by sign(v), and with memory."""
+    """Return the errors without compensation, with sign(v), and with hysteresis."""
     by_sign, with_memory = forwards
     pose = np.array(start)
     return (
@@ -96,7 +96,7 @@ def errors(
 
 
 @pytest.mark.parametrize("start", FROM)
-def test_lines_and_a_spline_from_rest_are_followed_ten_times_closer(
+def test_the_error_of_lines_and_a_spline_from_rest_is_a_tenth(
     elastic: LoadedCell, forwards: tuple[OnlineFeedforward, ...], start: tuple[float, ...]
 ) -> None:
     path = PathMotion.model_validate_json(json.dumps(yaml.safe_load(PATH)))
@@ -109,7 +109,7 @@ def test_lines_and_a_spline_from_rest_are_followed_ten_times_closer(
     assert with_memory.max_m < by_sign.max_m / 3.0
 
 
-def test_off_line_memory_is_followed_along_the_plan(
+def test_off_line_the_hysteresis_state_follows_the_plan(
     elastic: LoadedCell, models: tuple[Estimate, Estimate], loops: list[VelocityLoop]
 ) -> None:
     """The presliding state at the start is unknown: the mean error improves, the first does not."""
@@ -130,7 +130,7 @@ def test_off_line_memory_is_followed_along_the_plan(
 
 
 @pytest.mark.parametrize("title", [FIRST, "circle of 50 cm at 0.3 m/s"])
-def test_circles_are_followed_no_worse(
+def test_the_error_of_circles_does_not_increase(
     elastic: LoadedCell, forwards: tuple[OnlineFeedforward, ...], title: str
 ) -> None:
     motion = CircleMotion.model_validate_json(circle_text(CIRCLES[title], 2))

@@ -1,4 +1,4 @@
-"""The on-line stage: what it makes of good points, and that nothing bad comes out of bad ones."""
+"""On-line stage: feedforward for good points, and stops or refusals for bad ones."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def forward() -> OnlineFeedforward:
 
 
 class TestGoodPoints:
-    def test_every_point_is_passed_in_its_cycle(self, forward: OnlineFeedforward) -> None:
+    def test_every_point_is_sent_in_its_cycle(self, forward: OnlineFeedforward) -> None:
         samples = planned()
         source = source_of(forward, samples.position)
         points = drive(source)
@@ -60,8 +60,10 @@ class TestGoodPoints:
         assert source.notes == []
         held_limits(points)
 
-    def test_the_feedforward_is_that_of_the_whole_motion(self, forward: OnlineFeedforward) -> None:
-        """Off line, with the whole motion at hand, the same inverse gives the same speeds."""
+    def test_the_feedforward_equals_that_of_the_whole_motion(
+        self, forward: OnlineFeedforward
+    ) -> None:
+        """The same inverse, off line with the whole motion, gives the same speeds."""
         samples = planned()
         _, _, ahead = arrays(drive(source_of(forward, samples.position)))
         model, parameters = true_model(CELL)
@@ -74,9 +76,7 @@ class TestGoodPoints:
         # When a joint starts to move or reverses, its friction changes within some cycles.
         assert np.mean(difference < 2e-3) > 0.95
 
-    def test_at_rest_nothing_is_asked_for_whatever_the_load(
-        self, forward: OnlineFeedforward
-    ) -> None:
+    def test_at_rest_the_feedforward_is_zero_for_any_load(self, forward: OnlineFeedforward) -> None:
         pose = np.tile([0.3, -0.4, 0.5], (50, 1))
         assert np.abs(arrays(drive(source_of(forward, pose)))[2]).max() < 1e-12
 
@@ -94,7 +94,7 @@ class TestGoodPoints:
         np.testing.assert_array_equal(velocity, ahead)
         assert source.notes == []
 
-    def test_phases_and_rows_of_a_file_are_kept(self, forward: OnlineFeedforward) -> None:
+    def test_phases_and_period_of_a_file_are_kept(self, forward: OnlineFeedforward) -> None:
         samples = planned()
         ring = PointRing.create(3, len(samples))
         ring.write(np.asarray(samples.position))
@@ -111,7 +111,7 @@ class TestGoodPoints:
 
 
 class TestStops:
-    def test_a_stalled_stream_is_a_stop_on_the_path(self, forward: OnlineFeedforward) -> None:
+    def test_a_stalled_stream_stops_the_robot_on_its_path(self, forward: OnlineFeedforward) -> None:
         path = waves(3, 500)
         source = source_of(forward, path, end=False)
         points = drive(source)
@@ -125,9 +125,7 @@ class TestStops:
         assert points[-1].sample_index < len(path)
         assert points[-1].sample_index > 400, "as late as the limits allow"
 
-    def test_points_that_keep_coming_are_driven_without_end(
-        self, forward: OnlineFeedforward
-    ) -> None:
+    def test_an_endless_stream_of_points_is_driven(self, forward: OnlineFeedforward) -> None:
         path = waves(4, 3000)
         ring = PointRing.create(3, 100)
         assert ring.write(path) == 100
@@ -155,7 +153,7 @@ class TestStops:
             (lambda q: q + 0.005, "the acceleration of the path"),
         ],
     )
-    def test_a_bad_point_is_refused_before_the_robot_is_near_it(
+    def test_an_invalid_point_is_refused_before_the_robot_is_near_it(
         self, forward: OnlineFeedforward, spoil: Callable[[Points], Points], text: str
     ) -> None:
         path = waves(5, 600)
@@ -168,22 +166,20 @@ class TestStops:
         assert text in source.stop.text
         assert points[-1].sample_index < 400
 
-    def test_a_torque_that_the_joint_does_not_have_is_refused(
-        self, forward: OnlineFeedforward
-    ) -> None:
+    def test_a_torque_beyond_the_joints_limit_is_refused(self, forward: OnlineFeedforward) -> None:
         path = waves(6, 600, 1.0)
         speed = np.gradient(path, T, axis=0)
         model, parameters = true_model(CELL)
         needed = torque(model, path, speed, np.gradient(speed, T, axis=0), parameters)
         weak = np.array(forward.axes)
         weak[4, 0] = 0.95 * np.abs(needed[200:400, 0]).max()
-        weak.setflags(write=False)  # or the kernels are compiled for it by themselves
+        weak.setflags(write=False)  # otherwise the kernels are compiled for this type separately
         source = source_of(replace(forward, axes=weak), path, end=False)
         held_limits(drive(source))
         assert source.stop is not None
         assert source.stop.code is StopCode.POINTS_REFUSED
 
-    def test_a_path_that_ends_in_motion_is_refused_at_its_end(
+    def test_a_path_that_does_not_end_at_rest_is_refused_at_its_end(
         self, forward: OnlineFeedforward
     ) -> None:
         source = source_of(forward, waves(7, 500))
@@ -191,7 +187,7 @@ class TestStops:
         assert source.stop is not None
         assert source.stop.code is StopCode.POINTS_REFUSED
 
-    def test_what_the_feeder_says_is_told(self, forward: OnlineFeedforward) -> None:
+    def test_an_error_of_the_feeder_is_reported(self, forward: OnlineFeedforward) -> None:
         ring = PointRing.create(3, 500)
         ring.write(waves(8, 500))
         ring.fail(PointsFailed.LOST, "the client hung up")
@@ -204,15 +200,17 @@ class TestStops:
         assert source.stop.text.startswith("the client hung up.")
 
 
-class TestBeginnings:
+class TestStart:
     @pytest.mark.parametrize("count", [0, 1])
-    def test_too_few_points_to_stop_on_are_refused(
+    def test_fewer_points_than_a_stop_needs_are_refused(
         self, forward: OnlineFeedforward, count: int
     ) -> None:
         with raises_code(DriverError, "RID-STREAM-POINTS"):
             source_of(forward, waves(1, 10)[:count], end=False, capacity=10)
 
-    def test_a_path_that_begins_in_motion_is_refused(self, forward: OnlineFeedforward) -> None:
+    def test_a_path_that_does_not_start_at_rest_is_refused(
+        self, forward: OnlineFeedforward
+    ) -> None:
         with raises_code(ConfigError, "RID-STREAM-POINTS"):
             source_of(forward, waves(2, 500)[200:])
 
@@ -221,11 +219,11 @@ class TestBeginnings:
             PointSource(forward, PointRing.create(4, 10))
 
 
-class TestDoubt:
-    def test_a_torque_that_is_no_number_falls_back_to_plain_feedforward(
+class TestFallback:
+    def test_a_torque_that_is_not_a_number_falls_back_to_plain_feedforward(
         self, forward: OnlineFeedforward
     ) -> None:
-        """Between friction and springs of a wrong file anything may be divided by nothing."""
+        """A wrong model file can cause a division by zero in friction and spring terms."""
         samples = planned()
         sound = forward.torque.arrays
         links = np.array(sound[3])
@@ -255,12 +253,12 @@ class TestDoubt:
         assert by_row[300] == plain[300]
         assert "a cycle late 1 times" in " ".join(source.notes)
 
-    def test_a_correction_that_is_too_large_is_bounded_and_does_not_wind_up(
+    def test_a_correction_that_is_too_large_is_limited_without_wind_up(
         self, forward: OnlineFeedforward
     ) -> None:
         samples = planned()
         axes = np.array(forward.axes)
-        axes[5] /= 40.0  # gains that ask for corrections forty times as large
+        axes[5] /= 40.0  # gains that request corrections forty times as large
         axes.setflags(write=False)
         source = source_of(replace(forward, axes=axes), samples.position)
         points = drive(source)
@@ -276,13 +274,13 @@ class TestDoubt:
     forward=st.sampled_from([FORWARD, REMEMBERING]),
 )
 @example(stream=(np.zeros((30, 3)), [], True, []), prefill=0, capacity=20, forward=FORWARD)
-def test_whatever_comes_and_whenever_the_set_points_hold_every_limit_and_come_to_rest(
+def test_set_points_keep_every_limit_and_come_to_rest_for_any_stream(
     stream: tuple[Points, list[int], bool, list[int]],
     prefill: int,
     capacity: int,
     forward: OnlineFeedforward,
 ) -> None:
-    """Random, discontinuous, not a number, late, stopped."""
+    """Draw random, discontinuous, late, stopped or not finite points."""
     path, pace, end, late = stream
     ring = PointRing.create(3, capacity)
     sent = ring.write(path[:prefill])
@@ -320,5 +318,5 @@ def test_whatever_comes_and_whenever_the_set_points_hold_every_limit_and_come_to
     assert (source.stop is None) == (source._counts[STATE] == ARRIVED)
 
 
-def test_the_look_ahead_is_that_of_the_slowest_loop(forward: OnlineFeedforward) -> None:
+def test_the_look_ahead_suits_the_slowest_loop(forward: OnlineFeedforward) -> None:
     assert forward.delay_cycles == int(CYCLES_TO_ACT) + 1

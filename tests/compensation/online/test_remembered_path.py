@@ -1,4 +1,4 @@
-"""The stage with presliding hysteresis: along the path, during rest, and from earlier positions."""
+"""On-line stage with presliding hysteresis: on the path, at rest, and before the path."""
 
 from __future__ import annotations
 
@@ -35,16 +35,16 @@ from tests.builders.point_streams import (
 
 START = planned().position[0]
 REST_ROWS = 40
-AT_ONCE = slice(20, -5)  # the compensation is faded in by then
+AT_ONCE = slice(20, -5)  # the compensation has its full strength by then
 
 
 def counted(position: Points) -> NDArray[np.int32]:
-    """Return positions as an encoder of a microradian tells them."""
+    """Return positions as counts of an encoder with a resolution of one microradian."""
     return np.rint(1e6 * position).astype(np.int32)
 
 
 def watched(points: Points, seen: Points) -> PointSource:
-    """Return a source that saw the robot come to the path's start."""
+    """Return a source that received the robot's positions on the way to the path's start."""
     ring = PointRing.create(3, len(points))
     ring.write(points)
     ring.end()
@@ -57,7 +57,7 @@ def watched(points: Points, seen: Points) -> PointSource:
 
 
 def rested() -> tuple[Points, Points, Points]:
-    """Return q, v, a of a path that rests before it begins, and once on its way."""
+    """Return q, v, a of a path that rests before its start and once in the middle."""
     samples = planned()
     still = np.zeros((REST_ROWS, 3))
     first = np.tile(samples.position[0], (REST_ROWS, 1))
@@ -70,7 +70,7 @@ def rested() -> tuple[Points, Points, Points]:
 
 
 def expected(q: Points, v: Points, a: Points, seen: Points) -> Points:
-    """Return the speeds to send for friction that follows what was seen, then the path."""
+    """Return the speeds for friction whose state follows the earlier positions, then the path."""
     model, parameters = remembering()
     memory = Memory.along(presliding_of_model(model), np.concatenate([seen, q + (seen[-1] - q[0])]))
     own = Conditions(memory=memory.part(slice(len(seen), None)))
@@ -78,8 +78,8 @@ def expected(q: Points, v: Points, a: Points, seen: Points) -> Points:
 
 
 @pytest.mark.parametrize("way", [-1.0, 1.0])
-def test_the_speeds_are_those_of_friction_that_followed_approach_and_path(way: float) -> None:
-    """A pause on the path changes nothing of what joints remember."""
+def test_the_speeds_match_friction_along_approach_and_path(way: float) -> None:
+    """A pause on the path does not change the hysteresis state."""
     q, v, a = rested()
     seen = START + way * np.linspace(0.02, 0.0, 30)[:, np.newaxis] * [1.0, -1.0, 1.0]
     found = arrays(drive(watched(q, seen)))[2][1 : len(q) + 1]
@@ -90,15 +90,15 @@ def test_the_speeds_are_those_of_friction_that_followed_approach_and_path(way: f
     assert other.max() > 0.02, "coming from the other side would have been another matter"
 
 
-def test_a_path_that_nobody_saw_the_robot_come_to_begins_with_nothing_stretched() -> None:
+def test_without_earlier_positions_the_hysteresis_starts_unloaded() -> None:
     q, v, a = rested()
     found = arrays(drive(source_of(REMEMBERING, q)))[2][1 : len(q) + 1]
     difference = np.abs(found - expected(q, v, a, START[np.newaxis]))[AT_ONCE]
     assert difference.max() < 2e-3
 
 
-def test_joints_that_settle_on_the_first_point_are_seen_and_asked_for_nothing() -> None:
-    """Turned back while the path rests: that counts, and is no torque to be made."""
+def test_joints_that_settle_before_the_path_change_the_state_and_get_no_torque() -> None:
+    """The settling reverses joints while the path rests."""
     q, v, a = rested()
     seen = START + np.linspace(0.02, 0.0, 30)[:, np.newaxis] * [1.0, 1.0, 1.0]
     settling = START - np.outer(np.linspace(0.0, 1.0, 20), DISTANCES)
@@ -118,8 +118,8 @@ def test_joints_that_settle_on_the_first_point_are_seen_and_asked_for_nothing() 
     assert np.abs(found - wanted)[25:-5].max() < 2e-3
 
 
-def test_a_last_digit_that_flickers_turns_no_joint_round() -> None:
-    """Part of the friction builds up within less than one count of a coarse encoder."""
+def test_a_flickering_last_digit_does_not_reverse_a_joint() -> None:
+    """Part of the friction builds up within one count of a coarse encoder."""
     axes = REMEMBERING.axes.copy()
     axes[PRESLIDING + 1] = 0.5
     forward, count = replace(REMEMBERING, axes=axes), 2e-5
@@ -136,8 +136,8 @@ def test_a_last_digit_that_flickers_turns_no_joint_round() -> None:
     np.testing.assert_allclose(slides, 1.0, atol=1e-3)
 
 
-def test_what_a_path_that_was_stopped_remembers_is_where_it_went() -> None:
-    """Braked between its points, at a rate of its own: the state is that of the poses alone."""
+def test_after_a_stop_the_hysteresis_state_follows_the_actual_positions() -> None:
+    """The path was braked between its points: the state depends on the positions alone."""
     source = source_of(REMEMBERING, waves(3, 320), end=False)
     points = drive(source)
     held_limits(points)
@@ -148,7 +148,7 @@ def test_what_a_path_that_was_stopped_remembers_is_where_it_went() -> None:
     np.testing.assert_allclose(source._found[:, DIRECTION], memory.direction[-1], atol=1e-9)
 
 
-def test_a_model_without_presliding_is_not_watched() -> None:
+def test_a_model_without_presliding_ignores_positions() -> None:
     forward = replace(REMEMBERING, axes=REMEMBERING.axes.copy())
     forward.axes[PRESLIDING] = 0.0
     forward.axes.setflags(write=False)

@@ -1,4 +1,4 @@
-"""Whatever is streamed, the simulated axes keep their limits, do not jump, and come to rest."""
+"""Simulated axes keep their limits, do not jump, and come to rest for any stream."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from tests.builders.point_streams import (
 pytestmark = pytest.mark.slow
 
 TORQUE = np.array([limit.torque for limit in LIMITS])
-SETTLE_ROWS, REST_ROWS = 60, 150  # the loops' own ringing has died away
-FOLLOWING = 1.05  # a loop that follows overshoots a little
-JERKING = 2.5  # cogging, and friction that lets go, on top of what is commanded; 1.5 was seen
+SETTLE_ROWS, REST_ROWS = 60, 150  # the loops no longer ring
+FOLLOWING = 1.05  # a closed loop overshoots slightly
+JERKING = 2.5  # cogging and stick-slip, in addition to the command; 1.5 was measured
 AT_REST_RAD_S = 0.01
 GAIN_PER_S = CELL.config.position_gain_per_s
 

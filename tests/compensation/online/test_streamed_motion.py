@@ -24,7 +24,7 @@ def record(_: SetPointSource) -> RecordOutcome:
     raise AssertionError("it was begun")
 
 
-def test_a_motion_of_another_cycle_is_refused() -> None:
+def test_a_motion_of_another_cycle_time_is_refused() -> None:
     slower = CELL.config.model_copy(update={"cycle_time_ms": 2 * CELL.config.cycle_time_ms})
     with raises_code(ConfigError, "RID-MOTION-CYCLE"):
         stream_motion(slower, FORWARD, planned(), record)
@@ -41,13 +41,13 @@ def test_a_motion_that_comes_too_close_is_refused() -> None:
 
 
 @pytest.mark.parametrize("cycle_s", [0.001, 0.008])
-def test_a_buffer_holds_no_more_points_than_can_be_kept(cycle_s: float) -> None:
+def test_a_buffer_larger_than_the_ring_is_refused(cycle_s: float) -> None:
     assert buffer_points(MOST_NODES * cycle_s, cycle_s) == MOST_NODES
     with raises_code(ConfigError, "RID-OPTION-RANGE"):
         buffer_points((MOST_NODES + 1) * cycle_s, cycle_s)
 
 
-def test_a_server_of_points_that_dies_before_the_first_point_moves_nothing() -> None:
+def test_a_point_server_that_dies_before_the_first_point_moves_nothing() -> None:
     def kill() -> None:
         (server,) = (each for each in active_children() if each.name == "rid-daq points")
         server.kill()

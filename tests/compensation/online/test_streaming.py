@@ -1,4 +1,4 @@
-"""Points on their way to the stage: ring, bytes, iterator, socket."""
+"""Transport of points to the on-line stage: ring, bytes, iterator, socket."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def gate() -> PointGate:
 
 
 def drain(ring: PointRing, count: int) -> Points:
-    """Take points out as the stage does."""
+    """Take points out of the ring as the stage does."""
     read = ring.taken
     count = min(count, ring.written - read)
     rows = np.array([ring.rows[(read + k) % ring.capacity] for k in range(count)])
@@ -56,7 +56,7 @@ def drain(ring: PointRing, count: int) -> Points:
 
 class TestRing:
     @given(st.integers(1, 20), st.lists(st.tuples(st.integers(0, 30), st.integers(0, 30))))
-    def test_every_point_comes_out_once_and_in_order(
+    def test_every_point_is_read_once_and_in_order(
         self, capacity: int, steps: list[tuple[int, int]]
     ) -> None:
         ring = PointRing.create(3, capacity)
@@ -68,7 +68,7 @@ class TestRing:
         got.append(drain(ring, capacity))
         np.testing.assert_array_equal(np.concatenate(got), path[:sent])
 
-    def test_what_comes_first_counts_an_end_or_a_failure(self) -> None:
+    def test_the_first_end_or_failure_is_kept(self) -> None:
         ended, failed = PointRing.create(3, 4), PointRing.create(3, 4)
         ended.end()
         ended.fail(PointsFailed.LOST, "too late")
@@ -79,14 +79,16 @@ class TestRing:
         assert not failed.ended
         assert set(failed.failure) == {"ä"}
 
-    def test_nothing_cannot_be_kept(self) -> None:
+    def test_a_ring_without_room_is_refused(self) -> None:
         with raises_code(ConfigError, "RID-INTERNAL-ERROR"):
             PointRing.create(3, 0)
 
 
 class TestBytes:
     @given(st.lists(st.integers(1, 9), max_size=8), st.integers(1, 50))
-    def test_points_survive_any_cut_of_their_bytes(self, counts: list[int], cut: int) -> None:
+    def test_points_are_decoded_for_any_split_of_their_bytes(
+        self, counts: list[int], cut: int
+    ) -> None:
         path = path_of(sum(counts))
         data, at = bytearray(HELLO), 0
         for count in counts:
@@ -109,19 +111,19 @@ class TestBytes:
             (HELLO + struct.pack("<II", 0, 0), "the end"),
         ],
     )
-    def test_anything_else_is_refused(self, data: bytes, detail: str) -> None:
+    def test_any_other_bytes_are_refused(self, data: bytes, detail: str) -> None:
         with raises_code(ProtocolError, "RID-STREAM-PROTOCOL", detail):
             PointDecoder(3).decode(data)
 
 
 class TestIterator:
-    def test_points_one_by_one_and_in_blocks(self) -> None:
+    def test_points_are_accepted_one_by_one_and_in_blocks(self) -> None:
         path, ring = path_of(7), PointRing.create(3, 10)
         feed(ring, gate(), [path[0], path[1:4], path[4], path[5:]])
         np.testing.assert_array_equal(drain(ring, 10), path)
         assert ring.ended
 
-    def test_a_full_ring_holds_the_iterator_up(self) -> None:
+    def test_a_full_ring_blocks_the_iterator(self) -> None:
         path, ring = path_of(500), PointRing.create(3, 20)
         asked = 0
 
@@ -151,7 +153,7 @@ class TestIterator:
         assert ring.failed is PointsFailed.LOST
         assert "no inverse kinematics here" in ring.failure
 
-    def test_one_that_raises_at_once_is_a_clear_error(self) -> None:
+    def test_an_iterator_that_raises_at_once_is_a_clear_error(self) -> None:
         def no_file() -> Points:
             raise ValueError("no file")
 
@@ -171,7 +173,7 @@ class TestIterator:
         assert ring.failed is PointsFailed.REFUSED
         assert "3 joints are needed" in ring.failure
 
-    def test_a_collision_is_refused_with_the_points_before_it_kept(self) -> None:
+    def test_a_collision_is_refused_and_earlier_points_are_kept(self) -> None:
         workspace = Workspace(planes=(Plane(name="wall", normal=(-1.0, 0.0, 0.0), offset_m=-0.6),))
         ring = PointRing.create(3, 500)
         points = np.zeros((400, 3))
@@ -184,7 +186,7 @@ class TestIterator:
 
 @contextlib.contextmanager
 def serving(silence_s: float) -> Iterator[tuple[Path, PointRing]]:
-    """The server in a thread of this process, at a socket in a folder of our own."""
+    """Run the server in a thread of this process, at a socket in a private folder."""
     ring = PointRing.create(3, 50)
     over = threading.Event()
     with tempfile.TemporaryDirectory() as folder, listening(Path(folder) / "points") as listener:
@@ -202,7 +204,7 @@ def serving(silence_s: float) -> Iterator[tuple[Path, PointRing]]:
 
 @pytest.fixture
 def served() -> Iterator[tuple[Path, PointRing]]:
-    """A server that waits for a client whose processor is busy."""
+    """A server with a long timeout, for a client on a busy computer."""
     with serving(silence_s=600.0) as path_and_ring:
         yield path_and_ring
 
@@ -228,7 +230,7 @@ def until(condition: Callable[[], bool]) -> None:
 
 
 def guide_client() -> Any:
-    """The client that the guide shows."""
+    """Return the client that the guide shows."""
     text = GUIDE.read_text()
     code = text.split("```python\n", 1)[1].split("```", 1)[0]
     namespace: dict[str, Any] = {}
@@ -237,7 +239,7 @@ def guide_client() -> Any:
 
 
 class TestSocket:
-    def test_the_guides_client_sends_a_path_and_hears_what_became_of_it(
+    def test_the_guides_client_sends_a_path_and_receives_its_outcome(
         self, served: tuple[Path, PointRing]
     ) -> None:
         path, ring = served
@@ -273,7 +275,7 @@ class TestSocket:
             (HELLO + struct.pack("<I", 5000), False, "a frame of 5000 points"),
         ],
     )
-    def test_a_client_that_dies_stalls_or_misbehaves_fails_the_stream(
+    def test_a_client_that_dies_stalls_or_sends_errors_fails_the_stream(
         self, data: bytes, hang_up: bool, text: str
     ) -> None:
         good = struct.pack("<I", 5) + path_of(5).tobytes() if data == HELLO else b""
@@ -288,7 +290,7 @@ class TestSocket:
         assert ring.written == (5 if good else 0), "what came before counts"
         assert re.search(text, ring.failure)
 
-    def test_there_is_one_client(self, served: tuple[Path, PointRing]) -> None:
+    def test_a_second_client_is_refused(self, served: tuple[Path, PointRing]) -> None:
         path, ring = served
         with client(path) as first:
             first.recv(10)
@@ -297,7 +299,7 @@ class TestSocket:
             until(lambda: ring.ended)
 
     @pytest.mark.fault(46)
-    def test_a_second_session_is_refused_and_the_first_hears_nothing_of_it(
+    def test_a_second_session_is_refused_without_effect_on_the_first(
         self, served: tuple[Path, PointRing], measured: Callable[[str], None]
     ) -> None:
         path, ring = served
@@ -311,7 +313,7 @@ class TestSocket:
                 )
             assert path.is_socket()
 
-        second_is_refused()  # while the first waits
+        second_is_refused()  # while the first one waits
         with client(path) as first:
             first.recv(500)
             until(lambda: refused(path))
@@ -321,7 +323,7 @@ class TestSocket:
         np.testing.assert_array_equal(drain(ring, 50), points)
         measured("refused while the first waits and while it is served; its points: 0 changed")
 
-    def test_what_a_killed_session_left_is_taken_over(self, tmp_path: Path) -> None:
+    def test_the_socket_of_a_killed_session_is_reused(self, tmp_path: Path) -> None:
         tmp_path.chmod(0o700)
         path = tmp_path / "points"
         program = f"""
@@ -337,7 +339,7 @@ with listening(Path({str(path)!r})):
             client(path).close()
         assert [*tmp_path.iterdir()] == []
 
-    def test_a_folder_that_is_open_to_others_is_refused(self, tmp_path: Path) -> None:
+    def test_a_folder_accessible_to_others_is_refused(self, tmp_path: Path) -> None:
         tmp_path.chmod(0o755)
         with (
             raises_code(TransportError, "RID-SOCKET-PATH", "700"),
@@ -346,7 +348,7 @@ with listening(Path({str(path)!r})):
             pass
         assert [*tmp_path.iterdir()] == []
 
-    def test_a_socket_left_by_a_dead_program_is_replaced_a_living_one_is_not(self) -> None:
+    def test_a_socket_of_a_dead_program_is_replaced_and_a_live_one_is_not(self) -> None:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "points"
             with socket.socket(socket.AF_UNIX) as other:
@@ -363,7 +365,7 @@ with listening(Path({str(path)!r})):
                     pass
                 assert not refused(path)
 
-    def test_a_path_that_is_too_long_is_told(self) -> None:
+    def test_a_socket_path_that_is_too_long_is_refused(self) -> None:
         with (
             raises_code(TransportError, "RID-SOCKET-PATH", "107"),
             listening(Path("/tmp") / ("x" * 120) / "points"),

@@ -1,4 +1,4 @@
-"""The simulated arm with all that no model has: identified, timed, compensated, driven."""
+"""Timed motions on the simulated arm with every unmodelled effect: identify, time, compensate."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def tool_error_m(robot: RobotDescription, wanted: FloatArray, found: FloatArray)
 
 
 def trapezoid_s(curve: JointCurve, model: Estimate, limits: TimingLimits, cycle_s: float) -> float:
-    """Return the time of the fastest constant speed and acceleration along a path in all limits."""
+    """Return the shortest time of a path at constant speed and acceleration within all limits."""
     begin, end = curve.ends
     length, best = end - begin, np.inf
     for speed in np.linspace(0.2, 2.0, 19):
@@ -80,7 +80,7 @@ def trapezoid_s(curve: JointCurve, model: Estimate, limits: TimingLimits, cycle_
 
 
 def within_mechanics(robot: RobotDescription, share: float) -> RobotDescription:
-    """Return a robot with its mechanical acceleration limits and a share of its torques."""
+    """Return a robot with its mechanical acceleration limits and a fraction of its torques."""
     joints = tuple(
         joint.model_copy(
             update={
@@ -119,7 +119,7 @@ def driven(
 
 
 @pytest.mark.parametrize("share", [1.0, 0.7])
-def test_a_timed_pick_and_place_keeps_its_torques_and_its_path(
+def test_a_timed_pick_and_place_keeps_its_torque_limits_and_its_path(
     share: float, cell: LoadedCell, drive: Drive, model: Estimate, loops: list[VelocityLoop]
 ) -> None:
     cycle_s, robot = cell.config.cycle_time_s, within_mechanics(model.robot, share)
@@ -149,10 +149,10 @@ def test_a_timed_pick_and_place_keeps_its_torques_and_its_path(
     assert fast_m.max() <= 3.0 * slow_m.max()
 
 
-def test_the_base_feels_no_more_than_it_may(
+def test_the_base_reaction_stays_within_its_limit(
     cell: LoadedCell, drive: Drive, model: Estimate, loops: list[VelocityLoop]
 ) -> None:
-    """By the true inertias, known to 1 %; the plant's own reaction is the judge."""
+    """The motion is timed with inertias known to 1 %; the plant's own reaction is compared."""
     assert cell.plant is not None
     robot = within_mechanics(cell.robot, 1.0)
     whole = RobotModel.from_description(robot)

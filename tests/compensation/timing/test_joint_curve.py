@@ -1,4 +1,4 @@
-"""The way of a motion, without its timing."""
+"""Geometry of a motion without its timing."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def planned(**more: object) -> MotionSamples:
     return motion.plan(load_robot("ir361"), 0.004)
 
 
-def test_a_curve_keeps_every_row_of_its_motion() -> None:
+def test_a_curve_contains_every_row_of_its_motion() -> None:
     samples = planned()
     rest_s, (way,) = curves_of(samples, SPEEDS)
     assert rest_s == pytest.approx(0.2, abs=0.01)
@@ -37,7 +37,7 @@ def test_a_curve_keeps_every_row_of_its_motion() -> None:
     assert (np.linalg.norm(slope / SPEEDS, axis=1) > 0.9).all()
 
 
-def test_a_slower_motion_is_the_same_curve() -> None:
+def test_a_slower_motion_gives_the_same_curve() -> None:
     fast, slow = (curves_of(planned(speed_fraction=x), SPEEDS)[1][0].curve for x in (0.8, 0.3))
     np.testing.assert_allclose(fast.ends, slow.ends, rtol=1e-4)
     at = np.linspace(*slow.ends, 40)
@@ -46,7 +46,7 @@ def test_a_slower_motion_is_the_same_curve() -> None:
     )
 
 
-def test_a_path_that_stops_in_its_corners_is_several() -> None:
+def test_a_path_that_stops_at_corners_is_split_there() -> None:
     motion = MotionFile.model_validate(
         {
             "kind": "path",
@@ -71,6 +71,7 @@ def test_a_path_that_stops_in_its_corners_is_several() -> None:
     )
 
 
+<<<<<<< HEAD
 def test_a_path_that_turns_back_is_several() -> None:
     """The rows of the motion jump over the pose in which it turns."""
     first, turn = POINTS[:2]
@@ -83,19 +84,22 @@ def test_a_path_that_turns_back_is_several() -> None:
 
 
 def still(rows: np.ndarray) -> MotionSamples:
+=======
+def at_rest(rows: np.ndarray) -> MotionSamples:
+>>>>>>> 6862303e (Name tests of drivers, motions and payloads plainly)
     zero = np.zeros_like(rows)
     return MotionSamples(
         ("a", "b", "c"), 0.004, rows, zero, zero, np.full(len(rows), Phase.MAIN, np.uint8)
     )
 
 
-def test_a_motion_that_goes_nowhere_is_refused() -> None:
+def test_a_motion_without_travel_is_refused() -> None:
     with raises_code(ConfigError, "RID-TIMING-SHAPE"):
-        curves_of(still(np.zeros((20, 3))), SPEEDS)
+        curves_of(at_rest(np.zeros((20, 3))), SPEEDS)
 
 
 def spiral(turns: float, rows: int) -> MotionSamples:
-    """Return turns of the first two joints while the third goes on, from rest to rest."""
+    """Return a motion from rest to rest: turns of joints 1 and 2 while joint 3 advances."""
     share = np.linspace(0.0, 1.0, rows)
     place = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
     angle = 2.0 * np.pi * turns * place
@@ -106,13 +110,13 @@ def spiral(turns: float, rows: int) -> MotionSamples:
     return MotionSamples(("a", "b", "c"), 0.004, position, velocity, 0.0 * velocity, phase)
 
 
-def test_a_long_way_is_told_by_more_poses() -> None:
+def test_a_long_path_has_more_poses() -> None:
     _, (way,) = curves_of(spiral(150.0, 20_000), SPEEDS)
     assert 1000 < len(way.curve.curve.x) <= 8001
     assert way.off < 2e-4
 
 
-def test_a_way_that_is_too_long_or_too_jagged_is_refused_for_what_it_is() -> None:
+def test_a_path_too_long_or_too_jagged_is_refused_with_the_reason() -> None:
     with raises_code(ConfigError, "RID-TIMING-SHAPE", "8,000"):
         curves_of(spiral(1500.0, 60_000), SPEEDS)
     with raises_code(ConfigError, "RID-TIMING-SHAPE"):

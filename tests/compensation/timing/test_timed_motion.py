@@ -1,4 +1,4 @@
-"""A motion file timed by an identified model: what is written, and how sure it is."""
+"""Motion file timed by an identified model: its content and its safety margin."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def cell() -> LoadedCell:
 
 @pytest.fixture(scope="module")
 def model(cell: LoadedCell) -> Estimate:
-    """Return the true values, each known to 1 %."""
+    """Return the true values with an uncertainty of 1 %."""
     found = known(cell, {})
     covariance = np.diag((0.01 * found.values) ** 2)
     return replace(found, covariance_jackknife=covariance, residual_nm=np.array([4.0, 4.0, 1.5]))
@@ -73,7 +73,7 @@ def points(cell: LoadedCell) -> MotionSamples:
 
 
 def within(timed: TimedMotion, cell: LoadedCell, model: Estimate) -> MotionSamples:
-    """Plan what was written as `record` does, and hold it against robot and model."""
+    """Plan the written motion as `record` does, and compare it with robot and model."""
     again = MotionFile.model_validate_json(timed.motion.model_dump_json()).root
     assert again == timed.motion
     samples = again.plan(cell.robot, cell.config.cycle_time_s)
@@ -84,7 +84,7 @@ def within(timed: TimedMotion, cell: LoadedCell, model: Estimate) -> MotionSampl
     return samples
 
 
-def test_a_timed_motion_is_faster_and_keeps_to_the_path(
+def test_a_timed_motion_is_faster_and_keeps_its_path(
     cell: LoadedCell, model: Estimate, limits: TimingLimits
 ) -> None:
     samples = points(cell)
@@ -107,7 +107,7 @@ def test_tool_paths_are_timed(
     within(timed, cell, model)
 
 
-def test_what_is_uncertain_is_kept_free(
+def test_a_margin_for_the_uncertainty_stays_unused(
     cell: LoadedCell, model: Estimate, limits: TimingLimits
 ) -> None:
     samples = points(cell)
@@ -124,10 +124,10 @@ def test_what_is_uncertain_is_kept_free(
     assert surely.moving_s > careful.moving_s
 
 
-def test_a_margin_is_what_draws_of_the_parameters_scatter(
+def test_the_margin_equals_the_scatter_of_random_parameters(
     cell: LoadedCell, model: Estimate
 ) -> None:
-    """The same standard deviation out of 3,000 robots that the estimate takes for possible."""
+    """Compare with the standard deviation over 3,000 robots drawn from the estimate."""
     exact = replace(model, residual_nm=np.zeros(3))
     samples = points(cell)
     rows = slice(40, 60)
@@ -147,7 +147,7 @@ def within_path(samples: MotionSamples) -> Any:
     return JointTrajectory(samples.position, samples.velocity, samples.acceleration)
 
 
-def test_a_torque_that_is_too_small_is_named(
+def test_a_torque_limit_that_is_too_small_is_named(
     cell: LoadedCell, model: Estimate, limits: TimingLimits
 ) -> None:
     weak = replace(limits, torque=limits.torque * np.array([1.0, 0.02, 1.0]))
@@ -155,7 +155,7 @@ def test_a_torque_that_is_too_small_is_named(
         retime_path(points(cell), cell.robot, model, weak)
 
 
-def test_the_internal_model_knows_no_base(
+def test_a_limit_of_the_base_needs_a_model_of_the_base(
     cell: LoadedCell, model: Estimate, limits: TimingLimits
 ) -> None:
     with raises_code(ConfigError, "RID-MODEL-NOT-COMBINED"):

@@ -1,4 +1,4 @@
-"""A path timed to its limits: optima in closed form, what is odd about paths, and a judge."""
+"""Path timed to its limits: analytic optima, special paths, and an independent check."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def axis(name: str, kind: str = "revolute", torque: float = 20.0, **more: object
 
 
 def arm(*joints: Joint, alpha: float = math.pi / 2) -> RobotDescription:
-    """Return a chain whose first axis is horizontal, the others parallel to it, links of 0.5 m."""
+    """Return a chain of links of 0.5 m: axis 1 is horizontal, the others are parallel to it."""
     rows = [KinematicRow(alpha_rad=alpha)] + [KinematicRow(a_m=ARM)] * (len(joints) - 1)
     return RobotDescription(
         name="few",
@@ -50,7 +50,7 @@ def arm(*joints: Joint, alpha: float = math.pi / 2) -> RobotDescription:
 
 
 def torque_of(robot: RobotDescription, **own: float) -> SampleTorque:
-    """Return a model of point masses at the links' ends, and friction as named."""
+    """Return a model of point masses at the link ends with the given friction."""
     model = RobotModel.from_description(robot)
     theta = np.zeros(len(model.parameter_names))
     for link in range(len(robot.joints)):
@@ -76,15 +76,15 @@ def straight(*poses: tuple[float, ...]) -> JointCurve:
     return JointCurve.through(points, np.ones(points.shape[1]))
 
 
-def test_a_mass_is_pushed_half_way_and_braked_the_other_half() -> None:
+def test_a_mass_accelerates_half_the_way_and_brakes_the_other_half() -> None:
     """T = 2 sqrt(d m / F)."""
     timer = timer_of(arm(axis("slide", "prismatic", 20.0)))
     found = scanned(timer, straight((0.0,), (1.5,)))
     assert found.time_s[-1] == pytest.approx(2.0 * math.sqrt(1.5 * MASS / 20.0), rel=1e-6)
 
 
-def test_dry_friction_pushes_the_turning_point_back() -> None:
-    """Accelerated by F - f, braked by F + f."""
+def test_coulomb_friction_moves_the_switching_point() -> None:
+    """The mass accelerates with F - f and brakes with F + f."""
     robot = arm(axis("slide", "prismatic", 20.0, friction=("coulomb",)))
     timer = timer_of(robot, fc_slide=5.0)
     found = scanned(timer, straight((0.0,), (1.5,)))
@@ -93,7 +93,7 @@ def test_dry_friction_pushes_the_turning_point_back() -> None:
     assert found.time_s[-1] == pytest.approx(fastest_m_s * (1.0 / up + 1.0 / down), rel=2e-3)
 
 
-def test_viscous_friction_bounds_the_speed_exactly() -> None:
+def test_viscous_friction_limits_the_speed_exactly() -> None:
     """m dv/dt = F - c v while the speed grows; v = F / c is never exceeded."""
     robot = arm(axis("slide", "prismatic", 20.0, friction=("viscous",)))
     timer = timer_of(robot, fv_slide=10.0)
@@ -104,14 +104,14 @@ def test_viscous_friction_bounds_the_speed_exactly() -> None:
     assert np.sqrt(found.x).max() * 5.5 / found.length[-1] <= 2.0
 
 
-def test_a_pendulum_swings_with_all_its_torque() -> None:
-    """The energy of the two torques determines the start of braking and the duration."""
+def test_a_pendulum_swings_with_its_full_torque() -> None:
+    """The energy of the two torques gives the start of braking and the duration."""
     torque, inertia, weight = 20.0, MASS * ARM**2, MASS * ARM * 9.81
     timer = timer_of(arm(axis("swing", torque=torque)))
     begin, end = -1.2, 1.0
     found = scanned(timer, straight((begin,), (end,)))
 
-    def lift(q: float) -> float:  # the angle is counted from the horizontal
+    def lift(q: float) -> float:  # the angle is measured from the horizontal
         return weight * (math.sin(q) - math.sin(begin))
 
     switch = 0.5 * (begin + end + lift(end) / torque)
@@ -126,14 +126,14 @@ def test_a_pendulum_swings_with_all_its_torque() -> None:
     assert found.time_s[-1] == pytest.approx(up + down, rel=2e-3)
 
 
-def test_gravity_that_exceeds_a_torque_is_told_with_joint_and_pose() -> None:
+def test_gravity_beyond_a_torque_limit_is_refused_with_joint_and_pose() -> None:
     timer = timer_of(arm(axis("shoulder", torque=9.0)))
     with raises_code(LimitError, "RID-TIMING-NOT-FEASIBLE", "9.8"):
         timer.timed(straight((-1.4,), (1.4,)))
 
 
 def zero_inertia_path() -> tuple[PathTimer, JointCurve]:
-    """Joint 2 turns against joint 1 so that the first one's acceleration stops being felt."""
+    """Return a path on which joint 2 turns against joint 1 and cancels its inertia."""
     robot = arm(axis("one", torque=60.0), axis("two", torque=25.0))
     return timer_of(robot), straight((-0.8, 1.2), (0.0, 0.0), (0.2, -1.5), (0.9, -2.2), (1.2, -1.0))
 
@@ -149,7 +149,7 @@ def test_zero_inertia_points_are_passed_within_the_limits() -> None:
     assert (len(timed.torque) - 1) * timer.cycle_s <= 1.01 * best
 
 
-def test_the_speed_is_below_the_limit_curve_and_touches_a_limit_everywhere() -> None:
+def test_the_speed_touches_a_limit_everywhere() -> None:
     timer, curve = zero_inertia_path()
     dynamics = PathDynamics.of(curve, timer.robot, timer.torque, 500)
     rows = PathRows.of(dynamics, timer.limits)
@@ -165,7 +165,7 @@ def test_the_speed_is_below_the_limit_curve_and_touches_a_limit_everywhere() -> 
     assert np.quantile(np.maximum(*both), 0.02) > 0.99
 
 
-def test_ends_that_are_not_at_rest() -> None:
+def test_a_path_may_start_and_end_in_motion() -> None:
     timer = timer_of(arm(axis("slide", "prismatic", 20.0)))
     curve = straight((0.0,), (1.5,))
     timed = timer.timed(curve, ends=(1.0, 2.0))
@@ -177,7 +177,7 @@ def test_ends_that_are_not_at_rest() -> None:
         timer.timed(curve, ends=(9.0, 0.0))
 
 
-def test_a_circle_is_closed_in_speed_too() -> None:
+def test_a_circle_has_equal_speed_at_start_and_end() -> None:
     robot = arm(axis("one", torque=60.0), axis("two", torque=25.0))
     timer = timer_of(robot)
     angle = np.linspace(0.0, 2.0 * math.pi, 60)
@@ -190,8 +190,8 @@ def test_a_circle_is_closed_in_speed_too() -> None:
     assert timed.profile.time_s[-1] < open_too.profile.time_s[-1]
 
 
-def test_a_tiny_way_and_a_joint_that_stands_still() -> None:
-    """A small motion is not ignored, and a rounding error does not count as a direction."""
+def test_a_tiny_motion_is_timed_and_a_joint_at_rest_is_ignored() -> None:
+    """A small motion is not ignored, and a rounding error is not a direction."""
     robot = arm(axis("one", torque=60.0), axis("two", torque=25.0, friction=("coulomb",)))
     timer = timer_of(robot, fc_two=3.0)
     for way in (1e-6, 1e-3, 1.0):
@@ -201,7 +201,7 @@ def test_a_tiny_way_and_a_joint_that_stands_still() -> None:
         assert np.isfinite(timed.path.acceleration).all()
 
 
-def test_jerk_and_torque_rate_are_kept_to() -> None:
+def test_limits_of_jerk_and_torque_rate_are_kept() -> None:
     timer, curve = zero_inertia_path()
     plain = timer.timed(curve)
     rate, jerk = np.array([1500.0, 600.0]), np.array([1500.0, 2500.0])
@@ -214,7 +214,7 @@ def test_jerk_and_torque_rate_are_kept_to() -> None:
     assert len(soft.torque) > len(plain.torque)
 
 
-def test_the_mean_square_of_a_torque_is_kept_to() -> None:
+def test_the_limit_of_the_rms_torque_is_kept() -> None:
     timer, curve = zero_inertia_path()
     plain = np.sqrt(np.mean(timer.timed(curve).torque ** 2, axis=0))
     limits = replace(timer.limits, torque_rms=0.9 * plain)
@@ -225,7 +225,7 @@ def test_the_mean_square_of_a_torque_is_kept_to() -> None:
         replace(timer, limits=replace(limits, torque_rms=0.1 * plain)).timed(curve)
 
 
-def test_the_base_is_spared() -> None:
+def test_the_limit_of_the_base_reaction_is_kept() -> None:
     timer, curve = zero_inertia_path()
     plain = np.abs(timer.timed(curve).wrench).max(axis=0)
     base = np.array([0.7 * plain[0], np.inf, np.inf, np.inf, 0.9 * plain[4], np.inf])
@@ -242,7 +242,7 @@ FEW: list[dict[str, Any]] = [
 
 @settings(max_examples=12)
 @given(seed=st.integers(0, 10_000), share=st.floats(0.45, 1.0), cycle_ms=st.sampled_from([2, 5]))
-def test_no_row_exceeds_a_limit_whatever_friction_and_gears(
+def test_no_row_exceeds_a_limit_for_any_friction_and_gears(
     seed: int, share: float, cycle_ms: int
 ) -> None:
     rng = np.random.default_rng(seed)
@@ -276,7 +276,7 @@ def six() -> SixAxes:
     return SixAxes.ur10e()
 
 
-def test_pinocchio_and_friction_of_its_own_find_no_row_above_a_limit(six: SixAxes) -> None:
+def test_pinocchio_and_separate_friction_find_no_row_above_a_limit(six: SixAxes) -> None:
     timer = PathTimer(six.robot, six.torque, six.limits, 0.004)
     for seed in range(3):
         timed = timer.timed(six.spline(seed)[0])
@@ -286,8 +286,7 @@ def test_pinocchio_and_friction_of_its_own_find_no_row_above_a_limit(six: SixAxe
         assert shares.max() > 0.99
 
 
-def test_what_a_row_takes_adds_up_to_its_motion(six: SixAxes) -> None:
-    """Velocities and accelerations are the positions' own."""
+def test_velocity_and_acceleration_are_the_derivatives_of_the_positions(six: SixAxes) -> None:
     path = PathTimer(six.robot, six.torque, six.limits, 0.001).timed(six.spline(3)[0]).path
     rates: tuple[tuple[FloatArray, FloatArray, float], ...] = (
         (path.position, path.velocity, 2e-4),

@@ -1,4 +1,4 @@
-"""Profiles: what they may say; and what their rows ask of a serial line."""
+"""Amplifier profiles: allowed content, and the data rate that their rows need."""
 
 from __future__ import annotations
 
@@ -67,25 +67,25 @@ def test_mistakes_in_a_profile_are_named() -> None:
         ("binary", 460800, 1563),
     ],
 )
-def test_what_a_line_carries(form: str, baud_rate: int, rows: int) -> None:
+def test_the_data_rate_of_a_line_is_computed(form: str, baud_rate: int, rows: int) -> None:
     settings = amplifier(format=form, baud_rate=baud_rate)
     assert int(highest_rate_hz(settings, PROFILE, 0.008)) == rows
     require_line(amplifier(format=form, baud_rate=baud_rate, rate_hz=float(rows)), PROFILE, 0.008)
 
 
-def test_trigger_edges_count_on_the_line() -> None:
+def test_trigger_edges_are_part_of_the_data_rate() -> None:
     quiet, triggered = amplifier(), amplifier(trigger=True)
     more = line_load(triggered, PROFILE, 0.008) - line_load(quiet, PROFILE, 0.008)
     assert more == pytest.approx(14 * 125 * 10 / 460800)
 
 
-def test_a_stream_that_cannot_work_is_refused_with_what_would_do() -> None:
+def test_a_stream_beyond_the_data_rate_is_refused_with_values_that_fit() -> None:
     ways = ("rate_hz 599", "baud_rate 921600", "format binary")
     with raises_code(ConfigError, "RID-AMPLIFIER-LINE-LOAD", "158 %", "460800 baud", *ways):
         require_line(amplifier(format="ascii"), PROFILE, 0.008)
 
 
-def test_the_cell_file_is_where_it_is_refused(tmp_path: Path) -> None:
+def test_the_refusal_names_the_cell_file(tmp_path: Path) -> None:
     text = load_cell("ir361").files["cell.yaml"].decode()
     path = tmp_path / "cell.yaml"
     path.write_text(

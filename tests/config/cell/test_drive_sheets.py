@@ -1,4 +1,4 @@
-"""A cell file that names its drives' data sheets: found, read, kept, and read again from a run."""
+"""Data sheets named in a cell file: found, read, kept with a run, and read again from it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SHEET = "[DeviceInfo]\nVendorNumber=0xFB\nProductNumber=7\nRevisionNumber=0x1000
 
 
 def cell(folder: Path, *axes: str) -> str:
-    """Write a cell of three axes, each with these keys more, and return its path."""
+    """Write a cell of three axes, each with these additional keys, and return its path."""
     text = load_cell("ir361").files["cell.yaml"].decode()
     for number, keys in enumerate(axes, start=1):
         old = f"{{joint: axis{number}, node_id: {number}}}"
@@ -28,14 +28,14 @@ def cell(folder: Path, *axes: str) -> str:
     return str(folder / "cell.yaml")
 
 
-def test_a_cell_without_sheets_is_what_it_was() -> None:
+def test_a_cell_without_sheets_is_unchanged() -> None:
     loaded = load_cell("ir361")
     assert loaded.eds_files == (None, None, None)
     assert {axis.identity for axis in loaded.config.axes} == {None}
     assert not any(name.endswith((".eds", ".dcf")) for name in loaded.files)
 
 
-def test_sheets_are_found_from_the_cell_file_and_say_who_the_drives_are(
+def test_sheets_are_found_from_the_cell_file_and_identify_the_drives(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(os.sep)
@@ -58,21 +58,21 @@ def test_sheets_are_found_from_the_cell_file_and_say_who_the_drives_are(
     assert b"ProductNumber=\n" in loaded.files["drive2.dcf"]
 
 
-def test_one_sheet_for_all_drives_is_kept_once(tmp_path: Path) -> None:
+def test_one_sheet_of_all_drives_is_stored_once(tmp_path: Path) -> None:
     (tmp_path / "drive.eds").write_text(SHEET)
     loaded = load_cell(cell(tmp_path, *[", eds: drive.eds"] * 3))
     assert [name for name in loaded.files if "drive" in name] == ["drive1.eds"]
     assert len({id(sheet) for sheet in loaded.eds_files}) == 1
 
 
-def test_the_cell_file_has_the_last_word_on_who_a_drive_is(tmp_path: Path) -> None:
+def test_the_identity_in_the_cell_file_overrides_the_sheet(tmp_path: Path) -> None:
     (tmp_path / "drive.eds").write_text(SHEET)
     loaded = load_cell(cell(tmp_path, ", eds: drive.eds, identity: {vendor: 251}"))
     assert loaded.config.axes[0].identity == DeviceIdentity(vendor=251)
     assert loaded.eds_files[0] is not None
 
 
-def test_a_kept_cell_is_loaded_with_the_files_kept_beside_it(tmp_path: Path) -> None:
+def test_a_stored_cell_is_loaded_with_the_files_stored_with_it(tmp_path: Path) -> None:
     (tmp_path / "a.eds").write_text(SHEET)
     (tmp_path / "b.dcf").write_text(SHEET.replace("=7", "=8"))
     first = load_cell(cell(tmp_path, ", eds: a.eds", ", eds: b.dcf", ", eds: a.eds"))
@@ -106,7 +106,7 @@ def test_a_kept_cell_is_loaded_with_the_files_kept_beside_it(tmp_path: Path) -> 
         (" " * (MAX_BYTES + 1), "RID-FILE-READ", ("axes.1.eds:", "drive.eds:", "4 MB")),
     ],
 )
-def test_a_sheet_that_cannot_be_read(
+def test_an_unreadable_sheet_is_refused(
     tmp_path: Path, content: str | None, code: str, details: tuple[str, ...]
 ) -> None:
     if content is not None:
@@ -115,7 +115,7 @@ def test_a_sheet_that_cannot_be_read(
         load_cell(cell(tmp_path, "", ", eds: drive.eds"))
 
 
-def test_what_is_no_file(tmp_path: Path) -> None:
+def test_a_sheet_that_is_not_a_file_is_refused(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "folder").mkdir()
     for name in ("pipe", "folder", "/dev/zero"):

@@ -1,4 +1,4 @@
-"""PDOs with a fixed mapping: what a profile can state about them."""
+"""PDOs with a fixed mapping: allowed statements of a profile."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ TORQUE = entry("6077h:00", 16, signal="torque")
 GOOD = (pdo("rpdo1", WORD, TARGET), pdo("tpdo1", STATUS, POSITION, TORQUE))
 
 
-def test_all_signals_once_are_well() -> None:
+def test_a_profile_with_all_signals_once_is_accepted() -> None:
     profile = ServoProfile.model_validate({"pdos": GOOD})
     assert profile.spread
     assert profile.pdos[0].signals == ("controlword", "target")
@@ -73,20 +73,20 @@ def test_all_signals_once_are_well() -> None:
         ),
     ],
 )
-def test_what_cannot_work_is_refused(
+def test_an_unusable_mapping_is_refused(
     pdos: tuple[dict[str, Any], ...], key: str, details: tuple[str, ...]
 ) -> None:
     with raises_invalid(key, *details):
         ServoProfile.model_validate({"pdos": pdos})
 
 
-def test_a_makers_mode_needs_pdos() -> None:
+def test_a_manufacturer_specific_mode_needs_pdos() -> None:
     with raises_invalid("", "needs pdos"):
         ServoProfile(mode="makers")
 
 
 @pytest.mark.parametrize("name", ["faulhaber_mc3000", "trinamic_tmcm16xx"])
-def test_the_trimmed_exchange_needs_pdos_that_can_be_mapped(name: str) -> None:
+def test_the_trimmed_exchange_needs_mappable_pdos(name: str) -> None:
     cell: CellConfig = load_cell("ir361").config
     profile = load_bundled_or_path(name, "servos", ServoProfile)
     trimmed = cell.model_copy(update={"servo": profile, "exchange": "trimmed"})

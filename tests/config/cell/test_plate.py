@@ -1,4 +1,4 @@
-"""The key `plate` of a cell file: what is taken, and what is refused in which words."""
+"""Key `plate` of a cell file: accepted and refused content."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def refused(tmp_path: Path, old: str, new: str, key: str, *details: str) -> None
         load_cell(path)
 
 
-def test_a_plate_is_read_and_written_back(tmp_path: Path) -> None:
+def test_a_plate_is_read_and_written_unchanged(tmp_path: Path) -> None:
     plate = load_cell(cell_with(tmp_path, PLATE)).config.plate
     assert plate is not None
     assert plate.amplifier.profile == "kistler_style"
@@ -52,7 +52,7 @@ def test_a_plate_is_read_and_written_back(tmp_path: Path) -> None:
     assert validate(parse_yaml(to_yaml(plate).encode(), "plate.yaml"), PlateConfig) == plate
 
 
-def test_full_scale_is_the_range(tmp_path: Path) -> None:
+def test_full_scale_equals_the_range(tmp_path: Path) -> None:
     plate = load_cell(cell_with(tmp_path, PLATE)).config.plate
     assert plate is not None
     newtons = np.array(plate.amplifier.newtons_per_count) * plate.amplifier.full_scale_counts
@@ -73,7 +73,7 @@ def test_a_sensor_plane_above_the_surface_is_refused(tmp_path: Path) -> None:
     refused(tmp_path, "-0.054", "0.054", "plate.az0_m")
 
 
-def test_a_low_pass_that_lets_images_through_is_refused(tmp_path: Path) -> None:
+def test_a_low_pass_too_weak_against_aliasing_is_refused(tmp_path: Path) -> None:
     low_pass = ("low_pass_hz: 300.0", "low_pass_hz: 600.0")
     refused(tmp_path, *low_pass, "plate.amplifier", "low_pass_hz", "600", "500 Hz")
 
@@ -83,7 +83,7 @@ def test_a_dead_sensor_is_named(tmp_path: Path) -> None:
     refused(tmp_path, *dead, "plate.amplifier", "sensitivity_pc_n", "fy14")
 
 
-def test_crosstalk_that_cannot_be_undone_is_refused(tmp_path: Path) -> None:
+def test_crosstalk_that_cannot_be_inverted_is_refused(tmp_path: Path) -> None:
     rows = ", ".join(["[1, 0, 0, 0, 0, 0, 0, 0]"] * 8).replace("1", "1.0").replace(" 0", " 0.0")
     crosstalk = ("  amplifier:", f"  sensitivity: [{rows}]\n  amplifier:")
     refused(tmp_path, *crosstalk, "plate", "sensitivity")

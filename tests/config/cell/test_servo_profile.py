@@ -1,4 +1,4 @@
-"""The drive family in a cell file, and keys of profile, cell and axis in combination."""
+"""Drive family in a cell file, and combinations of the keys of profile, cell and axis."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ def cell_file(folder: Path, servo: str, axis1: str = "{joint: axis1, node_id: 1}
     return str(folder / "cell.yaml")
 
 
-def test_without_a_word_drives_do_all_that_the_standard_says() -> None:
+def test_without_a_profile_drives_follow_the_standard_in_full() -> None:
     cell = load_cell("ir361").config
     assert {cell.servo_of(axis) for axis in cell.axes} == {ServoProfile()}
 
 
-def test_a_file_for_all_and_a_drive_with_more(tmp_path: Path) -> None:
+def test_a_profile_file_for_all_drives_and_one_drive_with_additional_keys(tmp_path: Path) -> None:
     own = "{joint: axis1, node_id: 1, servo: {rated_current_a: 3.5, velocity_units: 10.0}}"
     loaded = load_cell(cell_file(tmp_path, "family.yaml", own))
     first, second, _ = map(loaded.config.servo_of, loaded.config.axes)
@@ -43,13 +43,13 @@ def test_a_file_for_all_and_a_drive_with_more(tmp_path: Path) -> None:
     assert loaded.files["servo1.yaml"] == FAMILY.encode()
 
 
-def test_an_axis_own_key_stands_for_the_profiles(tmp_path: Path) -> None:
+def test_a_key_of_an_axis_overrides_the_profile(tmp_path: Path) -> None:
     own = "{joint: axis1, node_id: 1, velocity_unit: 0.1rpm}"
     cell = load_cell(cell_file(tmp_path, "family.yaml", own)).config
     assert cell.servo_of(cell.axes[0]).velocity_unit == "0.1rpm"
 
 
-def test_keys_in_the_cell_file_on_a_named_profile(tmp_path: Path) -> None:
+def test_keys_in_the_cell_file_extend_a_named_profile(tmp_path: Path) -> None:
     cell = load_cell(cell_file(tmp_path, "{base: family.yaml, encoder_increments: 8192.0}")).config
     profile = cell.servo_of(cell.axes[2])
     assert (profile.encoder_increments, profile.velocity_unit) == (8192.0, "rpm")
@@ -64,7 +64,7 @@ def test_keys_in_the_cell_file_on_a_named_profile(tmp_path: Path) -> None:
         ("{torque: {object: '6077h:00', bits: 32}}", "RID-FILE-VALUE", ("servo:", "bits", "16")),
     ],
 )
-def test_what_cannot_be_meant_is_refused(
+def test_a_contradictory_profile_is_refused(
     tmp_path: Path, servo: str, code: str, details: tuple[str, ...]
 ) -> None:
     with raises_code(ConfigError, code, *details):

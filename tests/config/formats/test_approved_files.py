@@ -1,4 +1,4 @@
-"""Files that a job was accepted with: no reader gets other bytes than those that were approved."""
+"""Files approved with a job: every reader gets exactly the approved bytes or an error."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def approved(path: Path) -> Path:
     return path
 
 
-def test_what_was_approved_is_read(tmp_path: Path) -> None:
+def test_an_approved_file_is_read(tmp_path: Path) -> None:
     path = tmp_path / "a.yaml"
     path.write_bytes(b"a: 1\n")
     approved(path)
@@ -39,7 +39,7 @@ def test_what_was_approved_is_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("relative", [True, False])
-def test_other_bytes_are_refused_by_whatever_way_the_file_is_named(
+def test_changed_bytes_are_refused_under_any_path_of_the_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, relative: bool
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -53,7 +53,7 @@ def test_other_bytes_are_refused_by_whatever_way_the_file_is_named(
     assert caught.value.refusal == "RID-JOB-FILES"
 
 
-def test_a_link_that_leads_elsewhere_now_is_other_bytes(tmp_path: Path) -> None:
+def test_a_link_to_another_file_since_the_approval_is_refused(tmp_path: Path) -> None:
     (tmp_path / "one").write_bytes(b"1")
     (tmp_path / "two").write_bytes(b"2")
     link = tmp_path / "link"
@@ -66,7 +66,7 @@ def test_a_link_that_leads_elsewhere_now_is_other_bytes(tmp_path: Path) -> None:
     assert caught.value.refusal == "RID-JOB-FILES"
 
 
-def test_every_file_of_a_cell_is_compared(tmp_path: Path) -> None:
+def test_every_file_of_a_cell_is_checked(tmp_path: Path) -> None:
     for name, content in load_cell("ir361").files.items():
         (tmp_path / name).write_bytes(content)
     cell = tmp_path / "cell.yaml"
@@ -86,7 +86,7 @@ def test_every_file_of_a_cell_is_compared(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["motion.yaml", "rows.csv", "model.json"])
-def test_motions_tables_and_models_are_compared(tmp_path: Path, name: str) -> None:
+def test_motions_tables_and_models_are_checked(tmp_path: Path, name: str) -> None:
     (tmp_path / "motion.yaml").write_text("kind: joint_table\nrobot: ir361\nfile: rows.csv\n")
     (tmp_path / "rows.csv").write_text("time_s,axis1\n0,0\n0.5,0\n1,0\n")
     (tmp_path / "model.json").write_text("{}")

@@ -1,4 +1,4 @@
-"""Electronic data sheets: what they say, and the ways in which vendors write it."""
+"""Electronic data sheets: their content, and spelling variants of vendors."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def only(keys: str, section: str = "[6077]") -> EdsObject:
     return item
 
 
-class TestWhatASheetSays:
-    def test_who_the_device_is(self) -> None:
+class TestContentOfASheet:
+    def test_the_identity_of_the_device(self) -> None:
         sheet = read(SHEET)
         assert (sheet.vendor, sheet.product, sheet.revision) == (0xFB, 1617, 0x0170_0000)
         assert (sheet.vendor_name, sheet.product_name) == ("A vendor", "A drive")
@@ -42,7 +42,7 @@ class TestWhatASheetSays:
         assert not torque.writable
         assert sheet.get(0x6078, 0) is None
 
-    def test_identifiers_are_counted_from_the_node_id(self) -> None:
+    def test_identifiers_relative_to_the_node_id(self) -> None:
         identifier = read(SHEET).get(0x1400, 1)
         assert identifier is not None
         assert identifier.default == EdsValue(0x200, adds_node_id=True)
@@ -52,11 +52,11 @@ class TestWhatASheetSays:
         "text",
         ["$NODEID+0x200", "$NodeId + 0x200", "0x200+$NODEID", "$NODEID+512", "$NODEID+01000"],
     )
-    def test_however_that_is_spelt(self, text: str) -> None:
+    def test_spelling_variants_of_the_node_id(self, text: str) -> None:
         item = only(f"DataType=7\nDefaultValue={text}")
         assert item.default == EdsValue(0x200, adds_node_id=True)
 
-    def test_the_node_id_alone(self) -> None:
+    def test_an_identifier_equal_to_the_node_id(self) -> None:
         assert only("DataType=5\nDefaultValue=$NODEID").default == EdsValue(0, adds_node_id=True)
 
     @pytest.mark.parametrize(
@@ -71,7 +71,7 @@ class TestWhatASheetSays:
             ("RWW", True, True, False),
         ],
     )
-    def test_access_says_which_pdos_may_carry_an_object(
+    def test_access_decides_which_pdos_may_contain_an_object(
         self, access: str, writable: bool, receivable: bool, sendable: bool
     ) -> None:
         item = only(f"DataType=7\nAccessType={access}\nPDOMapping=1")
@@ -126,7 +126,7 @@ class TestWhatASheetSays:
         assert sheet.node_id == 5
         assert sheet.objects[0].value == EdsValue(0x192)
 
-    def test_an_array_written_compactly(self) -> None:
+    def test_an_array_in_compact_notation(self) -> None:
         sheet = read(
             "[DeviceInfo]\n[1003]\nParameterName=Error field\nObjectType=8\nDataType=7\n"
             "AccessType=ro\nCompactSubObj=3\n[1003Name]\nNrOfEntries=1\n2=the middle one\n"
@@ -138,7 +138,7 @@ class TestWhatASheetSays:
         assert [item.access for item in (first, second, third)] == ["ro"] * 3
         assert (first.value, third.value) == (None, EdsValue(0x8130))
 
-    def test_one_of_its_objects_may_be_described_by_itself(self) -> None:
+    def test_an_element_of_a_compact_array_with_its_own_section(self) -> None:
         sheet = read(
             "[DeviceInfo]\n[1016]\nDataType=7\nAccessType=rw\nCompactSubObj=2\n"
             "[1016sub2]\nDataType=7\nAccessType=ro\n"
@@ -150,7 +150,7 @@ class TestWhatASheetSays:
         assert (item.data_type, item.bits) == (DataType.DOMAIN, None)
 
 
-class TestWhatVendorsDo:
+class TestVendorVariants:
     @pytest.mark.parametrize(
         "change",
         [
@@ -178,7 +178,7 @@ class TestWhatVendorsDo:
             lambda text: text[text.index("[1000]") :] + text[: text.index("[1000]")],
         ],
     )  # fmt: skip
-    def test_the_same_device_otherwise_written(self, change: Callable[[str], str]) -> None:
+    def test_the_same_device_in_another_spelling(self, change: Callable[[str], str]) -> None:
         def content_of(sheet: ElectronicDataSheet) -> object:
             return (sheet.vendor, sheet.product, sheet.revision), [
                 dataclasses.replace(item, name=item.name.lower(), line=0) for item in sheet.objects
@@ -188,12 +188,12 @@ class TestWhatVendorsDo:
         assert changed != SHEET
         assert content_of(read(changed)) == content_of(read(SHEET))
 
-    def test_latin_1_is_read_where_it_is_not_utf_8(self) -> None:
+    def test_latin_1_is_read_if_the_file_is_not_utf_8(self) -> None:
         for encoding in ("latin-1", "utf-8"):
             text = SHEET.replace("A vendor", "Müller & Söhne").encode(encoding)
             assert parse_eds(text, "drive.eds").vendor_name == "Müller & Söhne"
 
-    def test_what_is_empty_is_not_said(self) -> None:
+    def test_an_empty_value_counts_as_missing(self) -> None:
         sheet = read(
             "[DeviceInfo]\nVendorNumber=\nProductNumber= ; none\n[2000]\nDataType=\nLowLimit=\n"
             "AccessType=\nDefaultValue=\nParameterName=\n"
@@ -201,11 +201,11 @@ class TestWhatVendorsDo:
         assert (sheet.vendor, sheet.product, sheet.revision) == (None, None, None)
         assert sheet.objects == (EdsObject(0x2000, 0, "", 4),)
 
-    def test_types_of_a_vendor_have_no_length(self) -> None:
+    def test_vendor_specific_types_have_no_length(self) -> None:
         item = only("DataType=0x0040\nAccessType=rw\nDefaultValue=anything\nLowLimit=low")
         assert (item.data_type, item.bits, item.low) == (0x40, None, None)
         assert item.default == EdsValue("anything")
 
-    def test_gaps_and_types_are_no_objects(self) -> None:
+    def test_gaps_and_type_definitions_are_not_objects(self) -> None:
         kinds = "".join(f"[{0x2000 + kind:04X}]\nObjectType={kind}\n" for kind in (0, 5, 6, 8, 9))
         assert len(read(f"{SHEET}{kinds}").objects) == 5

@@ -45,7 +45,7 @@ INVALID, TWICE, NO_TEXT = "RID-EDS-INVALID", "RID-FILE-DUPLICATE", "RID-FILE-TYP
         ("ParameterName=COB-ID", "ParameterName=a\0b", 41, NO_TEXT, ("UTF-8",)),
     ],
 )  # fmt: skip
-def test_a_fault_is_told_with_its_line(
+def test_a_fault_is_reported_with_its_line(
     old: str, new: str, line: int, code: str, details: tuple[str, ...]
 ) -> None:
     text = SHEET.replace(old, new)
@@ -72,7 +72,7 @@ def test_a_fault_is_told_with_its_line(
         ("LowLimit=0x8000", "ParameterValue=0x10000", 53, ("ParameterValue", "INTEGER16")),
     ],
 )
-def test_a_value_that_cannot_be_read_is_a_fault_of_its_object_alone(
+def test_an_unreadable_value_is_a_fault_of_its_object_alone(
     old: str, new: str, line: int, details: tuple[str, ...]
 ) -> None:
     sheet = read(SHEET.replace(old, new))
@@ -87,7 +87,7 @@ def test_a_value_that_cannot_be_read_is_a_fault_of_its_object_alone(
     assert others == [item for item in read(SHEET).objects if item.index != faulty.index]
 
 
-def test_a_fault_of_a_compact_array_is_told_once() -> None:
+def test_a_fault_of_a_compact_array_is_reported_once() -> None:
     sheet = read(
         "[DeviceInfo]\n[1003]\nDataType=5\nCompactSubObj=3\nDefaultValue=256\n[1003Value]\n2=x\n"
     )
@@ -114,12 +114,14 @@ def test_a_fault_of_a_compact_array_is_told_once() -> None:
         (b"x" * (MAX_LINE_CHARACTERS + 1), INVALID, ("4097", "4096")),
     ],
 )
-def test_what_is_no_data_sheet(data: bytes, code: str, details: tuple[str, ...]) -> None:
+def test_a_file_that_is_not_a_data_sheet_is_refused(
+    data: bytes, code: str, details: tuple[str, ...]
+) -> None:
     with raises_code(ConfigError, code, *details):
         parse_eds(data, "drive.eds")
 
 
-def test_so_many_objects_are_no_device() -> None:
+def test_too_many_objects_are_refused() -> None:
     compact = "".join(f"[{i:04X}]\nDataType=7\nCompactSubObj=254\n" for i in range(0x2000, 0x2100))
     with raises_code(ConfigError, INVALID, "drive.eds:353: ", str(MAX_OBJECTS)):
         read(f"[DeviceInfo]\n{compact}")
@@ -129,19 +131,19 @@ def test_so_many_objects_are_no_device() -> None:
 
 
 @pytest.mark.parametrize("text", ["", " 1", "1 ", "+", "0x", "0b1", "1_0", "1.0", "٣"])
-def test_no_number(text: str) -> None:
+def test_an_invalid_integer_is_refused(text: str) -> None:
     with raises_code(ConfigError, INVALID, repr(text)):
         parse_integer(text)
 
 
 @pytest.mark.parametrize("text", ["nan", "inf", "-1e999", "0x7F800000", "1,5", "1" * 100])
-def test_no_real_number(text: str) -> None:
+def test_an_invalid_real_number_is_refused(text: str) -> None:
     with pytest.raises(ConfigError):
         parse_value(text, DataType.REAL32)
 
 
-class TestASheetIsValid:
-    def test_or_is_not_made(self) -> None:
+class TestConstructedSheets:
+    def test_an_invalid_sheet_is_refused(self) -> None:
         item = EdsObject(0x1000, 0, "", 1)
 
         sheet = ElectronicDataSheet(
@@ -165,7 +167,7 @@ class TestASheetIsValid:
             with raises_code(ConfigError, "RID-EDS-INVALID", "x.eds"):
                 wrong()
 
-    def test_nor_an_object(self) -> None:
+    def test_an_invalid_object_is_refused(self) -> None:
         for changed in ({"index": 0x10000}, {"subindex": 256}, {"access": "rx"}):
             with pytest.raises(ConfigError):
                 EdsObject(**({"index": 1, "subindex": 0, "name": "", "line": 1} | changed))  # type: ignore[arg-type]

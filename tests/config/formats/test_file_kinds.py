@@ -1,4 +1,4 @@
-"""A file of the wrong kind is named as what it is."""
+"""Error messages for a file of the wrong kind name its actual kind."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.builders.raised_codes import raises_code
 
 @pytest.fixture
 def files(tmp_path: Path) -> dict[str, str]:
-    """Return a file of each kind, none with a name that tells."""
+    """Return a file of each kind, with names that do not show the kind."""
     found: dict[str, str] = {}
     for kind, text in (
         ("a cell", read_named("ir361", "cells", None)[0]),
@@ -34,7 +34,7 @@ def files(tmp_path: Path) -> dict[str, str]:
     return found
 
 
-def test_a_file_of_another_kind_is_named_and_so_is_what_is_wanted(files: dict[str, str]) -> None:
+def test_the_error_names_the_actual_and_the_expected_kind(files: dict[str, str]) -> None:
     readers: dict[str, Callable[[str], object]] = {
         "a cell": load_cell,
         "a robot": load_robot,
@@ -51,7 +51,7 @@ def test_a_file_of_another_kind_is_named_and_so_is_what_is_wanted(files: dict[st
                     read(path)
 
 
-def test_a_mistake_in_a_file_of_the_right_kind_is_named_by_its_key(files: dict[str, str]) -> None:
+def test_an_error_in_a_file_of_the_right_kind_names_its_key(files: dict[str, str]) -> None:
     path = Path(files["a cell"])
     path.write_text(path.read_text() + "surplus: 1\n")
     with raises_code(ConfigError, "RID-FILE-VALUE", "surplus"):
@@ -73,7 +73,7 @@ LOOPS = json.dumps({"format": "rid-daq velocity loops 1"}).encode()
         (b"<?xml version='1.0'?>\n<!-- made by xacro -->\n<robot name='r'>", "URDF"),
     ],
 )
-def test_what_is_given_in_place_of_a_model_is_named(
+def test_the_actual_kind_of_a_file_given_as_a_model_is_named(
     content: bytes, kind: str, tmp_path: Path
 ) -> None:
     path = tmp_path / "file"
@@ -91,7 +91,7 @@ def test_what_is_given_in_place_of_a_model_is_named(
         (b"\x89MCAP0\r\n\xff", ("(MCAP)", "UTF-8")),
     ],
 )
-def test_what_is_given_in_place_of_a_map_is_named(
+def test_the_actual_kind_of_a_file_given_as_a_map_is_named(
     content: bytes, kinds: tuple[str, ...], tmp_path: Path
 ) -> None:
     path = tmp_path / "file.yaml"
@@ -100,7 +100,7 @@ def test_what_is_given_in_place_of_a_map_is_named(
         load_import_map(str(path))
 
 
-def test_a_map_in_place_of_a_cell_is_named_and_a_damaged_model_is_not_called_another(
+def test_a_map_given_as_a_cell_is_named_and_a_damaged_model_stays_a_model(
     tmp_path: Path,
 ) -> None:
     path = tmp_path / "file.yaml"
@@ -112,8 +112,8 @@ def test_a_map_in_place_of_a_cell_is_named_and_a_damaged_model_is_not_called_ano
         read_estimate(path)
 
 
-def test_a_map_with_a_bracket_too_many_is_told_where(tmp_path: Path) -> None:
-    """It is an import map, and that is what was wanted: its kind explains nothing."""
+def test_a_map_with_an_extra_bracket_is_reported_with_its_position(tmp_path: Path) -> None:
+    """The file is an import map, as required: its kind is not the problem."""
     path = tmp_path / "map.yaml"
     path.write_text("name: a\nrobot: ir361\ncolumns: 13\ntime: {column: Time [ms], unit: ms}\n")
     with raises_code(ConfigError, "RID-FILE-SYNTAX", f"{path}:4:21: ", "'['", "quotes"):

@@ -1,4 +1,4 @@
-"""Numbers are plain decimal digits; whatever else Python's `float` reads is refused."""
+"""Numbers are plain decimal digits; other notations of Python's `float` are refused."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ def test_plain_numbers_are_read(text: str, value: float) -> None:
         *("2*2.9", "1.5.2", "--1", "1e", "٣", "1\x00", "½"),
     ],
 )
-def test_anything_else_is_refused_by_code(text: str) -> None:
+def test_other_notations_are_refused_with_a_code(text: str) -> None:
     with pytest.raises(ConfigError) as refused:
         parse_number(text)
     assert refused.value.refusal == NUMBER_CODE
 
 
 @given(st.text(max_size=8))
-def test_what_is_read_is_what_its_digits_say(text: str) -> None:
+def test_the_value_is_that_of_the_digits(text: str) -> None:
     try:
         value = parse_number(text)
     except ConfigError:
@@ -57,7 +57,7 @@ def test_a_hint_names_the_likely_cause(text: str, hint: str) -> None:
     assert hint in number_hint(text)
 
 
-def test_a_list_is_refused_for_one_of_its_numbers() -> None:
+def test_a_list_is_refused_if_one_number_is_invalid() -> None:
     assert parse_numbers("1, 2.5") == (1.0, 2.5)
     with pytest.raises(ConfigError):
         parse_numbers("1,,2")

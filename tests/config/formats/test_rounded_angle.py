@@ -1,4 +1,4 @@
-"""Angles that a file rounds are the multiples of 15 degrees that it means; others stay."""
+"""Rounded angles near a multiple of 15 degrees become exact; others are unchanged."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_a_rounded_multiple_of_15_degrees_is_exact(written: float, degrees: floa
 
 
 @pytest.mark.parametrize("written", [1.5702964, 1.5701, 1.5711588, 1.57079634, 0.0005, 0.7858123])
-def test_a_calibrated_angle_stays_and_is_named(written: float) -> None:
+def test_a_calibrated_angle_is_unchanged_and_named(written: float) -> None:
     reading = AngleReading.of(written)
     assert reading.taken_rad == written
     assert reading.is_doubtful
@@ -34,7 +34,7 @@ def test_a_calibrated_angle_stays_and_is_named(written: float) -> None:
 
 
 @pytest.mark.parametrize("written", [0.0, math.pi, math.pi / 2, math.pi / 4, 0.3, 1.0, 1.6, 0.26])
-def test_an_exact_or_another_angle_is_not_spoken_of(written: float) -> None:
+def test_an_exact_or_a_different_angle_is_not_mentioned(written: float) -> None:
     reading = AngleReading.of(written)
     assert reading.taken_rad == written
     assert angle_notes([("r.urdf:3", reading)]) == []

@@ -1,4 +1,4 @@
-"""Each number of a URDF is read strictly; what is not read is named; what follows is coupled."""
+"""URDF files: strict numbers, unread elements listed, mimic joints coupled."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ ARM = f"""<?xml version="1.0"?>
 
 
 def made(*changes: tuple[str, str]) -> UrdfRobot:
-    """Return the robot of the arm's text with each first text replaced by the second."""
+    """Return the robot of the arm's URDF after replacements of text."""
     text = ARM
     for old, new in changes:
         assert old in text
@@ -47,11 +47,11 @@ def made(*changes: tuple[str, str]) -> UrdfRobot:
 
 
 def position(text: str) -> str:
-    """Return file and line of a text of the arm, as errors state them."""
+    """Return file and line of a text in the URDF, as errors state them."""
     return f"r.urdf:{ARM[: ARM.index(text)].count(chr(10)) + 1}: "
 
 
-def test_the_sound_arm_is_read_whole() -> None:
+def test_a_valid_arm_is_read_completely() -> None:
     robot = made()
     limits = robot.robot.joints[1].limits
     assert (limits.position_min, limits.position_max) == (-1.4, 1.2)
@@ -75,7 +75,7 @@ LISTS = ['xyz="0.4 0 0"', 'rpy="1.5708 0 0"', 'xyz="0 0 1"', 'xyz="0.1 0 0"']
 
 @pytest.mark.parametrize("wrong", ["1,5", "1_5", "${pi/6}", "1.5 m", "", "0x1", "1.5°"])
 @pytest.mark.parametrize("number", NUMBERS)
-def test_a_number_that_cannot_be_read_is_refused_with_its_line(number: str, wrong: str) -> None:
+def test_an_unreadable_number_is_refused_with_its_line(number: str, wrong: str) -> None:
     key, _, _ = number.partition("=")
     with raises_code(ConfigError, "RID-FILE-NUMBER", position(number)):
         made((number, f'{key}="{wrong}"'))
@@ -85,14 +85,14 @@ def test_a_number_that_cannot_be_read_is_refused_with_its_line(number: str, wron
     "wrong", ["0,4 0 0", "0 0", "0 0 0 0", "nan 0 0", "${pi/2} 0 0", "1_0 0 0"]
 )
 @pytest.mark.parametrize("numbers", LISTS)
-def test_a_list_that_cannot_be_read_is_refused_with_its_line(numbers: str, wrong: str) -> None:
+def test_an_unreadable_list_is_refused_with_its_line(numbers: str, wrong: str) -> None:
     key, _, _ = numbers.partition("=")
     with raises_code(ConfigError, "RID-FILE-NUMBER", position(numbers)):
         made((numbers, f'{key}="{wrong}"'))
 
 
 @pytest.mark.parametrize("key", ["lower", "upper", "velocity", "effort"])
-def test_nan_is_no_limit_of_any_kind(key: str) -> None:
+def test_nan_is_refused_as_any_limit(key: str) -> None:
     old = next(number for number in NUMBERS if number.startswith(f"{key}="))
     with pytest.raises(ConfigError) as refused:
         made((old, f'{key}="nan"'))
@@ -114,7 +114,7 @@ def test_nan_is_no_limit_of_any_kind(key: str) -> None:
         ('xyz="0 0 1"', 'xyz="0 0 0"', "RID-URDF-STRUCTURE"),
     ],
 )
-def test_what_no_robot_has_is_refused_with_file_and_line(old: str, new: str, code: str) -> None:
+def test_impossible_values_are_refused_with_file_and_line(old: str, new: str, code: str) -> None:
     where = JOINT if old in AT_THE_JOINT and code != "RID-FILE-NUMBER" else old
     with raises_code(ConfigError, code, position(where)):
         made((old, new))
@@ -131,12 +131,12 @@ def test_what_no_robot_has_is_refused_with_file_and_line(old: str, new: str, cod
         ('joint name="j2"/>', 'joint name="j9"/>', "j9: no joint has this name"),
     ],
 )
-def test_what_is_there_and_not_read_is_named(old: str, new: str, named: str) -> None:
+def test_unread_elements_are_listed(old: str, new: str, named: str) -> None:
     assert any(named in note for note in made((old, new)).notes)
     assert not any(named in note for note in made().notes)
 
 
-def test_a_motor_that_turns_against_its_joint_has_one_sign_and_it_is_the_direction() -> None:
+def test_a_motor_opposite_to_its_joint_has_direction_minus_1_and_a_positive_ratio() -> None:
     robot = made(("<mechanicalReduction>50", "<mechanicalReduction>-50"))
     assert robot.robot.joints[1].gear_ratio == 50.0
     assert [motor.direction for motor in robot.motors] == [1, -1]
@@ -151,7 +151,7 @@ def finger(joint: str, inertial: str = INERTIAL) -> str:
     )
 
 
-def test_a_link_that_moves_with_a_joint_of_the_arm_is_refused_if_it_has_mass() -> None:
+def test_a_link_with_mass_that_follows_a_joint_of_the_arm_is_refused() -> None:
     mimic = '<mimic joint="j2" multiplier="-1" offset="1.2"/>'
     with raises_code(ConfigError, "RID-URDF-MIMIC", position("</robot>"), "'jf'", "'j2'"):
         made(("</robot>", finger(mimic)))
@@ -160,12 +160,12 @@ def test_a_link_that_moves_with_a_joint_of_the_arm_is_refused_if_it_has_mass() -
 
 
 @pytest.mark.parametrize(("leader", "named"), [("jf", "itself"), ("nobody", "'nobody'")])
-def test_a_joint_that_follows_itself_or_nobody_is_refused(leader: str, named: str) -> None:
+def test_a_mimic_joint_of_itself_or_of_a_missing_joint_is_refused(leader: str, named: str) -> None:
     with raises_code(ConfigError, "RID-URDF-STRUCTURE", position("</robot>"), "'jf'", named):
         made(("</robot>", finger(f'<mimic joint="{leader}"/>')))
 
 
-def test_a_joint_beside_the_arm_stands_within_its_limits() -> None:
+def test_a_joint_outside_the_arm_is_fixed_within_its_limits() -> None:
     tree = read_urdf(
         ARM.replace(
             "</robot>", finger('<limit lower="0.5" upper="1" effort="1" velocity="1"/>')
@@ -180,21 +180,21 @@ def test_a_joint_beside_the_arm_stands_within_its_limits() -> None:
     assert x == pytest.approx((0.1 + 0.1 * np.cos(0.5)) / 2.0)
 
 
-def test_friction_beyond_the_motor_is_not_simulated_and_said() -> None:
+def test_friction_beyond_the_motors_torque_is_not_simulated_and_reported() -> None:
     robot = made(('friction="2.5"', 'friction="2500"'))
     assert robot.motors[1].coulomb is None
     assert any("friction of j2" in note and "invents" in note for note in robot.notes)
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "iso-8859-1", "us-ascii"])
-def test_every_declared_encoding_of_xml_and_comments_are_read(encoding: str) -> None:
+def test_every_declared_encoding_and_comments_are_read(encoding: str) -> None:
     text = ARM.replace('version="1.0"', f'version="1.0" encoding="{encoding}"')
     text = text.replace('<link name="base"/>', '<!-- lower="9" --><link name="base"/>')
     robot = robot_of_urdf(read_urdf(text.encode(encoding), "r.urdf")).robot
     assert robot.joints[1].limits.position_max == 1.2
 
 
-def test_more_than_16_joints_are_refused_before_anything_is_made_of_them() -> None:
+def test_more_than_16_joints_are_refused_before_any_processing() -> None:
     links = "".join(f'<link name="l{n}"/>' for n in range(18))
     joints = "".join(
         f'<joint name="j{n}" type="revolute"><parent link="l{n}"/><child link="l{n + 1}"/>'
@@ -205,7 +205,7 @@ def test_more_than_16_joints_are_refused_before_anything_is_made_of_them() -> No
         robot_of_urdf(read_urdf(f'<robot name="r">{links}{joints}</robot>'.encode(), "r.urdf"))
 
 
-def test_joints_that_differ_after_32_characters_only_are_refused() -> None:
+def test_joint_names_equal_in_their_first_32_characters_are_refused() -> None:
     long = "a" * 32
     first, second = (
         ('name="j1" type', f'name="{long}1" type'),

@@ -1,4 +1,4 @@
-"""A file is written whole, or what was there before stays."""
+"""Atomic file writing: the new file is complete, or the old one is unchanged."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from config.formats.whole_file import write_whole
 from tests.builders.raised_codes import raises_code
 
 
-def test_a_file_is_replaced_whole_and_nothing_is_left_beside_it(tmp_path: Path) -> None:
+def test_a_file_is_replaced_completely_without_temporary_files(tmp_path: Path) -> None:
     path = tmp_path / "model.json"
     write_whole(path, b"first")
     write_whole(path, b"second")
@@ -22,12 +22,12 @@ def test_a_file_is_replaced_whole_and_nothing_is_left_beside_it(tmp_path: Path) 
     assert [item.name for item in tmp_path.iterdir()] == ["model.json"]
 
 
-def test_a_folder_that_is_not_there_is_a_storage_error(tmp_path: Path) -> None:
+def test_a_missing_folder_is_a_storage_error(tmp_path: Path) -> None:
     with raises_code(RecordingError, "RID-FILE-WRITE", "model.json"):
         write_whole(tmp_path / "missing" / "model.json", b"{}")
 
 
-def test_a_planted_link_is_not_followed(tmp_path: Path) -> None:
+def test_a_link_in_place_of_the_temporary_file_is_not_followed(tmp_path: Path) -> None:
     victim = tmp_path / "victim"
     victim.write_bytes(b"untouched")
     (tmp_path / f"model.json.{os.getpid()}.tmp").symlink_to(victim)
@@ -36,14 +36,14 @@ def test_a_planted_link_is_not_followed(tmp_path: Path) -> None:
     assert (tmp_path / "model.json").read_bytes() == b"new"
 
 
-def test_a_link_stays_one_and_what_it_points_at_is_replaced(tmp_path: Path) -> None:
+def test_a_link_is_kept_and_its_target_replaced(tmp_path: Path) -> None:
     (tmp_path / "link.json").symlink_to("model.json")
     write_whole(tmp_path / "link.json", b"new")
     assert (tmp_path / "link.json").is_symlink()
     assert (tmp_path / "model.json").read_bytes() == b"new"
 
 
-def test_what_is_no_file_is_left_alone(tmp_path: Path) -> None:
+def test_a_target_that_is_not_a_file_is_unchanged(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path / "pipe", Path("/dev/null"), Path("")):
         with raises_code(RecordingError, "RID-FILE-WRITE"):
@@ -52,7 +52,7 @@ def test_what_is_no_file_is_left_alone(tmp_path: Path) -> None:
     assert Path("/dev/null").is_char_device()
 
 
-def test_what_was_there_stays_where_the_new_cannot_be_put(tmp_path: Path) -> None:
+def test_the_old_file_is_unchanged_if_the_new_one_cannot_be_moved(tmp_path: Path) -> None:
     folder = tmp_path / "model.json"
     folder.mkdir()
     (folder / "inside").write_bytes(b"kept")
@@ -63,7 +63,7 @@ def test_what_was_there_stays_where_the_new_cannot_be_put(tmp_path: Path) -> Non
 
 
 @pytest.mark.fault(34)
-def test_what_reads_back_otherwise_is_refused_and_rolled_back(
+def test_a_file_that_is_read_back_differently_is_refused_and_rolled_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, measured: Callable[[str], None]
 ) -> None:
     path = tmp_path / "load.src"

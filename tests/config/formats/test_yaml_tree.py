@@ -1,4 +1,4 @@
-"""YAML files mean what they look like; everything else is refused with its position."""
+"""YAML values follow the core schema; ambiguous text is refused with its position."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_every_value_knows_its_line_and_column() -> None:
         (b"", "1:1", "RID-FILE-EMPTY", ""),
     ],
 )
-def test_a_trap_is_refused_where_it_stands(
+def test_a_yaml_trap_is_refused_with_its_position(
     text: bytes, position: str, code: str, value: str
 ) -> None:
     with raises_code(ConfigError, code, value) as caught:
@@ -67,7 +67,7 @@ def test_a_trap_is_refused_where_it_stands(
     assert str(caught.value).startswith(f"cell.yaml:{position}: ")
 
 
-def test_an_alias_bomb_is_refused_before_it_unfolds() -> None:
+def test_an_alias_bomb_is_refused_before_expansion() -> None:
     lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
     lines += [f"a{n}: &a{n} [" + ", ".join([f"*a{n - 1}"] * 10) + "]" for n in range(1, 10)]
     with raises_code(ConfigError, "RID-FILE-SIZE", "bomb.yaml:", str(MAX_NODES)):
@@ -79,7 +79,7 @@ def test_an_alias_to_itself_is_refused() -> None:
         parse_yaml(b"a: &a [*a]", "loop.yaml")
 
 
-def test_deep_nesting_and_size_are_refused() -> None:
+def test_too_deep_nesting_and_too_large_files_are_refused() -> None:
     with raises_code(ConfigError, "RID-FILE-SIZE", "deep.yaml:1:44:", str(MAX_DEPTH)):
         parse_yaml(b"a: " + b"[" * 100 + b"]" * 100, "deep.yaml")
     with raises_code(ConfigError, "RID-FILE-SIZE", "deep.yaml:"):
@@ -119,7 +119,7 @@ _SCALARS = (
         max_size=6,
     )
 )
-def test_what_is_written_reads_back_equal(data: dict[str, object]) -> None:
+def test_a_written_tree_is_read_back_equal(data: dict[str, object]) -> None:
     assert parse_yaml(dump_yaml(data, "a comment\n\nof two lines").encode(), "f").data == data
 
 

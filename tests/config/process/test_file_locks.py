@@ -1,4 +1,4 @@
-"""A lock file has one holder, which the kernel reports; reading it changes nothing."""
+"""File locks: one holder, reported by the kernel; a check has no side effects."""
 
 from __future__ import annotations
 
@@ -26,7 +26,9 @@ with held_file(Path(sys.argv[1])):
 """
 
 
-def test_a_second_is_refused_the_first_is_named_and_the_file_goes_with_it(tmp_path: Path) -> None:
+def test_a_second_lock_is_refused_with_the_holder_and_released_with_the_file(
+    tmp_path: Path,
+) -> None:
     path = tmp_path / "lock"
     with subprocess.Popen(
         [sys.executable, "-c", HOLDER, str(path)],
@@ -46,7 +48,7 @@ def test_a_second_is_refused_the_first_is_named_and_the_file_goes_with_it(tmp_pa
         assert file_holder(path) == os.getpid()
 
 
-def test_processes_that_are_started_meanwhile_do_not_inherit_it(tmp_path: Path) -> None:
+def test_processes_started_meanwhile_do_not_inherit_the_lock(tmp_path: Path) -> None:
     path = tmp_path / "lock"
     with held_file(path):
         child = subprocess.Popen(
@@ -57,7 +59,7 @@ def test_processes_that_are_started_meanwhile_do_not_inherit_it(tmp_path: Path) 
         child.communicate(b"\n")
 
 
-def test_a_file_that_its_holder_removes_at_the_last_moment_is_no_lock(
+def test_a_file_removed_by_its_holder_at_the_last_moment_is_not_locked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path, real = tmp_path / "lock", fcntl.flock
@@ -72,7 +74,7 @@ def test_a_file_that_its_holder_removes_at_the_last_moment_is_no_lock(
         assert file_holder(path) == os.getpid(), "what is held is what the path leads to"
 
 
-def test_other_users_can_lock_it_too_whatever_the_umask(tmp_path: Path) -> None:
+def test_other_users_can_lock_the_file_with_any_umask(tmp_path: Path) -> None:
     before = os.umask(0o077)
     try:
         with held_file(tmp_path / "lock"):
@@ -90,7 +92,7 @@ def test_a_symbolic_link_is_not_followed(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["fifo", "folder", "link", "nothing", "closed"])
-def test_looking_at_anything_neither_waits_nor_fails(tmp_path: Path, kind: str) -> None:
+def test_a_check_of_any_path_neither_waits_nor_fails(tmp_path: Path, kind: str) -> None:
     path = tmp_path / "lock"
     if kind == "fifo":
         os.mkfifo(path)
@@ -103,7 +105,7 @@ def test_looking_at_anything_neither_waits_nor_fails(tmp_path: Path, kind: str) 
     assert file_holder(path) is None
 
 
-def test_the_kernels_own_name_of_the_file_is_meant(tmp_path: Path) -> None:
+def test_the_kernels_identity_of_the_file_is_compared(tmp_path: Path) -> None:
     with (tmp_path / "lock").open("w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         info = Path(f"/proc/self/fdinfo/{file.fileno()}").read_text()
@@ -112,11 +114,11 @@ def test_the_kernels_own_name_of_the_file_is_meant(tmp_path: Path) -> None:
         assert file_holder(tmp_path / "lock") is None, "a reader is not a holder"
 
 
-def test_a_lock_that_moved_while_a_long_list_was_read_is_found(
+def test_a_lock_that_moved_during_the_reading_of_a_long_list_is_found(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Pages:
-        """A list of which the first reading has missed a line."""
+        """A list whose first reading lacks a line."""
 
         read = 0
 
@@ -129,7 +131,7 @@ def test_a_lock_that_moved_while_a_long_list_was_read_is_found(
         assert file_holder(tmp_path / "lock") == os.getpid()
 
 
-def test_a_computer_that_does_not_tell_is_an_error(
+def test_an_unreadable_list_of_locks_is_an_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(file_locks, "LOCKS", tmp_path / "missing")

@@ -4,7 +4,7 @@ import subprocess
 import sys
 
 
-def test_what_is_there_already_is_not_gone_through_again() -> None:
+def test_loaded_objects_are_excluded_from_garbage_collection() -> None:
     code = (
         "import gc\n"
         "from config.process.own_process import keep_from_collections\n"

@@ -8,14 +8,14 @@ import pytest
 from config.process.safety_clock import boot_id, safety_now_s
 
 
-def test_the_safety_clock_runs_forward_and_counts_suspension() -> None:
+def test_the_safety_clock_is_monotonic_and_includes_suspension() -> None:
     first = safety_now_s()
     assert safety_now_s() >= first
-    # all of the monotonic clock's time, and the time that the computer was suspended
+    # the monotonic clock's time plus the time of suspension
     assert first >= time.monotonic() - 1.0
 
 
-def test_the_safety_clock_is_the_kernels_that_counts_suspension(
+def test_the_safety_clock_is_the_kernels_boot_time_clock(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     clocks = {time.CLOCK_BOOTTIME: 5.0, time.CLOCK_MONOTONIC: 3.0, time.CLOCK_REALTIME: 1.0}
@@ -23,6 +23,6 @@ def test_the_safety_clock_is_the_kernels_that_counts_suspension(
     assert safety_now_s() == 5.0
 
 
-def test_a_start_of_the_computer_has_one_identifier() -> None:
+def test_a_boot_of_the_computer_has_one_identifier() -> None:
     assert boot_id() == boot_id()
     assert uuid.UUID(boot_id())

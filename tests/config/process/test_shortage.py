@@ -1,4 +1,4 @@
-"""A shortage of the computer is named in the error; a programming error is not disguised as one."""
+"""A shortage of resources is named in the error; a programming error is not disguised as one."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from tests.builders.raised_codes import raises_code
         (RuntimeError("can't start new thread"), "no more processes or threads"),
     ],
 )
-def test_what_is_lacking_is_named_with_what_to_do(error: Exception, words: str) -> None:
+def test_the_missing_resource_is_named_with_a_remedy(error: Exception, words: str) -> None:
     found = as_shortage(error)
     assert isinstance(found, ShortageError)
     assert words in str(found)
 
 
-def test_what_led_to_an_error_counts() -> None:
+def test_causes_of_an_error_are_searched() -> None:
     outer = ValueError("no array")
     outer.__cause__ = RuntimeError("inside")
     outer.__cause__.__context__ = MemoryError()
@@ -38,18 +38,18 @@ def test_what_led_to_an_error_counts() -> None:
     assert "memory" in str(found)
 
 
-def test_errors_that_led_to_one_another_end_the_search() -> None:
+def test_circular_causes_end_the_search() -> None:
     first, second = ValueError("a"), ValueError("b")
     first.__context__, second.__context__ = second, first
     assert as_shortage(first) is None
 
 
-def test_words_of_other_errors_are_no_shortage() -> None:
+def test_similar_words_in_other_errors_are_not_a_shortage() -> None:
     assert as_shortage(ValueError("too many open files were asked for")) is None
     assert as_shortage(OSError(errno.ENOENT, "no such file")) is None
 
 
-def test_an_error_of_ours_stays_itself_and_a_mistake_is_raised() -> None:
+def test_our_own_errors_are_unchanged_and_programming_errors_are_raised() -> None:
     ours = ConfigError("a key is wrong")
     assert named_error(ours) is ours
     assert isinstance(named_error(OSError(errno.EIO, "x")), ShortageError)
@@ -59,7 +59,7 @@ def test_an_error_of_ours_stays_itself_and_a_mistake_is_raised() -> None:
     assert caught.value is mistake
 
 
-def test_what_cannot_be_finished_is_not_begun() -> None:
+def test_more_memory_than_available_is_refused_at_the_start() -> None:
     require_memory(1 << 20)
     with raises_code(ShortageError, "RID-SYSTEM-SHORTAGE", f"{1 << 40} MB"):
         require_memory(1 << 60)

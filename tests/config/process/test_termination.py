@@ -33,7 +33,7 @@ def test_five_signals_are_five_requests_and_no_exception(number: signal.Signals)
     assert signal.getsignal(number) is before
 
 
-def test_signals_stay_ignored_where_something_is_left_to_be_written() -> None:
+def test_signals_stay_ignored_while_data_is_being_written() -> None:
     with signals_handled(lambda: None, then_ignored=True):
         pass
     assert signal.getsignal(signal.SIGINT) is not signal.SIG_IGN, "none came"
@@ -42,7 +42,7 @@ def test_signals_stay_ignored_where_something_is_left_to_be_written() -> None:
     assert {signal.getsignal(number) for number in TERMINATION} == {signal.SIG_IGN}
 
 
-def test_a_process_of_a_motion_hears_neither_the_terminal_nor_its_group(
+def test_a_process_of_a_motion_ignores_signals_of_the_terminal_and_its_group(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     handlers, groups = dict[int, object](), list[tuple[int, int]]()
@@ -54,7 +54,7 @@ def test_a_process_of_a_motion_hears_neither_the_terminal_nor_its_group(
     assert groups == [(0, 0)]
 
 
-def test_a_program_in_motion_is_not_suspended(capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_program_in_motion_cannot_be_suspended(capfd: pytest.CaptureFixture[str]) -> None:
     before = signal.getsignal(signal.SIGTSTP)
     with suspension_refused("refused"):
         assert signal.getsignal(signal.SIGTSTP) is not before
@@ -63,8 +63,8 @@ def test_a_program_in_motion_is_not_suspended(capfd: pytest.CaptureFixture[str])
     assert "refused" in capfd.readouterr().err
 
 
-def test_an_interrupt_stops_also_what_a_shell_has_started_in_the_background() -> None:
-    """Shells start it with SIGINT ignored; `nohup` with SIGHUP ignored, which stays so."""
+def test_an_interrupt_also_stops_a_program_started_in_the_background() -> None:
+    """A shell starts it with SIGINT ignored; `nohup` ignores SIGHUP, which stays ignored."""
     before = {number: signal.signal(number, signal.SIG_IGN) for number in TERMINATION}
     try:
         assert {*ending_signals()} == {signal.SIGINT, signal.SIGTERM}
@@ -73,14 +73,14 @@ def test_an_interrupt_stops_also_what_a_shell_has_started_in_the_background() ->
             signal.signal(number, handler)
 
 
-def test_a_process_started_meanwhile_is_deaf_from_its_first_instruction() -> None:
+def test_a_process_started_meanwhile_ignores_signals_from_its_first_instruction() -> None:
     script = "import os, signal; os.kill(os.getpid(), signal.SIGINT); print('alive')"
     with signals_blocked():
         child = subprocess.run([sys.executable, "-c", script], capture_output=True, check=True)
     assert child.stdout == b"alive\n"
 
 
-def test_so_is_the_first_process_of_a_program(tmp_path: Path) -> None:
+def test_the_first_process_of_a_program_ignores_signals_too(tmp_path: Path) -> None:
     script = tmp_path / "program.py"
     script.write_text(
         "import os, signal\n"
@@ -99,7 +99,9 @@ def test_so_is_the_first_process_of_a_program(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("by_another_thread", [False, True])
-def test_what_is_started_is_noted_before_a_signal_is_heard(by_another_thread: bool) -> None:
+def test_a_started_process_is_registered_before_a_signal_is_handled(
+    by_another_thread: bool,
+) -> None:
     told: list[object] = []
     signal.signal(signal.SIGHUP, lambda number, _frame: told.append(number))
 
@@ -113,7 +115,7 @@ def test_what_is_started_is_noted_before_a_signal_is_heard(by_another_thread: bo
             told.append("noted")
 
     with ThreadPoolExecutor(1) as other:
-        other.submit(int).result()  # it runs, and takes signals
+        other.submit(int).result()  # it runs and handles signals
         with pytest.raises(KeyboardInterrupt):
             start_something()
     assert told == ["noted", signal.SIGHUP], "heard, though the other one raised an exception"
@@ -121,7 +123,7 @@ def test_what_is_started_is_noted_before_a_signal_is_heard(by_another_thread: bo
     assert not signal.pthread_sigmask(signal.SIG_BLOCK, ())
 
 
-def test_outside_the_main_thread_which_alone_has_handlers_they_wait_too() -> None:
+def test_outside_the_main_thread_signals_wait_too() -> None:
     def started_there() -> bool:
         with signals_blocked():
             return set(TERMINATION) <= signal.pthread_sigmask(signal.SIG_BLOCK, ())

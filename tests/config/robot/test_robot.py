@@ -1,4 +1,4 @@
-"""Robot files: every model term can be chosen; contradictions are reported with their key."""
+"""Robot files: every model term can be selected; contradictions are refused with their key."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def refused(where: str, *details: str, addition: str = "", joint: str = "") -> N
 
 
 class TestFriction:
-    def test_has_all_terms_to_choose_from(self) -> None:
+    def test_offers_all_terms(self) -> None:
         terms = "asymmetric, viscous, cubic, cube_root, stribeck, temperature, load"
         starts = "stribeck_velocity: 0.1\n    reference_temperature_k: 300.0"
         robot = read(joint=f"friction: [{terms}]\n    {starts}")
@@ -47,43 +47,43 @@ class TestFriction:
         assert robot.joints[1].friction == ("coulomb", "viscous")
 
     @pytest.mark.parametrize("twice", ["coulomb", "offset"])
-    def test_asymmetric_stands_for_coulomb_and_offset(self, twice: str) -> None:
+    def test_asymmetric_replaces_coulomb_and_offset(self, twice: str) -> None:
         terms = f"friction: [asymmetric, {twice}]"
         refused("6:5: joints.0", "friction", "asymmetric", twice, joint=terms)
 
-    def test_names_a_term_once(self) -> None:
+    def test_refuses_a_repeated_term(self) -> None:
         refused("6:5: joints.0", "friction", "twice", joint="friction: [viscous, viscous]")
 
-    def test_lists_what_there_is(self) -> None:
+    def test_lists_the_known_terms(self) -> None:
         terms = "friction: [coulomb, stribek]"
         refused("8:25: joints.0.friction.1", "'stribeck'", "'stribek'", joint=terms)
 
 
 class TestDrive:
-    def test_armature_and_rotor_are_one_inertia(self) -> None:
+    def test_armature_and_rotor_exclude_each_other(self) -> None:
         both = "armature: true\n    rotor: {link: 0, axis: [0.0, 0.0, 1.0]}"
         refused("6:5: joints.0", "armature", "rotor", joint=both)
 
-    def test_efficiency_and_load_friction_are_one_loss(self) -> None:
+    def test_efficiency_and_load_friction_exclude_each_other(self) -> None:
         both = "efficiency: 0.8\n    friction: [coulomb, load]"
         refused("6:5: joints.0", "efficiency", "load", joint=both)
 
     @pytest.mark.parametrize("efficiency", ["0.0", "1.1", "true"])
-    def test_efficiency_is_a_share(self, efficiency: str) -> None:
+    def test_efficiency_is_a_fraction(self, efficiency: str) -> None:
         refused("8:5: joints.0.efficiency", joint=f"efficiency: {efficiency}")
 
 
 class TestSpring:
-    def test_a_physical_one_needs_its_distances(self) -> None:
+    def test_of_a_physical_kind_needs_its_distances(self) -> None:
         refused("11:1: spring", "l_m", "r_m", addition="spring: {joint: a, l_m: 0.4}")
         assert read("spring: {joint: a, l_m: 0.4, r_m: 0.1}").spring is not None
 
-    def test_a_fourier_series_does_not(self) -> None:
+    def test_as_a_fourier_series_needs_no_distances(self) -> None:
         spring = read("spring: {joint: b, form: fourier}").spring
         assert spring is not None
         assert spring.form == "fourier"
 
-    def test_sits_on_a_joint(self) -> None:
+    def test_belongs_to_an_existing_joint(self) -> None:
         nowhere = "spring: {joint: c, form: fourier}"
         refused("1:1", "spring.joint 'c'", " a, b", addition=nowhere)
 
@@ -93,20 +93,20 @@ class TestCoupling:
         assert read("coupling: [[1.0, 0.0], [-0.2, 1.0]]").coupling == ((1.0, 0.0), (-0.2, 1.0))
 
     @pytest.mark.parametrize("matrix", ["[[1.0, 0.0]]", "[[1.0, 0.0], [1.0]]"])
-    def test_has_a_row_and_a_column_a_joint(self, matrix: str) -> None:
+    def test_has_a_row_and_a_column_for_each_joint(self, matrix: str) -> None:
         refused("11:1: coupling", "2 rows", "2 numbers", addition=f"coupling: {matrix}")
 
-    def test_can_be_inverted(self) -> None:
+    def test_must_be_invertible(self) -> None:
         refused("11:1: coupling", "q = C alpha", addition="coupling: [[1.0, 1.0], [1.0, 1.0]]")
 
 
 class TestDrawings:
-    def test_say_mass_centre_and_inertia_of_every_link(self) -> None:
+    def test_state_mass_centre_and_inertia_of_every_link(self) -> None:
         robot = read("cad: [{mass_kg: 3.0}, {mass_kg: 2.0, uncertainty: 0.3}]")
         assert robot.cad is not None
         assert [link.uncertainty for link in robot.cad] == [0.1, 0.3]
 
-    def test_are_there_for_every_link(self) -> None:
+    def test_must_cover_every_link(self) -> None:
         refused("11:1: cad", "1 links", "2 joints", addition="cad: [{mass_kg: 3.0}]")
 
     @pytest.mark.parametrize(
@@ -117,11 +117,11 @@ class TestDrawings:
         ],
         ids=["triangle", "negative"],
     )
-    def test_state_an_inertia_that_a_body_can_have(self, inertia: str, moments: str) -> None:
+    def test_with_an_impossible_inertia_are_refused(self, inertia: str, moments: str) -> None:
         links = f"cad: [{{mass_kg: 3.0}}, {{mass_kg: 3.0, inertia_kg_m2: [{inertia}]}}]"
         refused("11:23: cad.1", "inertia_kg_m2", moments, addition=links)
 
-    def test_a_thin_rod_is_a_body(self) -> None:
+    def test_of_a_thin_rod_are_accepted(self) -> None:
         inertia = "inertia_kg_m2: [0.0, 0.0, 0.0, 0.1, 0.0, 0.1]"
         robot = read(f"cad: [{{mass_kg: 1.0, {inertia}}}, {{mass_kg: 1.0}}]")
         assert robot.cad is not None
@@ -139,7 +139,9 @@ class TestCalibration:
             KinematicRow(alpha_rad=1.5, beta_rad=0.003, a_m=0.401),
         )
 
-    def test_has_a_row_a_joint_and_hayatis_angle_in_the_modified_convention_only(self) -> None:
+    def test_has_a_row_for_each_joint_and_hayatis_angle_only_in_the_modified_convention(
+        self,
+    ) -> None:
         rows = "kinematics:\n  convention: standard_dh\n  rows: [{}, {}]\n  calibration: "
         for calibration, names in (
             ("[{}]", ("calibration", "1 rows", "2 rows")),
@@ -154,7 +156,7 @@ class TestCalibration:
 
 
 @pytest.mark.parametrize("name", bundled_names("robots"))
-def test_a_robot_written_out_loads_back_the_same(name: str) -> None:
+def test_a_written_robot_is_read_back_equal(name: str) -> None:
     robot = load_robot(name)
     text = to_yaml(robot).encode()
     assert validate(parse_yaml(text, "robot.yaml"), RobotDescription) == robot
@@ -163,7 +165,7 @@ def test_a_robot_written_out_loads_back_the_same(name: str) -> None:
 class TestRoundedAngles:
     ROWS = (KinematicRow(theta_rad=-1.5708, d_m=0.5), KinematicRow(alpha_rad=1.57, a_m=0.4))
 
-    def test_count_as_the_multiple_of_15_degrees_that_they_mean_and_are_named(self) -> None:
+    def test_become_exact_multiples_of_15_degrees_and_are_named(self) -> None:
         table = Kinematics(convention="modified_dh", rows=self.ROWS)
         first, second = table.modified_rows()
         assert first.theta_rad == -np.pi / 2
@@ -171,16 +173,16 @@ class TestRoundedAngles:
         (note,) = table.notes
         assert "kinematics.rows.0.theta_rad" in note
         assert "kinematics.rows.1.alpha_rad" in note
-        assert table.rows == self.ROWS  # the file is what it was
+        assert table.rows == self.ROWS  # the file itself is unchanged
 
-    def test_are_no_calibration_offsets_and_no_angle_of_hayati(self) -> None:
+    def test_are_not_calibration_offsets_or_hayati_angles(self) -> None:
         offsets = (KinematicRow(alpha_rad=0.0005), KinematicRow(theta_rad=0.001))
         rows = (KinematicRow(beta_rad=0.785), KinematicRow())
         table = Kinematics(convention="modified_dh", rows=rows, calibration=offsets)
         first, second = table.modified_rows()
         assert (first.alpha_rad, first.beta_rad, second.theta_rad) == (0.0005, 0.785, 0.001)
 
-    def test_of_a_calibrated_robot_stay_and_are_named(self) -> None:
+    def test_of_a_calibrated_robot_are_unchanged_and_named(self) -> None:
         rows = (KinematicRow(), KinematicRow(alpha_rad=1.5702964))
         table = Kinematics(convention="standard_dh", rows=rows)
         assert table.calibrated_rows == rows

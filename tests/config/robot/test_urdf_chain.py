@@ -39,7 +39,7 @@ def test_a_chain_is_the_arm() -> None:
     assert (found.base, found.tip, found.notes) == ("a", "e", ())
 
 
-def test_the_arm_ends_where_fingers_begin() -> None:
+def test_the_arm_ends_before_the_fingers() -> None:
     found = arm(*ARM, "e>hand:fixed", "hand>f:prismatic", "hand>g:mimic")
     assert names(found) == ["ab", "bc", "cd", "de"]
     assert found.notes == (
@@ -48,7 +48,7 @@ def test_the_arm_ends_where_fingers_begin() -> None:
     assert len(arm(*ARM, "e>hand:fixed", "hand>f", "hand>g:mimic", tip="f").joints) == 5
 
 
-def test_a_linkage_beside_the_arm_is_left_aside() -> None:
+def test_a_linkage_in_parallel_to_the_arm_is_ignored() -> None:
     found = arm(*ARM, "b>rod", "c>piston")
     assert names(found) == ["ab", "bc", "cd", "de"]
     assert found.notes == (
@@ -56,7 +56,7 @@ def test_a_linkage_beside_the_arm_is_left_aside() -> None:
     )
 
 
-def test_several_arms_are_named_the_longest_first() -> None:
+def test_several_arms_are_listed_longest_first() -> None:
     left, right = (tuple(j.replace("a>", f"{s}a>") for j in ARM) for s in "lr")
     both = [f"{side}{p}>{side}{c}" for side in "lr" for p, c in ("ab", "bc", "cd")]
     with raises_code(SeveralArmsError, "RID-URDF-ARM", "--tip") as e:
@@ -65,23 +65,23 @@ def test_several_arms_are_named_the_longest_first() -> None:
     assert left != right
 
 
-def test_a_link_that_is_not_there_or_not_below_the_base_is_refused() -> None:
+def test_a_missing_link_or_one_above_the_base_is_refused() -> None:
     for base, tip in (("leg", None), ("a", "hand"), ("c", "b")):
         with raises_code(ConfigError, "RID-URDF-LINK", f"'{tip or base}'"):
             arm(*ARM, base=base, tip=tip)
 
 
-def test_a_floating_base_is_held_and_of_two_trees_the_longer_is_taken() -> None:
+def test_a_floating_base_is_fixed_and_the_longer_of_two_trees_is_used() -> None:
     assert names(arm("world>a:floating", *ARM)) == ["ab", "bc", "cd", "de"]
     assert names(arm("x>y", *ARM)) == ["ab", "bc", "cd", "de"]
     assert names(arm("x>y", *ARM, base="x")) == ["xy"]
 
 
-def test_a_joint_that_mimics_does_not_end_the_arm_without_a_word() -> None:
+def test_an_arm_that_ends_at_a_mimic_joint_is_refused() -> None:
     with raises_code(ConfigError, "RID-URDF-MIMIC", "'cd'", "'ab'", "--tip"):
         arm("a>b", "b>c", "c>d:mimic", "d>e", "e>f")
 
 
-def test_a_joint_that_mimics_in_the_middle_of_the_arm_is_refused_with_a_way_out() -> None:
+def test_a_mimic_joint_within_the_arm_is_refused_with_a_remedy() -> None:
     with raises_code(ConfigError, "RID-URDF-MIMIC", "'cd'", "'ab'", "--tip"):
         arm("a>b", "b>c", "c>d:mimic", "d>e", tip="e")

@@ -1,4 +1,4 @@
-"""Limits of URDFs: what can be meant is taken, what cannot is repaired or a default, and said."""
+"""Limits of URDFs: valid ones are used, invalid ones replaced by defaults and reported."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def found(
     return limits_of_urdf([one], [size], defaults or LimitDefaults())[0]
 
 
-def test_what_a_urdf_states_is_taken_and_nothing_said_but_of_acceleration() -> None:
+def test_valid_limits_are_used_and_only_the_acceleration_is_reported() -> None:
     whole = found(joint("revolute", WHOLE))
     limits, taken = whole.limits, whole.replaced
     assert (limits.position_min, limits.position_max, limits.torque) == (-2.0, 2.5, 50.0)
@@ -63,7 +63,7 @@ def test_what_a_urdf_states_is_taken_and_nothing_said_but_of_acceleration() -> N
          "velocity: 3.14159 (repaired: the URDF states 180, in the unit of the positions)"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_meant_is_replaced_and_said(
+def test_invalid_limits_are_replaced_and_reported(
     kind: str, limits: dict[str, float], key: str, expected: float, told: str
 ) -> None:
     one = found(joint(kind, WHOLE | limits))
@@ -90,7 +90,7 @@ def test_what_cannot_be_meant_is_replaced_and_said(
         ("prismatic", {"lower": 0.1, "upper": 0.1}),
     ],
 )
-def test_limits_that_no_joint_has_are_refused_and_never_widened(
+def test_impossible_limits_are_refused_and_never_widened(
     kind: str, limits: dict[str, float]
 ) -> None:
     with pytest.raises(ConfigError) as refused:
@@ -103,25 +103,23 @@ def test_limits_that_no_joint_has_are_refused_and_never_widened(
     ("limits", "expected"),
     [({"lower": -1.5}, (-1.5, 0.0)), ({"upper": 1.5}, (0.0, 1.5))],
 )
-def test_a_bound_that_is_missing_is_zero(
-    limits: dict[str, float], expected: tuple[float, float]
-) -> None:
+def test_a_missing_bound_is_zero(limits: dict[str, float], expected: tuple[float, float]) -> None:
     one = found(joint("revolute", {"velocity": 2.0, "effort": 50.0} | limits))
     assert (one.limits.position_min, one.limits.position_max) == expected
     assert any(taken.key == "position" for taken in one.replaced)
 
 
-def test_an_acceleration_that_is_stated_is_taken_the_smaller_of_two() -> None:
+def test_the_smaller_of_two_stated_accelerations_is_used() -> None:
     one = found(joint("revolute", WHOLE | {"acceleration": 4.0, "deceleration": 3.0}))
     assert one.limits.acceleration == 3.0
 
 
-def test_zeros_that_lock_a_joint_give_way_to_a_range_that_is_given() -> None:
+def test_zero_limits_that_lock_a_joint_are_replaced_by_a_given_range() -> None:
     locked = joint("revolute", WHOLE | {"lower": 0.0, "upper": 0.0})
     assert found(locked, LimitDefaults(position=(1.0,))).limits.position_max == 1.0
 
 
-def test_options_fill_in_what_is_missing_and_nothing_else() -> None:
+def test_options_replace_missing_limits_only() -> None:
     defaults = LimitDefaults(position=(1.0,), velocity=(1.5,), acceleration=(3.0,), torque=(70.0,))
     bare, whole = (found(joint("revolute", x), defaults).limits for x in ({}, WHOLE))
     assert (bare.position_min, bare.position_max) == (-1.0, 1.0)
@@ -131,8 +129,8 @@ def test_options_fill_in_what_is_missing_and_nothing_else() -> None:
         found(joint("revolute", WHOLE), LimitDefaults(torque=(1.0, 2.0)))
 
 
-def test_sizes_are_those_of_the_arm_stretched_out() -> None:
-    # Two links of 1 m, 2 and 3 kg with centres in the middle, folded back at zero.
+def test_dimensions_are_those_of_the_stretched_arm() -> None:
+    # Two links of 1 m, 2 and 3 kg, centres in the middle, folded back at zero.
     joints = [joint("revolute", WHOLE), joint("prismatic", WHOLE)]
     origins, centres = np.array([[0.0, 0, 0], [1.0, 0, 0]]), np.array([[0.5, 0, 0], [0.5, 0, 0]])
     first, second = joint_sizes(joints, origins, np.zeros(3), centres, np.array([2.0, 3.0]))

@@ -1,4 +1,4 @@
-"""Inertias that no body has become the nearest that one has; links without mass are guesses."""
+"""Link inertias: impossible ones become the nearest possible; massless links become guesses."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def moments(link: LinkCad) -> np.ndarray:
     return np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
-def test_a_link_a_little_outside_the_triangle_rule_is_repaired_a_little() -> None:
+def test_a_small_violation_of_the_triangle_inequality_is_repaired_by_a_small_change() -> None:
     robot = made(inertial(3.0, 0.010, 0.020, 0.03024), SOUND)
     assert robot.robot.cad is not None
     repaired = moments(robot.robot.cad[0])
@@ -53,7 +53,7 @@ def test_a_link_a_little_outside_the_triangle_rule_is_repaired_a_little() -> Non
 
 
 @pytest.mark.parametrize("stated", [(1.0, 1.0, 9.0), (-0.1, 0.2, 0.2), (-1.0, -1.0, -2.0)])
-def test_what_is_far_from_any_body_is_repaired_and_less_certain(
+def test_a_large_violation_is_repaired_and_marked_less_certain(
     stated: tuple[float, float, float],
 ) -> None:
     robot = made(inertial(4.0, *stated), SOUND)
@@ -66,15 +66,15 @@ def test_what_is_far_from_any_body_is_repaired_and_less_certain(
     assert uncertainty > 0.1
 
 
-def test_products_of_inertia_count() -> None:
+def test_products_of_inertia_are_included() -> None:
     robot = made(inertial(1.0, 0.01, 0.01, 0.015, xy=0.02), SOUND)  # moments -0.01, 0.015, 0.03
     assert robot.robot.cad is not None
     assert moments(robot.robot.cad[0])[0] >= 0.0
     assert any("principal moments -0.01, 0.015, 0.03" in note for note in robot.notes)
 
 
-def test_sound_inertias_are_taken_as_they_are() -> None:
-    robot = made(inertial(1.0, 0.01, 0.02, 0.03), SOUND)  # flat, and exactly so
+def test_valid_inertias_are_unchanged() -> None:
+    robot = made(inertial(1.0, 0.01, 0.02, 0.03), SOUND)  # flat: exactly on the limit
     assert robot.robot.cad is not None
     np.testing.assert_allclose(moments(robot.robot.cad[0]), [0.01, 0.02, 0.03], rtol=1e-12)
     assert not any("impossible" in note for note in robot.notes)
@@ -91,7 +91,7 @@ def test_an_inertia_in_another_unit_counts_as_unknown() -> None:
     "nothing",
     ["", "<inertial/>", '<inertial><mass value="0"/></inertial>'],
 )
-def test_a_moving_link_without_mass_is_a_guess_and_the_others_stay(nothing: str) -> None:
+def test_a_moving_link_without_mass_is_a_guess_and_the_others_are_unchanged(nothing: str) -> None:
     robot = made(nothing, SOUND)
     assert robot.robot.cad is not None
     guess, sound = robot.robot.cad

@@ -1,4 +1,4 @@
-"""Robots from URDFs: Pinocchio reads the same files and is the judge."""
+"""Robots from URDFs, compared with Pinocchio, which reads the same files."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def robot(*parts: str) -> bytes:
     return f'<robot name="r">{"".join(parts)}</robot>'.encode()
 
 
-# What makes chains hard: parallel, coincident, intersecting, nearly parallel, skew, along x.
+# Difficult chains: parallel, coincident, intersecting, nearly parallel, skew, along x.
 AXES = ("1 0 0", "0 1 0", "0 0 1", "0 0 -1", "0 -1 0", "skew", "near")
 PLACES = ("0 0 0", "0 0 0.4", "0.3 0 0", "0 -0.2 0", "skew")
 TURNS = ("0 0 0", "1.5707963267948966 0 0", "0 -1.5707963267948966 0", "0 0 3.141592653589793")
@@ -85,7 +85,7 @@ def chain(joints: list[tuple[str, str, str, str, int]]) -> tuple[bytes, str]:
 
 
 class Judge:
-    """Pinocchio's own reading of a URDF; it turns continuous joints by cosine and sine."""
+    """Pinocchio's reading of a URDF; continuous joints are given by cosine and sine."""
 
     def __init__(self, data: bytes) -> None:
         self.model: Any = pin.buildModelFromXML(data.decode())
@@ -114,7 +114,7 @@ class Judge:
 
 @settings(max_examples=120)
 @given(st.lists(JOINTS, min_size=1, max_size=7).filter(lambda js: any(j[0] != "fixed" for j in js)))
-def test_kinematics_and_dynamics_of_any_chain_are_pinocchios(joints) -> None:
+def test_kinematics_and_dynamics_of_any_chain_agree_with_pinocchio(joints) -> None:
     data, tip = chain(joints)
     judge = Judge(data)
     made = robot_of_urdf(read_urdf(data, "r.urdf", literal_angles=True), tip=tip).robot
@@ -139,20 +139,20 @@ def test_kinematics_and_dynamics_of_any_chain_are_pinocchios(joints) -> None:
 
 
 @given(st.tuples(*[st.floats(-7.0, 7.0)] * 3))
-def test_every_rotation_has_its_angles(angles) -> None:
+def test_every_rotation_has_angles(angles) -> None:
     rotation = rotation_of_rpy(*angles)
     np.testing.assert_allclose(rotation, pin.rpy.rpyToMatrix(*angles), atol=1e-15)
     np.testing.assert_allclose(rotation_of_rpy(*rpy_of_rotation(rotation)), rotation, atol=1e-14)
 
 
 @pytest.mark.parametrize("pitch", [np.pi / 2, -np.pi / 2, np.pi / 2 - 1e-9])
-def test_angles_are_exact_where_pitch_is_a_right_angle(pitch: float) -> None:
+def test_angles_are_exact_at_a_pitch_of_90_degrees(pitch: float) -> None:
     rotation = pin.rpy.rpyToMatrix(0.3, pitch, -1.1)
     np.testing.assert_allclose(rotation_of_rpy(*rpy_of_rotation(rotation)), rotation, atol=1e-14)
 
 
 def arm(*more: str, tool: str = "") -> bytes:
-    """Return an upright arm of two parallel axes, angles rounded as files round them."""
+    """Return an upright arm of two parallel axes, with rounded angles as in files."""
     return robot(
         link("base"),
         link("column"),
@@ -166,7 +166,7 @@ def arm(*more: str, tool: str = "") -> bytes:
     )
 
 
-def test_rows_of_a_plain_arm_are_as_a_person_writes_them() -> None:
+def test_rows_of_a_simple_arm_are_the_usual_ones() -> None:
     made = robot_of_urdf(read_urdf(arm(), "arm.urdf"))
     rows = made.robot.kinematics.rows
     assert [row.alpha_rad for row in rows] == [0.0, np.pi / 2, 0.0]
@@ -177,7 +177,7 @@ def test_rows_of_a_plain_arm_are_as_a_person_writes_them() -> None:
     assert any("1 rounded angles were read" in note for note in made.notes)
 
 
-def test_limits_and_gear_ratios_are_taken_over() -> None:
+def test_limits_and_gear_ratios_are_imported() -> None:
     transmission = (
         '<transmission name="t"><joint name="lift"/><actuator name="m">'
         "<mechanicalReduction>101.5</mechanicalReduction></actuator></transmission>"
@@ -209,7 +209,7 @@ def test_limits_and_gear_ratios_are_taken_over() -> None:
         ),
     ],
 )
-def test_reductions_of_every_form_are_read_and_placeholders_said(
+def test_reductions_in_every_notation_are_read_and_placeholders_reported(
     transmission: str, ratio: float, told: str
 ) -> None:
     data = arm(f'<transmission name="t">{transmission}</transmission>')
@@ -220,7 +220,7 @@ def test_reductions_of_every_form_are_read_and_placeholders_said(
     assert bool(notes) == bool(told)
 
 
-def test_what_is_only_seen_may_be_left_to_expand_and_shapes_without_size_are_said() -> None:
+def test_visual_elements_may_stay_unexpanded_and_shapes_without_size_are_reported() -> None:
     shape = "<collision><geometry><box size='0 0 0'/></geometry></collision>"
     seen = f'<link name="tool"><visual><xacro:grey/></visual>{shape}</link>'
     data = arm(seen, tool=joint("mount", "fixed", "fore", "tool"))
@@ -229,7 +229,7 @@ def test_what_is_only_seen_may_be_left_to_expand_and_shapes_without_size_are_sai
     assert "tool: a <box> without size is ignored" in made.notes
 
 
-def test_a_robot_of_a_urdf_is_a_complete_robot_file() -> None:
+def test_a_robot_from_a_urdf_is_a_complete_robot_file() -> None:
     made = robot_of_urdf(read_urdf(arm(), "arm.urdf")).robot
     again = validate(parse_yaml(to_yaml(made).encode(), "robot.yaml"), RobotDescription)
     assert again == made
@@ -257,7 +257,7 @@ def test_collision_shapes_become_bodies_and_meshes_a_note() -> None:
     assert any("the collision meshes of tool were not read" in note for note in made.notes)
 
 
-def test_a_branch_that_moves_is_held_at_zero_and_said() -> None:
+def test_a_moving_branch_is_fixed_at_zero_and_reported() -> None:
     finger = link("finger", np.random.default_rng(1))
     data = arm(finger, tool=joint("grip", "prismatic", "fore", "finger", axis="0 1 0"))
     other = arm(
@@ -280,7 +280,7 @@ def test_a_branch_that_moves_is_held_at_zero_and_said() -> None:
     assert any("'grip', 'suck' are held at zero" in note for note in gripped.notes)
 
 
-def test_gravity_is_written_in_the_axes_of_the_base() -> None:
+def test_gravity_is_in_the_axes_of_the_base() -> None:
     data = robot(
         link("world"),
         link("wall"),
@@ -294,7 +294,7 @@ def test_gravity_is_written_in_the_axes_of_the_base() -> None:
     assert on_wall.robot.gravity_m_s2 == pytest.approx((9.81, 0.0, 0.0), abs=1e-12)
 
 
-def test_a_link_whose_mass_is_in_grams_is_said() -> None:
+def test_a_link_mass_in_grams_is_reported() -> None:
     def body(name: str, mass: float) -> str:
         inertia = '<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/>'
         inertial = f'<inertial><mass value="{mass}"/>{inertia}</inertial>'
@@ -312,7 +312,7 @@ def test_a_link_whose_mass_is_in_grams_is_said() -> None:
     assert not [n for n in robot_of_urdf(read_urdf(robot(*parts), "r.urdf")).notes if "grams" in n]
 
 
-def test_a_link_whose_inertia_was_rounded_away_is_said() -> None:
+def test_a_link_inertia_rounded_to_zero_is_reported() -> None:
     zeros = '<inertia ixx="0.000" ixy="0" ixz="0" iyy="0.000" iyz="0" izz="0.000"/>'
     flange = f'<link name="flange"><inertial><mass value="0.2"/>{zeros}</inertial></link>'
     one = joint("one", "revolute", "base", "flange", axis="0 0 1")
@@ -378,7 +378,7 @@ def test_a_link_whose_inertia_was_rounded_away_is_said() -> None:
         ),
     ],
 )  # fmt: skip
-def test_what_cannot_be_meant_is_refused_with_file_and_line(
+def test_an_invalid_urdf_is_refused_with_file_and_line(
     data: bytes, code: str, details: tuple[str, ...]
 ) -> None:
     with raises_code(ConfigError, code, *details):

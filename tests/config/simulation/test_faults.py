@@ -1,4 +1,4 @@
-"""Fault scripts: allowed content, and the position of the error in impossible ones."""
+"""Fault scripts: allowed content, and the position of errors in invalid ones."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def load(tmp_path: Path, text: str) -> FaultScript:
     return load_faults(path, load_cell("ir361").config)
 
 
-def test_the_script_of_the_guide_loads(tmp_path: Path) -> None:
+def test_the_script_in_the_guide_loads(tmp_path: Path) -> None:
     lines = GUIDE.read_text(encoding="utf-8").splitlines()
     first = lines.index("    # faults.yaml")
     last = lines.index("", first)
@@ -69,14 +69,16 @@ def test_the_script_of_the_guide_loads(tmp_path: Path) -> None:
         ("seed: -1", "1:1", "greater than or equal to 0"),
     ],
 )
-def test_an_error_has_its_place(tmp_path: Path, text: str, where: str, message: str) -> None:
+def test_an_error_is_reported_with_its_position(
+    tmp_path: Path, text: str, where: str, message: str
+) -> None:
     with pytest.raises(ConfigError) as caught:
         load(tmp_path, text)
     assert f"faults.yaml:{where}: " in str(caught.value)
     assert message in str(caught.value)
 
 
-def test_an_unknown_key_is_answered_with_those_of_its_kind(tmp_path: Path) -> None:
+def test_an_unknown_key_is_refused_with_the_keys_of_its_kind(tmp_path: Path) -> None:
     with pytest.raises(ConfigError) as caught:
         load(tmp_path, "bus: [{kind: drop, duration_s: 60.0}]")
     allowed = str(caught.value).partition("Allowed: ")[2].split(", ")

@@ -1,4 +1,4 @@
-"""A scripted amplifier on a pseudo-terminal: real bytes, real ports."""
+"""Fixtures: a scripted amplifier on a pseudo-terminal, with real bytes and real ports."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Device(threading.Thread):
         self._ours, theirs = os.openpty()
         tty.setraw(theirs)
         self.address = os.ttyname(theirs)
-        self._theirs = theirs  # kept open, so that the port exists without a client
+        self._theirs = theirs  # kept open so that the port exists without a client
         self._wake, self._woken = os.pipe()
         self._lines = LineSplitter()
         self.config = config_for(self.address, script)
@@ -169,7 +169,7 @@ def config_for(address: str, script: Script) -> AmplifierConfig:
 
 @pytest.fixture(autouse=True)
 def patience(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Set long timeouts for a slow machine; tests without answers set their own."""
+    """Set long timeouts for a slow computer; tests of missing answers set their own."""
     monkeypatch.setattr("drivers.amplifier.dialogue.ANSWER_TIMEOUT_S", ENOUGH_S)
     monkeypatch.setattr("drivers.amplifier.dialogue.PROBE_TIMEOUT_S", ENOUGH_S)
     monkeypatch.setattr("drivers.amplifier.dialogue.BAUD_RATES", ())
@@ -177,7 +177,7 @@ def patience(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def plug() -> Iterator[Callable[..., Device]]:
-    """Return how to plug a device in; its script's fields are the arguments."""
+    """Return a function that plugs in a device; its arguments are the script's fields."""
     devices: list[Device] = []
 
     def plug_in(**fields: Any) -> Device:

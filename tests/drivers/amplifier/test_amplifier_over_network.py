@@ -1,4 +1,4 @@
-"""The amplifier behind a device server: RFC 2217 and raw TCP, by pyserial's own server side."""
+"""Amplifier behind a device server: RFC 2217 and raw TCP, by pyserial's server side."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:set(Daemon|Name):DeprecationWarn
 
 
 class PlainPort(serial.Serial):
-    """A pseudo-terminal has no modem lines."""
+    """Serial port without modem lines, which a pseudo-terminal lacks."""
 
     dtr = rts = break_condition = property(lambda self: False, lambda self, value: None)
     cts = dsr = ri = cd = property(lambda self: False)
@@ -105,7 +105,7 @@ def patience(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("scheme", ["rfc2217", "socket"])
-def test_everything_goes_over_the_network_too(
+def test_settings_and_rows_are_read_over_the_network(
     behind: Callable[[str], tuple[Any, DeviceServer]], scheme: str
 ) -> None:
     served, _ = behind(scheme)
@@ -125,7 +125,7 @@ def test_everything_goes_over_the_network_too(
 
 
 @pytest.mark.parametrize("scheme", ["rfc2217", "socket"])
-def test_a_device_server_that_goes_is_an_error_of_the_line(
+def test_a_lost_device_server_is_an_error_of_the_line(
     behind: Callable[[str], tuple[Any, DeviceServer]], scheme: str
 ) -> None:
     served, server = behind(scheme)

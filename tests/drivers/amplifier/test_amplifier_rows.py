@@ -1,4 +1,4 @@
-"""The amplifier's driver against a scripted device: its stream."""
+"""Driver of the amplifier with a scripted device: its stream of rows."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_the_transcript_of_a_session(plug: Plug) -> None:
 
 
 @pytest.mark.parametrize("form", ["ascii", "binary"])
-def test_a_stream_left_running_is_ended(plug: Plug, form: str) -> None:
+def test_a_stream_left_running_is_stopped_first(plug: Plug, form: str) -> None:
     device = plug(form=form, rows=rows(form, range(20)))
     script = device.script
     config = device.config
@@ -70,7 +70,7 @@ def test_a_stream_left_running_is_ended(plug: Plug, form: str) -> None:
 
 
 @pytest.mark.parametrize("form", ["ascii", "binary"])
-def test_rows_come_with_their_arrival(plug: Plug, form: str) -> None:
+def test_rows_have_their_arrival_time(plug: Plug, form: str) -> None:
     device = plug(form=form, rows=rows(form, range(40)))
     with open_amplifier(device.config, PROFILE) as amplifier:
         amplifier.connect()
@@ -89,7 +89,7 @@ def test_rows_come_with_their_arrival(plug: Plug, form: str) -> None:
     assert amplifier.stream_counts.rows == 40
 
 
-def test_each_row_has_the_time_of_the_piece_that_completed_it(plug: Plug) -> None:
+def test_each_row_has_the_arrival_time_of_its_last_byte(plug: Plug) -> None:
     device = plug(rows=rows("binary", range(2)))
     with open_amplifier(device.config, PROFILE) as amplifier:
         amplifier.connect()
@@ -112,7 +112,7 @@ def test_each_row_has_the_time_of_the_piece_that_completed_it(plug: Plug) -> Non
     assert np.all(arrivals[3:] >= later_s)
 
 
-def test_where_time_is_simulated_the_arrivals_are_looked_up(plug: Plug, tmp_path: object) -> None:
+def test_in_simulated_time_arrivals_are_looked_up(plug: Plug, tmp_path: object) -> None:
     device = plug(rows=rows("binary", range(5)))
     address = f"{tmp_path}/port"
     os.symlink(device.address, address)
@@ -139,7 +139,7 @@ def test_an_unplugged_adapter_is_an_error_of_the_line_at_once(plug: Plug) -> Non
             amplifier.mark()
 
 
-def test_plugged_in_again_it_goes_on(plug: Plug) -> None:
+def test_after_a_replug_rows_are_read_again(plug: Plug) -> None:
     first = plug()
     with open_amplifier(first.config, PROFILE) as amplifier:
         amplifier.connect()

@@ -1,4 +1,4 @@
-"""The amplifier's driver against a scripted device: questions, settings, ports."""
+"""Driver of the amplifier with a scripted device: requests, settings, ports."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ENOUGH_S = 120.0
 Plug = Callable[..., Any]
 
 
-def test_who_answers_is_escaped(plug: Plug) -> None:
+def test_control_characters_in_the_identity_are_escaped(plug: Plug) -> None:
     device = plug(identity=b"Example,\x1b[2J")
     with open_amplifier(device.config, PROFILE) as amplifier:
         with raises_code(ProtocolError, "RID-AMPLIFIER-ANSWER", "\\x1b[2J"):
@@ -41,7 +41,7 @@ def test_a_wrong_baud_rate_is_found_and_named(plug: Plug, monkeypatch: pytest.Mo
         amplifier.connect()
 
 
-def test_silence_is_named_as_silence(plug: Plug, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_silent_device_is_reported_as_silent(plug: Plug, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("drivers.amplifier.dialogue.ANSWER_TIMEOUT_S", 0.02)
     monkeypatch.setattr("drivers.amplifier.dialogue.PROBE_TIMEOUT_S", 0.01)
     monkeypatch.setattr("drivers.amplifier.dialogue.BAUD_RATES", (9600, 115200))
@@ -54,7 +54,7 @@ def test_silence_is_named_as_silence(plug: Plug, monkeypatch: pytest.MonkeyPatch
         amplifier.connect()
 
 
-def test_settings_that_agree_are_left_alone(plug: Plug) -> None:
+def test_settings_that_agree_are_not_written(plug: Plug) -> None:
     device = plug(operating=True)
     script = device.script
     with open_amplifier(device.config, PROFILE) as amplifier:
@@ -65,7 +65,7 @@ def test_settings_that_agree_are_left_alone(plug: Plug) -> None:
     assert not [line for line in script.heard if not line.endswith(b"?") and line != b"ST0"]
 
 
-def test_a_changed_range_is_set_alone_and_loses_the_charge(plug: Plug) -> None:
+def test_a_changed_range_is_written_alone_and_clears_the_charge(plug: Plug) -> None:
     device = plug(operating=True, settings={("range", 3): "500"})
     script = device.script
     with open_amplifier(device.config, PROFILE) as amplifier:
@@ -81,7 +81,7 @@ def test_a_changed_range_is_set_alone_and_loses_the_charge(plug: Plug) -> None:
     ]
 
 
-def test_a_setting_that_does_not_stay_is_an_error(plug: Plug) -> None:
+def test_a_setting_that_is_not_kept_is_an_error(plug: Plug) -> None:
     def stubborn(request: AmplifierCommand) -> bytes:
         return b"OK\r" if request.value is not None else b"30\r"
 
@@ -92,7 +92,7 @@ def test_a_setting_that_does_not_stay_is_an_error(plug: Plug) -> None:
             amplifier.configure()
 
 
-def test_the_converter_is_not_set_but_compared(plug: Plug) -> None:
+def test_the_converter_setting_is_compared_and_not_written(plug: Plug) -> None:
     device = plug(settings={("bits", 0): "12"})
     with open_amplifier(device.config, PROFILE) as amplifier:
         amplifier.connect()
@@ -100,7 +100,7 @@ def test_the_converter_is_not_set_but_compared(plug: Plug) -> None:
             amplifier.configure()
 
 
-def test_a_refused_value_is_named_in_words(plug: Plug) -> None:
+def test_a_refused_value_is_reported_with_channel_and_code(plug: Plug) -> None:
     device = plug(moods={"range": lambda request: b"E03\r"})
     with open_amplifier(device.config, PROFILE) as amplifier:
         amplifier.connect()
@@ -108,7 +108,7 @@ def test_a_refused_value_is_named_in_words(plug: Plug) -> None:
             amplifier.settings()
 
 
-def test_overloads_are_read_and_forgotten(plug: Plug) -> None:
+def test_reading_overloads_clears_them(plug: Plug) -> None:
     device = plug(overloads=0b1000_0001)
     with open_amplifier(device.config, PROFILE) as amplifier:
         amplifier.connect()
@@ -116,7 +116,7 @@ def test_overloads_are_read_and_forgotten(plug: Plug) -> None:
         assert not any(amplifier.take_overloads())
 
 
-def test_forces_are_what_the_device_says(plug: Plug) -> None:
+def test_forces_are_the_values_of_the_device(plug: Plug) -> None:
     device = plug(values=b"1.5,-2,0,0,0,0,0,4.9")
     with open_amplifier(device.config, PROFILE) as amplifier:
         amplifier.connect()
@@ -127,11 +127,11 @@ def test_forces_are_what_the_device_says(plug: Plug) -> None:
                 amplifier.forces_n()
 
 
-def test_a_device_that_does_not_do_what_it_confirmed(plug: Plug) -> None:
-    def confirms(request: AmplifierCommand) -> bytes:
+def test_a_confirmed_command_without_effect_is_an_error(plug: Plug) -> None:
+    def confirm(request: AmplifierCommand) -> bytes:
         return b"OK\r" if request.value is not None else b"0\r"
 
-    device = plug(moods={"operate": confirms})
+    device = plug(moods={"operate": confirm})
     with open_amplifier(device.config, PROFILE) as amplifier:
         amplifier.connect()
         with raises_code(ProtocolError, "RID-AMPLIFIER-ANSWER"):
@@ -146,7 +146,7 @@ def test_a_device_that_does_not_do_what_it_confirmed(plug: Plug) -> None:
         ("overload", b"none\r", SerialAmplifier.take_overloads),
     ],
 )
-def test_an_answer_that_the_profile_does_not_know_is_an_error(
+def test_an_answer_outside_the_profile_is_an_error(
     name: str, answer: bytes, ask: Callable[[SerialAmplifier], object], plug: Plug
 ) -> None:
     device = plug(moods={name: lambda request: answer})
@@ -156,7 +156,7 @@ def test_an_answer_that_the_profile_does_not_know_is_an_error(
             ask(amplifier)
 
 
-def test_late_answers_do_not_answer_the_next_question(plug: Plug) -> None:
+def test_late_answers_are_not_used_for_the_next_request(plug: Plug) -> None:
     device = plug()
     with open_amplifier(device.config, PROFILE) as amplifier:
         amplifier.connect()
@@ -166,13 +166,13 @@ def test_late_answers_do_not_answer_the_next_question(plug: Plug) -> None:
         assert not amplifier.is_operating()
 
 
-def test_a_late_confirmation_is_not_taken_for_who_answers(plug: Plug) -> None:
+def test_a_late_confirmation_is_not_used_as_identity(plug: Plug) -> None:
     device = plug(moods={"identify": lambda request: b"OK\rExample,M8,007,1.2\r"})
     with open_amplifier(device.config, PROFILE) as amplifier:
         assert amplifier.connect() == "Example,M8,007,1.2"
 
 
-def test_a_port_that_is_not_there_is_named(plug: Plug) -> None:
+def test_a_missing_port_is_an_error_with_its_name(plug: Plug) -> None:
     with (
         raises_code(TransportError, "RID-SERIAL-OPEN", "/dev/ttyNONE", "plate.amplifier.address"),
         open_amplifier(plug().config.model_copy(update={"address": "/dev/ttyNONE"}), PROFILE),
@@ -185,7 +185,7 @@ def test_a_port_that_is_not_there_is_named(plug: Plug) -> None:
         pass
 
 
-def test_a_port_belongs_to_one_program(plug: Plug) -> None:
+def test_a_port_is_used_by_one_program_only(plug: Plug) -> None:
     device = plug()
     config = device.config
     with (

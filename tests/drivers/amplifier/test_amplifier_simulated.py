@@ -1,4 +1,4 @@
-"""The amplifier's driver and the simulated amplifier, which share nothing but the profile."""
+"""Driver of the amplifier with the simulated amplifier, which share only the profile."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def patience(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("drivers.amplifier.dialogue.BAUD_RATES", ())
 
 
-def test_everything_is_set_and_reads_back(serve_amplifier: Serve) -> None:
+def test_every_setting_is_written_and_read_back(serve_amplifier: Serve) -> None:
     served = serve_amplifier(format="ascii", low_pass_hz=150.0, trigger=True, rate_hz=300.0)
     with open_amplifier(served.plate.amplifier, served.profile) as amplifier:
         assert amplifier.connect().startswith("rid-daq,simulated")
@@ -32,7 +32,7 @@ def test_everything_is_set_and_reads_back(serve_amplifier: Serve) -> None:
         assert {setting.verdict for setting in amplifier.settings()} == {"ok"}
 
 
-def test_another_speed_is_found_and_named(
+def test_a_wrong_baud_rate_is_found_and_named_by_the_simulated_device(
     serve_amplifier: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("drivers.amplifier.dialogue.ANSWER_TIMEOUT_S", 0.02)
@@ -45,7 +45,7 @@ def test_another_speed_is_found_and_named(
         amplifier.connect()
 
 
-def test_operate_moves_the_zero_and_reset_brings_it_back(serve_amplifier: Serve) -> None:
+def test_operate_shifts_the_zero_and_reset_removes_the_shift(serve_amplifier: Serve) -> None:
     truth = SimulatedPlate(sensitivity_pc_n=(-7.5,) * 4 + (-3.8,) * 4, zero_jump_pc=(75.0,) * 8)
     served = serve_amplifier(truth=truth)
     with open_amplifier(served.plate.amplifier, served.profile) as amplifier:
@@ -66,7 +66,7 @@ def test_operate_moves_the_zero_and_reset_brings_it_back(serve_amplifier: Serve)
         assert np.abs(amplifier.forces_n() + 10.0 * np.array([1.0] * 4 + [75 / 38] * 4)).max() < 1.0
 
 
-def test_a_range_that_changes_in_operation_loses_the_charge(serve_amplifier: Serve) -> None:
+def test_a_range_changed_during_operation_clears_the_charge(serve_amplifier: Serve) -> None:
     served = serve_amplifier()
     with open_amplifier(served.plate.amplifier, served.profile) as amplifier:
         amplifier.connect()
@@ -82,7 +82,7 @@ def test_a_range_that_changes_in_operation_loses_the_charge(serve_amplifier: Ser
         assert amplifier.configure()
 
 
-def test_the_converter_that_the_cell_file_does_not_know(serve_amplifier: Serve) -> None:
+def test_a_converter_unknown_to_the_cell_file_is_refused(serve_amplifier: Serve) -> None:
     served = serve_amplifier(bits=14)
     other = served.plate.amplifier.model_copy(update={"bits": 16})
     with open_amplifier(other, served.profile) as amplifier:

@@ -1,4 +1,4 @@
-"""Commands and answers of an amplifier, word by word; some were recorded from a real one."""
+"""Commands and answers of an amplifier, byte by byte; some were recorded from a real one."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from tests.builders.raised_codes import raises_code
 PROFILE = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
 CODEC = AmplifierCodec(PROFILE)
 
-# Verified: a Kistler 5015 on RS-232 takes RO1 (operate) and RO0 (reset), ended by CR, and answers
-# with a line ended by CR. The other words are the profile's own, in the same manner.
+# Verified: a Kistler 5015 on RS-232 accepts RO1 (operate) and RO0 (reset), ended by CR, and answers
+# with a line ended by CR. The other commands are the profile's own, in the same style.
 TRANSCRIPT = [
     (b"RO1\r", AmplifierCommand("operate", 0, "1")),
     (b"RO0\r", AmplifierCommand("operate", 0, "0")),
@@ -43,12 +43,12 @@ TRANSCRIPT = [
 
 
 @pytest.mark.parametrize(("line", "request_"), TRANSCRIPT)
-def test_commands_as_they_stand_on_the_line(line: bytes, request_: AmplifierCommand) -> None:
+def test_commands_are_encoded_as_on_the_line(line: bytes, request_: AmplifierCommand) -> None:
     assert CODEC.request(request_.name, request_.value, request_.channel) == line
     assert CODEC.read_request(line.rstrip(b"\r")) == request_
 
 
-def test_what_is_verified_is_operate_alone_and_says_where() -> None:
+def test_only_operate_is_verified_and_its_source_is_given() -> None:
     verified = {name: word for name, word in PROFILE.commands if word.verified}
     assert list(verified) == ["operate"]
     assert verified["operate"].source
@@ -64,7 +64,7 @@ def test_what_is_verified_is_operate_alone_and_says_where() -> None:
         (b"Example,M8,007,1.2\r", AmplifierReply(text="Example,M8,007,1.2")),
     ],
 )
-def test_answers_as_they_stand_on_the_line(line: bytes, answer: AmplifierReply) -> None:
+def test_answers_are_decoded_as_on_the_line(line: bytes, answer: AmplifierReply) -> None:
     assert CODEC.answer(answer) == line
     assert CODEC.read_answer(line.rstrip(b"\r")) == answer
 
@@ -80,13 +80,13 @@ def test_answers_as_they_stand_on_the_line(line: bytes, answer: AmplifierReply) 
         (b"9:RG?", "04"),
     ],
 )
-def test_what_is_no_command_is_refused_by_number(line: bytes, number: str) -> None:
+def test_a_refused_command_is_reported_with_its_number(line: bytes, number: str) -> None:
     with pytest.raises(RequestError) as caught:
         CODEC.read_request(line)
     assert caught.value.number == number
 
 
-def test_an_answer_that_is_no_text_is_shown_escaped() -> None:
+def test_an_answer_that_is_not_text_is_shown_escaped() -> None:
     with raises_code(ProtocolError, "RID-AMPLIFIER-ANSWER", "\\x1b[2J"):
         CODEC.read_answer(b"\x1b[2J")
     assert CODEC.error_text("03") == "error E03 (value out of range)"
@@ -105,7 +105,7 @@ def test_any_line_is_a_command_or_an_error(line: bytes) -> None:
 
 
 @pytest.mark.parametrize("end", [b"\r", b"\n", b"\r\n"])
-def test_lines_end_with_cr_lf_or_both(end: bytes) -> None:
+def test_lines_end_with_cr_or_lf_or_both(end: bytes) -> None:
     lines = LineSplitter()
     lines.feed(b"OK" + end + b"E01" + end + b"ha")
     assert [lines.next_line(), lines.next_line(), lines.next_line()] == [b"OK", b"E01", None]
@@ -113,7 +113,7 @@ def test_lines_end_with_cr_lf_or_both(end: bytes) -> None:
     assert lines.next_line() == b"half"
 
 
-def test_an_endless_line_costs_no_memory() -> None:
+def test_an_endless_line_needs_bounded_memory() -> None:
     lines = LineSplitter()
     for _ in range(1000):
         lines.feed(bytes(100))

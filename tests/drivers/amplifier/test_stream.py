@@ -1,4 +1,4 @@
-"""The amplifier's stream: any garbage, any split, overflowing counters; never a wrong number."""
+"""Stream of the amplifier: garbage, any split, counter overflows; never a wrong number."""
 
 from __future__ import annotations
 
@@ -62,17 +62,17 @@ def rows_of(form: str, data: bytes, cuts: list[int] | None = None) -> tuple[Any,
     return np.concatenate(blocks), parser
 
 
-# transcripts: what the profile's layout means, byte by byte
+# transcripts: the profile's layout, byte by byte
 
 
-def test_a_text_row_as_it_stands_on_the_line() -> None:
+def test_a_text_row_is_decoded_as_on_the_line() -> None:
     line = encode_row(row_layout(PROFILE, "ascii"), 26, 5_000_000, 0x104, [1, -1, 0, 32767] * 2)
     body = b"#001A,004C4B40,0104" + b"+00001-00001+00000+32767" * 2 + b"*"
     assert line == body + b"%04X\r" % crc_hqx(body, 0xFFFF)
     assert len(line) == PROFILE.row_bytes("ascii") == 73
 
 
-def test_a_binary_row_as_it_stands_on_the_line() -> None:
+def test_a_binary_row_is_decoded_as_on_the_line() -> None:
     data = encode_row(row_layout(PROFILE, "binary"), 26, 5_000_000, 0x104, [1, -1, 0, 32767] * 2)
     body = b"\xa5\x5a" + struct.pack("<HIH8h", 26, 5_000_000, 0x104, *([1, -1, 0, 32767] * 2))
     assert data == body + struct.pack(">H", crc_hqx(body, 0xFFFF))
@@ -83,14 +83,14 @@ def test_the_checksum_is_the_published_one() -> None:
     assert crc_hqx(b"123456789", 0xFFFF) == 0x29B1  # CRC-16/IBM-3740, "CCITT-FALSE"
 
 
-def test_an_event_as_it_stands_on_the_line() -> None:
+def test_an_event_is_decoded_as_on_the_line() -> None:
     line = event("ascii", EVENTS.trigger, 3, detail=7)
     assert line.startswith(b"!03,0003,00000BB8,0007*")
     assert (len(line), len(event("binary", 3, 3))) == (28, 14)
 
 
 @form
-def test_rows_come_back_as_sent(form: str) -> None:
+def test_rows_are_decoded_as_sent(form: str) -> None:
     rows, parser = rows_of(form, b"".join(row(form, i) for i in range(500)))
     assert rows["sequence"].tolist() == list(range(500))
     assert rows["ticks"].tolist() == [i * ROW_TICKS for i in range(500)]
@@ -115,7 +115,7 @@ def test_any_split_gives_the_same_rows(form: str, data: st.DataObject) -> None:
 
 @form
 @given(garbage=st.binary(max_size=400))
-def test_garbage_between_rows_costs_at_most_two(form: str, garbage: bytes) -> None:
+def test_garbage_between_rows_loses_at_most_two(form: str, garbage: bytes) -> None:
     data = b"".join(row(form, i) for i in range(5)) + garbage
     data += b"".join(row(form, i) for i in range(5, 12))
     rows, _ = rows_of(form, data)
@@ -126,7 +126,9 @@ def test_garbage_between_rows_costs_at_most_two(form: str, garbage: bytes) -> No
 
 @form
 @given(data=st.data())
-def test_lost_and_changed_bytes_cost_the_rows_that_they_hit(form: str, data: st.DataObject) -> None:
+def test_lost_and_changed_bytes_lose_only_the_rows_that_they_hit(
+    form: str, data: st.DataObject
+) -> None:
     whole = b"".join(row(form, i) for i in range(12))
     start = data.draw(st.integers(0, len(whole) - 1))
     end = data.draw(st.integers(start, min(start + 100, len(whole))))
@@ -138,7 +140,7 @@ def test_lost_and_changed_bytes_cost_the_rows_that_they_hit(form: str, data: st.
 
 
 @form
-def test_the_beginning_of_a_row_as_garbage_costs_no_row(form: str) -> None:
+def test_the_start_of_a_row_as_garbage_loses_no_row(form: str) -> None:
     data = row(form, 0) + row(form, 1)[:20] + row(form, 2) + row(form, 3)
     rows, parser = rows_of(form, data)
     assert rows["sequence"].tolist() == [0, 2, 3]
@@ -147,7 +149,7 @@ def test_the_beginning_of_a_row_as_garbage_costs_no_row(form: str) -> None:
 
 @form
 @pytest.mark.parametrize("flood", [b"\0", b"\xff", b"#", b"\xa5", b"\xa5\x5a", b"\r"])
-def test_a_flood_costs_no_memory(form: str, flood: bytes) -> None:
+def test_continuous_garbage_needs_bounded_memory(form: str, flood: bytes) -> None:
     parser = stream(form)
     for _ in range(200):
         assert len(parser.feed(flood * 500).rows) == 0
@@ -157,14 +159,14 @@ def test_a_flood_costs_no_memory(form: str, flood: bytes) -> None:
 
 
 @form
-def test_every_single_changed_bit_is_noticed(form: str) -> None:
+def test_every_single_changed_bit_is_detected(form: str) -> None:
     good = row(form, 7)
     for bit in range(8 * (len(good) - (form == "ascii"))):
         bad = bytearray(good)
         bad[bit // 8] ^= 1 << bit % 8
         rows, _ = rows_of(form, row(form, 6) + bytes(bad) + row(form, 8))
         numbers = rows["sequence"].tolist()
-        # a small and a capital hex digit of the checksum are the same digit
+        # a lower-case and an upper-case hex digit of the checksum are the same digit
         assert numbers == [6, 8] or (bytes(bad).upper() == good and form == "ascii")
 
 
@@ -176,7 +178,7 @@ def test_gaps_are_counted(form: str) -> None:
 
 
 @form
-def test_sequence_and_time_count_on_through_their_overflows(form: str) -> None:
+def test_sequence_and_time_continue_over_their_overflows(form: str) -> None:
     first = (1 << 32) // ROW_TICKS - 5
     numbers = range(first, first + 10)
     rows, parser = rows_of(form, b"".join(row(form, i) for i in numbers))
@@ -185,7 +187,7 @@ def test_sequence_and_time_count_on_through_their_overflows(form: str) -> None:
     assert (parser.counts.gaps, rows["stream"].max()) == (0, 0)
 
 
-def test_a_silence_longer_than_the_sequence_is_counted_by_the_device_time() -> None:
+def test_a_gap_longer_than_the_sequence_is_counted_by_the_device_time() -> None:
     parser = AmplifierStream(PROFILE, "binary", 10_000.0)
     lost = 200_000
     data = [row("binary", 0, ticks=0), row("binary", 0, sequence=lost, ticks=lost * 100)]
@@ -195,7 +197,7 @@ def test_a_silence_longer_than_the_sequence_is_counted_by_the_device_time() -> N
 
 
 @form
-def test_a_device_that_began_anew_begins_a_new_stream(form: str) -> None:
+def test_a_restarted_device_starts_a_new_stream(form: str) -> None:
     numbers = [50_000, 50_001, 0, 1, 2]
     rows, _ = rows_of(form, b"".join(row(form, i) for i in numbers))
     assert rows["stream"].tolist() == [0, 0, 1, 1, 1]
@@ -204,7 +206,7 @@ def test_a_device_that_began_anew_begins_a_new_stream(form: str) -> None:
 
 
 @form
-def test_a_repeated_row_is_left_out(form: str) -> None:
+def test_a_repeated_row_is_skipped(form: str) -> None:
     rows, parser = rows_of(form, row(form, 1) * 2 + row(form, 2))
     assert rows["sequence"].tolist() == [1, 2]
     assert parser.counts.repeated_rows == 1
@@ -225,7 +227,7 @@ def test_events_keep_their_place_and_time(form: str) -> None:
 
 
 @form
-def test_an_event_around_the_overflow_lies_beside_its_row(form: str) -> None:
+def test_an_event_near_the_overflow_has_the_time_of_its_row(form: str) -> None:
     last = (1 << 32) // ROW_TICKS
     parser = stream(form)
     events = parser.feed(event(form, EVENTS.trigger, last - 1)).events
@@ -245,7 +247,7 @@ def test_after_stopped_the_line_is_text_again(form: str) -> None:
     assert len(parser.feed(row(form, 5)).rows) == 0
 
 
-def test_small_hex_digits_and_line_feeds_are_taken() -> None:
+def test_lower_case_hex_digits_and_line_feeds_are_accepted() -> None:
     line = row("ascii", 0xABC).rstrip(b"\r")
     crc = line[-4:].lower()
     rows, parser = rows_of("ascii", line[:-4] + crc + b"\r\n" + row("ascii", 0xABD))
@@ -254,14 +256,14 @@ def test_small_hex_digits_and_line_feeds_are_taken() -> None:
 
 
 @pytest.mark.parametrize("count", [b"+99999", b"+1_000", b" 00001", b"-32769", b"000001"])
-def test_a_text_row_without_numbers_is_no_row_even_with_its_checksum(count: bytes) -> None:
+def test_a_text_row_without_numbers_is_refused_despite_its_checksum(count: bytes) -> None:
     body = b"#001A,004C4B40,0100" + b"+00001" * 7 + count + b"*"
     rows, parser = rows_of("ascii", body + b"%04X\r" % crc_hqx(body, 0xFFFF) + row("ascii", 1))
     assert rows["sequence"].tolist() == [1]
     assert parser.counts.bad_frames == 1
 
 
-def test_counts_that_do_not_fit_are_not_sent() -> None:
+def test_counts_out_of_range_are_not_sent() -> None:
     for name in FORMS:
         layout = row_layout(PROFILE, name)
         with pytest.raises((ValueError, struct.error)):
@@ -270,7 +272,7 @@ def test_counts_that_do_not_fit_are_not_sent() -> None:
             encode_row(layout, 0, 0, 0, [100_000, *[0] * 7])
 
 
-def test_a_stream_damaged_at_random_never_lies() -> None:
+def test_a_stream_with_random_damage_never_gives_a_wrong_number() -> None:
     rng = random.Random(5)
     whole = b"".join(row("binary", i) for i in range(40))
     for _ in range(300):

@@ -13,7 +13,7 @@ frames = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8))
 
 
 def bits_by_the_standard(frame: Frame) -> int:
-    """Count as the standard describes it: a string of bits, stuffed one after the other."""
+    """Count the bits as the standard describes it: a bit string with stuff bits inserted."""
     header = f"0{frame.cob_id:011b}000{len(frame.data):04b}"
     payload = header + "".join(f"{byte:08b}" for byte in frame.data)
     crc = 0
@@ -31,7 +31,7 @@ def bits_by_the_standard(frame: Frame) -> int:
 
 
 @given(frames)
-def test_every_frame_is_as_long_as_the_standard_says(frame: Frame) -> None:
+def test_every_frame_has_the_length_of_the_standard(frame: Frame) -> None:
     assert frame_bits(frame) == bits_by_the_standard(frame)
 
 
@@ -41,7 +41,7 @@ def test_no_frame_is_longer_than_the_worst_case(frame: Frame) -> None:
     assert unstuffed <= frame_bits(frame) <= worst_bits(len(frame.data))
 
 
-def test_known_lengths() -> None:
+def test_known_frame_lengths() -> None:
     assert frame_bits(SYNC) == 51
     assert worst_bits(8) == 135
     assert typical_bits(8) == 119
@@ -52,7 +52,7 @@ def test_known_lengths() -> None:
     ("axes", "cycle_s", "percent"),
     [(3, 0.001, 77), (4, 0.001, 101), (6, 0.002, 75), (3, 0.008, 10)],
 )
-def test_load_of_a_cycle(axes: int, cycle_s: float, percent: int) -> None:
+def test_the_load_of_a_cycle(axes: int, cycle_s: float, percent: int) -> None:
     load = cyclic_load(axes, cycle_s, 10**6, heartbeats_s=(0.025, 0.05))
     assert round(100 * load) == percent
     worst = cyclic_load(axes, cycle_s, 10**6, heartbeats_s=(0.025, 0.05), worst=True)

@@ -34,11 +34,11 @@ from tests.builders.raised_codes import raises_code
 class TestIdentifiers:
     """CiA 301, 7.3.3, table 42: the predefined connection set."""
 
-    def test_pdos(self) -> None:
+    def test_pdo_identifiers(self) -> None:
         assert [tpdo_cob_id(3, n) for n in (1, 2, 3, 4)] == [0x183, 0x283, 0x383, 0x483]
         assert [rpdo_cob_id(3, n) for n in (1, 2, 3, 4)] == [0x203, 0x303, 0x403, 0x503]
 
-    def test_a_frame_reads_as_candump_writes_it(self) -> None:
+    def test_a_frame_is_written_as_by_candump(self) -> None:
         assert str(Frame(0x181, b"\x37\x06")) == "181#3706"
 
 
@@ -61,41 +61,41 @@ class TestNmt:
             (Frame(1, b"\x01\x05"), None),
         ],
     )
-    def test_a_node_hears_only_what_is_meant_for_it(
+    def test_a_node_follows_only_commands_to_it_or_to_all(
         self, frame: Frame, command: NmtCommand | None
     ) -> None:
         assert parse_nmt(frame, 5) is command
 
-    def test_state_machine(self) -> None:
+    def test_nmt_state_machine(self) -> None:
         assert next_nmt_state(NmtState.PRE_OPERATIONAL, NmtCommand.START) is NmtState.OPERATIONAL
         assert next_nmt_state(NmtState.OPERATIONAL, NmtCommand.STOP) is NmtState.STOPPED
         assert next_nmt_state(NmtState.INITIALISING, NmtCommand.START) is NmtState.INITIALISING
 
-    def test_states_in_words(self) -> None:
+    def test_states_have_names(self) -> None:
         assert state_name(0x85) == "operational"
         assert state_name(0x11) == "unknown state 11h"
 
 
 class TestHeartbeat:
-    def test_boot_up_and_heartbeat(self) -> None:
+    def test_boot_up_and_heartbeat_frames(self) -> None:
         # CiA 301, 7.2.8.3.3 and 7.2.8.3.2
         assert heartbeat_frame(2, NmtState.INITIALISING) == Frame(0x702, b"\x00")
         assert heartbeat_frame(127, NmtState.OPERATIONAL) == Frame(0x77F, b"\x05")
 
-    def test_consumer_entry(self) -> None:
+    def test_consumer_heartbeat_entry(self) -> None:
         # CiA 301, 7.5.2.17, figure 64: node id in bits 16-23, time in bits 0-15
         assert consumer_entry(127, 80) == 0x007F_0050
         assert parse_consumer_entry(0x007F_0050) == (127, 0.08)
         assert parse_consumer_entry(0x0000_0050) is None
         assert parse_consumer_entry(0x007F_0000) is None
 
-    def test_the_producer_never_sends_a_backlog(self) -> None:
+    def test_the_producer_never_sends_missed_heartbeats_later(self) -> None:
         producer = HeartbeatProducer(0.025)
         assert [producer.due(t) for t in (1.0, 1.024, 1.025)] == [True, False, True]
         assert producer.due(2.0), "one beat after a long pause"
         assert not producer.due(2.001), "and no more"
 
-    def test_the_consumer_begins_with_the_first_heartbeat(self) -> None:
+    def test_the_consumer_starts_with_the_first_heartbeat(self) -> None:
         # CiA 301, 7.2.8.3.2
         consumer = HeartbeatConsumer(0.1)
         assert not consumer.expired(100.0)
@@ -107,7 +107,7 @@ class TestHeartbeat:
         consumer.heard(5, 100.3)
         assert not consumer.lost
 
-    def test_a_guarded_node_is_heard_while_its_toggle_bit_alternates(self) -> None:
+    def test_a_guarded_node_is_alive_while_its_toggle_bit_alternates(self) -> None:
         # CiA 301, 7.2.8.3.1
         assert guard_request(3) == (0x4000_0703, b"\0")
         assert guard_answer(3, NmtState.OPERATIONAL, True) == (0x703, b"\x85")
@@ -120,7 +120,7 @@ class TestHeartbeat:
 
 
 class TestEmergency:
-    def test_following_error(self) -> None:
+    def test_following_error_frame(self) -> None:
         # CiA 301, 7.2.7.3: error code, error register, five bytes of the manufacturer
         emergency = Emergency(0x8611, 0x21, b"\1\2\3\4\5")
         frame = Frame(0x083, bytes.fromhex("11 86 21 01 02 03 04 05"))
@@ -141,11 +141,11 @@ class TestEmergency:
             (0, "error reset, no error"),
         ],
     )
-    def test_codes_in_words(self, code: int, text: str) -> None:
+    def test_error_codes_have_descriptions(self, code: int, text: str) -> None:
         assert code_text(code) == text
 
     @given(st.binary(max_size=8))
-    def test_no_emergency_is_unreadable(self, data: bytes) -> None:
+    def test_any_emergency_frame_is_decoded(self, data: bytes) -> None:
         assert str(parse_emcy(data)).isprintable()
 
 
@@ -157,7 +157,7 @@ class TestPdo:
         (MappedObject(0x6040, 0, 16), MappedObject(0x60FF, 0, 32), MappedObject(0x60B2, 0, 16)),
     )
 
-    def test_the_order_of_writes(self) -> None:
+    def test_the_order_of_configuration_writes(self) -> None:
         # CiA 301, 7.5.2.36: off, mapping off, entries, mapping on, type, and valid again
         written = [(w.index, w.subindex, w.data.hex()) for w in self.VELOCITY.writes()]
         assert written == [
@@ -171,26 +171,28 @@ class TestPdo:
             (0x1400, 1, "03020000"),
         ]
 
-    def test_a_tpdo_is_not_requested_by_remote_frames(self) -> None:
+    def test_a_tpdo_does_not_allow_remote_frames(self) -> None:
         pdo = PdoMapping("tpdo", 2, 0x283, (MappedObject(0x606C, 0, 32),), 10)
         *_, last = pdo.writes()
         assert (last.index, last.subindex, last.data.hex()) == (0x1801, 1, "83020040")
 
-    def test_more_than_a_frame_is_refused(self) -> None:
+    def test_a_mapping_longer_than_a_frame_is_refused(self) -> None:
         with raises_code(ProtocolError, "RID-DRIVE-DATA-SIZE", "96"):
             PdoMapping("tpdo", 1, 0x181, (MappedObject(0x6064, 0, 32),) * 3)
 
     @given(st.integers(0, 0xFFFF), st.integers(0, 0xFF), st.integers(0, 0xFF))
-    def test_entries_survive_the_round_trip(self, index: int, subindex: int, bits: int) -> None:
+    def test_entries_are_encoded_and_decoded_unchanged(
+        self, index: int, subindex: int, bits: int
+    ) -> None:
         item = MappedObject(index, subindex, bits)
         assert MappedObject.parse(item.entry()) == item
 
-    def test_a_frame_is_cut_by_its_mapping(self) -> None:
+    def test_a_frame_is_split_by_its_mapping(self) -> None:
         assert split(self.VELOCITY.objects, bytes(range(8))) == [b"\0\1", b"\2\3\4\5", b"\6\7"]
         with raises_code(ProtocolError, "RID-DRIVE-DATA-SIZE"):
             split(self.VELOCITY.objects, bytes(5))
 
-    def test_bit_31_switches_a_pdo_off(self) -> None:
+    def test_bit_31_disables_a_pdo(self) -> None:
         assert is_valid(0x4000_0181)
         assert not is_valid(0x8000_0181)
 
@@ -199,12 +201,12 @@ class TestDeviceText:
     def test_control_characters_cannot_reach_the_terminal(self) -> None:
         assert printable(b"servo\x1b[2J\x00\n") == r"servo\x1b[2J\x00\n"
 
-    def test_escapes_cannot_be_forged(self) -> None:
+    def test_escape_sequences_cannot_be_forged(self) -> None:
         assert printable("a\\x1b") == "a\\\\x1b"
 
-    def test_long_text_is_cut(self) -> None:
+    def test_long_text_is_truncated(self) -> None:
         assert printable("x" * 100, limit=5) == "xxxxx..."
 
     @given(st.one_of(st.text(), st.binary()))
-    def test_whatever_comes_is_printable(self, text: str | bytes) -> None:
+    def test_any_text_becomes_printable(self, text: str | bytes) -> None:
         assert printable(text).isprintable()

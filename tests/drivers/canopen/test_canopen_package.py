@@ -1,7 +1,7 @@
-"""The `canopen` package as an independent judge of our SDO, in both directions.
+"""SDO compared with the `canopen` package, as client and as server.
 
 It runs on python-can's ``virtual`` bus with its own receiving thread; every wait here ends with an
-answer, none with a time, so that nothing depends on how fast the threads are.
+answer and not after a time, so that nothing depends on the speed of the threads.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ TYPES = {1: UNSIGNED8, 2: UNSIGNED16, 4: UNSIGNED32}
 @pytest.fixture
 def network() -> Iterator[canopen.Network]:
     network = canopen.Network()
-    network.NOTIFIER_CYCLE = 0.02  # how long its thread takes to notice the end
+    network.NOTIFIER_CYCLE = 0.02  # time after which its thread notices the end
     network.connect(interface="virtual", channel=CHANNEL)
     yield network
     network.disconnect()
@@ -140,7 +140,7 @@ def dictionary(objects: dict[tuple[int, int], tuple[int, int]]) -> canopen.Objec
 def local(
     network: canopen.Network, default_objects: dict[tuple[int, int], tuple[int, int]]
 ) -> canopen.LocalNode:
-    unused = {  # the package wants a mapping and a type with every PDO
+    unused = {  # the package needs a mapping and a type for every PDO
         (mapping, sub): (1 if sub == 0 else 4, 0)
         for mapping in (0x1601, 0x1A01, 0x1A02)
         for sub in range(9)
@@ -177,10 +177,10 @@ class TestCanopenAsServer:
         with raises_code(SdoAbort, "RID-DRIVE-REFUSED", "sub-index"):
             port.read(0x6091, 9)
 
-    def test_a_whole_drive_is_configured_and_read_back(
+    def test_a_complete_drive_is_configured_and_read_back(
         self, local: canopen.LocalNode, cell: CellConfig, robot: RobotDescription
     ) -> None:
-        """All of bring-up but the boot-up message, which a LocalNode does not send."""
+        """The whole bring-up except the boot-up message, which a LocalNode does not send."""
         axis = cell.axes[1].model_copy(update={"node_id": NODE})
         with open_can(CanBusConfig(interface="virtual", channel=CHANNEL)) as link:
             result = DriveSetup(link, axis, robot.joints[0], cell, REACH, no_others).run()

@@ -1,4 +1,4 @@
-"""SDO byte by byte (CiA 301, 7.2.4.3), and client against server where things go wrong."""
+"""SDO byte by byte (CiA 301, 7.2.4.3), and client with server under faults."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class TestServerTranscripts:
         assert ask(server, "2b 40 60 00 06 00 00 00") == "60 40 60 00 00 00 00 00"
         assert store.writes == [(0x6040, 0, b"\x06\x00")]
 
-    def test_expedited_download_without_size_brings_four_bytes(
+    def test_expedited_download_without_size_contains_four_bytes(
         self, server: SdoServer, store: Store
     ) -> None:
         assert ask(server, "22 40 60 00 06 00 00 00") == "60 40 60 00 00 00 00 00"
@@ -111,30 +111,32 @@ class TestServerTranscripts:
         # 7.2.4.3.9: ccs 6; a server without block transfer answers 0504 0001h
         assert ask(server, "c2 00 20 00 20 00 00 00") == "80 00 20 00 01 00 04 05"
 
-    def test_less_or_more_than_announced(self, server: SdoServer) -> None:
+    def test_a_transfer_shorter_or_longer_than_announced_is_aborted(
+        self, server: SdoServer
+    ) -> None:
         ask(server, "21 00 20 00 09 00 00 00")
         assert ask(server, "01 41 20 6c 6f 6e 67 20") == "80 00 20 00 13 00 07 06"
         ask(server, "21 00 20 00 05 00 00 00")
         assert ask(server, "01 41 20 6c 6f 6e 67 20") == "80 00 20 00 12 00 07 06"
 
-    def test_a_transfer_that_stood_still(self, server: SdoServer) -> None:
+    def test_an_interrupted_transfer_is_aborted_after_the_timeout(self, server: SdoServer) -> None:
         ask(server, "21 00 20 00 09 00 00 00", now_s=1.0)
         assert ask(server, "00 41 20 6c 6f 6e 67 20", now_s=3.0) == "80 00 20 00 00 00 04 05"
 
-    def test_too_much_is_refused_before_it_is_stored(self, server: SdoServer) -> None:
+    def test_too_much_data_is_refused_before_it_is_stored(self, server: SdoServer) -> None:
         assert ask(server, "21 00 20 00 00 00 00 10") == "80 00 20 00 05 00 04 05"
 
     @pytest.mark.parametrize(
         "frame",
         [request("40 00 10 00"), Frame(0x601, bytes(8)), request("80 00 10 00 00 00 04 05")],
     )
-    def test_what_needs_no_answer(self, server: SdoServer, frame: Frame) -> None:
+    def test_frames_that_need_no_answer_get_none(self, server: SdoServer, frame: Frame) -> None:
         assert server.handle(frame, 0.0) == []
 
 
 class TestClientAgainstServer:
     @given(st.binary(max_size=100))
-    def test_whatever_is_written_is_read_back(self, data: bytes) -> None:
+    def test_written_data_is_read_back(self, data: bytes) -> None:
         store = Store()
         server = SdoServer(2, store.read, store.write)
         client = SdoClient(2)
@@ -146,12 +148,12 @@ class TestClientAgainstServer:
         assert client.done
         assert client.result() == data
 
-    def test_four_bytes_go_in_one_message(self) -> None:
+    def test_four_bytes_take_one_message(self) -> None:
         client = SdoClient(2)
         assert client.download(0x60C2, 2, b"\xfd", 0.0) == request("2f c2 60 02 fd 00 00 00")
         assert client.upload(0x60C2, 2, 0.0) == request("40 c2 60 02 00 00 00 00")
 
-    def test_a_refusal_says_node_object_and_reason(self, server: SdoServer) -> None:
+    def test_a_refusal_names_node_object_and_reason(self, server: SdoServer) -> None:
         client = SdoClient(2)
         run(client, server, client.upload(0x3000, 7, 0.0))
         with raises_code(SdoAbort, "RID-DRIVE-REFUSED", "3000h:07", "06020000h"):
@@ -160,7 +162,7 @@ class TestClientAgainstServer:
     def test_an_unknown_abort_code_is_shown_as_a_number(self) -> None:
         assert abort_text(0x0800_4711) == "vendor abort code 08004711h"
 
-    def test_no_answer(self) -> None:
+    def test_a_missing_answer_is_a_timeout(self) -> None:
         client = SdoClient(2, timeout_s=0.5)
         client.upload(0x6041, 0, 10.0)
         assert client.check(10.49) is None
@@ -168,7 +170,7 @@ class TestClientAgainstServer:
         with raises_code(DeviceTimeoutError, "RID-DRIVE-SILENT", "6041h:00"):
             client.result()
 
-    def test_a_late_answer_is_not_taken_for_the_next_one(self, server: SdoServer) -> None:
+    def test_a_late_answer_is_not_used_for_the_next_request(self, server: SdoServer) -> None:
         client = SdoClient(2)
         client.upload(0x6041, 0, 0.0)
         client.check(1.0)
@@ -179,7 +181,9 @@ class TestClientAgainstServer:
         client.handle(answer("43 00 10 00 92 01 02 00"), 1.2)
         assert client.result() == b"\x92\x01\x02\x00"
 
-    def test_an_answer_lost_in_the_middle(self, server: SdoServer, store: Store) -> None:
+    def test_an_answer_lost_within_a_transfer_is_a_timeout(
+        self, server: SdoServer, store: Store
+    ) -> None:
         store.objects[0x1008, 0] = bytes(20)
         client = SdoClient(2)
         (begun,) = server.handle(client.upload(0x1008, 0, 0.0), 0.0)
@@ -192,7 +196,7 @@ class TestClientAgainstServer:
         run(client, server, client.upload(0x1000, 0, 0.7))
         assert len(client.result()) == 4
 
-    def test_a_segment_that_comes_twice(self) -> None:
+    def test_a_repeated_segment_is_refused(self) -> None:
         client = SdoClient(2)
         client.upload(0x1008, 0, 0.0)
         client.handle(answer("41 08 10 00 1a 00 00 00"), 0.0)
@@ -202,7 +206,7 @@ class TestClientAgainstServer:
         with raises_code(SdoAbort, "RID-DRIVE-REFUSED", "toggle"):
             client.result()
 
-    def test_fewer_bytes_than_announced(self) -> None:
+    def test_fewer_bytes_than_announced_are_refused(self) -> None:
         client = SdoClient(2)
         client.upload(0x1008, 0, 0.0)
         client.handle(answer("41 08 10 00 1a 00 00 00"), 0.0)
@@ -216,7 +220,7 @@ class TestClientAgainstServer:
         assert refusal == request("80 08 10 00 01 00 04 05")
 
     @given(st.lists(st.binary(min_size=8, max_size=8), max_size=20), st.booleans())
-    def test_no_bytes_break_the_client(self, messages: list[bytes], upload: bool) -> None:
+    def test_any_bytes_to_the_client_are_handled(self, messages: list[bytes], upload: bool) -> None:
         client = SdoClient(2)
         if upload:
             client.upload(0x1008, 0, 0.0)
@@ -228,7 +232,7 @@ class TestClientAgainstServer:
         assert client.done
 
     @given(st.lists(st.binary(max_size=8), max_size=30))
-    def test_no_bytes_break_the_server(self, messages: list[bytes]) -> None:
+    def test_any_bytes_to_the_server_are_handled(self, messages: list[bytes]) -> None:
         store = Store()
         server = SdoServer(2, store.read, store.write)
         for data in messages:

@@ -1,4 +1,4 @@
-"""Registers and quantities: what is read together, types, scaling, word order."""
+"""Modbus registers and quantities: grouped requests, types, scaling, word order."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def profile(word_order: Any = "big", **registers: Register) -> DriveProfile:
     )
 
 
-class TestWhatIsReadTogether:
+class TestGroupedRequests:
     def test_neighbours_and_small_gaps_are_one_request(self) -> None:
         bundled = load_bundled_or_path("servo_registers", "profiles", DriveProfile)
         assert plan_reads(bundled, POLLED) == (RegisterRead("holding", 100, 4, POLLED),)
         (plates,) = plan_reads(bundled, NAMEPLATE)
         assert (plates.address, plates.count) == (200, 8)
 
-    def test_a_large_gap_another_table_or_a_full_request_begins_a_new_one(self) -> None:
+    def test_a_large_gap_another_table_or_a_full_request_starts_a_new_one(self) -> None:
         drive = DriveProfile(
             name="test",
             most_registers=4,
@@ -50,12 +50,12 @@ class TestWhatIsReadTogether:
             ("input", 1, 1),
         ]
 
-    def test_what_a_drive_does_not_have_is_not_asked_for(self) -> None:
+    def test_quantities_that_a_drive_lacks_are_not_requested(self) -> None:
         assert plan_reads(profile(), NAMEPLATE) == ()
 
 
-class TestWhatTheWordsMean:
-    """By hand, from IEEE 754 and two's complement."""
+class TestWordValues:
+    """Values computed by hand, from IEEE 754 and two's complement."""
 
     @pytest.mark.parametrize(
         ("kind", "words", "value"),
@@ -76,7 +76,7 @@ class TestWhatTheWordsMean:
         swapped = tuple(reversed(words))
         assert decode(reversed_order, read, swapped)["rated_torque_nm"] == pytest.approx(value)
 
-    def test_tenths_of_a_degree_celsius_become_kelvin(self) -> None:
+    def test_tenths_of_a_degree_celsius_are_converted_to_kelvin(self) -> None:
         (read,) = plan_reads(profile(), POLLED)
         assert decode(profile(), read, (654,))["motor_temperature_k"] == pytest.approx(338.55)
         assert decode(profile(), read, (0xFFCE,))["motor_temperature_k"] == pytest.approx(268.15)
@@ -86,14 +86,14 @@ class TestWhatTheWordsMean:
         with raises_code(ProtocolError, "RID-MODBUS-GARBAGE"):
             decode(profile(), read, (1,))
 
-    def test_a_number_that_is_none_points_at_the_profile(self) -> None:
+    def test_a_value_that_is_not_a_number_is_reported_with_the_profile(self) -> None:
         drive = profile(rated_torque_nm=Register(address=10, type="float32"))
         read = RegisterRead("holding", 10, 2, ("rated_torque_nm",))
         with raises_code(ProtocolError, "RID-MODBUS-PROFILE", "10"):
             decode(drive, read, (0x7FC0, 0x0000))
 
     @pytest.mark.parametrize("order", ["big", "little"])
-    def test_what_is_encoded_is_decoded(self, order: Any) -> None:
+    def test_encoded_values_are_decoded_unchanged(self, order: Any) -> None:
         bundled = load_bundled_or_path("servo_registers", "profiles", DriveProfile)
         drive = bundled.model_copy(update={"word_order": order})
         values = dict.fromkeys(drive.registers, 0.0) | {
@@ -111,12 +111,12 @@ class TestWhatTheWordsMean:
             for name, value in decode(drive, read, taken).items():
                 assert value == pytest.approx(values[name], rel=1e-6, abs=0.05)
 
-    def test_a_value_out_of_range_stays_at_the_end(self) -> None:
+    def test_a_value_out_of_range_is_limited(self) -> None:
         assert encode(profile(), {"motor_temperature_k": 1e6}) == {0: 0x7FFF}
         assert encode(profile(), {"motor_temperature_k": -1e6}) == {0: 0x8000}
 
 
-class TestProfilesThatCannotBeMeant:
+class TestInvalidProfiles:
     def test_overlapping_registers(self) -> None:
         with raises_invalid("", "rated_torque_nm", "rated_current_a", "register 11"):
             profile(

@@ -1,4 +1,4 @@
-"""A Modbus line that is silent, full of garbage, or cannot be opened: three different causes."""
+"""Modbus line that is silent, full of garbage, or cannot be opened: three different errors."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def monitor(address: str) -> MonitorConfig:
 
 
 def answering(other: int, answer: bytes) -> Callable[[], None]:
-    """Answer the first request with some bytes; return what waits for that."""
+    """Answer the first request with the given bytes; return the thread that waits for it."""
 
     def answer_one() -> None:
         os.read(other, 256)
@@ -49,7 +49,7 @@ def answering(other: int, answer: bytes) -> Callable[[], None]:
     [b"\xff\x00\x7f", b"\x01\x03\x04\x00\x01", bytes(64)],
     ids=["noise", "half an answer", "break"],
 )
-def test_garbage_is_told_apart_from_silence(line: tuple[int, str], garbage: bytes) -> None:
+def test_garbage_is_distinguished_from_silence(line: tuple[int, str], garbage: bytes) -> None:
     wait = answering(line[0], garbage)
     with open_modbus(monitor(line[1])) as link, pytest.raises(ProtocolError) as caught:
         link.read(1, READ)
@@ -58,7 +58,7 @@ def test_garbage_is_told_apart_from_silence(line: tuple[int, str], garbage: byte
     assert f"{len(garbage)} bytes" in str(caught.value)
 
 
-def test_silence_is_silence_again_after_garbage(line: tuple[int, str]) -> None:
+def test_silence_after_garbage_is_reported_as_silence(line: tuple[int, str]) -> None:
     with open_modbus(monitor(line[1])) as link:
         wait = answering(line[0], b"\xff\xff")
         with pytest.raises(ProtocolError):
@@ -71,14 +71,14 @@ def test_silence_is_silence_again_after_garbage(line: tuple[int, str]) -> None:
     assert caught.value.refusal == "RID-MODBUS-SILENT"
 
 
-def test_a_setting_that_the_adapter_does_not_have_is_told(line: tuple[int, str]) -> None:
+def test_a_setting_that_the_adapter_lacks_is_reported(line: tuple[int, str]) -> None:
     link = ModbusRtu(kind="rtu", address=line[1], parity="even")  # a pseudo-terminal has none
     with pytest.raises(TransportError) as caught:
         open_modbus(MonitorConfig(link=link, units=(1,)))
     assert os.strerror(22) in str(caught.value)
 
 
-def test_a_line_that_cannot_be_opened_is_told_with_the_systems_reason(tmp_path: Path) -> None:
+def test_a_line_that_cannot_be_opened_is_reported_with_the_systems_reason(tmp_path: Path) -> None:
     missing = tmp_path / "ttyUSB9"
     with pytest.raises(TransportError) as caught:
         open_modbus(monitor(str(missing)))

@@ -37,21 +37,21 @@ def red(interface: CanInterface | None) -> list[str]:
     return [line.what for line in interface_lines(CELL, interface) if line.verdict == "red"]
 
 
-def test_an_interface_as_the_cell_file_wants_it_is_good() -> None:
+def test_an_interface_with_the_settings_of_the_cell_file_is_ok() -> None:
     assert red(CanInterface.parse(answer())) == []
 
 
 @pytest.mark.parametrize("state", ["ERROR-WARNING", "ERROR-PASSIVE", "BUS-OFF", "STOPPED"])
-def test_every_state_but_error_active_is_red(state: str) -> None:
+def test_every_state_except_error_active_is_red(state: str) -> None:
     assert red(CanInterface.parse(answer(state))) == ["state"]
 
 
-def test_another_bit_rate_and_a_restart_by_itself_are_red() -> None:
+def test_another_bit_rate_and_an_automatic_restart_are_red() -> None:
     found = CanInterface.parse(answer(bitrate=500_000, restart_ms=100))
     assert red(found) == ["bit rate", "restart after bus-off (restart-ms)"]
 
 
-def test_what_a_virtual_interface_does_not_have_is_shown() -> None:
+def test_properties_that_a_virtual_interface_lacks_are_shown() -> None:
     link = {"ifname": "vcan0", "flags": ["NOARP", "UP"], "linkinfo": {"info_kind": "vcan"}}
     found = CanInterface.parse(json.dumps([link]))
     assert found == CanInterface(up=True)
@@ -59,12 +59,14 @@ def test_what_a_virtual_interface_does_not_have_is_shown() -> None:
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[]", "[1]", "[{}, {}]", '[{"linkinfo": 3}]', "nan"])
-def test_what_is_no_answer_is_red(text: str) -> None:
+def test_an_unreadable_answer_is_red(text: str) -> None:
     assert CanInterface.parse(text) is None
     assert red(None) == ["interface"]
 
 
-def test_the_kernels_word_is_read_by_ip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_kernels_settings_are_read_with_ip(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     program = tmp_path / "ip"
     wanted = "-json -details link show dev can0"
     program.write_text(f'#!/bin/sh\n[ "$*" = "{wanted}" ] && echo \'{answer()}\'\n')

@@ -1,4 +1,4 @@
-"""The computer's clock: never early, and no later than what cannot be foreseen."""
+"""Clock of the computer: sleeps never end early, and known wake-up delays are compensated."""
 
 import time
 
@@ -12,7 +12,7 @@ CYCLE_S = 0.001
 
 
 class Computer:
-    """A computer that needs some time to wake up, and a little to look at its clock."""
+    """A computer with a delay at each wake-up; reading its clock takes some time."""
 
     def __init__(self, waking_s: list[float]) -> None:
         self.now = 1000.0
@@ -20,19 +20,19 @@ class Computer:
         self.looks = 0
 
     def now_s(self) -> float:
-        """Return the time [s]; looking takes 0.1 us."""
+        """Return the time [s]; reading it takes 0.1 us."""
         self.looks += 1
         self.now += 1e-7
         return self.now
 
     def sleep(self, duration_s: float) -> None:
-        """Sleep, and wake up late."""
+        """Sleep and wake up late."""
         assert duration_s > 0.0
         self.now += duration_s + next(self._waking_s, 0.0)
 
 
 def late_s(waking_s: list[float]) -> list[float]:
-    """Return how late cycles began on a computer that wakes up so late each time."""
+    """Return the lateness of cycles on a computer with these wake-up delays."""
     computer = Computer(waking_s)
     clock = MonotonicClock(computer.now_s, computer.sleep)
     found = []
@@ -48,14 +48,14 @@ def test_a_sleep_never_ends_early(waking_s: list[float]) -> None:
     assert all(late >= 0.0 for late in late_s(waking_s))
 
 
-def test_what_waking_up_always_takes_is_made_up_for() -> None:
+def test_the_usual_wake_up_delay_is_compensated() -> None:
     waking_s = [17e-6 + 1e-6 * (k % 5) for k in range(1000)]
     found = late_s(waking_s)
     assert found[0] > 17e-6
     assert max(found[300:]) < 5e-6
 
 
-def test_a_stall_is_not_what_waking_up_takes() -> None:
+def test_a_stall_does_not_change_the_compensation() -> None:
     waking_s = [20e-6] * 1000
     waking_s[500] = 900e-6
     found = late_s(waking_s)
@@ -63,8 +63,8 @@ def test_a_stall_is_not_what_waking_up_takes() -> None:
     assert max(found[300:500] + found[501:]) < 3e-6
 
 
-def test_no_more_than_a_little_is_waited_out() -> None:
-    """A computer that woke up late, and then does not, is waited for at most `MOST_WAKING_S`."""
+def test_busy_waiting_is_limited() -> None:
+    """After late wake-ups, a punctual one causes at most `MOST_WAKING_S` of busy waiting."""
     computer = Computer([500e-6] * 3000)
     clock = MonotonicClock(computer.now_s, computer.sleep)
     for cycle in range(1, 3001):
@@ -74,13 +74,13 @@ def test_no_more_than_a_little_is_waited_out() -> None:
     assert computer.looks < 2 + MOST_WAKING_S / 1e-7 + 2
 
 
-def test_a_deadline_that_has_passed_is_no_sleep() -> None:
+def test_a_past_deadline_returns_at_once() -> None:
     computer = Computer([])
     MonotonicClock(computer.now_s, computer.sleep).sleep_until(999.0)
     assert computer.now < 1000.0 + 1e-6
 
 
-def test_it_is_the_computers_clock() -> None:
+def test_the_clock_is_the_monotonic_clock_of_the_computer() -> None:
     clock = MonotonicClock()
     until_s = clock.now_s() + 0.002
     clock.sleep_until(until_s)

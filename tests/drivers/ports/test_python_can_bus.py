@@ -14,7 +14,7 @@ from mock_hw.bus.lawicel_port import LawicelPort
 from tests.builders.raised_codes import raises_code
 
 
-def test_a_program_reads_nothing_that_was_left_by_one_that_died_with_an_slcan_channel_open(
+def test_frames_left_by_a_dead_program_on_an_slcan_channel_are_not_read(
     tmp_path: Path,
 ) -> None:
     adapter = LawicelPort(tmp_path / "adapter", 1_000_000)
@@ -22,7 +22,7 @@ def test_a_program_reads_nothing_that_was_left_by_one_that_died_with_an_slcan_ch
     old, new = (0x181, bytes(range(0xA0, 0xA8))), (0x182, bytes(range(0xB0, 0xB8)))
     os.write(left_open, b"S8\rO\r")
     adapter.receive_frames(10.0)
-    for _ in range(5000):  # more than the kernel has room for
+    for _ in range(5000):  # more than the kernel buffers
         adapter.send_frames([old])
     os.close(left_open)
     ended = threading.Event()
@@ -49,7 +49,7 @@ def test_a_program_reads_nothing_that_was_left_by_one_that_died_with_an_slcan_ch
     assert {(one.cob_id, bytes(one.data)) for one in arrived} == {new}
 
 
-def test_an_interface_that_nobody_knows_is_told_with_those_that_are_known() -> None:
+def test_an_unknown_interface_is_refused_with_the_known_ones() -> None:
     names = ("can.interface: ", "'socketcann'", "socketcan?", ", pcan, rid_sim, ")
     with raises_code(ConfigError, "RID-CAN-INTERFACE", *names):
         open_can(CanBusConfig(interface="socketcann", channel="can0"))
@@ -65,7 +65,7 @@ def test_an_interface_that_nobody_knows_is_told_with_those_that_are_known() -> N
         ("udp_multicast", "239.0.0.1@port"),
     ],
 )
-def test_a_bus_that_is_not_there_is_named_with_what_to_check(interface: str, channel: str) -> None:
+def test_a_missing_bus_is_reported_with_what_to_check(interface: str, channel: str) -> None:
     names = (f"{interface}:{channel}", "can.interface", "can.channel")
     with raises_code(TransportError, "RID-CAN-OPEN", *names):
         open_can(CanBusConfig(interface=interface, channel=channel))
@@ -74,7 +74,7 @@ def test_a_bus_that_is_not_there_is_named_with_what_to_check(interface: str, cha
 @pytest.mark.parametrize(
     "interface", ["pcan", "kvaser", "ixxat", "vector", "gs_usb", "usb2can", "systec", "neovi"]
 )
-def test_a_driver_library_that_is_missing_is_named_as_that(interface: str) -> None:
+def test_a_missing_driver_library_is_reported_as_such(interface: str) -> None:
     with pytest.raises(TransportError) as caught:
         open_can(CanBusConfig(interface=interface, channel="0"))
     assert caught.value.refusal == "RID-CAN-LIBRARY"

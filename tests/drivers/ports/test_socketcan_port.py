@@ -1,4 +1,4 @@
-"""A kernel stamps frames with the date; the date may leap (faults: row 26)."""
+"""Arrival times of frames that the kernel stamps with the date, which may jump (faults: row 26)."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ WAITED_NS = st.integers(0, CYCLE_NS)
 
 
 def stamps() -> KernelStamps:
-    """Return stamps whose last look, when all was read, was a cycle ago."""
+    """Return stamps whose clocks were last compared a cycle ago, after all frames were read."""
     return KernelStamps(NOW_NS - CYCLE_NS + AHEAD_NS, NOW_NS - CYCLE_NS)
 
 
 @given(waited_ns=WAITED_NS, step_ns=LEAPS_NS | st.just(0), stamped_before=st.booleans())
-def test_a_frame_arrived_when_it_did_whether_or_not_the_date_was_set(
+def test_the_arrival_time_of_a_frame_is_correct_after_a_jump_of_the_date(
     waited_ns: int, step_ns: int, stamped_before: bool
 ) -> None:
     waiting = stamps()
@@ -32,7 +32,7 @@ def test_a_frame_arrived_when_it_did_whether_or_not_the_date_was_set(
 
 
 @given(waited_ns=WAITED_NS, step_ns=st.integers(-CYCLE_NS, CYCLE_NS), stamped_before=st.booleans())
-def test_a_small_step_of_the_date_is_the_most_that_a_frame_may_be_wrong_by(
+def test_a_small_step_of_the_date_bounds_the_error_of_the_arrival_time(
     waited_ns: int, step_ns: int, stamped_before: bool
 ) -> None:
     waiting = stamps()
@@ -42,7 +42,7 @@ def test_a_small_step_of_the_date_is_the_most_that_a_frame_may_be_wrong_by(
 
 
 @given(waited_ns=WAITED_NS, step_ns=LEAPS_NS)
-def test_a_date_that_is_set_while_frames_are_read_moves_them_by_a_cycle_at_most(
+def test_a_date_set_during_reading_shifts_arrival_times_by_at_most_a_cycle(
     waited_ns: int, step_ns: int
 ) -> None:
     waiting = stamps()
@@ -52,7 +52,7 @@ def test_a_date_that_is_set_while_frames_are_read_moves_them_by_a_cycle_at_most(
 
 
 @given(waited_ns=st.integers(0, 20 * CYCLE_NS))
-def test_a_frame_that_was_left_waiting_is_as_old_as_it_is(waited_ns: int) -> None:
+def test_the_arrival_time_of_a_frame_read_late_is_correct(waited_ns: int) -> None:
     waiting = KernelStamps(NOW_NS - 20 * CYCLE_NS + AHEAD_NS, NOW_NS - 20 * CYCLE_NS)
     for ago in range(10, -1, -1):
         now_ns = NOW_NS - ago * CYCLE_NS
@@ -62,7 +62,7 @@ def test_a_frame_that_was_left_waiting_is_as_old_as_it_is(waited_ns: int) -> Non
 
 
 @given(step_ns=LEAPS_NS)
-def test_the_cycle_after_the_date_was_set_has_true_times(step_ns: int) -> None:
+def test_arrival_times_are_correct_in_the_cycle_after_a_jump_of_the_date(step_ns: int) -> None:
     waiting = stamps()
     waiting.look(NOW_NS + AHEAD_NS + step_ns, NOW_NS)
     waiting.all_read()
@@ -72,7 +72,7 @@ def test_the_cycle_after_the_date_was_set_has_true_times(step_ns: int) -> None:
     assert found_s == pytest.approx((later_ns - 100_000) * 1e-9, abs=1e-6)
 
 
-def test_both_clocks_are_read_again_where_the_computer_stood_still_between(
+def test_both_clocks_are_read_again_after_a_pause_between_the_readings(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     readings = iter([0, 1_000_000, 1_000_100, 1_000_300])

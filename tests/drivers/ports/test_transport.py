@@ -1,4 +1,4 @@
-"""`CanLink` over python-can: deadlines, typed errors, and what is not a data frame."""
+"""`CanLink` over python-can: deadlines, typed errors, and frames other than data frames."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def message(cob_id: int, data: bytes = b"", **kwargs: Any) -> can.Message:
     return can.Message(arbitration_id=cob_id, data=data, **({"is_extended_id": False} | kwargs))
 
 
-def test_frames_go_both_ways(link: CanLink, peer: can.BusABC) -> None:
+def test_frames_are_sent_and_received(link: CanLink, peer: can.BusABC) -> None:
     link.send(Frame(0x201, b"\x06\x00"))
     arrived = peer.recv(1.0)
     assert arrived is not None
@@ -51,13 +51,13 @@ def test_frames_go_both_ways(link: CanLink, peer: can.BusABC) -> None:
     assert before_s <= link.last_time_s <= link.clock.now_s()
 
 
-def test_a_deadline_that_has_passed_still_takes_what_waits(link: CanLink, peer: can.BusABC) -> None:
+def test_a_past_deadline_still_returns_a_waiting_frame(link: CanLink, peer: can.BusABC) -> None:
     assert link.receive(float("-inf")) is None
     peer.send(message(0x181))
     assert link.receive(link.clock.now_s() - 5.0) == Frame(0x181, b"")
 
 
-def test_a_device_may_be_asked_by_a_remote_frame(link: CanLink, peer: can.BusABC) -> None:
+def test_a_device_can_be_polled_by_a_remote_frame(link: CanLink, peer: can.BusABC) -> None:
     link.send(guard_request(3))
     asked = peer.recv(1.0)
     assert asked is not None
@@ -67,7 +67,7 @@ def test_a_device_may_be_asked_by_a_remote_frame(link: CanLink, peer: can.BusABC
     assert link.receive(link.clock.now_s() + 1.0) == guard_request(3)
 
 
-def test_only_classic_data_frames_are_handed_on(link: CanLink, peer: can.BusABC) -> None:
+def test_only_classic_data_frames_are_returned(link: CanLink, peer: can.BusABC) -> None:
     peer.send(message(0x181, is_extended_id=True))
     peer.send(message(0x181, is_remote_frame=True))
     peer.send(message(0x004, bytes(8), is_error_frame=True))
@@ -90,7 +90,7 @@ def test_a_closed_bus_is_an_error() -> None:
         link.receive(0.0)
 
 
-def test_the_clock_is_the_computers_unless_the_bus_brings_one(link: CanLink, bench: Bench) -> None:
+def test_the_clock_is_the_computers_unless_the_bus_has_one(link: CanLink, bench: Bench) -> None:
     assert isinstance(link.clock, MonotonicClock)
     assert not link.simulated
     assert bench.link.simulated
@@ -98,7 +98,7 @@ def test_the_clock_is_the_computers_unless_the_bus_brings_one(link: CanLink, ben
     assert bench.link.clock.now_s() == 50.0
 
 
-def test_a_simulation_that_is_gone_is_a_transport_error(
+def test_an_ended_simulation_is_a_transport_error(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def gone(time_s: float) -> None:
@@ -109,10 +109,10 @@ def test_a_simulation_that_is_gone_is_a_transport_error(
         bench.link.clock.sleep_until(50.0)
 
 
-def test_answers_left_from_the_cycle_before_are_read_before_sync(
+def test_answers_of_the_previous_cycle_are_read_before_sync(
     link: CanLink, peer: can.BusABC, cell: CellConfig
 ) -> None:
-    """In real time a frame carries no stamp of this clock: what waits at SYNC is late."""
+    """In real time frames have no stamp of this clock: a frame that waits at SYNC is late."""
     safety: DriveSafety = cell.drive_safety
     watch = DriveWatch(("base",), (1,), safety)
     exchange = CyclicExchange(link, (1,), watch)

@@ -1,4 +1,4 @@
-"""The cyclic exchange, enabling, and everything that ends it, on scripted drives."""
+"""Cyclic exchange on scripted drives: enabling, cycles and events."""
 
 from __future__ import annotations
 
@@ -31,24 +31,24 @@ def kinds(bench: Bench) -> list[EventKind]:
     return [event.kind for event in bench.axes.take_events()]
 
 
-def test_it_is_a_servo_axes(bench: Bench) -> None:
+def test_the_axes_implement_the_servo_interface(bench: Bench) -> None:
     axes: ServoAxes = bench.axes
     assert axes.joint_names == ("base", "shoulder", "elbow")
 
 
 class TestEnabling:
-    def test_the_way_there(self, bench: Bench) -> None:
+    def test_drives_reach_operation_enabled(self, bench: Bench) -> None:
         bench.enabled()
         words = [word for word, _ in bench.commands(1)]
         assert sorted(set(words), key=words.index) == [0x0000, 0x0006, 0x0007, 0x000F]
         assert all(drive.state is PowerState.OPERATION_ENABLED for drive in bench.drives)
 
-    def test_every_set_point_until_then_is_zero(self, bench: Bench) -> None:
+    def test_every_set_point_before_is_zero(self, bench: Bench) -> None:
         bench.enabled()
         for node in (1, 2, 3):
             assert {velocity for _, velocity in bench.commands(node)} == {0}
 
-    def test_heartbeat_is_on_before_the_drives_are_started(self, bench: Bench) -> None:
+    def test_heartbeat_is_sent_before_the_drives_are_started(self, bench: Bench) -> None:
         bench.axes.bring_up()
         bench.bus.sent.clear()
         bench.axes.start()
@@ -60,7 +60,7 @@ class TestEnabling:
             Frame(0x000, b"\x01\x03"),
         ]
 
-    def test_sync_comes_every_cycle_and_heartbeat_when_due(self, bench: Bench) -> None:
+    def test_sync_is_sent_every_cycle_and_heartbeat_when_due(self, bench: Bench) -> None:
         bench.enabled()
         for _ in range(50):
             bench.cycle(STILL)
@@ -69,13 +69,13 @@ class TestEnabling:
         beats = [t for t, frame in bench.bus.sent if frame.cob_id == 0x77F]
         assert max(np.diff(beats)) <= 0.025 + 0.008
 
-    def test_a_drive_that_does_not_answer_sync(self, bench: Bench) -> None:
+    def test_a_drive_that_does_not_answer_sync_is_refused(self, bench: Bench) -> None:
         bench.axes.bring_up()
         bench.drives[1].answers_sync = False
         with raises_code(DeviceTimeoutError, "RID-DRIVE-NOT-STARTED", "time"):
             bench.axes.start()
 
-    def test_a_drive_that_answers_sync_but_is_not_operational(
+    def test_a_drive_that_answers_sync_but_is_not_operational_is_refused(
         self, bench: Bench, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         bench.axes.bring_up()
@@ -89,7 +89,7 @@ class TestEnabling:
         with raises_code(DeviceTimeoutError, "RID-DRIVE-NOT-STARTED", "time"):
             bench.axes.start()
 
-    def test_a_drive_that_stays_where_it_is(
+    def test_a_drive_that_does_not_change_its_state_is_refused(
         self, bench: Bench, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         bench.axes.bring_up()
@@ -98,14 +98,14 @@ class TestEnabling:
         with raises_code(DeviceTimeoutError, "RID-DRIVE-NOT-ENABLED", "6041h=0040h"):
             bench.axes.enable()
 
-    def test_a_drive_that_does_not_follow_its_command(self, bench: Bench) -> None:
+    def test_a_drive_that_does_not_follow_its_command_is_refused(self, bench: Bench) -> None:
         bench.drives[0].follows = 0
         bench.axes.bring_up()
         bench.axes.start()
         with raises_code(DeviceTimeoutError, "RID-DRIVE-NOT-ENABLED", "6041h=0027h"):
             bench.axes.enable()
 
-    def test_a_fault_on_the_way_is_not_reset(self, bench: Bench) -> None:
+    def test_a_fault_during_enabling_is_not_reset(self, bench: Bench) -> None:
         bench.axes.bring_up()
         bench.axes.start()
         bench.drives[1].state = PowerState.FAULT
@@ -113,14 +113,14 @@ class TestEnabling:
             bench.axes.enable()
         assert 0x0080 not in [word for word, _ in bench.commands(2)]
 
-    def test_an_emergency_on_the_way(self, bench: Bench) -> None:
+    def test_an_emergency_during_enabling_is_an_error(self, bench: Bench) -> None:
         bench.axes.bring_up()
         bench.axes.start()
         bench.drives[1].emergency(0x3220)
         with raises_code(DeviceFaultError, "RID-DRIVE-FAULT", "shoulder", "3220h"):
             bench.axes.enable()
 
-    def test_an_axis_that_is_lost_while_the_others_are_enabled(
+    def test_an_axis_that_loses_power_while_others_are_enabled_is_an_error(
         self, bench: Bench, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         bench.axes.bring_up()
@@ -136,7 +136,7 @@ class TestEnabling:
         with raises_code(DeviceFaultError, "RID-DRIVE-FAULT", "base"):
             bench.axes.enable()
 
-    def test_nothing_is_enabled_without_preflight(self, bench: Bench) -> None:
+    def test_no_drive_is_enabled_without_preflight(self, bench: Bench) -> None:
         with raises_code(DriverError, "RID-INTERNAL-ERROR"):
             bench.axes.enable()
         with raises_code(DriverError, "RID-INTERNAL-ERROR", "bring_up"):
@@ -145,7 +145,7 @@ class TestEnabling:
 
 
 class TestCycle:
-    def test_measurements_are_at_the_joint(self, bench: Bench) -> None:
+    def test_measurements_are_on_the_joint_side(self, bench: Bench) -> None:
         axes = bench.enabled()
         bench.cycle(STILL)
         assert axes.answers.received.all()
@@ -161,14 +161,14 @@ class TestCycle:
         ("word", "enabled", "fault"),
         [
             (0x1237, True, False),
-            (0xFFB7 & ~0x0008, True, False),  # bits that mean nothing bad
+            (0xFFB7 & ~0x0008, True, False),  # bits without a fault
             (0x0233, False, False),  # switched on
             (0x1217, False, False),  # stops by itself: quick stop active
-            (0x021F, False, True),  # on its way to a fault
+            (0x021F, False, True),  # fault reaction active
             (0x0218, False, True),
         ],
     )
-    def test_what_a_status_word_means_is_told(
+    def test_a_status_word_that_ends_the_motion_is_reported(
         self, bench: Any, word: int, enabled: bool, fault: bool
     ) -> None:
         axes = bench.enabled()
@@ -187,14 +187,14 @@ class TestCycle:
         bench.cycle(STILL)
         assert axes.answers.position[:2] == pytest.approx([0.004, 0.004 - 0.01534], abs=1e-5)
 
-    def test_velocities_go_out_in_the_drives_units(self, bench: Bench) -> None:
+    def test_velocities_are_sent_in_the_drives_units(self, bench: Bench) -> None:
         bench.enabled()
         assert bench.cycle((1.0, 1.0, -1.0))
         assert bench.commands(1)[-1] == (0x000F, 65190)
         assert bench.commands(2)[-1] == (0x000F, -65190)
         assert bench.commands(3)[-1] == (0x000F, -9549)
 
-    def test_a_missing_answer_is_flagged_and_the_rest_is_used(self, bench: Bench) -> None:
+    def test_a_missing_answer_is_flagged_and_the_others_are_used(self, bench: Bench) -> None:
         axes = bench.enabled()
         bench.cycle(STILL)
         bench.drives[1].answers_sync = False
@@ -217,7 +217,7 @@ class TestCycle:
             "elbow: the drive sent a TPDO of 6 bytes, but 8 are mapped; the frame was not used"
         )
 
-    def test_a_late_answer_is_not_taken_for_the_next_one(self, bench: Bench) -> None:
+    def test_a_late_answer_is_not_used_for_the_next_cycle(self, bench: Bench) -> None:
         axes = bench.enabled()
         bench.drives[0].answers_sync = False
         late = Frame(0x181, struct.pack("<Hih", 0x1027, 77, 0))
@@ -229,7 +229,7 @@ class TestCycle:
         assert axes.answers.late_frames == 1
         assert axes.answers.position_counts[0] == 1000
 
-    def test_unknown_identifiers_are_told_once_and_counted(self, bench: Bench) -> None:
+    def test_unknown_identifiers_are_reported_once_and_counted(self, bench: Bench) -> None:
         axes = bench.enabled()
         for _ in range(5):
             bench.arrives(Frame(0x3AA, b"\x1b"), 50e-6)
@@ -239,7 +239,7 @@ class TestCycle:
         assert not event.kind.is_fault
         assert axes.watch.unexpected_frames == 5
 
-    def test_another_master_in_mid_motion(self, bench: Bench) -> None:
+    def test_another_master_during_a_motion_is_reported(self, bench: Bench) -> None:
         bench.enabled()
         bench.arrives(Frame(0x000, b"\x01\x00"), 50e-6)
         bench.cycle(STILL)
@@ -247,7 +247,7 @@ class TestCycle:
 
 
 class TestEvents:
-    def test_emergency(self, bench: Bench) -> None:
+    def test_an_emergency_message_is_reported(self, bench: Bench) -> None:
         axes = bench.enabled()
         bench.drives[1].emergency(0x8611, 0x21)
         bench.cycle(STILL)
@@ -258,7 +258,7 @@ class TestEvents:
         )
         assert axes.take_events() == ()
 
-    def test_emergency_withdrawn_is_no_fault(self, bench: Bench) -> None:
+    def test_a_cleared_emergency_is_not_a_fault(self, bench: Bench) -> None:
         axes = bench.enabled()
         bench.drives[1].emergency(0, 0)
         bench.cycle(STILL)
@@ -266,7 +266,7 @@ class TestEvents:
         assert event.kind is EventKind.EMERGENCY_CLEARED
         assert not event.kind.is_fault
 
-    def test_a_flood_of_emergencies_stays_bounded(self, bench: Bench) -> None:
+    def test_a_flood_of_emergencies_needs_bounded_memory(self, bench: Bench) -> None:
         axes = bench.enabled()
         for _ in range(500):
             bench.drives[1].emergency(0x7121)
@@ -274,14 +274,14 @@ class TestEvents:
         assert axes.answers.received.all()
         assert len(axes.take_events()) == 64
 
-    def test_a_drive_that_boots_in_mid_motion(self, bench: Bench) -> None:
+    def test_a_drive_that_boots_during_a_motion_is_reported(self, bench: Bench) -> None:
         bench.enabled()
         bench.arrives(heartbeat_frame(3, NmtState.INITIALISING), 0.0)
         bench.cycle(STILL)
         (event,) = bench.axes.take_events()
         assert (event.kind, event.joint) == (EventKind.BOOT_UP, "elbow")
 
-    def test_a_heartbeat_that_stops(self, bench: Bench) -> None:
+    def test_a_lost_heartbeat_is_reported(self, bench: Bench) -> None:
         bench.enabled()
         bench.drives[2].beat_generation += 1
         stopped_s = bench.bus.now_s
@@ -293,7 +293,7 @@ class TestEvents:
             bench.cycle(STILL)
         assert bench.axes.take_events() == (), "a loss is reported once"
 
-    def test_a_drive_that_leaves_the_exchange(self, bench: Bench) -> None:
+    def test_a_drive_that_leaves_operational_is_reported(self, bench: Bench) -> None:
         bench.enabled()
         bench.drives[0].nmt = NmtState.STOPPED
         found: list[EventKind] = []

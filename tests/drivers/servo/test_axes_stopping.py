@@ -1,4 +1,4 @@
-"""Everything that ends the cyclic exchange, on scripted drives."""
+"""End of the cyclic exchange for every reason, on scripted drives."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class TestStopping:
-    def test_a_lost_axis_ends_motion_for_all(self, bench: Bench) -> None:
+    def test_a_lost_axis_ends_the_motion_of_all(self, bench: Bench) -> None:
         axes = bench.enabled()
         bench.cycle((0.5, 0.5, 0.5))
         bench.drives[1].state = PowerState.SWITCH_ON_DISABLED
@@ -33,7 +33,7 @@ class TestStopping:
             axes.enable()
 
     @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e6])
-    def test_a_set_point_that_is_no_number_is_never_sent(self, bench: Bench, value: float) -> None:
+    def test_a_set_point_out_of_range_is_never_sent(self, bench: Bench, value: float) -> None:
         bench.enabled()
         bench.bus.sent.clear()
         with raises_code(SafetyStop, "RID-INTERNAL-ERROR"):
@@ -41,7 +41,7 @@ class TestStopping:
         for node in (1, 2, 3):
             assert bench.commands(node) == [(0x0002, 0)]
 
-    def test_quick_stop_is_one_raw_frame_an_axis(self, bench: Bench) -> None:
+    def test_a_quick_stop_is_one_raw_frame_per_axis(self, bench: Bench) -> None:
         axes = bench.enabled()
         bench.bus.sent.clear()
         axes.quick_stop()
@@ -49,7 +49,7 @@ class TestStopping:
         assert not axes.command(np.full(3, 0.5)), "before any drive has said that it stops"
         assert not bench.cycle((0.5, 0.5, 0.5))
 
-    def test_quick_stop_tries_every_axis_even_on_a_failing_bus(
+    def test_a_quick_stop_is_sent_to_every_axis_even_on_a_failing_bus(
         self, bench: Bench, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         axes = bench.enabled()
@@ -73,28 +73,28 @@ class TestStopping:
         assert all(drive.state is PowerState.SWITCH_ON_DISABLED for drive in bench.drives)
         assert all(drive.velocity == 0 for drive in bench.drives)
 
-    def test_halt_with_drives_that_stay_in_quick_stop(self, bench: Bench) -> None:
+    def test_halt_accepts_drives_that_stay_in_quick_stop(self, bench: Bench) -> None:
         axes = bench.enabled()
         for drive in bench.drives:
             drive.quick_stop_syncs = 10**6
         bench.cycle((0.5, 0.5, 0.5))
         assert axes.halt(), "they stand still, under power: 605Ah = 5 or 6"
 
-    def test_halt_gives_up_on_a_silent_drive(self, bench: Bench) -> None:
+    def test_halt_ends_its_wait_for_a_silent_drive(self, bench: Bench) -> None:
         axes = bench.enabled()
         bench.drives[0].answers_sync = False
         began_s = bench.bus.now_s
         assert not axes.halt()
         assert bench.bus.now_s - began_s < 2.0 / 10.0 + 0.5 + 0.02
 
-    def test_no_sdo_on_the_way_out(self, bench: Bench) -> None:
+    def test_halt_and_disable_send_no_sdo(self, bench: Bench) -> None:
         axes = bench.enabled()
         bench.bus.sent.clear()
         axes.halt()
         axes.disable()
         assert not any(0x600 <= frame.cob_id < 0x680 for _, frame in bench.bus.sent)
 
-    def test_disable_takes_power_and_then_the_exchange_away(self, bench: Bench) -> None:
+    def test_disable_removes_power_and_then_ends_the_exchange(self, bench: Bench) -> None:
         axes = bench.enabled()
         bench.bus.sent.clear()
         assert axes.disable() == ()
@@ -105,7 +105,7 @@ class TestStopping:
         ]  # fmt: skip
         assert bench.drives[0].nmt is NmtState.PRE_OPERATIONAL
 
-    def test_a_drive_that_does_not_confirm_keeps_its_watch_on_this_computer(
+    def test_a_drive_that_does_not_confirm_keeps_its_heartbeat_monitoring(
         self, bench: Bench
     ) -> None:
         axes = bench.enabled()
@@ -114,7 +114,7 @@ class TestStopping:
         assert axes.disable() == ("shoulder",)
         assert bench.bus.sent_to(0x000) == [b"\x80\x01", b"\x80\x02", b"\x80\x03"]
 
-    def test_after_disabling_everything_begins_anew(self, bench: Bench) -> None:
+    def test_after_disabling_the_drives_can_be_enabled_again(self, bench: Bench) -> None:
         bench.enabled().disable()
         assert bench.axes.disable() == ()
         bench.enabled()

@@ -1,4 +1,4 @@
-"""Signals of a drive in several frames: their positions, and answers assembled from parts."""
+"""Signals of a drive in several frames: their positions, and answers joined from parts."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ASKED = load_bundled_or_path("trinamic_tmcm16xx", "servos", ServoProfile)
 STATUS, TRACE = 0x181, 0x381
 
 
-def test_commands_lie_where_the_fixed_pdos_have_them_with_what_they_hold() -> None:
+def test_commands_are_placed_in_the_fixed_pdos_with_their_constant_fields() -> None:
     commands = SpreadCommands([AxisFrames.of_profile(1, FIXED)], [0x000F])
     frames = [(cob_id, bytes(data)) for cob_id, data in commands.velocities([-300])]
     assert frames == [(0x201, b"\x0f\x00"), (0x301, b"\x93" + struct.pack("<i", -300))]
@@ -33,7 +33,7 @@ def test_commands_lie_where_the_fixed_pdos_have_them_with_what_they_hold() -> No
     assert frames == [(0x201, b"\x02\x00"), (0x301, b"\x93\0\0\0\0")]
 
 
-def test_a_drive_as_the_standard_has_it_keeps_its_frames_beside_one_that_is_not() -> None:
+def test_a_standard_drive_keeps_its_frames_with_another_drive_on_the_bus() -> None:
     nodes = [AxisFrames.of_profile(1, FIXED), AxisFrames.of_profile(2, ServoProfile())]
     frames = SpreadCommands(nodes, [0x000F, 0x000F]).velocities([1, -2])
     assert [bytes(data) for cob_id, data in frames if cob_id == 0x202] == [
@@ -41,13 +41,13 @@ def test_a_drive_as_the_standard_has_it_keeps_its_frames_beside_one_that_is_not(
     ]
 
 
-def test_rpdos_without_sync_are_set_to_act_when_they_come() -> None:
+def test_rpdos_without_sync_act_on_reception() -> None:
     pdo = cyclic_pdos(1, "full", ASKED)[0]
     assert (pdo.direction, pdo.transmission_type) == ("rpdo", ON_EVENT)
 
 
 class Bus:
-    """Frames that have come, a batch a call."""
+    """A bus with received frames in batches, one batch per call."""
 
     def __init__(self, *batches: Sequence[Arrival]) -> None:
         self.batches = list(batches)
@@ -65,7 +65,7 @@ class Watch:
 
 
 def joined(profile: ServoProfile, *batches: Sequence[Arrival]) -> tuple[list[Arrival], Watch]:
-    """Return what a cycle whose SYNC was at 1 s brings of one drive."""
+    """Return the answers of one drive in a cycle with its SYNC at 1 s."""
     bus, watch = Bus(*batches), Watch()
     frames = [AxisFrames.of_profile(1, profile)]
     joiner = AnswerJoiner(cast(CanLink, bus), [1], frames, cast(DriveWatch, watch))
@@ -88,24 +88,24 @@ ANSWER_DATA = ANSWER.pack(0x27, -70_000, -5)
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
-def test_parts_in_any_order_are_one_answer_as_old_as_its_oldest(order: tuple[int, int]) -> None:
+def test_parts_in_any_order_are_one_answer_with_the_oldest_time(order: tuple[int, int]) -> None:
     parts = [status(1.001 + 0.001 * order[0]), trace(1.001 + 0.001 * order[1])]
     parts.sort(key=lambda part: part.time_s)
     told, _ = joined(FIXED, [parts[0]], [parts[1]])
     assert told == [Arrival(STATUS, ANSWER_DATA, 1.001)]
 
 
-def test_a_part_alone_is_no_answer() -> None:
+def test_a_part_alone_is_not_an_answer() -> None:
     assert joined(FIXED, [status(1.001)])[0] == []
     assert joined(FIXED, [trace(1.001)])[0] == []
 
 
-def test_a_current_of_sixteen_bits_may_come_without_its_upper_half() -> None:
+def test_a_16_bit_current_may_lack_its_upper_half() -> None:
     short = Arrival(TRACE, struct.pack("<ih", -70_000, -5), 1.001)
     assert [each.data for each in joined(FIXED, [status(1.001), short])[0]] == [ANSWER_DATA]
 
 
-def test_a_part_that_is_too_short_is_told_and_not_used() -> None:
+def test_a_part_that_is_too_short_is_reported_and_not_used() -> None:
     told, watch = joined(FIXED, [status(1.001), Arrival(TRACE, bytes(5), 1.001)])
     assert (told, watch.short) == ([], [(0, 5)])
 
@@ -117,7 +117,7 @@ def test_a_part_from_before_sync_is_not_joined_with_a_later_one() -> None:
 
 
 @pytest.mark.parametrize("after", [False, True])
-def test_a_part_that_comes_twice_makes_a_second_answer(after: bool) -> None:
+def test_a_repeated_part_gives_a_second_answer(after: bool) -> None:
     again = status(1.0005, word=0x1627)
     batch = [status(1.0), trace(1.001)]
     batch.insert(2 if after else 1, again)
@@ -125,7 +125,7 @@ def test_a_part_that_comes_twice_makes_a_second_answer(after: bool) -> None:
     assert [ANSWER.unpack(each.data)[0] for each in told] == [0x27, 0x1627]
 
 
-def test_other_frames_pass() -> None:
+def test_other_frames_are_returned_unchanged() -> None:
     other = Arrival(0x701, b"\x05", 1.001)
     assert joined(FIXED, [other])[0] == [other]
 
@@ -137,7 +137,7 @@ def sdo_answer(data: bytes, time_s: float = 1.002) -> Arrival:
 POSITION = Arrival(0x181, struct.pack("<Hi", 0x27, -70_000), 1.001)
 
 
-def test_a_torque_is_asked_for_and_its_answer_joined() -> None:
+def test_a_requested_torque_is_joined_with_the_position() -> None:
     frames = [AxisFrames.of_profile(1, ASKED)]
     joiner = AnswerJoiner(cast(CanLink, Bus()), [1], frames, cast(DriveWatch, Watch()))
     assert joiner.questions == [(0x601, b"\x40\x77\x60\0\0\0\0\0")]
@@ -156,18 +156,18 @@ def test_a_torque_is_asked_for_and_its_answer_joined() -> None:
         b"\x43\x77\x60\0" + struct.pack("<i", 40_000),  # more than 16 bits are recorded
     ],
 )
-def test_an_answer_that_is_not_the_torque_leaves_the_axis_without_one(data: bytes) -> None:
+def test_an_answer_other_than_the_torque_is_not_joined(data: bytes) -> None:
     told = joined(ASKED, [POSITION, sdo_answer(data)])[0]
     assert [each for each in told if each.cob_id == 0x181] == []
 
 
-def test_a_flood_of_parts_ends() -> None:
+def test_endless_parts_are_not_joined() -> None:
     told, _ = joined(FIXED, *([status(1.001)] for _ in range(3000)))
     assert told == []
 
 
 @pytest.mark.parametrize("profile", [FIXED, ASKED])
-def test_a_cycles_frames_are_counted(profile: ServoProfile) -> None:
+def test_the_bytes_of_a_cycle_are_counted(profile: ServoProfile) -> None:
     frames: Any = AxisFrames.of_profile(1, profile)
     wanted = ((2, 5), (2, 6, 8)) if profile is FIXED else ((6, 8), (6, 8))
     assert (frames.sent_bytes, frames.answer_bytes) == wanted
@@ -181,7 +181,7 @@ arrivals = st.builds(
 
 @settings(max_examples=100)
 @given(strange=st.lists(arrivals, max_size=20), profile=st.sampled_from([FIXED, ASKED]))
-def test_whatever_comes_is_an_answer_once_or_passes(
+def test_any_frames_become_answers_at_most_once_or_are_returned_unchanged(
     strange: list[Arrival], profile: ServoProfile
 ) -> None:
     told, watch = joined(profile, strange)

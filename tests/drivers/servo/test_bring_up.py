@@ -1,4 +1,4 @@
-"""Bring-up: what is sent in which order, and every drive that must be refused."""
+"""Bring-up: order of the frames, and every drive that must be refused."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from tests.drivers.conftest import Bench
 
 
-def test_nothing_is_sent_before_it_is_known_that_nobody_else_is_master(bench: Bench) -> None:
+def test_nothing_is_sent_before_other_masters_are_excluded(bench: Bench) -> None:
     began_s = bench.bus.now_s
     bench.axes.bring_up()
     first_s, first = bench.bus.sent[0]
@@ -40,15 +40,15 @@ def test_nothing_is_sent_before_it_is_known_that_nobody_else_is_master(bench: Be
     assert first == Frame(0x000, b"\x82\x01")
 
 
-def test_every_drive_is_reset_by_itself_and_waited_for(bench: Bench) -> None:
+def test_every_drive_is_reset_separately_and_awaited(bench: Bench) -> None:
     bench.axes.bring_up()
     assert bench.bus.sent_to(0x000) == [b"\x82\x01", b"\x82\x02", b"\x82\x03"]
 
 
-def test_the_order_of_what_a_drive_is_told(bench: Bench) -> None:
+def test_the_order_of_writes_to_a_drive(bench: Bench) -> None:
     bench.axes.bring_up()
     written = [f"{index:04X}:{sub}={value:X}" for index, sub, value in bench.drives[0].writes]
-    # 0.05 rad and 10 rad/s2 of a joint behind 4096 increments and a gear of 100
+    # 0.05 rad and 10 rad/s2 of a joint with 4096 increments and a gear of 100
     assert written == [
         "1017:0=32", "1016:1=7F0050", "1029:1=0", "6007:0=3", "605A:0=2", "605E:0=2",
         "6085:0=9F27B", "6065:0=CBB", "6066:0=14", "6072:0=BB8", "6060:0=9",
@@ -61,14 +61,14 @@ def test_the_order_of_what_a_drive_is_told(bench: Bench) -> None:
     ]  # fmt: skip
 
 
-def test_no_power_and_no_cyclic_frame_during_bring_up(bench: Bench) -> None:
+def test_bring_up_sends_no_power_command_and_no_cyclic_frame(bench: Bench) -> None:
     bench.axes.bring_up()
     assert all(drive.state is PowerState.SWITCH_ON_DISABLED for drive in bench.drives)
     assert bench.bus.sent_to(0x080) == []
     assert bench.bus.sent_to(0x201) == []
 
 
-def test_everything_read_back_is_listed(bench: Bench) -> None:
+def test_every_setting_is_read_back_and_listed(bench: Bench) -> None:
     bench.axes.bring_up()
     settings = bench.axes.settings()
     assert {s.node_id for s in settings} == {1, 2, 3}
@@ -82,12 +82,12 @@ def test_everything_read_back_is_listed(bench: Bench) -> None:
     assert bench.found("1A00h:02").found == "60640020h"
 
 
-def test_what_a_drive_calls_itself_cannot_write_to_the_terminal(bench: Bench) -> None:
+def test_control_characters_in_a_device_name_are_escaped(bench: Bench) -> None:
     bench.axes.bring_up()
     assert bench.found("1008h:00").found == r"drive \x1b[31mred"
 
 
-def test_axes_are_in_the_robots_order_whatever_the_cell_files(bench: Bench) -> None:
+def test_axes_are_in_the_robots_order_for_any_order_in_the_cell_file(bench: Bench) -> None:
     bench.axes.bring_up()
     joints = {s.node_id: s.joint for s in bench.axes.settings()}
     assert joints == {1: "base", 2: "shoulder", 3: "elbow"}
@@ -113,7 +113,7 @@ class TestRefusals:
             (0x1801, 1, "off"),
         ],
     )
-    def test_a_write_that_is_ignored(
+    def test_an_ignored_write_is_refused(
         self, bench: Bench, index: int, subindex: int, required: str
     ) -> None:
         drive = bench.drives[1]
@@ -129,10 +129,10 @@ class TestRefusals:
         assert (red.joint, red.object_name) == ("shoulder", setting)
 
     @pytest.mark.fault(18)
-    def test_a_drive_without_heartbeat_consumer(
+    def test_a_drive_without_heartbeat_consumer_is_refused(
         self, bench: Bench, measured: Callable[[str], None]
     ) -> None:
-        """A drive that would keep running after a crash of the laptop cannot be enabled."""
+        """Such a drive would continue to run after a crash of the laptop."""
         del bench.drives[2].objects[0x1016, 1]
         with raises_code(PreflightError, "RID-PREFLIGHT-RED", "1016h:01"):
             bench.axes.bring_up()
@@ -142,7 +142,7 @@ class TestRefusals:
             bench.axes.enable()
         measured("a drive without 1016h: cannot be started, cannot be enabled")
 
-    def test_unless_the_cell_file_names_it(
+    def test_a_drive_without_heartbeat_consumer_is_accepted_if_the_cell_file_allows_it(
         self, make_bench: Callable[[CellConfig], Any], cell: CellConfig
     ) -> None:
         safety = cell.drive_safety.model_copy(update={"allow_drive_without_watchdog": (3,)})
@@ -153,7 +153,7 @@ class TestRefusals:
         assert bench.found("1016h:01", 3).verdict == "allowed"
         assert bench.found("6007h:00", 3).verdict == "allowed"
 
-    def test_the_exception_is_for_that_drive_alone(
+    def test_the_exception_applies_to_that_drive_alone(
         self, make_bench: Callable[[CellConfig], Any], cell: CellConfig
     ) -> None:
         safety = cell.drive_safety.model_copy(update={"allow_drive_without_watchdog": (3,)})
@@ -162,7 +162,7 @@ class TestRefusals:
         with raises_code(PreflightError, "RID-PREFLIGHT-RED"):
             bench.axes.bring_up()
 
-    def test_one_run_names_everything_that_is_wrong(self, bench: Bench) -> None:
+    def test_one_run_reports_every_error(self, bench: Bench) -> None:
         bench.drives[0].ignored = {(0x6007, 0), (0x1017, 0)}
         bench.drives[2].ignored = {(0x6060, 0)}
         with pytest.raises(PreflightError) as caught:
@@ -176,45 +176,45 @@ class TestRefusals:
             assert part in str(caught.value)
         assert [s.verdict for s in bench.axes.settings()].count("red") == 3
 
-    def test_a_refused_write_says_why(self, bench: Bench) -> None:
+    def test_a_refused_write_is_reported_with_its_reason(self, bench: Bench) -> None:
         bench.drives[0].objects[0x6072, 0] = bytes(4)
         with raises_code(PreflightError, "RID-PREFLIGHT-RED", "refused"):
             bench.axes.bring_up()
 
-    def test_a_gear_other_than_the_robot_files(self, bench: Bench) -> None:
+    def test_a_gear_that_differs_from_the_robot_file_is_refused(self, bench: Bench) -> None:
         bench.drives[0].objects[0x6091, 1] = (101).to_bytes(4, "little")
         with raises_code(
             PreflightError, "RID-PREFLIGHT-RED", "6091h:00", "101:1", "required", "100"
         ):
             bench.axes.bring_up()
 
-    def test_a_drive_that_does_not_know_the_gear(self, bench: Bench) -> None:
+    def test_a_drive_without_gear_object_is_accepted(self, bench: Bench) -> None:
         bench.drives[0].objects[0x6091, 1] = (1).to_bytes(4, "little")
         bench.axes.bring_up()
         assert bench.found("6091h:00").verdict == "shown"
         assert bench.found("6065h:00").found == "3259", "the robot file's gear is used"
 
-    def test_units_that_make_no_sense(self, bench: Bench) -> None:
+    def test_implausible_units_are_refused(self, bench: Bench) -> None:
         bench.drives[0].objects[0x608F, 2] = bytes(4)
         with raises_code(PreflightError, "RID-PREFLIGHT-RED", "608Fh:02"):
             bench.axes.bring_up()
 
-    def test_a_drive_without_cyclic_synchronous_velocity(self, bench: Bench) -> None:
+    def test_a_drive_without_cyclic_synchronous_velocity_is_refused(self, bench: Bench) -> None:
         bench.drives[0].objects[0x6502, 0] = (0x2ED).to_bytes(4, "little")
         with raises_code(PreflightError, "RID-PREFLIGHT-RED", "6502h:00", "0h", "required", "100h"):
             bench.axes.bring_up()
 
-    def test_a_device_that_is_no_drive(self, bench: Bench) -> None:
+    def test_a_device_that_is_not_a_drive_is_refused(self, bench: Bench) -> None:
         bench.drives[0].objects[0x1000, 0] = (0x191).to_bytes(4, "little")
         with raises_code(PreflightError, "RID-PREFLIGHT-RED"):
             bench.axes.bring_up()
 
-    def test_a_drive_that_sends_sync_itself(self, bench: Bench) -> None:
+    def test_a_drive_that_sends_sync_is_refused(self, bench: Bench) -> None:
         bench.drives[0].objects[0x1005, 0] = (0x4000_0080).to_bytes(4, "little")
         with raises_code(PreflightError, "RID-PREFLIGHT-RED"):
             bench.axes.bring_up()
 
-    def test_a_drive_in_fault_is_not_reset_but_named(self, bench: Bench) -> None:
+    def test_a_drive_in_fault_is_named_and_not_reset(self, bench: Bench) -> None:
         bench.drives[0].state = PowerState.FAULT
         bench.drives[0].objects[0x603F, 0] = (0x7305).to_bytes(2, "little")
         with raises_code(PreflightError, "RID-PREFLIGHT-RED", "base", "fault", "7305h"):
@@ -222,14 +222,14 @@ class TestRefusals:
         assert bench.drives[0].state is PowerState.FAULT
 
 
-class TestDevicesThatAreNotThere:
-    def test_a_drive_that_does_not_boot(self, bench: Bench) -> None:
+class TestMissingDevices:
+    def test_a_drive_that_does_not_boot_is_reported(self, bench: Bench) -> None:
         bench.drives[1].mute = True
         with raises_code(DeviceTimeoutError, "RID-DRIVE-SILENT"):
             bench.axes.bring_up()
         assert bench.bus.sent_to(0x601) == [], "no other drive is asked anything"
 
-    def test_a_drive_that_falls_silent(self, bench: Bench) -> None:
+    def test_a_drive_that_becomes_silent_is_reported(self, bench: Bench) -> None:
         drive = bench.drives[1]
         write = drive.server._write
 
@@ -242,7 +242,7 @@ class TestDevicesThatAreNotThere:
             bench.axes.bring_up()
         assert {s.node_id for s in bench.axes.settings()} == {1}
 
-    def test_two_devices_with_one_node_id(self, bench: Bench) -> None:
+    def test_two_devices_with_one_node_id_are_refused(self, bench: Bench) -> None:
         bench.drives[2].boots = 2
         with raises_code(ProtocolError, "RID-DRIVE-NODE-TWICE"):
             bench.axes.bring_up()
@@ -259,23 +259,23 @@ class TestDevicesThatAreNotThere:
             (Frame(0x7E5, bytes(8)), ("LSS",)),
         ],
     )
-    def test_another_master(self, bench: Bench, frame: Frame, what: tuple[str, ...]) -> None:
+    def test_another_master_is_refused(
+        self, bench: Bench, frame: Frame, what: tuple[str, ...]
+    ) -> None:
         bench.bus.transmit(frame, 0.05)
         with raises_code(LockedError, "RID-CAN-FOREIGN-MASTER", *what):
             bench.axes.bring_up()
         assert bench.bus.sent == []
 
     @pytest.mark.parametrize("delay_s", [0.082, 0.095, 0.108, 0.112])
-    def test_another_master_in_the_middle_of_the_bring_up(
-        self, bench: Bench, delay_s: float
-    ) -> None:
+    def test_another_master_during_bring_up_is_refused(self, bench: Bench, delay_s: float) -> None:
         bench.bus.transmit(Frame(0x602, bytes(8)), delay_s)
         with raises_code(LockedError, "RID-CAN-FOREIGN-MASTER"):
             bench.axes.bring_up()
         assert bench.bus.sent != []
         assert bench.bus.sent_to(0x201) == []
 
-    def test_other_devices_on_the_bus_do_not_disturb(self, bench: Bench) -> None:
+    def test_other_devices_on_the_bus_are_tolerated(self, bench: Bench) -> None:
         for delay_s in (0.02, 0.1, 0.2):
             bench.bus.transmit(heartbeat_frame(55, NmtState.OPERATIONAL), delay_s)
             bench.bus.transmit(emcy_frame(55, Emergency(0x1000, 1)), delay_s)
@@ -293,22 +293,22 @@ class TestConfiguration:
         with raises_code(ConfigError, "RID-CELL-JOINTS", "drive", "joints"):
             CanServoAxes(bench.link, cell.model_copy(update={"axes": axes}), robot)
 
-    def test_a_bus_that_would_be_too_full_is_refused(self, cell: CellConfig) -> None:
+    def test_a_bus_load_above_the_limit_is_refused(self, cell: CellConfig) -> None:
         fast = cell.model_copy(update={"cycle_time_ms": 1})
         assert check_bus_load(fast) == pytest.approx(0.715, abs=0.001)
         slow_bus = fast.can.model_copy(update={"bitrate": 500_000})
         with raises_code(ConfigError, "RID-CAN-LOAD", "143"):
             check_bus_load(fast.model_copy(update={"can": slow_bus}))
 
-    def test_a_constructor_does_no_io(
+    def test_the_constructor_sends_nothing(
         self, cell: CellConfig, robot: RobotDescription, bench: Bench
     ) -> None:
         CanServoAxes(CanLink(bench.bus), cell, robot)
         assert bench.bus.sent == []
 
 
-class TestWhoADriveIs:
-    """1018h of the scripted drives: vendor 1234h, nothing else."""
+class TestDriveIdentity:
+    """Object 1018h of the scripted drives has vendor 1234h and nothing else."""
 
     def bring_up(
         self, make_bench: Callable[[CellConfig], Any], cell: CellConfig, **said: int
@@ -319,7 +319,7 @@ class TestWhoADriveIs:
         bench.drive.objects[0x1018, 3] = (0x0002_0005).to_bytes(4, "little")
         return bench
 
-    def test_the_drive_that_is_expected(
+    def test_the_expected_drive_is_accepted(
         self, make_bench: Callable[[CellConfig], Any], cell: CellConfig
     ) -> None:
         bench = self.bring_up(make_bench, cell, vendor=0x1234, revision=0x0002_0000)
@@ -339,7 +339,7 @@ class TestWhoADriveIs:
             ({"revision": 0x0001_0005}, ("1018h:03", "20000h", "required: 10000h")),
         ],
     )
-    def test_nothing_is_written_to_another_one(
+    def test_another_drive_gets_no_write(
         self,
         make_bench: Callable[[CellConfig], Any],
         cell: CellConfig,
@@ -357,7 +357,7 @@ class TestWhoADriveIs:
 
 
 @pytest.mark.parametrize(("written", "red"), [(True, True), (False, False)])
-def test_a_drive_without_60c2h_is_used_if_the_cell_file_says_so(
+def test_a_drive_without_60c2h_is_accepted_if_the_cell_file_allows_it(
     make_bench: Callable[[CellConfig], Bench], cell: CellConfig, written: bool, red: bool
 ) -> None:
     servo = ServoProfile(cycle_time_written=written)
@@ -374,7 +374,7 @@ def test_a_drive_without_60c2h_is_used_if_the_cell_file_says_so(
     assert bench.found("60C2h:01").verdict == ("red" if red else "shown")
 
 
-def test_a_period_that_is_left_to_the_drive_must_still_be_the_cells(
+def test_a_fixed_period_of_a_drive_must_equal_the_cells_cycle_time(
     make_bench: Callable[[CellConfig], Bench], cell: CellConfig
 ) -> None:
     bench = make_bench(cell.model_copy(update={"servo": ServoProfile(cycle_time_written=False)}))

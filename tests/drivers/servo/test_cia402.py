@@ -1,4 +1,4 @@
-"""The power state machine and the units of CiA 402-2."""
+"""Power state machine and units of CiA 402-2."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_every_statusword_has_one_state(statusword: int) -> None:
     assert [state_of(statusword)] == (matching or [S.NOT_READY_TO_SWITCH_ON])
 
 
-def test_the_way_to_operation_enabled() -> None:
+def test_the_commands_to_operation_enabled() -> None:
     state, words = S.SWITCH_ON_DISABLED, [0]
     while state is not S.OPERATION_ENABLED:
         words.append(next_controlword(state))
@@ -66,7 +66,7 @@ def test_the_way_to_operation_enabled() -> None:
     assert words == [0, 0x0006, 0x0007, 0x000F]
 
 
-def test_a_fault_is_never_reset_on_the_way() -> None:
+def test_a_fault_is_never_reset_during_enabling() -> None:
     assert next_controlword(S.FAULT) is W.DISABLE_VOLTAGE
     assert next_controlword(S.FAULT_REACTION_ACTIVE) is W.DISABLE_VOLTAGE
 
@@ -88,7 +88,8 @@ def test_a_fault_is_never_reset_on_the_way() -> None:
         (S.OPERATION_ENABLED, W.QUICK_STOP, S.QUICK_STOP_ACTIVE),  # 11
         (S.QUICK_STOP_ACTIVE, W.DISABLE_VOLTAGE, S.SWITCH_ON_DISABLED),  # 12
         (S.QUICK_STOP_ACTIVE, W.ENABLE_OPERATION, S.OPERATION_ENABLED),  # 16
-        (S.SWITCH_ON_DISABLED, W.SWITCH_ON, S.SWITCH_ON_DISABLED),  # none: shutdown comes first
+        # no transition: shutdown must be first
+        (S.SWITCH_ON_DISABLED, W.SWITCH_ON, S.SWITCH_ON_DISABLED),
         (S.SWITCH_ON_DISABLED, W.ENABLE_OPERATION, S.SWITCH_ON_DISABLED),
         (S.QUICK_STOP_ACTIVE, W.QUICK_STOP, S.QUICK_STOP_ACTIVE),
         (S.QUICK_STOP_ACTIVE, W.SHUTDOWN, S.QUICK_STOP_ACTIVE),
@@ -115,13 +116,13 @@ def units(
     return AxisUnits.of_motor(motor, ServoProfile(velocity_unit=unit), gear_ratio, direction, 1000)
 
 
-def test_one_joint_revolution() -> None:
+def test_one_revolution_of_a_joint() -> None:
     assert units().position(1000 + 409_600) == pytest.approx(2 * math.pi, rel=1e-15)
     assert units(direction=-1).position(1000 + 409_600) == pytest.approx(-2 * math.pi)
 
 
-def test_rated_torque_at_the_joint() -> None:
-    # 6077h counts 0.1 % of 6076h: 1000 is 2 N m at the motor, 200 N m behind a gear of 100
+def test_the_rated_torque_on_the_joint_side() -> None:
+    # 6077h counts 0.1 % of 6076h: 1000 is 2 N m at the motor, 200 N m with a gear of 100
     assert units().torque_nm(1000) == pytest.approx(200.0)
     assert units(direction=-1).torque_nm(1000) == pytest.approx(-200.0)
 
@@ -135,21 +136,23 @@ def test_one_radian_per_second_in_the_vendors_unit(unit: VelocityUnit, value: in
     assert round(units(unit, direction=-1).velocity_units_per_rad_s) == -value
 
 
-def test_a_negative_gear_ratio_does_not_turn_the_axis_twice() -> None:
+def test_a_negative_gear_ratio_reverses_the_axis_once() -> None:
     assert units(gear_ratio=-100.0) == units()
 
 
 @given(st.integers(-(2**31), 2**31 - 1), st.sampled_from([1, -1]), st.floats(0.5, 500.0))
-def test_counts_survive_the_round_trip(counts: int, direction: Literal[1, -1], gear: float) -> None:
+def test_counts_are_converted_and_back_unchanged(
+    counts: int, direction: Literal[1, -1], gear: float
+) -> None:
     axis = units(direction=direction, gear_ratio=gear)
     assert axis.counts(axis.position(counts)) == counts
 
 
 @given(st.integers(-(2**15), 2**15 - 1))
-def test_torque_survives_the_round_trip(permille: int) -> None:
+def test_torque_is_converted_and_back_unchanged(permille: int) -> None:
     assert round(units().torque_nm(permille) / units().nm_per_torque_unit) == permille
 
 
-def test_useless_factors_are_refused() -> None:
+def test_invalid_factors_are_refused() -> None:
     with raises_code(ConfigError, "RID-SERVO-VALUE"):
         AxisUnits(0.0, 1.0, 1.0, 1.0)

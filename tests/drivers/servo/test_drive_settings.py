@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 WINDOW = (0x6065, 0)
 
 
-def test_a_saved_setting_is_put_back(bench: Bench) -> None:
+def test_a_saved_setting_is_restored(bench: Bench) -> None:
     drive, port = bench.drives[1], bench.axes.service.ports()[1]
     saved = read_drive(port, None)
     before = drive.objects[WINDOW]
@@ -49,6 +49,6 @@ def test_a_drive_with_power_is_refused(bench: Bench, state: PowerState) -> None:
         refuse_other_drive(port, saved)
 
 
-def test_settings_that_a_drive_does_not_store_are_not_reported_as_stored(bench: Bench) -> None:
+def test_settings_that_a_drive_did_not_store_are_not_reported_as_stored(bench: Bench) -> None:
     with raises_code(PreflightError, "RID-DRIVE-SETTINGS", "node 1"):
         store_settings(bench.axes.service.ports()[0])

@@ -1,4 +1,4 @@
-"""The watch on what drives and others send: what it tells, and that it stays bounded."""
+"""Watch for events of drives and other nodes: reported events, and bounded memory."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def armed() -> DriveWatch:
 
 
 @pytest.mark.parametrize("frame", FOREIGN)
-def test_another_master_is_told_however_many_devices_share_the_bus(
+def test_another_master_is_reported_with_many_other_devices_on_the_bus(
     armed: DriveWatch, frame: Frame
 ) -> None:
     for other in OTHER_DEVICES:
@@ -40,7 +40,7 @@ def test_another_master_is_told_however_many_devices_share_the_bus(
 
 
 @pytest.mark.parametrize("frame", FOREIGN)
-def test_one_that_comes_among_too_many_events_is_told_the_next_time(
+def test_another_master_after_too_many_events_is_reported_the_next_time(
     armed: DriveWatch, frame: Frame
 ) -> None:
     for other in OTHER_DEVICES:
@@ -52,7 +52,7 @@ def test_one_that_comes_among_too_many_events_is_told_the_next_time(
     assert event.kind is EventKind.FOREIGN_MASTER
 
 
-def test_unknown_identifiers_are_kept_up_to_a_number(armed: DriveWatch) -> None:
+def test_the_number_of_stored_unknown_identifiers_is_limited(armed: DriveWatch) -> None:
     for other in OTHER_DEVICES:
         armed.handle(other, 0.0)
         armed.take_events()

@@ -31,7 +31,7 @@ def found(
     objects: dict[str, str | None] | None = None,
     more: str = "",
 ) -> tuple[EdsFinding, ...]:
-    """Return the findings on a small sheet that has what is needed, with some objects changed."""
+    """Return the findings on a small complete sheet with some objects changed."""
     lines = ["[DeviceInfo]", "VendorNumber=1"]
     for title, said in (COMMUNICATION | PROFILE | (objects or {})).items():
         if said is not None:
@@ -47,7 +47,7 @@ def found(
     return eds_findings(sheet, cell, cell.axes[0])
 
 
-def test_a_sheet_that_has_everything_is_told_nothing_of(cell: CellConfig) -> None:
+def test_a_complete_sheet_has_no_findings(cell: CellConfig) -> None:
     assert found(cell) == ()
     assert found(cell.model_copy(update={"exchange": "trimmed"})) == ()
 
@@ -58,7 +58,7 @@ def test_objects_that_a_drive_may_lack_may_be_missing(cell: CellConfig) -> None:
 
 
 @pytest.mark.parametrize("title", ["6007", "605A", "605E"])
-def test_what_a_drive_does_without_a_reactions_object_is_left_to_the_trial(
+def test_a_missing_reaction_object_is_left_to_the_test_on_the_drive(
     cell: CellConfig, title: str
 ) -> None:
     (finding,) = found(cell, {title: None})
@@ -68,14 +68,14 @@ def test_what_a_drive_does_without_a_reactions_object_is_left_to_the_trial(
     )
 
 
-def test_an_object_that_is_only_read_may_hold_what_is_needed(cell: CellConfig) -> None:
+def test_a_read_only_object_may_have_the_required_value(cell: CellConfig) -> None:
     read_only = "2 ro 0\nDefaultValue="
     assert found(cell, {"60C2sub2": read_only + "-3"}) == ()
     (finding,) = found(cell, {"60C2sub2": read_only + "-2"})
     assert (finding.found, finding.verdict) == ("AccessType ro", "red")
 
 
-def test_a_mode_that_the_sheet_does_not_list_is_red_unless_it_lists_none(cell: CellConfig) -> None:
+def test_a_mode_missing_in_the_list_of_the_sheet_is_red(cell: CellConfig) -> None:
     assert found(cell, {"6502": "7 ro 0\nDefaultValue=0"}) == ()
     assert found(cell, {"6502": "7 ro 0\nDefaultValue=0x165"}) == ()
     (finding,) = found(cell, {"6502": "7 ro 0\nDefaultValue=0x65"})
@@ -104,7 +104,7 @@ def test_a_mode_that_the_sheet_does_not_list_is_red_unless_it_lists_none(cell: C
         ("6065", "6 rw 0", "6065h:00", "following-error", "32 bit, writable", "UNSIGNED16"),
     ],
 )
-def test_what_it_lacks_is_told_by_index_and_name(
+def test_missing_objects_are_reported_with_index_and_name(
     cell: CellConfig,
     title: str,
     said: str | None,
@@ -132,7 +132,7 @@ def test_what_it_lacks_is_told_by_index_and_name(
         ("1016sub1", "7 rw 0 0 65535", "1016h:01", "takes 8323152", "limits 0 to 65535"),
     ],
 )
-def test_limits_are_shown_and_no_more(
+def test_limits_are_shown_without_a_verdict(
     cell: CellConfig, title: str, said: str, address: str, required: str, is_found: str
 ) -> None:
     (finding,) = found(cell, {title: said})
@@ -144,7 +144,7 @@ def test_limits_that_depend_on_the_encoder_are_left_to_the_drive(cell: CellConfi
     assert found(cell, {"6065": "7 rw 0 0 1", "6085": "7 rw 0 0 1"}) == ()
 
 
-def test_in_the_trimmed_exchange_the_second_pdos_are_needed(cell: CellConfig) -> None:
+def test_the_trimmed_exchange_needs_the_second_pdos(cell: CellConfig) -> None:
     trimmed = cell.model_copy(update={"exchange": "trimmed"})
     changed = {"60B2": None, "1401sub2": None, "1801sub5": "7 rw 0", "1601sub1": "7 const 0"}
     assert [finding.object_name for finding in found(trimmed, changed)] == [
@@ -165,7 +165,7 @@ def test_a_drive_that_may_lack_the_watchdog_may_lack_it_in_its_sheet(cell: CellC
     }  # fmt: skip
 
 
-def test_a_dcf_of_another_node(cell: CellConfig) -> None:
+def test_a_dcf_of_another_node_is_red(cell: CellConfig) -> None:
     (finding,) = found(cell, more="[DeviceComissioning]\nNodeID=77\n")
     assert (finding.name, finding.found) == ("node id", "77")
     node = cell.axes[0].node_id

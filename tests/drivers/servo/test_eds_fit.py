@@ -1,4 +1,4 @@
-"""Kind of device of a data sheet, and missing objects that are relevant for safety."""
+"""Device type of a data sheet, and its missing objects that matter for safety."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ WITHOUT_TORQUE = {"6072": None, "6076": None, "6077": None}
 
 
 def sheet(objects: dict[str, str | None], device_type: str = "") -> ElectronicDataSheet:
-    """Return a small sheet that has what is needed, with some objects changed."""
+    """Return a small complete sheet with some objects changed."""
     lines = ["[DeviceInfo]", "VendorNumber=1"]
     for title, said in (COMMUNICATION | PROFILE | objects).items():
         if said is not None:
@@ -42,19 +42,19 @@ def sheet(objects: dict[str, str | None], device_type: str = "") -> ElectronicDa
         (MAKERS | {"6060": None}, "0x191", "other device"),
     ],
 )
-def test_a_sheet_says_what_it_is_of(
+def test_a_sheet_states_its_device_type(
     objects: dict[str, str | None], device_type: str, kind: str
 ) -> None:
     assert kind_of(sheet(objects, device_type)) == kind
 
 
 def lacks(cell: CellConfig, objects: dict[str, str | None]) -> tuple[EdsFit, dict[str, bool]]:
-    """Return how a sheet fits, and whether each object that it lacks protects people."""
+    """Return the fit of a sheet, and for each missing object True if it protects people."""
     fit = fit_eds(sheet(objects), cell, cell.axes[0], {})
     return fit, {each.object_name: fit.protects(each) for each in fit.findings}
 
 
-def test_the_watch_on_this_computer_protects_people_and_an_answer_does_not(
+def test_the_heartbeat_consumer_protects_people_and_an_answer_does_not(
     cell: CellConfig,
 ) -> None:
     fit, missing = lacks(cell, {"1016sub1": None, "6041": "6 ro 0"})
@@ -66,7 +66,7 @@ def test_the_watch_on_this_computer_protects_people_and_an_answer_does_not(
     assert not fit.concerns_safety
 
 
-def test_life_guarding_stands_for_the_watch_on_this_computer(cell: CellConfig) -> None:
+def test_life_guarding_replaces_the_heartbeat_consumer(cell: CellConfig) -> None:
     guarding: dict[str, str | None] = {"100C": "6 rw 0", "100D": "5 rw 0"}
     fit, missing = lacks(cell, {"1016sub1": None, "1017": None, **guarding})
     assert missing == {}
@@ -75,11 +75,11 @@ def test_life_guarding_stands_for_the_watch_on_this_computer(cell: CellConfig) -
     assert missing == {"100Dh:00": True}
 
 
-def test_what_is_only_read_may_have_another_size(cell: CellConfig) -> None:
+def test_a_read_only_object_may_have_another_size(cell: CellConfig) -> None:
     assert lacks(cell, {"60B2": "4 ro 1"})[0].accepted
 
 
-def test_a_ramp_to_set_points_protects_nobody(cell: CellConfig) -> None:
+def test_the_profile_deceleration_protects_nobody(cell: CellConfig) -> None:
     ramp = {"6083": "7 rw 0", "6084": "7 ro 0", "60C2sub1": None, "60C2sub2": None}
     fit, missing = lacks(cell, ramp)
     assert fit.mode == "profile_velocity"

@@ -1,4 +1,4 @@
-"""Drives that need more than usual to be enabled, and the keys that say so."""
+"""Drives that differ during enabling, and the cell-file keys for them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from tests.drivers.conftest import Bench
 
 
-def test_a_drive_that_never_says_that_it_follows_is_enabled_if_the_cell_file_says_so(
+def test_a_drive_without_the_follows_bit_is_enabled_if_the_cell_file_says_so(
     make_bench: Callable[[CellConfig], Bench], cell: CellConfig
 ) -> None:
     bench = make_bench(cell.model_copy(update={"servo": ServoProfile(follows_bit=False)}))
@@ -29,7 +29,7 @@ def test_a_drive_that_never_says_that_it_follows_is_enabled_if_the_cell_file_say
 
 
 @pytest.mark.parametrize(("timeout_s", "enabled"), [(4.0, False), (6.0, True)])
-def test_a_drive_that_takes_five_seconds_is_waited_for_if_the_cell_file_says_so(
+def test_a_drive_that_takes_five_seconds_needs_a_longer_timeout_in_the_cell_file(
     make_bench: Callable[[CellConfig], Bench],
     cell: CellConfig,
     monkeypatch: pytest.MonkeyPatch,
@@ -53,7 +53,7 @@ def test_a_drive_that_takes_five_seconds_is_waited_for_if_the_cell_file_says_so(
         assert caught.value.refusal == "RID-DRIVE-NOT-ENABLED"
 
 
-def test_no_drive_is_started_after_an_order_to_stop(bench: Bench) -> None:
+def test_no_drive_is_started_after_a_stop_order(bench: Bench) -> None:
     axes = CanServoAxes(bench.link, bench.cell, bench.robot, stopped=lambda: True)
     axes.bring_up()
     with raises_code(SafetyStop, "RID-STOP-ORDERED"):

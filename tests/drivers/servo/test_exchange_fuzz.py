@@ -1,4 +1,4 @@
-"""Anything at all on the bus while the cyclic exchange runs: typed errors, or counted and left."""
+"""Random frames during the cyclic exchange: typed errors, or counted and ignored."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ cycles = st.lists(
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 @given(strange=cycles, silent=st.sets(st.integers(0, 2)))
-def test_any_frames_in_motion_are_typed_errors_or_events_and_hold_nothing_up(
+def test_any_frames_in_motion_are_typed_errors_or_events_without_delay(
     make_bench: Callable[[CellConfig], Any],
     cell: CellConfig,
     strange: list[list[tuple[Frame, float]]],
@@ -54,7 +54,7 @@ def test_any_frames_in_motion_are_typed_errors_or_events_and_hold_nothing_up(
     bench = make_bench(cell)
     axes = bench.enabled()
     for drive in silent:
-        bench.drives[drive].answers_sync = False  # what comes may be all that answers
+        bench.drives[drive].answers_sync = False  # the random frames may be the only answers
     for arriving in strange:
         for frame, after_s in arriving:
             bench.arrives(frame, after_s)
@@ -84,7 +84,7 @@ def test_an_answer_of_any_other_length_is_never_used(bench: Bench, length: int) 
     assert [event.kind.name for event in axes.take_events()] == ["WRONG_LENGTH"]
 
 
-def test_a_flood_of_anything_keeps_no_memory(bench: Bench) -> None:
+def test_a_flood_of_frames_needs_bounded_memory(bench: Bench) -> None:
     axes, chance = bench.enabled(), random.Random(3)
     identifiers = [*map(tpdo_cob_id, NODES), 0x081, 0x181, 0x3AA, 0x582, 0x701, 0x7FF]
 
@@ -95,7 +95,7 @@ def test_a_flood_of_anything_keeps_no_memory(bench: Bench) -> None:
         bench.cycle(STILL)
 
     def memory_b() -> int:
-        gc.collect()  # what waits for the collector is not kept
+        gc.collect()  # without objects that wait for the garbage collector
         ours = [tracemalloc.Filter(False, "*/tests/*"), tracemalloc.Filter(True, "*/drivers/*")]
         return sum(t.size for t in tracemalloc.take_snapshot().filter_traces(ours).traces)
 
@@ -106,7 +106,7 @@ def test_a_flood_of_anything_keeps_no_memory(bench: Bench) -> None:
         before = memory_b()
         for _ in range(12):
             flooded(500)
-        # Words of the last emergencies are kept, long or short; 60 bytes a frame would be 360,000.
+        # The data of the last emergencies is kept; 60 bytes per frame would be 360,000.
         assert memory_b() - before < 20_000
         assert before < 100_000
     finally:

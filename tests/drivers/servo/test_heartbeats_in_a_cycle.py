@@ -1,4 +1,4 @@
-"""When a drive's heartbeat counts as lost, by what the exchange has read in its cycle."""
+"""Loss of a drive's heartbeat, judged by the frames that were read in a cycle."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ HEARTBEAT = b"\x05"
 
 
 class Computer:
-    """A clock and a bus whose frames are read one at a time, as from most of python-can's."""
+    """A clock, and a bus that returns one frame per call, like most of python-can's."""
 
     channel_info = "scripted"
 
@@ -34,14 +34,14 @@ class Computer:
         return self.now
 
     def sleep_until(self, time_s: float) -> None:
-        """Let time pass."""
+        """Advance the time."""
         self.now = max(self.now, time_s)
 
     def send_frames(self, frames: Sequence[tuple[int, bytes | bytearray]]) -> None:
-        """Send nothing anywhere."""
+        """Discard the frames."""
 
     def receive_frames(self, timeout_s: float) -> Sequence[Arrival] | None:
-        """Return the next frame that waits, stamped by its bus or by its reader."""
+        """Return the next waiting frame, with the time stamp of its bus or of its reader."""
         if not self.waiting:
             self.now += timeout_s
             return None
@@ -53,7 +53,7 @@ class Computer:
 
 
 def exchange_on(computer: Computer) -> tuple[CyclicExchange, DriveWatch]:
-    """Return an exchange with one drive, watched since time 0."""
+    """Return an exchange with one drive that is watched from time 0."""
     safety = DriveSafety(quick_stop_deceleration_rad_s2=10.0, following_error_rad=0.1)
     assert safety.drive_heartbeat_timeout_ms == 1000.0 * TIMEOUT_S
     watch = DriveWatch(("base",), (1,), safety)
@@ -64,8 +64,8 @@ def exchange_on(computer: Computer) -> tuple[CyclicExchange, DriveWatch]:
 
 
 @pytest.mark.parametrize("time_stamped", [False, True])
-def test_a_computer_that_stood_still_does_not_blame_a_drive(time_stamped: bool) -> None:
-    """The heartbeat came meanwhile: it waits behind the answers."""
+def test_a_pause_of_the_computer_is_not_a_lost_heartbeat(time_stamped: bool) -> None:
+    """The heartbeat arrived during the pause: it waits behind the answers."""
     computer = Computer(time_stamped=time_stamped)
     exchange, watch = exchange_on(computer)
     computer.now = 0.05
@@ -84,7 +84,7 @@ def test_a_computer_that_stood_still_does_not_blame_a_drive(time_stamped: bool) 
 
 
 @pytest.mark.parametrize(("after_s", "lost"), [(0.0, False), (0.0002, True)])
-def test_silence_is_judged_by_when_it_can_be_told(after_s: float, lost: bool) -> None:
+def test_silence_is_judged_when_the_timeout_has_passed(after_s: float, lost: bool) -> None:
     computer = Computer(time_stamped=True)
     exchange, watch = exchange_on(computer)
     computer.now = 0.099
@@ -97,8 +97,8 @@ def test_silence_is_judged_by_when_it_can_be_told(after_s: float, lost: bool) ->
     assert [event.time_s for event in events] == [answered_s] * lost
 
 
-def test_silence_is_judged_too_where_an_answer_is_missing() -> None:
-    """All that came until the deadline has been read, and no heartbeat was in it."""
+def test_silence_is_judged_although_an_answer_is_missing() -> None:
+    """All frames until the deadline were read, without a heartbeat among them."""
     computer = Computer(time_stamped=True)
     exchange, watch = exchange_on(computer)
     computer.now = 0.096

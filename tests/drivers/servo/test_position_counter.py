@@ -1,4 +1,4 @@
-"""A position that wraps, at 32 bits or earlier (607Bh), is no jump of the joint."""
+"""Positions that wrap, at 32 bits or earlier (607Bh), are not jumps of the joint."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def counters(draw: st.DrawFn) -> PositionCounter:
 
 
 @given(counters(), st.integers(-(2**40), 2**40), st.data())
-def test_a_count_within_half_a_round_of_a_known_one_is_found_again(
+def test_a_count_within_half_a_turn_of_a_known_one_is_unwrapped(
     counter: PositionCounter, known: int, data: st.DataObject
 ) -> None:
     half = counter.size // 2
@@ -38,7 +38,7 @@ def test_a_count_within_half_a_round_of_a_known_one_is_found_again(
     assert counter.nearest(shown, known) == true
 
 
-def test_equal_limits_stand_for_no_limit() -> None:
+def test_equal_limits_mean_no_limit() -> None:
     assert PositionCounter.of_limits(0, 0) == BITS_32
     assert PositionCounter.of_limits(0, 99).size == 100
     assert not BITS_32.is_smaller_than_32_bits
@@ -47,14 +47,14 @@ def test_equal_limits_stand_for_no_limit() -> None:
 @pytest.mark.parametrize(
     ("start", "limits"),
     [
-        (2**31 - 1500, None),  # counts up to the end of 32 bits
+        (2**31 - 1500, None),  # counts to the end of 32 bits
         (-(2**31) + 900, None),
         (499_000, (0, 499_999)),  # a drive that wraps earlier
         (0, (0, 499_999)),
     ],
 )
 @pytest.mark.parametrize("speed", [0.5, -0.5])
-def test_a_joint_moves_on_over_the_wrap(
+def test_a_joint_moves_over_the_wrap_without_a_jump(
     make_bench: Callable[[CellConfig], Bench],
     cell: CellConfig,
     start: int,
@@ -84,8 +84,8 @@ def test_a_joint_moves_on_over_the_wrap(
     )
 
 
-def test_a_counter_that_is_shorter_than_the_joints_reach_is_refused(bench: Bench) -> None:
-    for sub, value in enumerate((0, 300_000), 1):  # 4.6 rad; the joint has 6
+def test_a_counter_shorter_than_the_joints_range_is_refused(bench: Bench) -> None:
+    for sub, value in enumerate((0, 300_000), 1):  # 4.6 rad; the joint has 6 rad
         bench.drives[1].objects[0x607B, sub] = value.to_bytes(4, "little")
     with pytest.raises(PreflightError):
         bench.axes.bring_up()
@@ -93,9 +93,7 @@ def test_a_counter_that_is_shorter_than_the_joints_reach_is_refused(bench: Bench
 
 
 @pytest.mark.parametrize(("rated_mnm", "verdict"), [(2000, "ok"), (2_000_000, "red"), (3, "red")])
-def test_a_rated_torque_that_no_motor_of_the_joint_has_is_refused(
-    bench: Bench, rated_mnm: int, verdict: str
-) -> None:
+def test_an_implausible_rated_torque_is_refused(bench: Bench, rated_mnm: int, verdict: str) -> None:
     bench.drives[0].objects[0x6076, 0] = rated_mnm.to_bytes(4, "little")
     if verdict == "red":
         with pytest.raises(PreflightError):

@@ -1,4 +1,4 @@
-"""Is a drive referenced: by its own bits over SDO, by the cell file, or not known."""
+"""Position reference of a drive: from its status bits by SDO, from the cell file, or unknown."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def robot() -> RobotDescription:
 
 
 def cell_with(bits: ReferencedBits | None, zero_counts: int | None = None) -> CellConfig:
-    """Return a cell whose first drive has some bits, and its axis perhaps a stated zero."""
+    """Return a cell whose first drive has these bits, and optionally a stated zero."""
     stated = {} if zero_counts is None else {"position_zero_counts": zero_counts}
     first = {"joint": "base", "node_id": 1, "servo": ServoProfile(referenced=bits)}
     return CellConfig(
@@ -54,7 +54,7 @@ def cell_with(bits: ReferencedBits | None, zero_counts: int | None = None) -> Ce
 def brought_up(
     cell: CellConfig, *, homed: bool = True
 ) -> tuple[list[DriveSetting], PreflightError | None]:
-    """Bring the drives up; return what is said of their references, and why it was refused."""
+    """Bring up the drives; return the reference findings and the refusal."""
     bus = ObedientCell(cell, robot(), 4096, referenced=homed)
     with Cell(cell, robot(), CanLink(bus)) as opened:
         refused = None
@@ -67,7 +67,7 @@ def brought_up(
 
 
 @pytest.mark.parametrize("bits", [STATUS_BIT, STATE_NUMBER])
-def test_a_drive_that_says_it_is_referenced_passes(bits: ReferencedBits) -> None:
+def test_a_referenced_drive_is_accepted(bits: ReferencedBits) -> None:
     (first, _), refused = brought_up(cell_with(bits, zero_counts=500))
     assert refused is None
     assert (first.object_name, first.verdict) == (bits.object, "ok")
@@ -75,7 +75,7 @@ def test_a_drive_that_says_it_is_referenced_passes(bits: ReferencedBits) -> None
 
 
 @pytest.mark.parametrize("bits", [STATUS_BIT, STATE_NUMBER])
-def test_a_drive_that_says_it_is_not_is_refused_even_with_a_stated_zero(
+def test_an_unreferenced_drive_is_refused_even_with_a_stated_zero(
     bits: ReferencedBits,
 ) -> None:
     (first, second), refused = brought_up(cell_with(bits, zero_counts=500), homed=False)
@@ -83,10 +83,10 @@ def test_a_drive_that_says_it_is_not_is_refused_even_with_a_stated_zero(
     assert refused.refusal == first.code == NOT_REFERENCED == "RID-DRIVE-NOT-REFERENCED"
     assert first.verdict == "red"
     assert "home the drive" in first.next_action
-    assert (second.verdict, second.code) == ("shown", "")  # it has no such bit
+    assert (second.verdict, second.code) == ("shown", "")  # the drive has no such bit
 
 
-def test_without_such_bits_the_cell_file_may_state_the_zero() -> None:
+def test_without_such_bits_the_cell_file_can_state_the_zero() -> None:
     (first, second), refused = brought_up(cell_with(None, zero_counts=0), homed=False)
     assert refused is None
     assert first.found == "zero stated in the cell file (position_zero_counts 0)"
@@ -94,7 +94,7 @@ def test_without_such_bits_the_cell_file_may_state_the_zero() -> None:
     assert {first.verdict, second.verdict} == {"shown"}
 
 
-def test_an_object_that_the_drive_does_not_have_is_refused() -> None:
+def test_an_object_that_the_drive_lacks_is_refused() -> None:
     cell = cell_with(STATE_NUMBER)
     profile = ServoProfile(referenced=STATE_NUMBER, lacks=("2040h",))
     axis = cell.axes[0].model_copy(update={"servo": profile})
@@ -104,7 +104,7 @@ def test_an_object_that_the_drive_does_not_have_is_refused() -> None:
     assert "referenced" in first.next_action
 
 
-def test_an_axis_can_switch_off_the_bits_of_its_profile() -> None:
+def test_an_axis_can_disable_the_bits_of_its_profile() -> None:
     own = ServoProfile.model_validate({"referenced": None})
     assert own.on(ServoProfile(referenced=STATUS_BIT)).referenced is None
     assert ServoProfile().on(ServoProfile(referenced=STATUS_BIT)).referenced == STATUS_BIT
@@ -113,13 +113,13 @@ def test_an_axis_can_switch_off_the_bits_of_its_profile() -> None:
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"object": "6041h:00", "mask": 1 << 12},  # homing attained, in homing mode alone
+        {"object": "6041h:00", "mask": 1 << 12},  # homing attained, in homing mode only
         {"object": "6041h:00", "mask": 1 << 15 | 1 << 3},
         {"object": "2040h:00", "bits": 8, "mask": 1 << 8},
         {"object": "2040h:00", "mask": 3, "value": 4},
         {"object": "2040h:00", "mask": 0},
     ],
 )
-def test_bits_that_cannot_say_it_are_refused(wrong: dict[str, object]) -> None:
+def test_unsuitable_bits_are_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(ValidationError):
         ReferencedBits.model_validate(wrong)

@@ -1,4 +1,4 @@
-"""Two answers with one identifier in a cycle: counted, and not used if they differ."""
+"""Two answers with one identifier in a cycle: counted, and ignored if they differ."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 STILL = (0.0, 0.0, 0.0)
 
 
-def test_of_two_answers_that_differ_neither_counts(bench: Bench) -> None:
+def test_two_answers_that_differ_are_both_ignored(bench: Bench) -> None:
     axes = bench.enabled()
     bench.arrives(Frame(0x181, struct.pack("<Hih", 0x1027, 77, 0)), 200e-6)
     bench.cycle(STILL)
@@ -25,7 +25,7 @@ def test_of_two_answers_that_differ_neither_counts(bench: Bench) -> None:
     assert axes.answers.received.all()
 
 
-def test_a_copy_of_an_answer_is_counted_and_harmless(bench: Bench) -> None:
+def test_a_copy_of_an_answer_is_counted_and_otherwise_ignored(bench: Bench) -> None:
     axes = bench.enabled()
     bench.cycle(STILL)
     same = struct.pack("<Hih", axes.answers.statusword[0], 1000, axes.answers.torque_raw[0])
@@ -36,7 +36,7 @@ def test_a_copy_of_an_answer_is_counted_and_harmless(bench: Bench) -> None:
     assert axes.cyclic.contradictions.tolist() == [0, 0, 0]
 
 
-def test_what_comes_after_all_have_answered_belongs_to_that_cycle(bench: Bench) -> None:
+def test_answers_after_the_last_expected_one_belong_to_the_same_cycle(bench: Bench) -> None:
     axes = bench.enabled()
     for cycle in range(1, 4):
         bench.arrives(Frame(0x182, struct.pack("<Hih", 0x1027, 77, 0)), 0.004)
@@ -48,7 +48,7 @@ def test_what_comes_after_all_have_answered_belongs_to_that_cycle(bench: Bench) 
     assert (axes.cyclic.duplicate_frames, axes.answers.late_frames) == (3, 0)
 
 
-def test_one_of_two_answers_that_shows_no_power_is_heeded(bench: Bench) -> None:
+def test_a_second_answer_without_power_ends_the_motion(bench: Bench) -> None:
     axes = bench.enabled()
     bench.cycle(STILL)
     bench.arrives(Frame(0x181, struct.pack("<Hih", 0x0250, 1000, 0)), 200e-6)

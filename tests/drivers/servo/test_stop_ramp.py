@@ -1,4 +1,4 @@
-"""Stopping distance of an axis from its drive's settings, and refused settings."""
+"""Stopping distance of an axis, from the settings of its drive, and refused settings."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MakeBench = Callable[[CellConfig], Any]
 
 
 def with_numbers(cell: CellConfig, **numbers: Any) -> CellConfig:
-    """Return a simulated cell with other numbers for safety and supervision."""
+    """Return a simulated cell with changed numbers for safety and supervision."""
     safety = cell.drive_safety.model_dump()
     rules = cell.supervision.model_dump()
     safety |= {name: value for name, value in numbers.items() if name in safety}
@@ -39,14 +39,14 @@ def setting(bench: Bench, name: str, joint: str = "base") -> Any:
     return found
 
 
-def test_time_and_distance_of_a_ramp() -> None:
+def test_duration_and_distance_of_a_ramp() -> None:
     ramp = StopRamp(velocity=2.0, deceleration=4.0)
     assert ramp.time_s == 0.5
     assert ramp.distance == 0.5
     assert math.isinf(StopRamp(velocity=2.0, deceleration=0.0).time_s)
 
 
-def test_a_stop_is_told_with_its_time_and_distance(bench: Bench) -> None:
+def test_the_stop_is_reported_with_duration_and_distance(bench: Bench) -> None:
     """2 rad/s and 10 % more, at 10 rad/s², from the SYNC after the next."""
     bench.axes.bring_up()
     stop = setting(bench, "stop from top speed")
@@ -59,7 +59,7 @@ def test_a_stop_is_told_with_its_time_and_distance(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("deceleration", [1e-30, 1e-3, 1.0])
-def test_a_ramp_that_takes_too_long_is_refused(
+def test_a_ramp_that_is_too_long_is_refused(
     make_bench: MakeBench, cell: CellConfig, deceleration: float
 ) -> None:
     bench = make_bench(with_numbers(cell, quick_stop_deceleration_rad_s2=deceleration))
@@ -68,8 +68,8 @@ def test_a_ramp_that_takes_too_long_is_refused(
         bench.axes.bring_up()
 
 
-def test_what_counts_is_what_the_drive_holds(make_bench: MakeBench, cell: CellConfig) -> None:
-    """A drive that takes every write and keeps a deceleration of its own."""
+def test_the_value_read_back_from_the_drive_counts(make_bench: MakeBench, cell: CellConfig) -> None:
+    """The drive accepts every write and keeps its own deceleration."""
     bench = make_bench(cell)
     bench.drives[0].ignored = {(0x6085, 0)}
     bench.drives[0].objects[0x6085, 0] = (100).to_bytes(4, "little")
@@ -80,7 +80,7 @@ def test_what_counts_is_what_the_drive_holds(make_bench: MakeBench, cell: CellCo
 
 
 @pytest.mark.parametrize("options", [{"quick_stop_option": 5}, {"fault_reaction_option": 1}])
-def test_the_profile_deceleration_is_set_and_judged_where_a_stop_takes_it(
+def test_the_profile_deceleration_is_written_and_checked_if_a_stop_uses_it(
     make_bench: MakeBench, cell: CellConfig, options: dict[str, int]
 ) -> None:
     bench = make_bench(with_numbers(cell, **options))
@@ -107,7 +107,7 @@ def test_the_profile_deceleration_is_set_and_judged_where_a_stop_takes_it(
         ({"following_error_timeout_ms": 65535}, "following error, by the drive"),
     ],
 )
-def test_a_fault_that_is_noticed_too_late_is_refused_with_the_number_to_lower(
+def test_a_fault_detected_too_late_is_refused_with_the_number_to_lower(
     make_bench: MakeBench, cell: CellConfig, numbers: dict[str, Any], told: str
 ) -> None:
     bench = make_bench(with_numbers(cell, **numbers))
@@ -118,7 +118,9 @@ def test_a_fault_that_is_noticed_too_late_is_refused_with_the_number_to_lower(
     assert f".{name}" in str(refused.value)
 
 
-def test_a_window_that_is_off_in_the_drive_is_none(make_bench: MakeBench, cell: CellConfig) -> None:
+def test_a_following_error_window_that_is_disabled_in_the_drive_is_refused(
+    make_bench: MakeBench, cell: CellConfig
+) -> None:
     counts_per_rad = 4096 * 100 / (2.0 * math.pi)
     off = 0xFFFF_FFFF / counts_per_rad
     bench = make_bench(with_numbers(cell, following_error_rad=off))
@@ -126,7 +128,9 @@ def test_a_window_that_is_off_in_the_drive_is_none(make_bench: MakeBench, cell: 
         bench.axes.bring_up()
 
 
-def test_less_torque_than_motions_take_is_refused(make_bench: MakeBench, cell: CellConfig) -> None:
+def test_a_torque_limit_below_that_of_motions_is_refused(
+    make_bench: MakeBench, cell: CellConfig
+) -> None:
     bench = make_bench(with_numbers(cell, torque_limit_fraction=2.0))
     with raises_code(PreflightError, "RID-PREFLIGHT-RED", "400", "required", "450"):
         bench.axes.bring_up()

@@ -1,4 +1,4 @@
-"""A coupled wrist on the bus: drives speak of motors, the program of joints."""
+"""Coupled wrist on the bus: drives use motor positions, the program joint positions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ COUPLING = ((1.0, 0.0, 0.0), (0.5, 1.0, 0.0), (-0.25, 0.2, 1.0))
 
 @pytest.fixture
 def robot(robot: RobotDescription) -> RobotDescription:
-    """The bench's robot, with a wrist: every motor moves the joints behind its own, too."""
+    """Bench robot with a coupled wrist: every motor also moves the joints after its own."""
     return robot.model_copy(update={"coupling": COUPLING})
 
 
@@ -34,7 +34,7 @@ def units_of(bench: Bench) -> list[AxisUnits]:
 
 
 def commanded(bench: Bench) -> list[float]:
-    """Return what the drives were last told, in their own joints' rad/s."""
+    """Return the last velocity commands of the drives, in rad/s of their own joints."""
     last: dict[int, Frame] = {frame.cob_id: frame for _, frame in bench.bus.sent}
     units = units_of(bench)
     return [
@@ -45,11 +45,11 @@ def commanded(bench: Bench) -> list[float]:
     ]
 
 
-def test_a_robot_without_coupling_has_none() -> None:
+def test_a_robot_without_coupling_has_no_coupling_matrix() -> None:
     assert WristCoupling.of_robot(load_robot("ir361")) is None
 
 
-def test_the_bundled_wrist_is_that_of_its_last_three_axes() -> None:
+def test_the_bundled_wrist_couples_the_last_three_axes() -> None:
     coupling = WristCoupling.of_robot(load_robot("kr15"))
     assert coupling is not None
     assert coupling.motors_of == ((0,), (1,), (2,), (3,), (3, 4), (3, 4, 5))
@@ -59,7 +59,7 @@ def test_the_bundled_wrist_is_that_of_its_last_three_axes() -> None:
     np.testing.assert_allclose(coupling.to_motors(joints), [0, 0, 0, 1, 0, 0], atol=1e-15)
 
 
-def test_counts_of_motors_become_positions_of_joints_once(bench: Bench) -> None:
+def test_counts_of_motors_are_converted_to_joint_positions_once(bench: Bench) -> None:
     bench.enabled()
     units = units_of(bench)
     turned = np.array([0.3, -0.2, 0.1])
@@ -73,7 +73,7 @@ def test_counts_of_motors_become_positions_of_joints_once(bench: Bench) -> None:
     ]
 
 
-def test_velocities_of_joints_become_velocities_of_motors(bench: Bench) -> None:
+def test_joint_velocities_are_converted_to_motor_velocities(bench: Bench) -> None:
     assert isinstance(bench.axes, CanServoAxes)
     bench.enabled()
     bench.cycle(np.array([0.1, 0.0, 0.0]))

@@ -1,4 +1,4 @@
-"""The write log: each line is on the disk before its write, where drives outlive the computer."""
+"""Write log: with real drives, each line is on the disk before its write is sent."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ CYCLE = (0x60C2, 1)
 
 
 @pytest.mark.parametrize("durable", [True, False])
-def test_lines_and_the_file_s_name_are_on_the_disk_where_drives_are_real(
+def test_lines_and_file_name_are_synced_to_the_disk_for_real_drives(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, durable: bool
 ) -> None:
     opened: list[tuple[Path, int]] = []

@@ -52,16 +52,21 @@ HELD: dict[str, tuple[str, ...]] = {
         IMPORT + "test_a_serious_mistake_gives_exit_code_6_and_its_likely_cause",
     ),
     "a load mass in grams or halved": (
+<<<<<<< HEAD
         REAL + "test_a_load_mass_that_needs_an_implausible_drive_gain_is_refused",
         "tests/config/test_plausible.py"
         "::test_a_command_s_number_in_another_unit_is_refused_by_its_option",
+=======
+        REAL + "test_a_load_mass_that_no_drive_gain_explains_is_refused",
+        "tests/config/test_plausible.py::test_a_number_in_another_unit_is_refused_with_its_option",
+>>>>>>> 6862303e (Name tests of drivers, motions and payloads plainly)
     ),
     "a known mass that contradicts": (
-        PAYLOAD + "test_a_mass_of_another_payload_is_held_and_fails_the_verdict",
-        PAYLOAD + "test_a_mass_in_grams_is_refused_before_anything_is_read",
+        PAYLOAD + "test_the_mass_of_another_payload_fails_the_verdict",
+        PAYLOAD + "test_a_mass_in_grams_is_refused_before_any_file_is_read",
     ),
     "something left on the flange": (
-        IMPORTED + "test_what_was_left_on_the_flange_shows_where_a_model_of_the_robot_is_given",
+        IMPORTED + "test_a_body_left_on_the_flange_is_found_with_a_model_of_the_robot",
         "tests/rid_daq/recording/test_empty_flange.py"
         "::test_the_verdict_states_that_the_user_confirmed_the_empty_flange",
     ),
@@ -97,10 +102,10 @@ HELD: dict[str, tuple[str, ...]] = {
         IMPORT + "test_a_possible_mistake_is_a_finding_in_the_report",
     ),
     "swapped currents of a payload's runs": (
-        PAYLOAD + "test_a_session_with_the_currents_of_two_axes_swapped_does_not_pass",
+        PAYLOAD + "test_a_session_with_swapped_currents_of_two_axes_fails",
     ),
     "intervals of model and apart": (
-        PAYLOAD + "test_every_procedure_weighs_a_real_payload_inside_its_interval",
+        PAYLOAD + "test_every_procedure_identifies_a_real_payload_within_its_interval",
     ),
     "few seconds": (MISFIT + "test_a_short_recording_gives_wide_intervals_and_a_finding",),
     "a parameter at its bound": (REAL + "test_a_parameter_at_its_bound_is_marked_in_every_output",),
@@ -143,8 +148,8 @@ HELD: dict[str, tuple[str, ...]] = {
         HERE + "test_no_friction_term_is_selected_that_is_insignificant",
     ),
     "a chosen model and a payload": (
-        PAYLOAD + "test_a_model_with_friction_terms_of_its_own_weighs_a_payload",
-        PAYLOAD + "test_friction_terms_are_an_option_where_no_model_brings_its_own",
+        PAYLOAD + "test_a_model_with_its_own_friction_terms_identifies_a_payload",
+        PAYLOAD + "test_friction_terms_are_an_option_if_no_model_contains_them",
     ),
     "a report of several models": (
         REAL + "test_a_report_contains_only_sections_of_the_latest_model",
