@@ -1,4 +1,4 @@
-"""The bundled arm with known parameters, and its measurements, independent of the estimators."""
+"""Fixtures: the bundled arm with known parameters, and measurements of it."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ FINE = 16
 
 @dataclass(frozen=True)
 class KnownArm:
-    """The bundled three-axis arm, an excitation for it, and what its parameters truly are."""
+    """The bundled three-axis arm, an excitation for it, and its true parameters."""
 
     robot: RobotDescription
     model: RobotModel
@@ -73,7 +73,7 @@ Measure = Callable[..., Recording]
 
 @pytest.fixture(scope="session")
 def measure(arm: KnownArm) -> Measure:
-    """Periods that obey the model exactly, measured through a filter, with noise and rounding."""
+    """Return periods that obey the model exactly, with filter, noise and rounding."""
 
     def of(
         seed: int = 0,
@@ -129,7 +129,7 @@ Run = Callable[[MotionSamples, int], Recording]
 
 @pytest.fixture(scope="session")
 def run(cell: LoadedCell) -> Run:
-    """Drive the simulated robot along a motion: servo loops, sticking friction, encoders."""
+    """Run the simulated robot along a motion: servo loops, stiction, encoders."""
 
     def through(samples: MotionSamples, seed: int) -> Recording:
         assert cell.plant is not None
@@ -140,13 +140,13 @@ def run(cell: LoadedCell) -> Run:
 
 @dataclass(frozen=True)
 class PinocchioArm:
-    """The bundled six-axis arm in Pinocchio: links as drawn, and their capsules."""
+    """The bundled six-axis arm in Pinocchio: links from CAD, and their capsules."""
 
     model: pin.Model
     geometry: pin.GeometryModel
 
     def distances(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the distance of each pair of bodies of links that are not neighbours."""
+        """Return the distance of each pair of bodies on links that are not neighbours."""
         data, places = self.model.createData(), self.geometry.createData()
         pin.computeDistances(self.model, data, self.geometry, places, q)
         return np.array([result.min_distance for result in places.distanceResults])
@@ -209,7 +209,7 @@ PLATE = PlateConfig(
 def base_wrench(
     cell: LoadedCell, q: NDArray[np.float64], v: NDArray[np.float64], a: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return what the base exerts on links and rotors, about the base frame's origin."""
+    """Return the wrench of the base on links and rotors, about the base frame's origin."""
     assert cell.plant is not None
     bodies = build_rigid_bodies(cell.robot, cell.plant.without_unmodelled())
     model, data = bodies.model, bodies.model.createData()
@@ -244,7 +244,7 @@ class SimulatedPlate:
     def weigh(
         self, cell: LoadedCell, motion: FourierMotion, recording: Recording, seed: int = 0
     ) -> Recording:
-        """Return a recording of whole periods with the plate's measurements."""
+        """Return a recording of whole periods with measurements of the plate."""
         assert recording.sample_period_s is not None
         trajectory = motion.trajectory(cell.robot, recording.sample_period_s)
         at = np.arange(0.0, motion.period_s - STEP_S / 2.0, STEP_S)
@@ -288,9 +288,9 @@ Weigh = Callable[..., Recording]
 
 @pytest.fixture(scope="session")
 def weigh(arm: KnownArm, cell: LoadedCell, measure: Measure) -> Weigh:
-    """Periods as `measure` has them, on a force plate that Pinocchio loads.
+    """Return periods like those of `measure`, on a force plate loaded by Pinocchio.
 
-    `plate` holds fields of `SimulatedPlate`.
+    `plate` has fields of `SimulatedPlate`.
     """
 
     def of(seed: int = 0, *, plate: dict[str, Any] | None = None, **measured: Any) -> Recording:

@@ -1,4 +1,4 @@
-"""Distances between bodies and surroundings, judged by Pinocchio's geometry and closed forms."""
+"""Distances between bodies and surroundings, compared with Pinocchio and closed forms."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def poses(robot) -> np.ndarray:
     return np.random.default_rng(5).uniform(-2.5, 2.5, (20, 6))
 
 
-def test_distances_are_those_of_pinocchio(robot, poses, pinocchio_arm) -> None:
+def test_distances_of_all_pairs_agree_with_pinocchio(robot, poses, pinocchio_arm) -> None:
     clearances = Clearances.of(robot)
     theirs = [pinocchio_arm.distances(q) for q in poses]
     for q, expected in zip(poses, theirs, strict=True):
@@ -31,7 +31,7 @@ def test_distances_are_those_of_pinocchio(robot, poses, pinocchio_arm) -> None:
     np.testing.assert_allclose(clearances.nearest(poses), np.min(theirs, axis=0), atol=1e-9)
 
 
-def test_the_gradient_is_that_of_central_differences(robot, poses) -> None:
+def test_the_gradient_of_distances_agrees_with_central_differences(robot, poses) -> None:
     workspace = Workspace(
         planes=(Plane(name="floor", normal=(0.0, 0.0, 1.0), offset_m=0.0),),
         boxes=(
@@ -54,7 +54,7 @@ def test_the_gradient_is_that_of_central_differences(robot, poses) -> None:
         assert gradient[sample, joint] == pytest.approx((up - down) / (2.0 * step), abs=1e-5)
 
 
-def test_a_pose_is_clear_where_every_pair_is_as_far_apart_as_it_must_be(robot) -> None:
+def test_a_pose_is_free_if_every_pair_keeps_its_clearance(robot) -> None:
     floor = Plane(name="floor", normal=(0.0, 0.0, 1.0), offset_m=-1.2)
     clearances = Clearances.of(robot, Workspace(planes=(floor,)))
     poses = np.random.default_rng(7).uniform(-2.5, 2.5, (60, 6))
@@ -67,21 +67,21 @@ def test_a_pose_is_clear_where_every_pair_is_as_far_apart_as_it_must_be(robot) -
     assert nothing.shortfall(poses)[0] == 0.0
 
 
-def test_a_tool_point_above_a_floor(robot) -> None:
+def test_the_height_of_a_tool_point_above_a_floor(robot) -> None:
     bare = robot.model_copy(update={"bodies": ()})
     floor = Workspace(planes=(Plane(name="floor", normal=(0.0, 0.0, 1.0), offset_m=0.0),))
     clearances = Clearances.of(bare, floor)
     assert clearances.names == ("floor and the tool point",)
     stretched = clearances.nearest(np.zeros((1, 6)))[0]
-    # Arm level: shoulder height less the wrist's drop (d1 - d5 of the manufacturer's table).
+    # Arm level: shoulder height minus the offset of the wrist (d1 - d5 of the data sheet).
     assert stretched == pytest.approx(0.1807 - 0.11985, abs=1e-3)
 
 
-def test_neighbouring_links_may_touch(robot) -> None:
+def test_neighbouring_links_are_not_compared(robot) -> None:
     assert not any("link 1's" in name and "link 2's" in name for name in Clearances.of(robot).names)
 
 
-def test_a_hull_is_as_far_as_the_box_that_it_is(robot) -> None:
+def test_a_hull_has_the_distance_of_its_box(robot) -> None:
     corners = [(x, y, z) for x in (-0.05, 0.05) for y in (-0.04, 0.04) for z in (0.0, 0.1)]
     block = Hull(kind="hull", link=6, points_m=tuple(corners))
     floor = Workspace(planes=(Plane(name="floor", normal=(0.0, 0.0, 1.0), offset_m=-2.0),))
@@ -98,7 +98,7 @@ def test_a_flat_hull_is_refused() -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_line_segments_are_as_far_as_scipy_finds(seed: int) -> None:
+def test_distances_of_line_segments_agree_with_scipy(seed: int) -> None:
     random = np.random.default_rng(seed)
     p, d, q, e = random.normal(size=(4, 1, 3))
     if seed == 3:
@@ -125,6 +125,7 @@ def test_quick_bounds_never_exceed_the_distances(robot, poses) -> None:
     bounds = clearances._bounds(link_transforms(clearances.chain, poses))
     for q, bound in zip(poses, bounds, strict=True):
         distance = clearances.nearest(q[np.newaxis])
-        apart = distance > 0.0  # of overlapping solids coal's depth is no distance of axes
+        # for overlapping solids coal gives a depth, and not a distance of axes
+        apart = distance > 0.0
         assert (bound[apart] <= distance[apart] + 1e-9).all()
         assert (bound[~apart] <= 0.0).all()

@@ -1,4 +1,4 @@
-"""Intervals against model error: how often they hold the truth, on 60 simulated experiments."""
+"""Coverage of intervals under model error, on 60 simulated experiments."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from benchmarks.coverage import coverage
 
 
 @pytest.mark.slow
-def test_the_honest_interval_holds_the_truth_where_others_do_not() -> None:
+def test_only_the_jackknife_interval_covers_the_truth() -> None:
     found = coverage(60)
     assert 0.90 <= found.clustered <= 0.98
     assert found.white < 0.85

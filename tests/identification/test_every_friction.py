@@ -1,4 +1,4 @@
-"""Every friction function in every backend: they agree, or the backend refuses the function."""
+"""Every friction function in every backend: equal results, or the backend refuses it."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ UNKNOWN = "RID-MODEL-TERM"
 
 @dataclass(frozen=True)
 class Case:
-    """A model of which one friction function alone has coefficients that are not zero."""
+    """A model in which the coefficients of all but one friction function are zero."""
 
     robot: RobotDescription
     model: RobotModel

@@ -1,4 +1,4 @@
-"""Every term of the model in every backend: they agree, or the backend refuses the term."""
+"""Every model term in every backend: equal results, or the backend refuses it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ KINDS = ("coulomb", "viscous", "offset", "cubic", "stribeck")
 
 
 def arm(armature: bool = False) -> RobotDescription:
-    """Return the bundled three-axis arm: a spring, rotors or armatures, and friction of all kinds.
+    """Return the bundled three-axis arm with a spring, rotors or armatures, and all friction terms.
 
     Armatures and rotors exclude each other on a joint.
     """
@@ -47,7 +47,7 @@ TERMS = ("rigid_body", "rotors", "armature", "friction", "spring", "payload")
 
 @dataclass(frozen=True)
 class OneTerm:
-    """A model of which one term alone has parameters that are not zero."""
+    """A model in which the parameters of all but one term are zero."""
 
     robot: RobotDescription
     model: RobotModel
@@ -96,7 +96,7 @@ class TestEveryTerm:
         np.testing.assert_allclose(tau, columns @ case.parameters, rtol=1e-12, atol=1e-12)
         assert np.abs(tau).max() > 0.1, "a term that does nothing shows nothing"
 
-    def test_the_gradients_are_the_slopes_of_torque_and_regressor(
+    def test_the_gradients_equal_the_derivatives_of_torque_and_regressor(
         self, name: str, motion: Triple
     ) -> None:
         case = one_term(name)
@@ -133,7 +133,7 @@ class TestEveryTerm:
             slope = (ahead - behind) / (2.0 * STEP)
             np.testing.assert_allclose(by[0][:, joint], slope, rtol=1e-5, atol=1e-4)
 
-    def test_the_inertia_is_the_slope_of_the_torque_by_acceleration(
+    def test_the_inertia_is_the_derivative_of_the_torque_by_acceleration(
         self, name: str, motion: Triple
     ) -> None:
         case = one_term(name)
@@ -147,14 +147,14 @@ class TestEveryTerm:
             )
             np.testing.assert_allclose(inertia[:, :, joint], ahead - still, rtol=1e-9, atol=1e-9)
 
-    def test_one_sample_is_the_torque_without_the_payload(self, name: str, motion: Triple) -> None:
+    def test_one_sample_equals_the_torque_without_payload(self, name: str, motion: Triple) -> None:
         case = one_term(name)
         one = SampleTorque.of(case.model, case.parameters)
         expected = torque(case.model, *motion, case.parameters)
         found = np.array([one(*sample) for sample in zip(*motion, strict=True)])
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
 
-    def test_the_export_is_the_torque(self, name: str, motion: Triple) -> None:
+    def test_the_exported_function_equals_the_torque(self, name: str, motion: Triple) -> None:
         case = one_term(name)
         written = ModuleType("written")
         text = python_function(ExportModel(case.robot, case.model, case.parameters))
@@ -195,7 +195,7 @@ class Cable:
         lambda robot, model, values: not_negative(model, robot),
     ],
 )
-def test_a_backend_refuses_a_term_that_it_does_not_know(
+def test_a_backend_refuses_an_unknown_term(
     backend: Callable[[RobotDescription, RobotModel, FloatArray], object],
 ) -> None:
     robot = arm()

@@ -1,4 +1,4 @@
-"""Recordings without a period of an arm that Pinocchio simulates: friction without bias."""
+"""Recordings without a period of an arm simulated by Pinocchio: friction without bias."""
 
 from __future__ import annotations
 
@@ -36,20 +36,20 @@ def test_friction_has_no_bias(exact: Exact, rate_hz: int, band_hz: float) -> Non
 
 @pytest.fixture(scope="module")
 def coupled() -> Exact:
-    """Return six joints that turn round at any time between rows and shake each other."""
+    """Return a robot of six joints with reversals at any time and strong coupling."""
     arm = SimulatedArm.of("six")
     return Exact(arm, "quick reversals", 4, simulated(arm, "quick reversals", 4, 40.0))
 
 
 @pytest.mark.parametrize("rate_hz", [200, 100])
 @pytest.mark.parametrize("band_hz", [BAND_HZ, NARROW_HZ])
-def test_reversals_of_other_joints_leave_no_bias(
+def test_reversals_of_other_joints_cause_no_bias(
     coupled: Exact, rate_hz: int, band_hz: float
 ) -> None:
     assert bias_percent(coupled, rate_hz, band_hz) <= BIAS_PERCENT[rate_hz]
 
 
-def test_torques_without_noise_are_warned_of(exact: Exact) -> None:
+def test_torques_without_noise_give_a_warning(exact: Exact) -> None:
     alone = measured(exact.recording, "encoder alone", np.random.default_rng(0))
     noisy = measured(exact.recording, "white", np.random.default_rng(0))
     assert noiseless_findings(identified(exact, alone))
@@ -57,5 +57,5 @@ def test_torques_without_noise_are_warned_of(exact: Exact) -> None:
 
 
 @pytest.mark.slow
-def test_intervals_hold_the_truth() -> None:
+def test_intervals_cover_the_truth() -> None:
     assert failures(QUICK, *run(QUICK)) == []

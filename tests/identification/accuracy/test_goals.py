@@ -1,4 +1,4 @@
-"""Goals of accuracy: how they are read, and how far an estimate is from them."""
+"""Accuracy goals: how they are read, and how far an estimate is from them."""
 
 from __future__ import annotations
 
@@ -73,12 +73,12 @@ def test_goals_are_read(model, text, goal) -> None:
         ("torque<5%", "RID-OPTION-SYNTAX", ("in Nm",)),
     ],
 )
-def test_what_cannot_be_meant_is_told(model, text, code, details) -> None:
+def test_an_invalid_goal_is_refused(model, text, code, details) -> None:
     with raises_code(ConfigError, code, f"--until {text}: ", *details):
         parse_goals([text], model, base_parameters(model))
 
 
-def test_a_parameter_is_judged_by_its_honest_deviation(estimate) -> None:
+def test_a_parameter_is_judged_by_its_total_standard_deviation(estimate) -> None:
     still = np.zeros((5, 3))
     rest = (still, still, still)
     absolute, relative = goal_states(
@@ -90,7 +90,7 @@ def test_a_parameter_is_judged_by_its_honest_deviation(estimate) -> None:
     assert not relative.reached
 
 
-def test_torque_is_judged_over_the_motion(model, estimate) -> None:
+def test_torque_is_judged_over_a_motion(model, estimate) -> None:
     motion = tuple(np.random.default_rng(0).normal(size=(3, 50, 3)))
     (state,) = goal_states([Goal("torque", 1.0, False, "torque<1")], estimate, motion)
     phi = estimate.base.columns(regressor(model, *motion))
@@ -99,18 +99,18 @@ def test_torque_is_judged_over_the_motion(model, estimate) -> None:
     assert state.sigma == pytest.approx(spread, rel=0.05)
 
 
-class TestWhatWouldHelp:
+class TestAdvice:
     goal = Goal("fc_axis1", 0.1, False, "fc_axis1<0.1Nm")
 
-    def test_more_periods_where_noise_is_left(self) -> None:
+    def test_recommends_more_periods_if_noise_dominates(self) -> None:
         state = GoalState(self.goal, sigma=0.2, limit=0.1, noise=0.2, unit="N m")
         assert "about 16 periods in total" in state.sentence(4)
 
-    def test_another_model_where_its_error_is_left(self) -> None:
+    def test_recommends_another_model_if_its_error_dominates(self) -> None:
         state = GoalState(self.goal, sigma=0.2, limit=0.1, noise=0.01, unit="N m")
         assert "more periods do not reduce" in state.sentence(4)
 
-    def test_nothing_where_it_is_reached(self) -> None:
+    def test_recommends_nothing_if_the_goal_is_reached(self) -> None:
         state = GoalState(self.goal, sigma=0.05, limit=0.1, noise=0.01, unit="N m")
         assert state.sentence(4).endswith("reached")
         assert replace(state, sigma=0.3).reached is False

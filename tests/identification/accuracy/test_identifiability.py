@@ -1,4 +1,4 @@
-"""Parameters poorly determined, and the motion that would show them."""
+"""Poorly determined parameters, and the motion that would determine them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def measured(
     robot: RobotDescription | None = None,
     true: dict[str, float] | None = None,
 ) -> Estimate:
-    """An arm identified from sines whose sizes are given joint by joint."""
+    """Return an arm's estimate from sines with the given amplitude of each joint."""
     robot = robot or load_robot("ir361")
     model = RobotModel.from_description(robot)
     random = np.random.default_rng(0)
@@ -50,11 +50,11 @@ def measured(
 
 @pytest.fixture(scope="module")
 def shy() -> Estimate:
-    """The third axis hardly moves."""
+    """Estimate from a motion in which the third axis hardly moves."""
     return measured((0.3, 0.3, 0.02))
 
 
-def test_the_joint_that_did_not_move_is_the_one_to_move(shy: Estimate) -> None:
+def test_weak_parameters_name_the_joint_that_hardly_moved(shy: Estimate) -> None:
     found = weak_parameters(shy)
     assert found
     of_link_3 = [weak for weak in found if weak.expression.split()[0].endswith("3")]
@@ -63,25 +63,25 @@ def test_the_joint_that_did_not_move_is_the_one_to_move(shy: Estimate) -> None:
     assert max(weak.gain for weak in found) > 2.0
 
 
-def test_they_are_those_that_cannot_be_told_from_zero(shy: Estimate) -> None:
+def test_weak_parameters_are_not_distinguishable_from_zero(shy: Estimate) -> None:
     for weak in weak_parameters(shy, most=100):
         assert abs(weak.value) < 2.0 * weak.sigma
         assert weak.expression in shy.base.expressions
 
 
-def test_the_sentence_says_what_to_do(shy: Estimate) -> None:
+def test_the_sentence_names_the_motion_to_add(shy: Estimate) -> None:
     weak = next(weak for weak in weak_parameters(shy) if weak.motion)
     assert weak.motion in weak.sentence
     assert "poorly determined" in weak.sentence
 
 
-def test_a_motion_of_all_joints_leaves_less_to_wish_for(shy: Estimate) -> None:
+def test_a_motion_of_all_joints_leaves_fewer_weak_parameters(shy: Estimate) -> None:
     lively = measured((0.4, 0.4, 0.4))
     assert len(weak_parameters(lively, most=100)) < len(weak_parameters(shy, most=100))
 
 
-def test_at_a_bound_of_the_share_that_gives_way_what_the_data_do_not_show_is_left_out() -> None:
-    """Without presliding the whole term is left out; with presliding only, just its share."""
+def test_a_presliding_share_at_its_bound_is_reported_with_the_term_to_remove() -> None:
+    """Without presliding the whole term is named; with presliding only, just its share."""
     way = motion(20.0, 1)
     for gives_way, term in ((False, "presliding"), (True, "presliding_share")):
         directions = {1: iwan(way[0][:, 1], 0.01)} if gives_way else {}
@@ -93,7 +93,7 @@ def test_at_a_bound_of_the_share_that_gives_way_what_the_data_do_not_show_is_lef
 
 
 def stribeck(start_rad_s: float) -> RobotDescription:
-    """Return an arm whose second joint has Stribeck friction by its file."""
+    """Return an arm whose robot file has Stribeck friction in the second joint."""
     robot = load_robot("ir361")
     terms = {"friction": ("coulomb", "viscous", "stribeck"), "stribeck_velocity": start_rad_s}
     joints = [
@@ -103,8 +103,8 @@ def stribeck(start_rad_s: float) -> RobotDescription:
 
 
 @pytest.mark.parametrize("start_rad_s", [0.1, 0.4, 10.0])
-def test_the_start_of_a_fit_is_no_estimate(start_rad_s: float) -> None:
-    # No Stribeck friction: wherever its speed ends, the data do not show it.
+def test_a_start_value_that_the_data_do_not_change_is_not_an_estimate(start_rad_s: float) -> None:
+    # No Stribeck friction: the data do not determine the final speed.
     estimate = measured((0.4, 0.4, 0.4), stribeck(start_rad_s), {"fs_axis2": 0.0})
     assert estimate.nonlinear_unseen == ("vs_axis2",)
     assert [each.split()[0] for each in unseen_findings(estimate)] == ["vs_axis2"]
@@ -112,7 +112,7 @@ def test_the_start_of_a_fit_is_no_estimate(start_rad_s: float) -> None:
     assert entry.not_shown
 
 
-def test_a_stribeck_speed_that_the_data_show_is_an_estimate() -> None:
+def test_a_stribeck_speed_determined_by_the_data_is_an_estimate() -> None:
     estimate = measured((0.4, 0.4, 0.4), stribeck(0.1), {"fs_axis2": 300.0})
     assert estimate.nonlinear_unseen == ()
     assert unseen_findings(estimate) == ()

@@ -47,7 +47,7 @@ def motion(arm: KnownArm) -> Motion:
     return at, trajectory.position(at), trajectory.velocity(at), trajectory.acceleration(at)
 
 
-def test_the_peak_of_a_motion_is_the_robots(
+def test_the_peak_reaction_of_a_motion_is_that_of_the_robot(
     arm: KnownArm, estimate: Estimate, motion: Motion
 ) -> None:
     at, q, v, a = motion
@@ -59,7 +59,7 @@ def test_the_peak_of_a_motion_is_the_robots(
     assert "all base limits are satisfied" in found.sentence
 
 
-def test_a_limit_that_is_broken_is_named(estimate: Estimate, motion: Motion) -> None:
+def test_an_exceeded_limit_is_named(estimate: Estimate, motion: Motion) -> None:
     wide = base_load(estimate, *motion, WIDE, mass_kg=99.0)
     tight = WIDE.model_copy(update={"moment_nm": (1e4, float(0.9 * wide.peak[4]), 1e4)})
     found = base_load(estimate, *motion, tight, mass_kg=99.0)
@@ -67,17 +67,17 @@ def test_a_limit_that_is_broken_is_named(estimate: Estimate, motion: Motion) -> 
     assert found.sentence.startswith("My reaches")
 
 
-def test_the_uncertainty_counts(estimate: Estimate, motion: Motion) -> None:
+def test_the_uncertainty_is_included(estimate: Estimate, motion: Motion) -> None:
     wide = base_load(estimate, *motion, WIDE, mass_kg=99.0)
     just = float(wide.peak[0] + wide.sigma[0])
     limits = WIDE.model_copy(update={"force_n": (just, 1e4, 1e4)})
     assert not base_load(estimate, *motion, limits, mass_kg=99.0).held[0]
 
 
-def test_without_a_mass_the_weight_is_left_out_and_that_is_said(
+def test_without_a_known_mass_the_weight_is_excluded_and_that_is_reported(
     estimate: Estimate, motion: Motion
 ) -> None:
-    """However large the plate's offset was: it is not taken for weight."""
+    """A large plate offset must not count as weight."""
     shifted = estimate.values.copy()
     shifted[estimate.base.names.index("m1")] += 1000.0
     found = base_load(replace(estimate, values=shifted), *motion, WIDE)
@@ -87,7 +87,9 @@ def test_without_a_mass_the_weight_is_left_out_and_that_is_said(
     assert found.peak[2] < 400.0 < 900.0 < heavy.peak[2]
 
 
-def test_the_internal_model_cannot_tell(arm: KnownArm, weigh: Weigh, motion: Motion) -> None:
+def test_an_internal_model_gives_no_base_reaction(
+    arm: KnownArm, weigh: Weigh, motion: Motion
+) -> None:
     internal = fit_periodic(arm.robot, [average_periods(weigh(0))]).estimate()
     with raises_code(EstimationError, "RID-MODEL-NOT-COMBINED"):
         base_load(internal, *motion, WIDE)
@@ -110,7 +112,7 @@ def problem(arm: KnownArm) -> ExcitationProblem:
 
 
 class TestDesign:
-    def test_holds_the_limits_on_the_base(self, problem: ExcitationProblem) -> None:
+    def test_keeps_the_limits_of_the_base(self, problem: ExcitationProblem) -> None:
         free = refine_start(problem, 1, 0.008, iterations=60)
         limited = replace(problem, base_limits=LIMITS)
         assert "Mz on the base" in " ".join(check_motion(limited, free.motion, 0.008).broken)

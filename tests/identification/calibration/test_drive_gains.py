@@ -1,4 +1,4 @@
-"""Drive gains by a weighed load: where least squares and total least squares fail."""
+"""Drive gains from a weighed load, for data on which least squares and total least squares fail."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ STEP_S = 0.01
 
 
 def measured(arm: KnownArm, payload: bool, seed: int) -> SmoothedSignals:
-    """Return 30 s of a run: torques over gains, with noise and a ripple that the model lacks."""
+    """Return 30 s of a run: torques divided by gains, with noise and an unmodelled ripple."""
     trajectory = arm.motion.trajectory(arm.robot, STEP_S)
     times = np.arange(3000, dtype=np.float64) * STEP_S
     q, v, a = (
@@ -74,7 +74,10 @@ def loaded(arm: KnownArm) -> tuple[Estimate, tuple[TimeRun, ...]]:
 def usual_equations(
     estimate: Estimate, runs: tuple[TimeRun, ...]
 ) -> tuple[NDArray[np.float64], int]:
-    """Return [-tau_j ... Phi], rows over each joint's noise, and the column of the load's mass."""
+    """Return the rows [-tau_j ...
+
+    Phi] divided by each joint's noise, and the load mass's column.
+    """
     n, parts = estimate.model.chain.n, []
     for rows in joint_equations(estimate.model, estimate.base, runs, estimate.standstill_rad_s):
         for j, (matrix, rhs) in enumerate(rows):
@@ -84,7 +87,7 @@ def usual_equations(
     return np.vstack(parts), n + estimate.base.names.index("mL")
 
 
-def test_the_weighed_load_tells_what_the_drives_make(
+def test_a_weighed_load_determines_the_drive_gains(
     loaded: tuple[Estimate, tuple[TimeRun, ...]],
 ) -> None:
     estimate, runs = loaded
@@ -95,10 +98,10 @@ def test_the_weighed_load_tells_what_the_drives_make(
     assert "multiply its torque constant by it" in gains.sentences()[0]
 
 
-def test_least_squares_and_total_least_squares_do_not(
+def test_least_squares_and_total_least_squares_have_larger_errors(
     loaded: tuple[Estimate, tuple[TimeRun, ...]],
 ) -> None:
-    """On the very same rows; the peers are as Gautier and Briot (2014) describe them."""
+    """The data are the same; both methods follow Gautier and Briot (2014)."""
     estimate, runs = loaded
     ours = np.abs(drive_gains(estimate, runs, LOAD["mL"], 0.01).values - TRUE_GAINS).max()
     equations, mass = usual_equations(estimate, runs)
@@ -112,7 +115,7 @@ def test_least_squares_and_total_least_squares_do_not(
         assert np.abs(peer - TRUE_GAINS).max() > 5.0 * ours
 
 
-def test_all_torques_times_a_factor_is_a_gain(
+def test_a_factor_of_all_torques_is_a_factor_of_the_gains(
     loaded: tuple[Estimate, tuple[TimeRun, ...]],
 ) -> None:
     estimate, runs = loaded
@@ -135,7 +138,7 @@ def test_all_torques_times_a_factor_is_a_gain(
         (15.0, (3.0, 3.0, 3.0), ("axis1 0.402, ", " 43.1 kg", " 15 kg: ")),
     ],
 )
-def test_gains_that_no_drive_has_are_refused_with_the_likely_mistake(
+def test_implausible_gains_are_refused_with_the_likely_mistake(
     loaded: tuple[Estimate, tuple[TimeRun, ...]],
     mass_kg: float,
     factors: tuple[float, ...],
@@ -152,14 +155,16 @@ def test_gains_that_no_drive_has_are_refused_with_the_likely_mistake(
     drive_gains(estimate, runs, LOAD["mL"], 0.01).require_plausible(LOAD["mL"])
 
 
-def test_the_scales_error_is_in_every_gain(loaded: tuple[Estimate, tuple[TimeRun, ...]]) -> None:
+def test_the_uncertainty_of_the_weighed_mass_is_part_of_every_gain(
+    loaded: tuple[Estimate, tuple[TimeRun, ...]],
+) -> None:
     estimate, runs = loaded
     fine, coarse = (drive_gains(estimate, runs, LOAD["mL"], sigma) for sigma in (0.001, 1.5))
     more = np.sqrt(coarse.sigma**2 - fine.sigma**2) / coarse.values
     np.testing.assert_allclose(more, 0.1, rtol=0.1)  # 1.5 kg of 15 kg
 
 
-def test_what_cannot_tell_a_gain_is_refused(
+def test_runs_that_cannot_determine_gains_are_refused(
     arm: KnownArm, loaded: tuple[Estimate, tuple[TimeRun, ...]]
 ) -> None:
     estimate, runs = loaded

@@ -1,4 +1,4 @@
-"""A force plate that is described wrongly is named, and not the torque constants."""
+"""Mistakes in the description of a force plate are found, and torque constants not blamed."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def average(weigh: Callable[..., Recording]) -> PeriodAverage:
 
 @pytest.fixture(scope="module")
 def fit(average: PeriodAverage, arm: KnownArm) -> Fit:
-    """Fit the recording with fields of `plate` as stated, and channels as wired."""
+    """Fit the recording with the given fields of `plate` and the given wiring of channels."""
 
     def fitted(
         kind: ModelKind = "external", channels: Channels = _as_they_are, **stated: object
@@ -63,7 +63,7 @@ def fit(average: PeriodAverage, arm: KnownArm) -> Fit:
 
 @pytest.fixture(scope="module")
 def described(average: PeriodAverage, arm: KnownArm) -> Described:
-    """Find the mistake by equations before delays are known: a fit may refuse its delay."""
+    """Find the mistake from equations before delays are estimated: a fit may refuse its delay."""
 
     def found(kind: ModelKind, channels: Channels = _as_they_are, **stated: object) -> PlateMistake:
         averages, plate = _described(average, channels, **stated)
@@ -77,7 +77,7 @@ def described(average: PeriodAverage, arm: KnownArm) -> Described:
 
 
 @pytest.mark.parametrize("kind", ["external", "combined"])
-def test_a_plate_as_it_is_is_good_and_nothing_is_found(fit: Fit, kind: ModelKind) -> None:
+def test_a_correct_plate_is_graded_good_without_a_finding(fit: Fit, kind: ModelKind) -> None:
     fitted, plate = fit(kind)
     assert mistake_of(fitted, plate) is None
     estimate = fitted.estimate()
@@ -98,7 +98,7 @@ def test_a_plate_as_it_is_is_good_and_nothing_is_found(fit: Fit, kind: ModelKind
         ({"rotation_rad": (0.0, 0.0, 0.05)}, PlateKind.ROTATION, (0.0, 0.0, 0.4)),
     ],
 )
-def test_a_size_a_place_or_a_direction_is_found_with_its_value(
+def test_a_wrong_size_position_or_rotation_is_found_with_its_value(
     described: Described, kind: ModelKind, stated: dict[str, Any], found: PlateKind, right: Any
 ) -> None:
     mistake = described(kind, **stated)
@@ -107,7 +107,7 @@ def test_a_size_a_place_or_a_direction_is_found_with_its_value(
 
 
 @pytest.mark.parametrize("stated", [{"az0_m": -0.154}, {"position_m": (0.02, -0.01, 0.13)}])
-def test_a_height_that_this_motion_does_not_show_is_not_named(
+def test_a_wrong_height_that_this_motion_does_not_show_is_not_named(
     average: PeriodAverage, arm: KnownArm, stated: dict[str, Any]
 ) -> None:
     averages, plate = _described(average, _as_they_are, **stated)
@@ -120,7 +120,9 @@ def test_a_height_that_this_motion_does_not_show_is_not_named(
 
 @pytest.mark.parametrize("channel", [0, 2, 3, 5])
 @pytest.mark.parametrize("factor", [1.2, 0.8, -1.0])
-def test_a_channels_sensitivity_is_found(described: Described, channel: int, factor: float) -> None:
+def test_a_wrong_channel_sensitivity_is_found(
+    described: Described, channel: int, factor: float
+) -> None:
     mistake = described("external", _times((channel,), factor))
     assert mistake.kind is PlateKind.SENSITIVITY
     assert mistake.right == pytest.approx((1.0 / factor,), rel=0.03)
@@ -137,7 +139,7 @@ def test_several_reversed_channels_are_found(
 
 @pytest.mark.parametrize("kind", ["external", "combined"])
 @pytest.mark.parametrize("factor", [-1.0, 1e-4])
-def test_what_all_channels_have_in_common_the_arms_weight_tells(
+def test_a_common_factor_of_all_channels_is_found_by_the_arms_weight(
     described: Described, kind: ModelKind, factor: float
 ) -> None:
     mistake = described(kind, _times(tuple(range(8)), factor))
@@ -164,7 +166,7 @@ def test_channels_in_another_order_are_found(described: Described, order: tuple[
     assert mistake.right == tuple(order[i] for i in moved)
 
 
-def test_a_mistaken_plate_keeps_torque_constants_out_of_suspicion(fit: Fit) -> None:
+def test_with_a_plate_mistake_torque_constants_are_not_blamed(fit: Fit) -> None:
     fitted, plate = fit("combined", b_m=0.15)
     estimate, mistake = fitted.estimate(), mistake_of(fitted, plate)
     assert estimate.plate is not None
@@ -174,7 +176,7 @@ def test_a_mistaken_plate_keeps_torque_constants_out_of_suspicion(fit: Fit) -> N
     assert (section.mistake.kind, section.mistake.key) == (PlateKind.SIZE, "b_m")
 
 
-def test_a_wrench_that_no_robot_has_is_graded_bad(fit: Fit) -> None:
+def test_an_impossible_wrench_is_graded_bad(fit: Fit) -> None:
     fitted, _ = fit("external", _times((2,), -1.0))
     estimate = fitted.estimate()
     assert estimate.plate is not None
@@ -183,7 +185,7 @@ def test_a_wrench_that_no_robot_has_is_graded_bad(fit: Fit) -> None:
 
 
 @pytest.mark.parametrize("angles", [(0.1, -0.4, 2.0), (0.3, math.pi / 2.0, 0.0), (TURN, 0.0, 0.2)])
-def test_angles_are_those_of_a_cell_file(
+def test_rotation_angles_are_those_of_a_cell_file(
     cell: LoadedCell, angles: tuple[float, float, float]
 ) -> None:
     assert cell.config.plate is not None
@@ -210,7 +212,7 @@ def _times(channels: tuple[int, ...], factor: float) -> Channels:
 def _described(
     average: PeriodAverage, channels: Channels, **stated: object
 ) -> tuple[list[PeriodAverage], PlateConfig]:
-    """Return a recording of channels as wired, by a plate with these fields."""
+    """Return the recording with wired channels and a plate with these fields."""
     assert average.reaction is not None
     plate = SimulatedPlate().config.model_copy(update=stated)
     reaction = replace(

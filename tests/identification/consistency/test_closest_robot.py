@@ -1,4 +1,4 @@
-"""Robots that can exist: positive definite bodies, the closest to an estimate."""
+"""Physically consistent robots: positive definite pseudo-inertias, closest to an estimate."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ ROBOTS = ("ir361", "ur10e")
 
 
 def point_masses(seed: int, count: int = 12) -> tuple[Array, Array]:
-    """Return masses and places of some point masses."""
+    """Return masses and positions of some point masses."""
     random = np.random.default_rng(seed)
     return random.uniform(0.2, 1.0, count), random.normal(0.0, 0.2, (count, 3))
 
 
 def body_of(masses: Array, places: Array) -> Array:
-    """Return the ten parameters of point masses, by their definition."""
+    """Return the ten parameters of point masses, from their definition."""
     inertia = sum(
         m * (r @ r * np.eye(3) - np.outer(r, r)) for m, r in zip(masses, places, strict=True)
     )
@@ -53,7 +53,7 @@ def body_of(masses: Array, places: Array) -> Array:
 
 
 def robot_of_points(model: RobotModel, robot: RobotDescription, seed: int) -> Array:
-    """Return standard parameters of a robot that certainly can exist, of the nominal's size."""
+    """Return standard parameters of a physically consistent robot of the nominal's size."""
     random = np.random.default_rng(seed)
     nominal, sigmas = nominal_parameters(model, robot)
     theta = sigmas * random.uniform(0.05, 1.0)
@@ -70,7 +70,7 @@ def robot_of_points(model: RobotModel, robot: RobotDescription, seed: int) -> Ar
 def estimate_near(
     truth: Array, robot: RobotDescription, noise_nm: float, seed: int, options: ModelOptions
 ) -> Estimate:
-    """Return base parameters of a robot with the errors that noise on its torques leaves."""
+    """Return base parameters of a robot with errors as from torque noise."""
     model = options.build(robot)
     base = base_parameters(model)
     random = np.random.default_rng(seed)
@@ -106,7 +106,7 @@ def make() -> Make:
 
 @given(st.integers(0, 10_000))
 @settings(max_examples=25)
-def test_a_pseudo_inertia_is_the_sum_over_the_mass(seed: int) -> None:
+def test_a_pseudo_inertia_is_the_integral_over_the_mass(seed: int) -> None:
     masses, places = point_masses(seed)
     ends = np.column_stack([places, np.ones(len(places))])
     expected = (ends.T * masses) @ ends
@@ -115,7 +115,7 @@ def test_a_pseudo_inertia_is_the_sum_over_the_mass(seed: int) -> None:
 
 @given(st.integers(0, 10_000))
 @settings(max_examples=25)
-def test_a_link_about_its_centre_is_what_pinocchio_says(seed: int) -> None:
+def test_inertia_about_the_centre_agrees_with_pinocchio(seed: int) -> None:
     body = body_of(*point_masses(seed))
     link = LinkBody.of(body)
     judge = pin.Inertia.FromDynamicParameters(body[[0, 1, 2, 3, 4, 5, 7, 6, 8, 9]])
@@ -128,7 +128,7 @@ def test_a_link_about_its_centre_is_what_pinocchio_says(seed: int) -> None:
 
 
 @pytest.mark.parametrize("name", ROBOTS)
-def test_a_nominal_robot_can_exist(name: str) -> None:
+def test_a_nominal_robot_is_physically_consistent(name: str) -> None:
     robot = load_robot(name)
     for known in (robot, robot.model_copy(update={"cad": None})):
         model = RobotModel.from_description(known, payload=True)
@@ -140,7 +140,7 @@ def test_a_nominal_robot_can_exist(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ROBOTS)
-def test_an_estimate_that_a_robot_can_have_stays_as_it_is(make: Make, name: str) -> None:
+def test_a_consistent_estimate_is_unchanged(make: Make, name: str) -> None:
     estimate, _ = make(name, 1e-3)
     result = consistent(estimate)
     assert np.max(np.abs(result.moved_sigmas)) < 0.01
@@ -149,7 +149,7 @@ def test_an_estimate_that_a_robot_can_have_stays_as_it_is(make: Make, name: str)
 
 @pytest.mark.parametrize("name", ROBOTS)
 @pytest.mark.parametrize("noise_nm", [0.3, 3.0, 30.0])
-def test_whatever_noise_does_the_robot_can_exist(make: Make, name: str, noise_nm: float) -> None:
+def test_the_result_is_consistent_for_any_noise(make: Make, name: str, noise_nm: float) -> None:
     estimate, truth = make(name, noise_nm)
     result = consistent(estimate)
     assert all(link.is_consistent for link in result.links)
@@ -157,7 +157,7 @@ def test_whatever_noise_does_the_robot_can_exist(make: Make, name: str, noise_nm
     assert np.min(np.linalg.eigvalsh(pseudo_inertia(bodies))) > 0.0
     braking = not_negative(estimate.model, estimate.robot)
     assert np.min(braking @ result.standard_values) > -1e-9
-    # The truth is such a robot too, so the closest one is not farther away than the truth.
+    # The truth is consistent too, so the closest consistent robot is not farther away.
     sigma, factor = jackknife_metric(estimate)
     base = estimate.base.from_standard(truth)
     error, found = (
@@ -169,7 +169,7 @@ def test_whatever_noise_does_the_robot_can_exist(make: Make, name: str, noise_nm
     assert found @ found <= error @ error + pull
 
 
-def test_its_standard_parameters_make_the_torques_of_its_base_parameters(make: Make) -> None:
+def test_its_standard_parameters_give_the_torques_of_its_base_parameters(make: Make) -> None:
     estimate, _ = make("ur10e", 3.0)
     result = consistent(estimate)
     q, v, a = np.random.default_rng(1).normal(size=(3, 30, 6))
@@ -180,8 +180,8 @@ def test_its_standard_parameters_make_the_torques_of_its_base_parameters(make: M
 
 
 @pytest.mark.parametrize("name", ROBOTS)
-def test_no_robot_is_closer(make: Make, name: str) -> None:
-    # A convex programme: at the optimum the cost falls towards no point that is allowed.
+def test_no_consistent_robot_is_closer(make: Make, name: str) -> None:
+    # Convex problem: at the optimum the cost decreases towards no feasible point.
     estimate, truth = make(name, 10.0)
     result = consistent(estimate)
     model, base = estimate.model, estimate.base
@@ -196,7 +196,7 @@ def test_no_robot_is_closer(make: Make, name: str) -> None:
         assert slope @ (other - theta) > -1e-3
 
 
-def test_curved_friction_brakes_at_every_speed(make: Make) -> None:
+def test_nonlinear_friction_dissipates_at_every_speed(make: Make) -> None:
     options = ModelOptions(friction_terms=("coulomb", "viscous", "cube_root", "offset"))
     estimate, _ = make("ir361", 60.0, 3, options)
     result = consistent(estimate)
@@ -211,7 +211,7 @@ def test_curved_friction_brakes_at_every_speed(make: Make) -> None:
         assert np.min(friction) > -1e-3
 
 
-def test_a_payload_can_exist_too(make: Make) -> None:
+def test_a_payload_is_physically_consistent_too(make: Make) -> None:
     estimate, _ = make("ir361", 30.0, 2, ModelOptions(payload=True))
     result = consistent(estimate)
     body = result.standard_values[estimate.model.parameter_groups["payload"]]
@@ -231,13 +231,13 @@ def test_a_short_recording_with_singular_intervals_has_a_metric(make: Make) -> N
         )
 
 
-def test_the_ur10e_can_exist_within_its_intervals(real_robot: Path) -> None:
+def test_the_ur10e_is_consistent_within_its_intervals(real_robot: Path) -> None:
     layout = load_bundled_or_path("ur10e_31", "maps", ImportMap)
     layout = layout.model_copy(update={"rows": RowRange(first=355, last=5090)})
     recording = import_csv(real_robot / "ur-20_02_12-50sec_12harm.csv", layout)[0]
     estimate = fit_smoothed(load_robot("ur10e"), [smooth_nonperiodic(recording, 9.4)]).estimate()
     free = estimate.base.names.index("Ixx5")
-    assert estimate.values[free] < 0.0  # what no robot has
+    assert estimate.values[free] < 0.0  # physically impossible
     result = consistent(estimate)
     assert all(link.is_consistent for link in result.links)
     assert result.test.p_value > 0.3

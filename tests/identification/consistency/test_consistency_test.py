@@ -1,4 +1,4 @@
-"""The test of physical consistency: sound robots pass it, impossible parameters do not."""
+"""Test of physical consistency: possible robots pass it, impossible parameters do not."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 @pytest.fixture(scope="module")
 def estimate() -> Estimate:
-    """A UR10e's 52 base parameters, exact, with the intervals that a noise of 3 N m leaves."""
+    """Return a UR10e's 52 base parameters, exact, with the intervals from noise of 3 N m."""
     noisy = noisy_estimate(0)
     return replace(noisy, values=noisy.base.from_standard(sound_robot(noisy)))
 
@@ -32,14 +32,14 @@ def judged(estimate: Estimate) -> JudgedParameters:
 
 
 def below_zero(estimate: Estimate, name: str, sigmas: float) -> Estimate:
-    """Return the estimate with one parameter below zero."""
+    """Return the estimate with one parameter a number of sigmas below zero."""
     values, place = estimate.values.copy(), estimate.base.names.index(name)
     values[place] = -sigmas * estimate.sigma[place]
     return replace(estimate, values=values)
 
 
 @pytest.mark.parametrize("name", ["Im6", "fv_joint3", "fc_joint1", "Izz4"])
-def test_one_parameter_at_minus_five_sigma_of_52_is_refuted_and_named(
+def test_one_parameter_at_minus_five_sigma_of_52_is_rejected_and_named(
     estimate: Estimate, name: str
 ) -> None:
     test = check_consistency(below_zero(estimate, name, 5.0))
@@ -51,7 +51,7 @@ def test_one_parameter_at_minus_five_sigma_of_52_is_refuted_and_named(
     assert test.p_value == 2.0 * test.single_p_value
 
 
-def test_what_may_have_either_sign_is_no_violation(estimate: Estimate) -> None:
+def test_a_parameter_of_either_sign_is_no_violation(estimate: Estimate) -> None:
     for name in ("Ixy2", "sx3", "Iyz6"):
         assert name not in [each.name for each in check_consistency(estimate).violations]
     one_sign = cannot_be_negative(judged(estimate), cone(estimate))
@@ -60,7 +60,7 @@ def test_what_may_have_either_sign_is_no_violation(estimate: Estimate) -> None:
     assert {"Izz1", "Izz6", "Im3", "fv_joint6"}.isdisjoint(either)
 
 
-def test_of_every_sound_robot_a_tested_parameter_is_positive(estimate: Estimate) -> None:
+def test_every_tested_parameter_is_positive_for_possible_robots(estimate: Estimate) -> None:
     one_sign = cannot_be_negative(judged(estimate), cone(estimate))
     base, random = estimate.base, np.random.default_rng(1)
     for _ in range(20):
@@ -70,8 +70,8 @@ def test_of_every_sound_robot_a_tested_parameter_is_positive(estimate: Estimate)
 
 
 @pytest.mark.parametrize("number", range(3))
-def test_robots_on_the_border_pass(estimate: Estimate, number: int) -> None:
-    # No viscous friction, no rotor inertia, links without thickness; the noise is one draw each.
+def test_robots_on_the_boundary_pass(estimate: Estimate, number: int) -> None:
+    # No viscous friction, no rotor inertia, links without thickness; one noise draw each.
     _, robot = border_robots(estimate)[number]
     sigma, factor = jackknife_metric(estimate)
     error = sigma * (factor @ np.random.default_rng(number).normal(size=len(sigma)))
@@ -80,8 +80,10 @@ def test_robots_on_the_border_pass(estimate: Estimate, number: int) -> None:
     assert test.distance is not None
 
 
-def test_an_impossible_body_is_refuted_although_no_single_parameter_is(estimate: Estimate) -> None:
-    # Products of inertia of either sign, but far larger than the moments allow.
+def test_an_impossible_body_is_rejected_although_each_parameter_is_possible(
+    estimate: Estimate,
+) -> None:
+    # Products of inertia may have either sign, but these are too large for the moments.
     values = estimate.values.copy()
     for name in ("Ixy6", "Ixz6", "Iyz6"):
         place = estimate.base.names.index(name)

@@ -1,4 +1,4 @@
-"""Cross-checks by energies, single joints and a Kalman filter find truth and wrong estimates."""
+"""Cross-checks by energy, single joints and a Kalman filter detect wrong estimates."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def measured(
     change: Callable[..., Any] | None = None,
     noise_nm: float = 0.2,
 ) -> tuple[Estimate, tuple[TimeRun, ...]]:
-    """Return the estimate from two periods, changed before they are used, and the periods."""
+    """Return the estimate from two periods with optional changes, and the periods."""
     parts = list(single_periods(measure(seed, periods=2, noise_nm=noise_nm), 10.0).values())
     if change is not None:
         parts = [change(part) for part in parts]
@@ -54,7 +54,7 @@ def measured(
         pytest.param(list(CrossMethod)[2], 3, marks=pytest.mark.long),
     ],
 )
-def test_its_intervals_hold_the_truth(
+def test_the_intervals_of_each_cross_check_cover_the_truth(
     arm: KnownArm, measure: Measure, method: CrossMethod, seeds: int
 ) -> None:
     errors = []
@@ -67,8 +67,8 @@ def test_its_intervals_hold_the_truth(
     assert np.sqrt(np.mean(np.square(errors))) > 0.25, "not bought with width"
 
 
-def test_energies_need_no_accelerations(arm: KnownArm, measure: Measure) -> None:
-    """A filter that reduces accelerations by a tenth makes the inertias too large."""
+def test_the_energy_check_needs_no_accelerations(arm: KnownArm, measure: Measure) -> None:
+    """A filter that attenuates accelerations by a tenth makes the estimated inertias too large."""
 
     def damped(part: SmoothedSignals) -> SmoothedSignals:
         return replace(part, acceleration=0.9 * part.acceleration)
@@ -85,7 +85,9 @@ def test_energies_need_no_accelerations(arm: KnownArm, measure: Measure) -> None
     assert np.abs((kalman.values - arm.base) / kalman.sigma).max() < 4.0
 
 
-def test_joint_after_joint_shows_a_wrong_torque_constant(arm: KnownArm, measure: Measure) -> None:
+def test_the_single_joint_check_detects_a_wrong_torque_constant(
+    arm: KnownArm, measure: Measure
+) -> None:
     def scaled(part: SmoothedSignals) -> SmoothedSignals:
         return replace(part, torque_nm=part.torque_nm * [1.0, 1.0, 1.15])
 
@@ -95,7 +97,7 @@ def test_joint_after_joint_shows_a_wrong_torque_constant(arm: KnownArm, measure:
     assert "torque constants" in other.sentence
 
 
-def test_what_cannot_be_checked_says_why(arm: KnownArm, measure: Measure) -> None:
+def test_a_check_that_is_impossible_states_its_reason(arm: KnownArm, measure: Measure) -> None:
     joint = arm.robot.joints[0].model_copy(update={"efficiency": 0.9})
     robot = arm.robot.model_copy(update={"joints": (joint, *arm.robot.joints[1:])})
     parts = list(single_periods(measure(periods=2), 10.0).values())
@@ -108,8 +110,8 @@ def test_what_cannot_be_checked_says_why(arm: KnownArm, measure: Measure) -> Non
 
 
 @pytest.mark.parametrize("late_s", [0.006, -0.004])
-def test_a_late_torque_raises_no_alarm(late_s: float) -> None:
-    """The columns of joint equations are late alike; works and simulations are not compared."""
+def test_a_delayed_torque_gives_no_false_alarm(late_s: float) -> None:
+    """Columns of the joint equations have the same delay; energies and simulations are skipped."""
     way = motion(40.0, 3)
     channel = TorqueChannel.of_delays(np.full(3, late_s), np.full(3, 1e-5))
     on_time = written({}, way)
@@ -123,7 +125,7 @@ def test_a_late_torque_raises_no_alarm(late_s: float) -> None:
         assert other.trouble.endswith("[RID-CROSS-CHECK-CHANNEL]")
 
 
-def test_a_robot_that_runs_away_is_no_number(arm: KnownArm, measure: Measure) -> None:
+def test_a_diverging_simulation_gives_no_verdict(arm: KnownArm, measure: Measure) -> None:
     estimate, runs = measured(arm, measure)
     weightless = replace(estimate, values=1e-4 * estimate.values)
     kalman = check_method(CrossMethod.KALMAN, weightless, runs)
@@ -131,7 +133,7 @@ def test_a_robot_that_runs_away_is_no_number(arm: KnownArm, measure: Measure) ->
     assert kalman.trouble.endswith("[RID-MODEL-MISFIT]")
 
 
-def test_energies_follow_friction_that_remembers() -> None:
+def test_the_energy_check_follows_presliding_hysteresis() -> None:
     way = motion(60.0, 3)
     directions = {j: iwan(way[0][:, j], 0.03) for j in range(3)}
     signals = recording(directions, way)

@@ -1,4 +1,4 @@
-"""The criteria, judged by closed forms, singular values and central differences."""
+"""Design criteria, compared with closed forms, singular values and central differences."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ CRITERIA: list[Criterion] = [
 @pytest.mark.parametrize("criterion", CRITERIA, ids=lambda each: type(each).__name__)
 @settings(max_examples=20)
 @given(seed=st.integers(0, 2**31))
-def test_the_gradient_is_that_of_central_differences(criterion: Criterion, seed: int) -> None:
+def test_the_gradient_agrees_with_central_differences(criterion: Criterion, seed: int) -> None:
     rows = rows_of(seed)
     information = rows.T @ rows
     size = np.sqrt(np.diagonal(information))
@@ -57,7 +57,7 @@ def test_the_condition_number_is_the_ratio_of_singular_values(seed: int) -> None
     assert plain == pytest.approx(np.linalg.cond(scaled), rel=1e-6)
 
 
-def test_scaled_columns_make_the_condition_number_free_of_units() -> None:
+def test_scaled_columns_make_the_condition_number_independent_of_units() -> None:
     rows = rows_of(1)
     other_units = rows * np.array([1e3, 1.0, 1e-3, 57.3, 1.0])
     assert Condition().objective(rows.T @ rows) == pytest.approx(
@@ -65,7 +65,7 @@ def test_scaled_columns_make_the_condition_number_free_of_units() -> None:
     )
 
 
-def test_goals_are_the_deviations_of_an_estimate() -> None:
+def test_goals_are_the_standard_deviations_of_an_estimate() -> None:
     rows = rows_of(2)
     covariance = np.linalg.inv(rows.T @ rows)
     one = Goals(np.eye(B)[[3]])
@@ -76,7 +76,7 @@ def test_goals_are_the_deviations_of_an_estimate() -> None:
 
 
 @pytest.mark.parametrize("criterion", CRITERIA, ids=lambda each: type(each).__name__)
-def test_what_is_not_seen_at_all_is_bad_but_finite(criterion: Criterion) -> None:
+def test_an_unidentifiable_parameter_has_a_bad_but_finite_criterion(criterion: Criterion) -> None:
     rows = rows_of(3)
     rows[:, 2] = 0.0
     objective, gradient = criterion.smooth(rows.T @ rows)
@@ -94,5 +94,5 @@ def test_what_is_not_seen_at_all_is_bad_but_finite(criterion: Criterion) -> None
         (Goals(np.eye(2)), "mean log deviation 1.5"),
     ],
 )
-def test_a_worth_is_told_in_words(criterion: Criterion, words: str) -> None:
+def test_a_criterion_value_has_a_description(criterion: Criterion, words: str) -> None:
     assert criterion.describe(1.5) == words

@@ -1,4 +1,4 @@
-"""The design task: exact gradients, limits as penalties, and criteria with known answers."""
+"""Design problem: exact gradients, limits as penalties, and criteria with known values."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def problem() -> ExcitationProblem:
 
 @pytest.mark.parametrize("criterion", [DOptimal(), Condition()], ids=["d-optimal", "condition"])
 @pytest.mark.parametrize("size", [1.0, 8.0], ids=["within the limits", "beyond every limit"])
-def test_the_gradient_is_that_of_central_differences(problem, criterion, size) -> None:
+def test_the_problems_gradient_agrees_with_central_differences(problem, criterion, size) -> None:
     task = replace(problem, criterion=criterion)
     random = np.random.default_rng(3)
     x = size * task.start(1)
@@ -53,19 +53,19 @@ def test_the_gradient_is_that_of_central_differences(problem, criterion, size) -
         assert slope == pytest.approx((up - down) / (2.0 * step), rel=1e-4)
 
 
-def test_a_motion_within_every_limit_is_not_penalised(problem) -> None:
+def test_a_motion_within_every_limit_has_no_penalty(problem) -> None:
     x = 0.1 * problem.start(0)
-    x.reshape(6, -1)[:, 0] *= 10.0  # the pose stays, only the motion is made small
+    x.reshape(6, -1)[:, 0] *= 10.0  # the pose is kept, only the motion is reduced
     none = problem.no_shifts()
     assert problem.value(x, 1e6, none)[0] == pytest.approx(problem.value(x, 0.0, none)[0])
     for shift in problem.next_shifts(x, none):
         assert not shift.any()
 
 
-def test_a_broken_limit_moves_inwards_by_what_it_is_broken_by(problem) -> None:
+def test_an_exceeded_limit_is_shifted_by_its_violation(problem) -> None:
     x = problem.start(0).reshape(6, -1)
     x[:, 1:] = 0.0
-    x[2, 1] = 1.5  # the first sine of the third joint alone, half as large again as is planned
+    x[2, 1] = 1.5  # the first sine of the third joint alone, 1.5 times the planned amplitude
     q = problem.motion(x.ravel(), problem._fine)[0][:, 2]
     shifts = problem.next_shifts(x.ravel(), problem.no_shifts())
     limits = problem.robot.joints[2].limits
@@ -75,7 +75,7 @@ def test_a_broken_limit_moves_inwards_by_what_it_is_broken_by(problem) -> None:
     np.testing.assert_allclose(shifts[0][0][:, 2], expected, atol=1e-12)
 
 
-def test_the_start_is_clear_of_everything(problem) -> None:
+def test_the_start_pose_is_free_of_collisions(problem) -> None:
     for seed in range(5):
         pose = problem.motion(problem.start(seed), problem._coarse)[0].mean(axis=0)
         distances = problem.clearances.nearest(pose[np.newaxis])
@@ -97,17 +97,17 @@ def test_d_optimality_is_the_log_determinant(problem) -> None:
     assert value == pytest.approx(-log_det / len(problem.base), rel=1e-6)
 
 
-def test_what_earlier_runs_know_counts_as_information(problem) -> None:
+def test_the_information_of_earlier_runs_is_included(problem) -> None:
     b = len(problem.base)
     known = replace(problem, given=1e12 * np.eye(b))
     x = problem.start(2)
     none = problem.no_shifts()
-    # Where everything is known already, no motion has anything to add.
+    # If everything is known already, no motion adds information.
     slope, before = (np.abs(task.value(x, 0.0, none)[1]).max() for task in (known, problem))
     assert slope < 1e-6 * before
 
 
-def test_terms_that_no_motion_has_a_say_in_are_left_out() -> None:
+def test_terms_that_no_motion_can_determine_are_excluded() -> None:
     robot = load_robot("ur10e")
     first = robot.joints[0]
     joint = first.model_copy(
@@ -119,7 +119,7 @@ def test_terms_that_no_motion_has_a_say_in_are_left_out() -> None:
     assert model.nonlinear_names == ()
 
 
-def test_a_motion_file_says_the_same_motion(problem) -> None:
+def test_a_motion_file_describes_the_same_motion(problem) -> None:
     x = problem.start(4)
     motion = problem.to_fourier(x, 16)
     q = problem.motion(x, problem._coarse)[0]
@@ -128,7 +128,7 @@ def test_a_motion_file_says_the_same_motion(problem) -> None:
 
 
 @pytest.mark.slow
-def test_no_clear_pose_is_told_with_the_two_that_meet(problem) -> None:
+def test_a_robot_without_a_free_pose_is_refused_with_the_colliding_pair(problem) -> None:
     buried = Workspace(planes=(Plane(name="the ceiling", normal=(0.0, 0.0, -1.0), offset_m=0.5),))
     with raises_code(ConfigError, "RID-DESIGN-NONE", "the ceiling", "link 1", "-0.776 m"):
         replace(problem, workspace=buried).start(0)
@@ -144,6 +144,6 @@ def test_no_clear_pose_is_told_with_the_two_that_meet(problem) -> None:
         ({"parameters": np.zeros(3)}, "RID-API-ARGUMENT", ("(3,)", "84 parameters")),
     ],
 )
-def test_what_cannot_be_meant_is_refused(problem, change, code, details) -> None:
+def test_an_invalid_problem_is_refused(problem, change, code, details) -> None:
     with raises_code(ConfigError, code, *details):
         replace(problem, **change)

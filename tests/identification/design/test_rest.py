@@ -1,4 +1,4 @@
-"""Start poses of a motion: without collision, and within the motors' static torque."""
+"""Start poses of a motion: free of collisions, and within the motors' static torque."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ WEIGHT_NM = MASS_KG * 9.81 * REACH_M
 
 
 def swing(torque_nm: float, low: float = -3.0, high: float = 3.0) -> RobotDescription:
-    """Return a heavy arm that swings about a lying axis, stretched out at zero, and a turning hand.
+    """Return a heavy arm that swings about a horizontal axis, and a hand that turns.
 
-    It hangs at -pi / 2.
+    The arm is horizontal at zero and hangs at -pi / 2.
     """
     limits = JointLimits(
         position_min=low, position_max=high, velocity=3.0, acceleration=15.0, torque=torque_nm
@@ -62,7 +62,7 @@ def problem(robot: RobotDescription) -> ExcitationProblem:
     )
 
 
-def test_a_weak_arm_starts_where_its_motor_holds_it_and_moves_there() -> None:
+def test_a_weak_arm_starts_and_moves_where_its_motor_can_hold_it() -> None:
     robot = swing(0.3 * WEIGHT_NM)
     task = problem(robot)
     for seed in range(3):
@@ -76,22 +76,22 @@ def test_a_weak_arm_starts_where_its_motor_holds_it_and_moves_there() -> None:
     assert np.isfinite(found.check.objective)
 
 
-def test_a_pose_that_no_draw_hits_is_led_to() -> None:
-    """The motor holds one part in fifty of the weight: so near to hanging few random poses are."""
+def test_a_rare_feasible_pose_is_found_by_descent() -> None:
+    """The motor holds 1/50 of the weight: few random poses are close enough to hanging."""
     robot = swing(0.004 * WEIGHT_NM)
     task = problem(robot)
     pose = task.motion(task.start(1), task._coarse)[0].mean(axis=0)
     assert min(abs(pose[0] - end) for end in (-np.pi / 2, np.pi / 2)) < 0.1
 
 
-def test_an_arm_that_its_motor_never_holds_is_told_with_the_torques() -> None:
+def test_an_arm_that_its_motor_cannot_hold_is_refused_with_the_torques() -> None:
     robot = swing(0.3 * WEIGHT_NM, low=-0.5, high=0.5)
     least = WEIGHT_NM * np.cos(0.5 * 0.8 * 0.95)
     with raises_code(ConfigError, "RID-DESIGN-NONE", "5.59", f"torque of {least:.2g}"[:-1]):
         problem(robot).start(0)
 
 
-def test_bodies_that_are_never_clear_are_told_with_their_distance() -> None:
+def test_bodies_that_always_collide_are_refused_with_their_distance() -> None:
     base = Capsule(kind="capsule", link=0, start_m=(0, 0, 0), end_m=(0, 0, 0), radius_m=0.1)
     hand = Capsule(kind="capsule", link=2, start_m=(0, 0, 0), end_m=(0, 0, 0), radius_m=0.1)
     robot = swing(2.0 * WEIGHT_NM).model_copy(update={"bodies": (base, hand)})
@@ -99,8 +99,8 @@ def test_bodies_that_are_never_clear_are_told_with_their_distance() -> None:
         problem(robot).start(0)
 
 
-def test_a_motion_between_bodies_is_drawn_together_until_it_is_clear() -> None:
-    """The arm stands between posts all round: a narrow part of the lift's range is clear."""
+def test_a_motion_between_bodies_is_reduced_until_it_is_free() -> None:
+    """The arm is surrounded by posts: a narrow part of the lift's range is free."""
     post = [
         Capsule(
             kind="capsule",
@@ -121,7 +121,7 @@ def test_a_motion_between_bodies_is_drawn_together_until_it_is_clear() -> None:
     assert np.ptp(lift.position(lift.sample_times_s)[:, 0]) < 0.69
 
 
-def test_fewer_harmonics_come_before_longer_periods() -> None:
+def test_fewer_harmonics_are_tried_before_longer_periods() -> None:
     task = problem(swing(WEIGHT_NM))
     said = [words for words, _ in easier_problems(task)]
     assert said == ["2 harmonics", "2 harmonics of 10 s", "2 harmonics of 20 s"]

@@ -1,4 +1,4 @@
-"""Optimal excitations: at the closed form, better than the heuristic, reproducible, checked."""
+"""Optimal excitations: they reach the closed form, beat the heuristic and are reproducible."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def refined(problem):
 
 @pytest.mark.parametrize("acceleration", [100.0, 2.0], ids=["by range", "by acceleration"])
 def test_one_axis_and_one_harmonic_reach_the_closed_form(acceleration: float) -> None:
-    """A turntable with viscous friction: mean a^2 and v^2 of the largest sine, nothing else."""
+    """A turntable with viscous friction depends on mean a^2 and v^2 of the largest sine only."""
     limits = JointLimits(
         position_min=-1.0, position_max=1.0, velocity=50.0, acceleration=acceleration, torque=10.0
     )
@@ -79,7 +79,7 @@ def test_one_axis_and_one_harmonic_reach_the_closed_form(acceleration: float) ->
     assert worth(0.95) < found.check.objective < worth(0.9) + 1e-3
 
 
-def test_it_holds_every_limit_and_beats_the_heuristic(problem, refined) -> None:
+def test_the_design_keeps_every_limit_and_beats_the_heuristic(problem, refined) -> None:
     assert refined.check.broken == ()
     heuristic = design_two_harmonic(
         problem.robot, TwoHarmonicOptions(10.0, highest_harmonic=5, tries=200), CYCLE_S
@@ -89,7 +89,7 @@ def test_it_holds_every_limit_and_beats_the_heuristic(problem, refined) -> None:
     )
 
 
-def test_limits_hold_between_the_samples(problem, refined) -> None:
+def test_limits_are_kept_between_the_samples(problem, refined) -> None:
     times = np.linspace(0.0, 10.0, 20_000)
     path = refined.motion.trajectory(problem.robot, CYCLE_S)
     q, v, a = path.position(times), path.velocity(times), path.acceleration(times)
@@ -100,7 +100,7 @@ def test_limits_hold_between_the_samples(problem, refined) -> None:
         assert np.abs(a[:, j]).max() < limits.acceleration
 
 
-def test_torque_and_self_collision_hold_the_motion_back(pinocchio_arm) -> None:
+def test_torque_and_self_collision_limit_the_motion(pinocchio_arm) -> None:
     robot = load_robot("ur10e")
     task = ExcitationProblem(
         robot=robot,
@@ -131,7 +131,7 @@ def test_the_same_seeds_give_the_same_motions_in_any_process(problem) -> None:
     assert first[0] != first[1]
 
 
-def test_a_dask_cluster_computes_as_well(problem) -> None:
+def test_a_dask_cluster_computes_the_candidates(problem) -> None:
     with LocalCluster(
         n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
     ) as cluster:
@@ -140,20 +140,20 @@ def test_a_dask_cluster_computes_as_well(problem) -> None:
     assert sorted(candidate.seed for candidate in found) == [0, 1]
 
 
-def test_a_caller_that_has_seen_enough_may_stop(problem) -> None:
+def test_a_caller_can_end_the_search_early(problem) -> None:
     stream = candidates(problem, range(50), CYCLE_S, iterations=5, jobs=1)
     assert next(stream).seed == 0
     stream.close()
     assert next(stream, None) is None
 
 
-def test_a_scheduler_that_does_not_answer_is_told(problem, monkeypatch) -> None:
+def test_a_scheduler_that_does_not_answer_is_an_error(problem, monkeypatch) -> None:
     monkeypatch.setattr("identification.design.search.SCHEDULER_TIMEOUT_S", 0.5)
     with raises_code(ConfigError, "RID-DESIGN-SCHEDULER", "tcp://127.0.0.1:9"):
         next(candidates(problem, [0], CYCLE_S, scheduler="tcp://127.0.0.1:9"))
 
 
-def test_the_next_experiment_serves_what_is_known_least(problem) -> None:
+def test_the_next_experiment_improves_the_least_known_parameters(problem) -> None:
     weak = [problem.base.names.index(name) for name in ("Im3", "Izz3")]
     known = np.full(len(problem.base), 1e6)
     known[weak] = 0.0
@@ -167,7 +167,7 @@ def test_the_next_experiment_serves_what_is_known_least(problem) -> None:
     assert deviations[0] < 0.95 * deviations[1]
 
 
-def test_a_design_for_one_parameter_knows_it_better(problem) -> None:
+def test_a_design_for_one_parameter_improves_its_deviation(problem) -> None:
     chosen = Goals(np.eye(len(problem.base))[[problem.base.names.index("Ixz2")]])
     task = replace(problem, criterion=chosen)
     plain = refine_start(replace(problem, criterion=DOptimal()), 1, CYCLE_S)

@@ -1,4 +1,4 @@
-"""A design task: what a model of the robot says of the torques that a motion may take."""
+"""Design task: torque margins for a motion, from a model of the robot."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ def problem_of(cell: LoadedCell, model: Estimate) -> ExcitationProblem:
     )
 
 
-def test_a_model_with_the_robot_files_terms_may_use_the_whole_limits(cell: LoadedCell) -> None:
+def test_a_model_with_the_robot_files_terms_uses_the_full_limits(cell: LoadedCell) -> None:
     assert problem_of(cell, known(cell, {})).torque_share == 1.0
 
 
-def test_friction_that_the_robot_file_does_not_name_is_kept_free(
+def test_friction_missing_in_the_robot_file_is_subtracted_from_the_limits(
     cell: LoadedCell, motion: FourierMotion
 ) -> None:
     terms: tuple[FrictionTerm, ...] = ("coulomb", "viscous", "cube_root", "offset")
@@ -56,7 +56,7 @@ def test_friction_that_the_robot_file_does_not_name_is_kept_free(
     assert np.all(needed <= planned + (1.0 - problem.torque_share) * limits)
 
 
-def test_friction_that_leaves_nothing_of_a_limit_is_refused(cell: LoadedCell) -> None:
+def test_friction_that_exceeds_a_limit_is_refused(cell: LoadedCell) -> None:
     model = chosen(cell, ("coulomb", "viscous", "offset"), 1e4)
     with raises_code(ConfigError, "RID-MODEL-TERMS-DIFFER", "of axis3", "%"):
         problem_of(cell, model)

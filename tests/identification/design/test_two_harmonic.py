@@ -37,7 +37,7 @@ def test_each_axis_has_one_low_and_one_high_harmonic(robot: RobotDescription) ->
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_every_limit_holds_with_room(robot: RobotDescription, seed: int) -> None:
+def test_every_limit_is_kept_with_a_margin(robot: RobotDescription, seed: int) -> None:
     trajectory = designed(robot, tries=1, seed=seed).trajectory(robot, 0.008)
     times = np.linspace(0.0, 10.0, 20_000)
     for values, limit in (
@@ -53,20 +53,20 @@ def test_every_limit_holds_with_room(robot: RobotDescription, seed: int) -> None
         assert np.abs(q[:, j] - middle).max() <= 0.85 * half + 1e-4
 
 
-def test_the_same_seed_gives_the_same_motion_and_another_seed_another(
+def test_the_motion_depends_on_the_seed_alone(
     robot: RobotDescription,
 ) -> None:
     assert designed(robot, seed=1) == designed(robot, seed=1)
     assert designed(robot, seed=1) != designed(robot, seed=2)
 
 
-def test_more_tries_never_make_it_worse(robot: RobotDescription) -> None:
+def test_more_tries_never_worsen_the_result(robot: RobotDescription) -> None:
     numbers = [condition_number(robot, designed(robot, tries=tries)) for tries in (1, 5, 40)]
     assert numbers[0] >= numbers[1] >= numbers[2]
     assert numbers[2] < 60.0
 
 
-def test_six_axes_are_designed_as_well() -> None:
+def test_a_robot_with_six_axes_can_be_designed_for() -> None:
     robot = load_robot("ur10e").model_copy(update={"bodies": ()})
     motion = design_two_harmonic(
         robot, TwoHarmonicOptions(20.0, highest_harmonic=10, tries=10), 0.01
@@ -74,13 +74,13 @@ def test_six_axes_are_designed_as_well() -> None:
     assert condition_number(robot, motion) < 15.0
 
 
-def test_draws_that_hit_the_robot_itself_are_left_out() -> None:
+def test_draws_with_self_collision_are_rejected() -> None:
     robot = load_robot("ur10e")
     with raises_code(ConfigError, "RID-DESIGN-NONE"):
         design_two_harmonic(robot, TwoHarmonicOptions(20.0, tries=3), 0.01)
 
 
-def test_the_best_draw_that_keeps_clear_is_taken(robot: RobotDescription) -> None:
+def test_the_best_draw_without_collision_is_chosen(robot: RobotDescription) -> None:
     wall = Plane(name="wall", normal=(0.0, 0.0, -1.0), offset_m=0.5)
     workspace = Workspace(planes=(wall,), clearance_m=0.02)
     motion = design_two_harmonic(
@@ -100,7 +100,7 @@ def test_an_axis_at_rest_has_no_finite_condition_number(robot: RobotDescription)
     assert condition_number(robot, stopped) == np.inf
 
 
-def test_a_period_that_is_no_whole_number_of_cycles_is_refused(robot: RobotDescription) -> None:
+def test_a_period_without_a_whole_number_of_cycles_is_refused(robot: RobotDescription) -> None:
     with raises_code(ConfigError, "RID-MOTION-PERIOD", "1250", "1251"):
         design_two_harmonic(robot, TwoHarmonicOptions(10.001, tries=1), 0.008)
 
@@ -108,7 +108,7 @@ def test_a_period_that_is_no_whole_number_of_cycles_is_refused(robot: RobotDescr
 @pytest.mark.parametrize(
     "arguments", [{"highest_harmonic": 1}, {"tries": 0}, {"limit_fraction": 1.5}]
 )
-def test_arguments_that_cannot_be_meant_are_refused(
+def test_invalid_arguments_are_refused(
     robot: RobotDescription, arguments: dict[str, float]
 ) -> None:
     with raises_code(ConfigError, "RID-OPTION-RANGE"):

@@ -1,4 +1,4 @@
-"""The check of a motion, judged by Pinocchio and by what the motion file says."""
+"""Check of a designed motion, compared with Pinocchio and with the motion file."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def motion(problem) -> FourierMotion:
 
 
 def values(motion: FourierMotion, derivative: int) -> np.ndarray:
-    """Return q, v or a over a period, from the file's numbers alone."""
+    """Return q, v or a over a period, from the numbers in the file alone."""
     t = np.linspace(0.0, motion.period_s, 1500)
     columns = []
     for joint in motion.joints:
@@ -60,7 +60,7 @@ def used(check: MotionCheck, what: str) -> list[float]:
     return [use.used for use in check.uses if use.what.startswith(what)]
 
 
-def test_what_a_motion_uses_is_what_its_file_says(problem, motion) -> None:
+def test_the_used_shares_of_the_limits_match_the_motion_file(problem, motion) -> None:
     check = check_motion(problem, motion, CYCLE_S)
     limits = [joint.limits for joint in problem.robot.joints]
     middle = np.array([(x.position_max + x.position_min) / 2.0 for x in limits])
@@ -69,7 +69,7 @@ def test_what_a_motion_uses_is_what_its_file_says(problem, motion) -> None:
         np.testing.assert_allclose(used(check, what), largest, rtol=2e-3)
 
 
-def test_torques_are_those_of_pinocchio(problem, motion, pinocchio_arm) -> None:
+def test_torques_agree_with_pinocchio(problem, motion, pinocchio_arm) -> None:
     q, v, a = (values(motion, k) for k in range(3))
     data = pinocchio_arm.model.createData()
     tau = [pin.rnea(pinocchio_arm.model, data, *row) for row in zip(q, v, a, strict=True)]
@@ -78,23 +78,23 @@ def test_torques_are_those_of_pinocchio(problem, motion, pinocchio_arm) -> None:
     np.testing.assert_allclose(used(check, "torque"), largest, rtol=5e-3, atol=1e-3)
 
 
-def test_distances_are_those_of_pinocchio(problem, motion, pinocchio_arm) -> None:
+def test_distances_agree_with_pinocchio(problem, motion, pinocchio_arm) -> None:
     nearest = np.min([pinocchio_arm.distances(q) for q in values(motion, 0)], axis=0)
     check = check_motion(problem, motion, CYCLE_S)
     ours = np.array(used(check, "distance")[: len(nearest)])
-    apart = nearest > 0.0  # the depth of an overlap is less accurate
+    apart = nearest > 0.0  # the penetration depth is less accurate
     assert apart.any()
     np.testing.assert_allclose(ours[apart], nearest[apart], atol=2e-4)
     assert (ours[~apart] < 0.0).all()
 
 
-def test_a_motion_through_the_floor_is_told(problem, motion) -> None:
+def test_a_motion_through_the_floor_is_reported(problem, motion) -> None:
     broken = " ".join(check_motion(problem, motion, CYCLE_S).broken)
     assert "floor and link" in broken
     assert "but the limit is" in broken
 
 
-def test_each_broken_limit_is_told(problem, motion) -> None:
+def test_each_exceeded_limit_is_reported(problem, motion) -> None:
     wild = motion.model_copy(
         update={
             "joints": tuple(
@@ -124,7 +124,7 @@ def test_the_condition_number_is_that_of_the_motion(problem, motion) -> None:
     )
 
 
-def test_a_joint_at_rest_makes_a_motion_worthless(problem, motion) -> None:
+def test_a_joint_at_rest_makes_the_criterion_infinite(problem, motion) -> None:
     still = motion.joints[0].model_copy(update={"sine": (0.0, 0.0), "cosine": (0.0, 0.0)})
     stopped = motion.model_copy(update={"joints": (still, *motion.joints[1:])})
     assert check_motion(problem, stopped, CYCLE_S).objective == np.inf

@@ -52,7 +52,7 @@ def pendulum() -> RobotModel:
     return RobotModel.from_description(robot)
 
 
-def test_a_joint_that_is_slow_by_nature_moves_below_the_usual_standstill(
+def test_a_slow_joint_counts_as_moving_below_the_usual_standstill_speed(
     pendulum: RobotModel,
 ) -> None:
     lift = replace(pendulum, speed_limits=(0.013,))
@@ -70,12 +70,12 @@ def of(model: RobotModel, average: PeriodAverage, standstill_rad_s: float = 0.0)
 
 
 def swing(phase: float) -> NDArray[np.float64]:
-    """One sine, starting anywhere between samples."""
+    """Return one sine that starts at any phase between samples."""
     return np.sin(2.0 * np.pi * np.arange(SAMPLES) / SAMPLES + phase)
 
 
 @pytest.mark.parametrize("phase", [0.0, 0.4, 1.2345])
-def test_friction_has_the_harmonics_of_a_square_wave_wherever_its_edges_fall(
+def test_coulomb_friction_has_the_harmonics_of_a_square_wave_at_any_phase(
     pendulum: RobotModel, phase: float
 ) -> None:
     equations = of(pendulum, one_joint_average(swing(phase)))
@@ -94,7 +94,7 @@ def test_friction_has_the_harmonics_of_a_square_wave_wherever_its_edges_fall(
     np.testing.assert_allclose(coulomb, expected, atol=2e-3)
 
 
-def test_rows_keep_the_mean_square_over_time(pendulum: RobotModel) -> None:
+def test_rows_preserve_the_mean_square_over_time(pendulum: RobotModel) -> None:
     equations = of(pendulum, one_joint_average(swing(0.3)))
     viscous = equations.matrix[0][:, base_parameters(pendulum).names.index("fv_j")]
     omega = 2.0 * np.pi / PERIOD_S
@@ -108,7 +108,7 @@ def test_rows_keep_the_mean_square_over_time(pendulum: RobotModel) -> None:
     )
 
 
-def test_the_band_ends_before_the_sampling_and_the_filter_do(pendulum: RobotModel) -> None:
+def test_the_band_ends_below_nyquist_and_the_filter_cut_off(pendulum: RobotModel) -> None:
     plain, filtered = (
         one_joint_average(swing(0.0), torque_filter)
         for torque_filter in (None, ButterworthFilter(order=2, cutoff_hz=7.0))
@@ -127,19 +127,19 @@ def test_the_band_ends_before_the_sampling_and_the_filter_do(pendulum: RobotMode
         harmonics(plain, 0.1)
 
 
-def test_passages_of_standstill_are_free_and_counted(pendulum: RobotModel) -> None:
+def test_torque_near_standstill_is_free_and_the_time_counted(pendulum: RobotModel) -> None:
     average = one_joint_average(swing(0.7))
     assert of(pendulum, average).free[0].shape[1] == 0
     # |v| = pi |cos| is under 0.1 rad/s for 2 asin(0.1 / pi) / pi of the time.
     equations = of(pendulum, average, standstill_rad_s=0.1)
     share = 2.0 * np.arcsin(0.1 / np.pi) / np.pi
     assert equations.left_out_fraction[0] == pytest.approx(share, abs=0.003)
-    assert equations.free[0].shape[1] >= 4  # two passages, at least two pieces each
-    # What is constant over the free time sums up to it.
+    assert equations.free[0].shape[1] >= 4  # two passages, at least two parts each
+    # The constant column sums up to the free time.
     assert equations.free[0][0].sum() == pytest.approx(share, abs=0.003)
 
 
-def test_a_joint_at_rest_is_left_out_altogether(pendulum: RobotModel) -> None:
+def test_a_joint_at_rest_is_excluded(pendulum: RobotModel) -> None:
     equations = of(pendulum, one_joint_average(np.full(SAMPLES, 0.3)), standstill_rad_s=0.02)
     assert equations.left_out_fraction[0] == 1.0
     assert np.linalg.matrix_rank(equations.free[0]) == 2 * equations.harmonics + 1

@@ -1,4 +1,4 @@
-"""Delays: what a bus explains goes into the model, what it does not is reported."""
+"""Torque delays: plausible ones become part of the model, others are reported."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def test_two_slow_cycles_and_two_rows_are_plausible() -> None:
     assert longest_delay_s(0.008) == pytest.approx(0.036)
 
 
-def test_a_delay_of_87_ms_is_taken_out_and_said() -> None:
+def test_a_delay_of_87_ms_is_removed_and_reported() -> None:
     channel = TorqueChannel.none(2)
     late = type(channel).of_delays(np.array([0.004, -0.087]), np.array([0.001, 0.0065]))
     kept, refused_s = split_implausible_delays(late, 0.008)
@@ -32,7 +32,7 @@ def test_a_delay_of_87_ms_is_taken_out_and_said() -> None:
 
 
 @given(st.floats(-0.2, 0.2), st.floats(1e-4, 0.05))
-def test_either_goes_into_the_model_or_is_said(delay_s: float, period_s: float) -> None:
+def test_a_delay_is_in_the_model_or_reported(delay_s: float, period_s: float) -> None:
     channel = TorqueChannel.of_delays(np.array([delay_s]), np.array([1e-4]))
     kept, refused_s = split_implausible_delays(channel, period_s)
     assert kept.delay_s[0] + refused_s[0] == delay_s

@@ -35,7 +35,7 @@ def recording_of(torque: np.ndarray, torque_filter: ButterworthFilter | None) ->
 
 @pytest.fixture
 def torque() -> np.ndarray:
-    """A minute's quarter of something smooth below 5 Hz, which starts and ends anywhere."""
+    """Return 15 s of a smooth signal below 5 Hz, with any values at start and end."""
     random = np.random.default_rng(0)
     fine = np.arange(0.0, 16.0, STEP_S / 8.0)
     waves = [
@@ -45,7 +45,7 @@ def torque() -> np.ndarray:
     return np.asarray(20.0 + np.sum(waves, axis=0))
 
 
-def test_what_the_filter_did_is_undone(torque: np.ndarray) -> None:
+def test_the_effect_of_the_filter_is_compensated(torque: np.ndarray) -> None:
     b, a = signal.butter(8, 2.0 * np.pi * 40.0, analog=True)
     fine = np.arange(len(torque)) * STEP_S / 8.0
     start = torque[0]
@@ -59,17 +59,17 @@ def test_what_the_filter_did_is_undone(torque: np.ndarray) -> None:
     assert np.abs(error).max() < 2e-3 * np.abs(untouched).max()
 
 
-def test_a_constant_stays_what_it_is() -> None:
+def test_a_constant_is_unchanged() -> None:
     result = without_torque_filter(recording_of(np.full(700, 12.5), FILTER))
     np.testing.assert_allclose(result.torque_nm, 12.5, rtol=1e-9)
 
 
-def test_a_short_recording_is_no_trouble() -> None:
+def test_a_short_recording_is_accepted() -> None:
     result = without_torque_filter(recording_of(np.full(20, 3.0), FILTER))
     np.testing.assert_allclose(result.torque_nm, 3.0, rtol=1e-9)
 
 
-def test_a_recording_without_a_filter_is_left_alone(torque: np.ndarray) -> None:
+def test_a_recording_without_a_filter_is_unchanged(torque: np.ndarray) -> None:
     recording = recording_of(torque, None)
     assert without_torque_filter(recording) is recording
 

@@ -1,4 +1,4 @@
-"""Columns without nonlinear parameters are low-passed once; the result is the same."""
+"""Cached low-passed columns, for terms without nonlinear parameters, equal fresh ones."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ TERMS: dict[str, tuple[FrictionTerm, ...]] = {
 
 
 def robot_of(name: str) -> RobotDescription:
-    """Return the arm with some terms, of which joints 1 and 3 remember."""
+    """Return the arm with the given terms and presliding in joints 1 and 3."""
     return with_presliding(with_friction(arm(), [TERMS[name]] * 3), (0.01, None, 0.02))
 
 
@@ -42,7 +42,7 @@ def recorded() -> SmoothedSignals:
 def kept_and_fresh(
     model: RobotModel, base: BaseParameters, kept: ColumnCache, standard: FloatArray | None
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the columns by way of what was kept, and from nothing."""
+    """Return the columns with the cache and without."""
     warm = np.tile(300.0 + np.linspace(0.0, 5.0, len(WAY[0]))[:, np.newaxis], (1, 3))
     conditions = with_presliding_history(model, WAY[0], Conditions(temperature_k=warm))
     columns = LowPassedColumns(model, base, recorded(), conditions, standard, kept)
@@ -51,7 +51,7 @@ def kept_and_fresh(
 
 
 @pytest.mark.parametrize("name", list(TERMS))
-def test_kept_columns_are_those_that_the_model_has(name: str) -> None:
+def test_cached_columns_equal_fresh_ones(name: str) -> None:
     model = RobotModel.from_description(robot_of(name))
     base, kept = base_parameters(model), ColumnCache()
     random = np.random.default_rng(2)
@@ -63,10 +63,11 @@ def test_kept_columns_are_those_that_the_model_has(name: str) -> None:
             standard = base.to_standard(random.normal(size=len(base)))
         by_kept, fresh = kept_and_fresh(model, base, kept, standard)
         np.testing.assert_allclose(by_kept, fresh, atol=1e-10 * np.abs(fresh).max())
-    assert bool(kept.blocks) == (name != "load")  # a gear's losses change all that it transmits
+    # gear losses change everything that the gear transmits
+    assert bool(kept.blocks) == (name != "load")
 
 
-def test_another_model_forgets_what_was_kept() -> None:
+def test_another_model_clears_the_cache() -> None:
     kept = ColumnCache()
     for name in ("classical", "stribeck", "classical"):
         model = RobotModel.from_description(robot_of(name))
@@ -75,7 +76,7 @@ def test_another_model_forgets_what_was_kept() -> None:
         assert kept.chain is model.chain
 
 
-def test_without_room_nothing_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_memory_nothing_is_cached(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(low_passed, "MOST_BYTES", 1000)
     model = RobotModel.from_description(robot_of("classical"))
     base, kept = base_parameters(model), ColumnCache()

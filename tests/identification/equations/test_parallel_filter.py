@@ -1,4 +1,4 @@
-"""Torque and columns pass the same filter: true parameters leave nothing, reversals or not."""
+"""Parallel filtering of torque and columns: the true parameters leave no residual."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ STANDSTILL_RAD_S = 0.02
 def quick_reversals(
     duration_s: float = 30.0, step_s: float = STEP_S, seed: int = 1
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return time and a sum of sines without a period, which turns round twice a second."""
+    """Return time and a sum of sines without a period, with two reversals per second."""
     random = np.random.default_rng(seed)
     time_s = np.arange(0.0, duration_s, step_s)
     omega = 2.0 * np.pi * random.uniform(0.1, 1.0, (6, 3))
@@ -68,7 +68,7 @@ def signals() -> SmoothedSignals:
 
 
 def misfit(signals: SmoothedSignals) -> float:
-    """Return the largest error of the true parameters on rows in use, of the largest torque."""
+    """Return the largest residual of the true parameters on used rows, relative to the torque."""
     model = RobotModel.from_description(arm())
     base = base_parameters(model)
     beta = base.from_standard(values_of(model))
@@ -80,11 +80,11 @@ def misfit(signals: SmoothedSignals) -> float:
 
 
 @pytest.mark.parametrize("cutoff_hz", [3.0, 10.0])
-def test_the_true_parameters_leave_nothing(cutoff_hz: float) -> None:
+def test_the_true_parameters_leave_no_residual(cutoff_hz: float) -> None:
     assert misfit(smooth_nonperiodic(measured(quick_reversals()), cutoff_hz)) < 1e-6
 
 
-def test_rows_next_to_a_reversal_are_left_out_and_no_others(signals: SmoothedSignals) -> None:
+def test_only_rows_next_to_a_reversal_are_excluded(signals: SmoothedSignals) -> None:
     model = RobotModel.from_description(arm())
     run = TimeRun(signals, Conditions())
     blocks = list(time_blocks(model, base_parameters(model), [run], STANDSTILL_RAD_S))
@@ -96,7 +96,7 @@ def test_rows_next_to_a_reversal_are_left_out_and_no_others(signals: SmoothedSig
     assert np.any(moving & ~use)
 
 
-def test_parts_of_a_recording_see_beyond_their_ends(signals: SmoothedSignals) -> None:
+def test_parts_of_a_recording_use_rows_beyond_their_ends(signals: SmoothedSignals) -> None:
     for part in split_recording(thin_rows(signals), 5):
         assert misfit(part) < 1e-6
 
@@ -109,12 +109,12 @@ def test_friction_is_estimated_without_bias(signals: SmoothedSignals) -> None:
         assert values[f"fv_{joint}"] == pytest.approx(8.0, rel=1e-5)
 
 
-def test_friction_is_chosen_without_bias(signals: SmoothedSignals) -> None:
+def test_the_choice_of_friction_terms_has_no_bias(signals: SmoothedSignals) -> None:
     chosen = choose_model(arm(), [signals])
     assert [joint.friction for joint in chosen.robot(arm()).joints] == [CLASSICAL] * 3
 
 
-def test_temperature_passes_the_filter_with_its_columns() -> None:
+def test_temperature_is_filtered_with_its_columns() -> None:
     robot = with_friction(arm(), [(*CLASSICAL, "temperature")] * 3)
     motion = quick_reversals()
     model = RobotModel.from_description(robot)
@@ -135,7 +135,7 @@ def test_temperature_passes_the_filter_with_its_columns() -> None:
 
 
 @pytest.mark.parametrize("rows", [4, 20])
-def test_columns_are_held_for_the_rows_that_a_torque_is(rows: int) -> None:
+def test_columns_repeat_rows_like_the_torque(rows: int) -> None:
     whole = measured(quick_reversals())
     torque = whole.torque_nm.copy()
     torque[:, 1:] = torque[np.arange(len(torque)) // rows * rows, 1:]
@@ -148,7 +148,7 @@ def test_columns_are_held_for_the_rows_that_a_torque_is(rows: int) -> None:
         assert values[f"fc_{joint}"] == pytest.approx(20.0, rel=1e-5)
 
 
-def test_a_mean_period_has_unfiltered_rows_around_it() -> None:
+def test_a_mean_period_has_no_filter_error_at_its_ends() -> None:
     period = 2500
     time_s = STEP_S * np.arange(4 * period, dtype=np.float64)
     omega = 2.0 * np.pi / (period * STEP_S) * np.array([1.0, 2.0, 3.0])

@@ -17,7 +17,7 @@ CUTOFF_HZ = 10.0
 
 
 def dense() -> SmoothedSignals:
-    """Return half a minute of the bundled arm at 2 kHz, noise and torque below the cut-off."""
+    """Return 30 s of the bundled arm at 2 kHz, with noise and torque below the cut-off."""
     robot = load_robot("ir361")
     model = RobotModel.from_description(robot)
     random = np.random.default_rng(2)
@@ -42,19 +42,19 @@ def dense() -> SmoothedSignals:
     )
 
 
-def test_rows_far_denser_than_the_cut_off_needs_hardly_change_an_estimate() -> None:
+def test_thinning_very_dense_rows_hardly_changes_an_estimate() -> None:
     robot, signals = load_robot("ir361"), dense()
     fewer = thin_rows(signals)
     assert len(signals) == 25 * len(fewer)
     every, few = (fit_smoothed(robot, [each]).estimate() for each in (signals, fewer))
     assert (
         np.max(np.abs(few.values - every.values) / every.sigma) < 0.5
-    )  # where joints turn round, it matters which rows are there
+    )  # at reversals the choice of rows matters
     np.testing.assert_allclose(few.sigma, every.sigma, rtol=0.2)
     np.testing.assert_allclose(few.residual_nm, every.residual_nm, rtol=0.02)
 
 
-def test_each_segment_is_thinned_from_its_first_row_on() -> None:
+def test_each_segment_is_thinned_from_its_first_row() -> None:
     signals = dense()
     segment = np.zeros(len(signals), dtype=np.int64)
     segment[1010:] = 1
@@ -66,7 +66,7 @@ def test_each_segment_is_thinned_from_its_first_row_on() -> None:
     assert 1.0 / (fewer.sample_period_s * CUTOFF_HZ) == ROWS_PER_PERIOD
 
 
-def test_rows_that_are_needed_are_kept() -> None:
+def test_necessary_rows_are_kept() -> None:
     signals = replace(dense(), cutoff_hz=130.0)
     assert thin_rows(signals) is signals
     assert thin_rows(thin_rows(dense())).sample_period_s == thin_rows(dense()).sample_period_s

@@ -1,4 +1,4 @@
-"""Torques that bend between two rows: their sums become integrals."""
+"""Torques with a kink between two rows: sums over rows become exact integrals."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ TURN = 30.0
 
 
 def motion(phi: float) -> tuple[FloatArray, FloatArray]:
-    """Return a joint that brakes harder than it speeds up again, beside one that goes on."""
+    """Return a joint that brakes harder than it accelerates, and one that moves steadily."""
     since: FloatArray = np.arange(ROWS, dtype=np.float64) - (TURN + phi)
     braking, speeding = np.minimum(since, 0.0), np.maximum(since, 0.0)
     turning = -0.03 * braking**2 - 0.02 * speeding**2
@@ -26,7 +26,7 @@ def motion(phi: float) -> tuple[FloatArray, FloatArray]:
 
 
 def bent(phi: float) -> FloatArray:
-    """Return the torques of both joints, which bend when the first turns round."""
+    """Return the torques of both joints, with a kink when the first one reverses."""
     since = np.arange(ROWS) - (TURN + phi)
     after = np.maximum(since, 0.0)
     own = 5.0 + 0.2 * since + 0.01 * since**2 + 3.0 * after - 0.4 * after**2 + 0.02 * after**3
@@ -34,7 +34,7 @@ def bent(phi: float) -> FloatArray:
 
 
 @pytest.mark.parametrize("phi", [0.0, 0.1, 0.5, 0.62, 0.99])
-def test_a_bend_is_integrated_exactly(phi: float) -> None:
+def test_a_kink_is_integrated_exactly(phi: float) -> None:
     torque = bent(phi)
     missing = (integrable_torque(torque, *motion(phi)) - torque)[:, 1].sum()
     rest = 1.0 - phi
@@ -47,12 +47,12 @@ def test_a_bend_is_integrated_exactly(phi: float) -> None:
     assert missing == pytest.approx(exact, abs=1e-9)
 
 
-def test_only_rows_beside_the_bend_change() -> None:
+def test_only_rows_next_to_the_kink_change() -> None:
     changed = integrable_torque(bent(0.3), *motion(0.3)) != bent(0.3)
     assert np.flatnonzero(changed[:, 1]).tolist() == [30, 31]
 
 
-def test_the_joint_that_turns_round_keeps_its_torque() -> None:
+def test_the_reversing_joint_keeps_its_torque() -> None:
     torque = bent(0.3)
     np.testing.assert_array_equal(integrable_torque(torque, *motion(0.3))[:, 0], torque[:, 0])
 
@@ -63,7 +63,7 @@ def test_without_a_reversal_nothing_changes() -> None:
     np.testing.assert_array_equal(integrable_torque(bent(0.3), position, velocity), bent(0.3))
 
 
-def test_a_long_standstill_is_no_quick_reversal() -> None:
+def test_a_long_standstill_is_not_a_quick_reversal() -> None:
     position, velocity = motion(0.3)
     velocity[25:36, 0] = 0.0
     np.testing.assert_array_equal(integrable_torque(bent(0.3), position, velocity), bent(0.3))

@@ -1,4 +1,4 @@
-"""Friction that depends on temperature, at one temperature: the same torques and intervals."""
+"""Temperature-dependent friction at one temperature: the same torques and intervals."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ WARM_K: FloatArray = np.array([320.0, 290.0, 305.0])
 
 
 def identified(terms: tuple[FrictionTerm, ...]) -> Estimate:
-    """Of an arm of which two axes have these terms; its drives warm up by 20 K."""
+    """Return the estimate of an arm with these terms in two axes; its drives warm up by 20 K."""
     robot = with_friction(arm(), [terms, ("coulomb", "viscous"), terms])
     signals = recording(30.0, (None, None, None))
     rise = np.linspace(0.0, 20.0, len(signals))[:, np.newaxis] * np.array([1.0, 0.5, 0.8])
@@ -42,7 +42,7 @@ def identified(terms: tuple[FrictionTerm, ...]) -> Estimate:
 
 
 @pytest.mark.parametrize("terms", TERMS.values(), ids=TERMS)
-def test_torques_and_their_intervals_are_those_at_that_temperature(
+def test_torques_and_intervals_equal_those_at_that_temperature(
     terms: tuple[FrictionTerm, ...],
 ) -> None:
     estimate = identified(terms)
@@ -63,7 +63,7 @@ def test_torques_and_their_intervals_are_those_at_that_temperature(
     np.testing.assert_allclose(sigmas[0], sigmas[1], rtol=1e-6, atol=1e-9)
 
 
-def test_a_controller_can_have_it_sample_by_sample() -> None:
+def test_a_controller_can_evaluate_it_sample_by_sample() -> None:
     estimate = identified(TERMS["coulomb and viscous"])
     with raises_code(EstimationError, "RID-MODEL-TEMPERATURE"):
         SampleTorque.of(estimate.model, estimate.standard_values)
@@ -76,7 +76,7 @@ def test_a_controller_can_have_it_sample_by_sample() -> None:
     )
 
 
-def test_terms_that_were_asked_of_every_joint_are_kept() -> None:
+def test_terms_requested_for_every_joint_are_kept() -> None:
     of_all = with_friction(arm(), [TERMS["coulomb and viscous"]] * 3)
     signals = recording(30.0, (None, None, None))
     rise = np.linspace(298.15, 318.0, len(signals))[:, np.newaxis] * np.ones(3)
@@ -91,7 +91,7 @@ def test_terms_that_were_asked_of_every_joint_are_kept() -> None:
     )
 
 
-def test_what_does_not_depend_on_temperature_is_left_as_it_is() -> None:
+def test_a_model_without_temperature_is_unchanged() -> None:
     estimate = at_temperature(identified(TERMS["coulomb and viscous"]), WARM_K)
     assert at_temperature(estimate, WARM_K) is estimate
 

@@ -1,4 +1,4 @@
-"""The external and the combined model on a force plate that Pinocchio loads (issue 4's numbers)."""
+"""External and combined model on a force plate loaded by Pinocchio (numbers of issue 4)."""
 
 from __future__ import annotations
 
@@ -66,15 +66,13 @@ def combined(arm: KnownArm, recordings: list[Recording]) -> list[Estimate]:
 
 
 class TestEstimate:
-    def test_the_combined_model_has_20_rigid_body_parameters_and_every_rotor(
-        self, combined: list[Estimate]
-    ) -> None:
+    def test_has_20_rigid_body_parameters_and_every_rotor(self, combined: list[Estimate]) -> None:
         base = combined[0].base
         assert sum(base.rigid_body) == 20
         assert [name for name in base.names if name.startswith("Im")] == ["Im1", "Im2", "Im3"]
 
     @pytest.mark.parametrize("kind", ["external", "combined"])
-    def test_two_sigma_hold_the_truth(
+    def test_two_sigma_cover_the_truth(
         self,
         arm: KnownArm,
         cell: Any,
@@ -100,10 +98,10 @@ class TestEstimate:
             assert estimate.plate is not None
             assert (estimate.plate.residual < 1.4 * estimate.plate.noise).all()
 
-    def test_offset_and_drift_change_nothing(
+    def test_offset_and_drift_have_no_effect(
         self, arm: KnownArm, weigh: Weigh, combined: list[Estimate]
     ) -> None:
-        """20 N and 0.05 N/s on every channel, at random: less than half a sigma (issue 4)."""
+        """Random 20 N and 0.05 N/s on each channel shift it by less than half a sigma (issue 4)."""
         drifting = weigh(0, torque_filter=FILTER, plate={"offset_n": 20.0, "drift_n_s": 0.05})
         changed = identify(arm, drifting)
         assert combined[0].sigma_noise is not None
@@ -112,7 +110,7 @@ class TestEstimate:
         assert changed.plate is not None
         assert np.abs(changed.plate.drift_n_s).max() == pytest.approx(0.047, abs=0.004)
 
-    def test_a_delay_of_the_plate_is_found_and_made_up_for(
+    def test_a_delay_of_the_plate_is_found_and_compensated(
         self, arm: KnownArm, weigh: Weigh, combined: list[Estimate]
     ) -> None:
         late = identify(arm, weigh(0, torque_filter=FILTER, plate={"delay_s": 0.004}))
@@ -124,7 +122,7 @@ class TestEstimate:
         shift = np.abs(late.values - combined[0].values) / combined[0].sigma_noise
         assert shift.max() < 0.5
 
-    def test_every_run_has_a_delay_of_its_own(self, arm: KnownArm, weigh: Weigh) -> None:
+    def test_every_run_has_its_own_delay(self, arm: KnownArm, weigh: Weigh) -> None:
         runs = [
             average_periods(weigh(seed, torque_filter=FILTER, plate={"delay_s": delay_s}))
             for seed, delay_s in ((0, 0.002), (1, 0.010))
@@ -136,7 +134,7 @@ class TestEstimate:
         np.testing.assert_allclose(both.plate.delay_s, [0.002, 0.010], atol=50e-6)
 
     @pytest.mark.parametrize("channel", [0, 3, 4, 7])
-    def test_without_a_channel_the_others_still_tell(
+    def test_without_one_channel_the_others_suffice(
         self, arm: KnownArm, cell: Any, weigh: Weigh, combined: list[Estimate], channel: int
     ) -> None:
         partial = identify(arm, weigh(0, torque_filter=FILTER, plate={"overloaded": (channel,)}))
@@ -148,7 +146,7 @@ class TestEstimate:
         assert combined[0].sigma_noise is not None
         assert np.median(partial.sigma_noise / combined[0].sigma_noise) < 3.0
 
-    def test_the_weight_is_as_unknown_as_the_offset(self, combined: list[Estimate]) -> None:
+    def test_the_weight_is_as_uncertain_as_the_offset(self, combined: list[Estimate]) -> None:
         assert combined[0].base.expressions[0] == "m1 + m2 + m3"
         assert combined[0].sigma[0] > 500.0
 
@@ -160,18 +158,16 @@ class TestEstimate:
         found = predict_base_wrench(combined[0], *motion)
         truth = replace(combined[0], values=truth_of("combined", cell, arm))
         error = found - predict_base_wrench(truth, *motion)
-        assert np.abs(error - error[0])[:, 2].max() < 0.1  # the weight aside
+        assert np.abs(error - error[0])[:, 2].max() < 0.1  # without the weight
 
-    def test_the_internal_model_does_not_know_the_reaction(
-        self, arm: KnownArm, weigh: Weigh
-    ) -> None:
+    def test_the_internal_model_predicts_no_reaction(self, arm: KnownArm, weigh: Weigh) -> None:
         internal = identify(arm, weigh(0), "internal")
         assert internal.plate is None
         with raises_code(EstimationError, "RID-MODEL-NOT-COMBINED"):
             predict_base_wrench(internal, *np.zeros((3, 1, 3)))
 
     @pytest.mark.parametrize("weighting", ["ls", "huber"])
-    def test_other_weightings_find_the_same_robot(
+    def test_other_weightings_estimate_the_same_robot(
         self, arm: KnownArm, recordings: list[Recording], combined: list[Estimate], weighting: Any
     ) -> None:
         other = fit_periodic(
@@ -193,7 +189,7 @@ class TestEstimate:
                 arm.robot, [signals], EstimationOptions(model=ModelOptions(kind="combined"))
             ).estimate()
 
-    def test_a_plate_of_another_motion_is_not_believed(
+    def test_a_plate_of_another_motion_is_refused(
         self, arm: KnownArm, recordings: list[Recording]
     ) -> None:
         reaction = recordings[0].reaction
@@ -202,7 +198,7 @@ class TestEstimate:
         with raises_code(EstimationError, "RID-PLATE-LATE", "late"):
             identify(arm, replace(recordings[0], reaction=shifted))
 
-    def test_a_file_keeps_it(self, tmp_path: Path, combined: list[Estimate]) -> None:
+    def test_is_stored_in_a_file(self, tmp_path: Path, combined: list[Estimate]) -> None:
         write_estimate(tmp_path / "model.json", combined[0])
         found = read_estimate(tmp_path / "model.json")
         assert found.options == combined[0].options
@@ -214,10 +210,10 @@ class TestEstimate:
 
 
 class TestImprovement:
-    def test_no_parameter_is_less_certain_with_both(
+    def test_no_parameter_is_less_certain_with_both_models(
         self, arm: KnownArm, recordings: list[Recording]
     ) -> None:
-        """The finding of table 4.1."""
+        """The result of table 4.1."""
         found = improvement(fitted(arm, recordings[0]))
         assert len(found.parameters) == 23 + 9
         for parameter in found.parameters:
@@ -225,7 +221,7 @@ class TestImprovement:
                 assert alone is None or parameter.sigma_combined <= alone * (1.0 + 1e-9)
             assert parameter.sigma_internal or parameter.sigma_external
 
-    def test_the_determinant_of_the_shared_ones_falls_by_more_than_three(
+    def test_the_determinant_of_the_common_parameters_falls_by_more_than_three(
         self, arm: KnownArm, weigh: Weigh
     ) -> None:
         for noise_n in (0.5, 20.0):
@@ -234,7 +230,7 @@ class TestImprovement:
             assert len(found.shared) == 12
             assert found.determinant_ratio >= 3.0
 
-    def test_one_model_alone_is_as_certain_as_when_it_is_estimated(
+    def test_each_model_alone_is_as_certain_as_if_estimated_separately(
         self, arm: KnownArm, recordings: list[Recording]
     ) -> None:
         found = improvement(fitted(arm, recordings[0]))
@@ -246,13 +242,13 @@ class TestImprovement:
             for words, sigma in zip(estimate.base.expressions, estimate.sigma_noise, strict=True):
                 assert getattr(by_words[words], which) == pytest.approx(sigma, rel=0.02)
 
-    def test_says_so(self, arm: KnownArm, recordings: list[Recording]) -> None:
+    def test_has_a_description(self, arm: KnownArm, recordings: list[Recording]) -> None:
         sentence = improvement(fitted(arm, recordings[0])).sentence
         assert "the determinant of the 12 shared ones" in sentence
 
 
 class TestTorqueConstants:
-    def test_agree_with_the_plate_where_they_do(
+    def test_agree_with_the_plate_if_they_are_correct(
         self, arm: KnownArm, recordings: list[Recording]
     ) -> None:
         p_values = []
@@ -265,7 +261,7 @@ class TestTorqueConstants:
 
     @pytest.mark.parametrize("axis", [0, 1, 2])
     @pytest.mark.parametrize("factor", [0.95, 1.05])
-    def test_that_is_5_percent_off_is_found_and_its_axis_named(
+    def test_with_an_error_of_5_percent_are_found_and_the_axis_named(
         self, arm: KnownArm, recordings: list[Recording], axis: int, factor: float
     ) -> None:
         scale = np.ones(3)
@@ -278,7 +274,7 @@ class TestTorqueConstants:
         assert f"axis{axis + 1} measures" in found.sentence
         assert "check the torque constant" in found.sentence
 
-    def test_that_are_all_off_alike_point_at_the_plate(
+    def test_with_a_common_error_are_a_finding_about_the_plate(
         self, arm: KnownArm, recordings: list[Recording]
     ) -> None:
         recording = replace(recordings[1], torque_nm=recordings[1].torque_nm * 1.03)

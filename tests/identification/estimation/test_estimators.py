@@ -1,4 +1,4 @@
-"""Simulate, then recover: known parameters must lie inside the intervals as often as these say."""
+"""Simulate, then estimate: intervals cover the known parameters as often as stated."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ FILTER = ButterworthFilter(order=8, cutoff_hz=40.0)
 
 
 def deviations(estimates: list[Estimate], truth: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return errors over the standard deviations by the measured noise, (estimates, b)."""
+    """Return errors over the standard deviations from the measured noise, (estimates, b)."""
     found = []
     for estimate in estimates:
         assert estimate.sigma_noise is not None
@@ -44,14 +44,14 @@ def deviations(estimates: list[Estimate], truth: NDArray[np.float64]) -> NDArray
 
 
 class TestPeriodic:
-    def test_without_noise_the_truth_comes_back(self, arm: KnownArm, measure: Measure) -> None:
+    def test_without_noise_the_truth_is_recovered(self, arm: KnownArm, measure: Measure) -> None:
         recording = measure(noise_nm=0.0, encoder_step_rad=0.0, torque_filter=FILTER)
         estimate = fit_periodic(arm.robot, [average_periods(recording)]).estimate()
         scale = np.abs(arm.base) + 0.1
         np.testing.assert_allclose(estimate.values / scale, arm.base / scale, atol=2e-4)
 
     @pytest.mark.parametrize("standstill_rad_s", [0.0, 0.02])
-    def test_two_sigma_hold_the_truth_through_filter_noise_and_rounding(
+    def test_two_sigma_cover_the_truth_with_filter_noise_and_rounding(
         self, arm: KnownArm, measure: Measure, standstill_rad_s: float
     ) -> None:
         """Friction changes sign between samples, and the 40 Hz filter delays it by 20 ms."""
@@ -65,9 +65,9 @@ class TestPeriodic:
         ]
         z = deviations(estimates, arm.base)
         assert np.mean(np.abs(z) < 2.0) >= 0.92
-        assert 0.7 < np.sqrt(np.mean(z**2)) < 1.15  # neither too narrow nor bought with width
+        assert 0.7 < np.sqrt(np.mean(z**2)) < 1.15  # neither too narrow nor too wide
 
-    def test_the_intervals_by_residuals_agree_where_the_model_is_true(
+    def test_residual_intervals_agree_with_noise_intervals_for_a_correct_model(
         self, arm: KnownArm, measure: Measure
     ) -> None:
         estimate = fit_periodic(
@@ -79,10 +79,10 @@ class TestPeriodic:
         assert np.median(ratio) == pytest.approx(1.0, abs=0.25)
         np.testing.assert_allclose(estimate.residual_nm, estimate.noise_nm, rtol=0.3)
 
-    def test_the_intervals_by_residuals_widen_where_it_is_not(
+    def test_residual_intervals_are_wider_for_a_wrong_model(
         self, arm: KnownArm, measure: Measure
     ) -> None:
-        """A robot measured with its spring, identified without: noise alone would be believed."""
+        """A robot with a spring is identified without one: noise alone would be too optimistic."""
         average = average_periods(measure(1))
         estimate = fit_periodic(
             arm.robot, [average], EstimationOptions(model=ModelOptions(spring=False))
@@ -92,7 +92,7 @@ class TestPeriodic:
         assert np.median(estimate.sigma / estimate.sigma_noise) > 10.0
 
     @pytest.mark.slow
-    def test_two_sigma_hold_the_truth_of_a_robot_that_sticks_at_every_reversal(
+    def test_two_sigma_cover_the_truth_of_a_robot_with_stiction_at_every_reversal(
         self, arm: KnownArm, run: Run
     ) -> None:
         """The simulated robot with its servo loops: Pinocchio's equations, stiction, encoders."""
@@ -111,7 +111,7 @@ class TestPeriodic:
         for estimate in estimates:
             assert np.mean(np.abs(estimate.values - arm.base) < 2.0 * estimate.sigma) >= 0.9
 
-    def test_trusting_sign_at_reversals_that_stick_is_what_spoils_the_intervals(
+    def test_using_sign_at_stiction_invalidates_the_intervals(
         self, arm: KnownArm, run: Run
     ) -> None:
         samples = arm.motion.plan(arm.robot, 0.008)
@@ -143,7 +143,7 @@ class TestPeriodic:
         assert both.periods == 2 * one.periods
         assert both.equations > 1.9 * one.equations
 
-    def test_friction_that_drifts_from_period_to_period_widens_the_intervals(
+    def test_friction_drift_between_periods_widens_the_intervals(
         self, arm: KnownArm, measure: Measure
     ) -> None:
         steady = measure(1)
@@ -157,7 +157,7 @@ class TestPeriodic:
             sigma[name] = dict(zip(estimate.base.names, estimate.sigma_noise, strict=True))
         assert sigma["drifting"]["fc_axis2"] > 1.5 * sigma["steady"]["fc_axis2"]
 
-    def test_an_axis_at_rest_costs_its_own_parameters(
+    def test_an_axis_at_rest_loses_only_its_own_parameters(
         self, arm: KnownArm, measure: Measure
     ) -> None:
         still = arm.motion.joints[0].model_copy(
@@ -194,7 +194,7 @@ class TestSmoothed:
             cutoff_hz=50.0,
         )
 
-    def test_the_truth_lies_within_the_intervals(
+    def test_the_truth_is_within_the_intervals(
         self, arm: KnownArm, signals: SmoothedSignals
     ) -> None:
         estimate = fit_smoothed(arm.robot, [signals]).estimate()
@@ -203,7 +203,7 @@ class TestSmoothed:
         assert estimate.covariance_noise is None
         np.testing.assert_allclose(estimate.residual_nm, [1.0, 2.0, 0.3], rtol=0.05)
 
-    def test_slow_samples_are_left_out_and_counted(
+    def test_slow_samples_are_excluded_and_counted(
         self, arm: KnownArm, signals: SmoothedSignals
     ) -> None:
         """Samples of a joint at rest must not affect the estimate."""
@@ -233,7 +233,7 @@ class TestSmoothed:
             fit_smoothed(arm.robot, [renamed]).estimate()
 
 
-def test_a_prediction_is_the_model_s_torque(arm: KnownArm, measure: Measure) -> None:
+def test_a_prediction_is_the_torque_of_the_model(arm: KnownArm, measure: Measure) -> None:
     estimate = fit_periodic(arm.robot, [average_periods(measure())]).estimate()
     exact = replace(estimate, values=arm.base)
     q, v, a = np.random.default_rng(0).normal(size=(3, 5000, 3))  # more rows than one block

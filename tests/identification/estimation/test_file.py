@@ -41,7 +41,7 @@ def path(tmp_path: Path, estimate: Estimate) -> Path:
     return tmp_path / "model.json"
 
 
-def test_what_is_read_is_what_was_written(path: Path, estimate: Estimate) -> None:
+def test_an_estimate_is_read_back_as_written(path: Path, estimate: Estimate) -> None:
     found = read_estimate(path)
     for field in fields(Estimate):
         old, new = getattr(estimate, field.name), getattr(found, field.name)
@@ -72,12 +72,12 @@ def test_every_key_of_the_file_is_required(path: Path, key: str) -> None:
         read_estimate(edited(path, lambda d: d.pop(key)))
 
 
-def test_a_file_alone_is_enough_to_predict(path: Path, estimate: Estimate) -> None:
+def test_the_file_alone_suffices_to_predict(path: Path, estimate: Estimate) -> None:
     q, v, a = np.random.default_rng(0).normal(size=(3, 10, 3))
     np.testing.assert_array_equal(predict(read_estimate(path), q, v, a), predict(estimate, q, v, a))
 
 
-def test_an_estimate_from_residuals_alone_keeps_that(tmp_path: Path, estimate: Estimate) -> None:
+def test_an_estimate_from_residuals_alone_stays_one(tmp_path: Path, estimate: Estimate) -> None:
     bare = replace(estimate, covariance_noise=None, noise_nm=None, method="smoothed", periods=0)
     write_estimate(tmp_path / "model.json", bare)
     found = read_estimate(tmp_path / "model.json")
@@ -91,7 +91,7 @@ def test_the_same_estimate_gives_the_same_bytes(path: Path, tmp_path: Path) -> N
     assert (tmp_path / "again.json").read_bytes() == path.read_bytes()
 
 
-def test_a_person_finds_names_words_units_and_both_deviations(path: Path) -> None:
+def test_the_file_has_names_descriptions_units_and_both_deviations(path: Path) -> None:
     document = json.loads(path.read_text())
     first = document["parameters"][0]
     assert first["words"] == "Izz1 + Iyy2 + 0.2304 m3 + Iyy3 + 14641 Im1"
@@ -145,7 +145,7 @@ def edited(path: Path, change: Callable[[dict[str, Any]], None]) -> Path:
         (lambda d: d.update(combination=[[1.0, 2.0], [3.0]]), "RID-MODEL-UNSOUND", "(2,)"),
     ],
 )
-def test_a_changed_file_is_refused_with_its_place(
+def test_a_changed_file_is_refused_with_the_position(
     path: Path, change: Callable[[dict[str, Any]], None], code: str, detail: str
 ) -> None:
     with raises_code(ConfigError, code, f"{path}: ", detail):
@@ -169,7 +169,7 @@ def test_a_changed_file_is_refused_with_its_place(
         _without_the_last,
     ],
 )
-def test_a_model_that_contradicts_itself_is_refused(
+def test_a_contradictory_model_is_refused(
     path: Path, change: Callable[[dict[str, Any]], None]
 ) -> None:
     with pytest.raises(ConfigError) as refused:
@@ -188,14 +188,14 @@ def test_not_json_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> Non
         read_estimate(tmp_path)
 
 
-def test_a_folder_that_cannot_be_written_is_told(tmp_path: Path, estimate: Estimate) -> None:
+def test_a_folder_that_is_not_writable_is_an_error(tmp_path: Path, estimate: Estimate) -> None:
     with raises_code(RecordingError, "RID-FILE-WRITE"):
         write_estimate(tmp_path / "nowhere" / "model.json", estimate)
 
 
 @settings(max_examples=100)
 @given(number=st.integers(0, 10_000), nasty=st.sampled_from((None, *NASTY)))
-def test_nothing_but_our_errors_comes_of_a_changed_model(
+def test_a_changed_model_causes_only_our_errors(
     number: int,
     nasty: str | None,
     estimate: Estimate,
@@ -216,7 +216,7 @@ def test_nothing_but_our_errors_comes_of_a_changed_model(
 
 @dataclass(frozen=True)
 class MoreOptions(ModelOptions):
-    """Options with one that the file does not know."""
+    """Options with a field that the file format lacks."""
 
     backlash: bool = True
 

@@ -1,4 +1,4 @@
-"""The torque by which limits are held, where friction depends on temperature."""
+"""Torque that is compared with limits, for friction that depends on temperature."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def cell() -> LoadedCell:
     return load_cell("ir361")
 
 
-def test_of_a_joint_that_warms_up_it_is_the_larger_of_cold_and_warm(cell: LoadedCell) -> None:
+def test_for_a_warming_joint_it_is_the_larger_of_cold_and_warm(cell: LoadedCell) -> None:
     followed = by_temperature(cell, measured=False)
     assert followed.warming is not None
     settled = followed.warming.steady_temperatures(followed.robot, WAY[1])
@@ -31,14 +31,14 @@ def test_of_a_joint_that_warms_up_it_is_the_larger_of_cold_and_warm(cell: Loaded
         for share in (0.0 * (settled - COLD_K), 0.5 * (settled - COLD_K), settled - COLD_K)
     )
     assert (cold > warm).any()
-    assert (warm > cold).any()  # where friction helps to slow down
+    assert (warm > cold).any()  # at which friction helps to slow down
     held = np.abs(limit_torque(followed, *WAY))
     np.testing.assert_array_equal(held, np.maximum(cold, warm))
     assert (half <= held + 1e-9).all()
     assert "axis1, axis2 after a long rest" in limit_temperature_note(followed)
 
 
-def test_of_measured_temperatures_it_is_that_at_the_reference_and_said_so(
+def test_for_measured_temperatures_it_is_that_at_the_reference_with_a_note(
     cell: LoadedCell,
 ) -> None:
     measured = by_temperature(cell, measured=True)
@@ -47,7 +47,7 @@ def test_of_measured_temperatures_it_is_that_at_the_reference_and_said_so(
     assert "(axis1 25 °C, axis2 25 °C)" in limit_temperature_note(measured)
 
 
-def test_of_other_models_it_is_their_torque(cell: LoadedCell) -> None:
+def test_for_other_models_it_is_their_torque(cell: LoadedCell) -> None:
     plain = known(cell, {})
     np.testing.assert_array_equal(limit_torque(plain, *WAY), predict(plain, *WAY))
     assert limit_temperature_note(plain) == ""

@@ -1,4 +1,4 @@
-"""From the simulated robot on its plate to the combined model: servo loops, stiction, charges.
+"""Simulated robot on its plate to the combined model: servo loops, stiction, charges.
 
 Pinocchio simulates the plant. The plate has eight charge channels with crosstalk, drift, a jump of
 the zero, noise, a low-pass and a separate clock. Both are independent of the estimators.
@@ -46,13 +46,13 @@ PROFILE = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
 
 @dataclass
 class RobotOnPlate:
-    """The simulated arm on its plate, run cycle by cycle."""
+    """The simulated arm on its plate, cycle by cycle."""
 
     cell: LoadedCell
     unmodelled: bool = False
 
     def run(self, samples: MotionSamples, seed: int, torque_scale: Any = 1.0) -> Recording:
-        """Return what drives and plate measured along a motion."""
+        """Return the measurements of drives and plate along a motion."""
         plan, cell = self.cell.plant, self.cell.config
         assert plan is not None
         assert plan.plate is not None
@@ -158,9 +158,7 @@ def truth_of(estimate: Estimate, cell: LoadedCell) -> NDArray[np.float64]:
     return estimate.base.from_standard(standard)
 
 
-def test_the_truth_is_inside_the_honest_two_sigma(
-    cell: LoadedCell, fits: list[FittedPeriods]
-) -> None:
+def test_the_truth_is_within_two_sigma(cell: LoadedCell, fits: list[FittedPeriods]) -> None:
     inside = []
     for fit in fits:
         estimate = fit.estimate()
@@ -175,13 +173,13 @@ def test_the_plate_fits_within_its_noise(fits: list[FittedPeriods]) -> None:
         assert plate is not None
         assert (plate.residual < 1.3 * plate.noise).all()
         assert np.abs(plate.delay_s).max() < 100e-6
-        # The plant's drifts, as newtons: -0.306 pC/s over -7.5 pC/N and so on.
+        # The plant's drifts in newtons: -0.306 pC/s over -7.5 pC/N and so on.
         assert plate.drift_n_s[0, 0] == pytest.approx(0.0408, abs=0.002)
         assert plate.drift_n_s[0, 4] == pytest.approx(-0.0497, abs=0.002)
 
 
-def test_the_clock_is_the_amplifiers(robot: RobotOnPlate, samples: MotionSamples) -> None:
-    """100 ppm fast and 3 ms ahead: every row within 50 us over the run (issue 4)."""
+def test_the_plate_clock_is_estimated(robot: RobotOnPlate, samples: MotionSamples) -> None:
+    """100 ppm fast and 3 ms ahead: every row is within 50 us over the run (issue 4)."""
     clock = fits_clock(robot.run(samples, 5))
     device = np.linspace(3.0, 90.0, 30)
     true = START_S + (device - 0.003) / (1.0 + 1e-4)
@@ -194,7 +192,7 @@ def fits_clock(recording: Recording) -> DeviceClock:
     return recording.reaction.clock
 
 
-def test_every_parameter_is_more_certain_and_the_determinant_far_smaller(
+def test_every_parameter_is_more_certain_and_the_determinant_much_smaller(
     fits: list[FittedPeriods],
 ) -> None:
     found = improvement(fits[0])
@@ -204,7 +202,7 @@ def test_every_parameter_is_more_certain_and_the_determinant_far_smaller(
             assert alone is None or parameter.sigma_combined <= alone * (1.0 + 1e-9)
 
 
-def test_torque_constants_agree_until_one_is_5_percent_off(
+def test_torque_constants_agree_unless_one_is_5_percent_wrong(
     robot: RobotOnPlate, samples: MotionSamples, fits: list[FittedPeriods]
 ) -> None:
     for fit in fits:
@@ -215,10 +213,10 @@ def test_torque_constants_agree_until_one_is_5_percent_off(
     assert axes[1].ratio == pytest.approx(0.95, abs=0.005)
 
 
-def test_effects_that_no_model_has_accuse_no_torque_constant(
+def test_unmodelled_effects_blame_no_torque_constant(
     cell: LoadedCell, samples: MotionSamples
 ) -> None:
-    """Friction that grows with the load by 1 % looks like a torque constant, but is too small."""
+    """Friction that grows by 1 % of the load resembles a torque constant, but is too small."""
     real = RobotOnPlate(cell, unmodelled=True)
     scale = np.array([1.0, 1.0, 1.05])
     for factor, wrong in ((np.ones(3), []), (scale, ["axis3"])):
@@ -226,7 +224,7 @@ def test_effects_that_no_model_has_accuse_no_torque_constant(
         assert [axis.joint for axis in axes if axis.wrong] == wrong
 
 
-def test_the_reaction_of_another_motion_is_predicted_within_its_floor(
+def test_the_reaction_of_another_motion_is_predicted_within_the_noise_floor(
     cell: LoadedCell, robot: RobotOnPlate, fits: list[FittedPeriods]
 ) -> None:
     motion = MultipointMotion(kind="multipoint", robot="ir361", points=8, seed=3)
@@ -239,7 +237,7 @@ def test_the_reaction_of_another_motion_is_predicted_within_its_floor(
     assert (found.rms <= 1.3 * found.noise).all()
 
 
-def test_the_plate_alone_finds_the_robot_too(
+def test_the_external_model_identifies_the_robot_too(
     cell: LoadedCell, robot: RobotOnPlate, samples: MotionSamples
 ) -> None:
     average = average_periods(robot.run(samples, 0))

@@ -1,4 +1,4 @@
-"""Identification on recordings of a real robot (UR10e): nothing here was simulated."""
+"""Identification on recordings of a real robot (UR10e) without simulated data."""
 
 from __future__ import annotations
 
@@ -50,25 +50,23 @@ def test_a_model_of_one_motion_predicts_another(long_run: Estimate, read: Read) 
     other = read("20_01_17-ptp_10_points", 700, 4200)
     result = validate_torques(long_run, other, cutoff_hz=CUTOFF_HZ, limits_percent=LIMITS_PERCENT)
     assert result.passed, result.relative_percent
-    # Joint 6 stands still half of the time, in stiction: counted in, its error is no error of the
+    # Joint 6 is at rest for half of the time, in stiction: that error is no error of the
     # model.
     assert result.counted_fraction[5] < 0.6
     assert result.all_samples_percent[5] > 30.0
 
 
-def test_two_motions_agree_on_the_robot_within_their_intervals(
-    long_run: Estimate, short_run: Estimate
-) -> None:
+def test_two_motions_agree_within_their_intervals(long_run: Estimate, short_run: Estimate) -> None:
     rigid = np.array(long_run.base.rigid_body)
     assert rigid.sum() == 36
     z = (long_run.values - short_run.values) / np.hypot(long_run.sigma, short_run.sigma)
     assert np.mean(np.abs(z[rigid]) < 2.0) >= 0.9
 
 
-def test_friction_with_memory_tells_what_holds_a_joint_at_rest(
+def test_presliding_hysteresis_predicts_the_holding_torque_at_rest(
     long_run: Estimate, read: Read
 ) -> None:
-    """The wrist's last joint stands still for half of the other motion, held by friction."""
+    """The last wrist joint is at rest for half of the other motion, held by friction."""
     robot = load_robot("ur10e")
     friction = ("coulomb", "viscous", "offset", "presliding")
     partly = {"friction": friction, "presliding_distance": 1e-3, "presliding_share": 0.5}
@@ -82,7 +80,7 @@ def test_friction_with_memory_tells_what_holds_a_joint_at_rest(
     assert np.all((shares > 0.3) & (shares < 0.6)), "half of the friction is rigid"
     assert np.all(found > 5.0 * sigma)
     assert np.all(estimate.left_out_fraction[3:] < 0.06), "the middle of pauses alone"
-    # Rest and reversals count here, and do not in the other.
+    # Rest and reversals count here, but not in the other.
     assert np.all(estimate.residual_nm[3:] < 1.25 * long_run.residual_nm[3:])
     other = read("20_01_17-ptp_10_points", 700, 4200)
     result = validate_torques(estimate, other, cutoff_hz=CUTOFF_HZ, limits_percent=LIMITS_PERCENT)

@@ -1,4 +1,4 @@
-"""The running estimate: that of all rows at once, whenever it is looked at."""
+"""Running estimate: at any time equal to that of all rows so far."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def run(signals: SmoothedSignals) -> TimeRun:
     return TimeRun(signals, Conditions(temperature_k=None))
 
 
-def test_it_is_the_estimate_of_all_rows_at_once(arm: KnownArm, measure: Measure) -> None:
+def test_the_running_estimate_equals_that_of_all_rows(arm: KnownArm, measure: Measure) -> None:
     periods = list(single_periods(measure(periods=3), 10.0).values())
     running = RunningEstimate.empty(arm.model, STANDSTILL_RAD_S)
     for signals in periods:
@@ -41,7 +41,7 @@ def test_it_is_the_estimate_of_all_rows_at_once(arm: KnownArm, measure: Measure)
     np.testing.assert_allclose(now.residual_nm, whole.residual_nm, rtol=1e-6)
 
 
-def test_parts_of_a_recording_give_its_honest_intervals(arm: KnownArm, measure: Measure) -> None:
+def test_parts_of_a_recording_give_its_total_intervals(arm: KnownArm, measure: Measure) -> None:
     period = single_periods(measure(periods=2), 10.0)[0]
     running = RunningEstimate.empty(arm.model, STANDSTILL_RAD_S)
     for part in split_recording(period, 7):
@@ -52,7 +52,7 @@ def test_parts_of_a_recording_give_its_honest_intervals(arm: KnownArm, measure: 
     np.testing.assert_allclose(now.sigma, whole.sigma, rtol=1e-6)
 
 
-def test_more_periods_come_closer_to_the_truth(arm: KnownArm, measure: Measure) -> None:
+def test_more_periods_reduce_the_error(arm: KnownArm, measure: Measure) -> None:
     running = RunningEstimate.empty(arm.model, STANDSTILL_RAD_S)
     sigma, error = [], []
     for signals in single_periods(measure(periods=16, noise_nm=5.0), 10.0).values():
@@ -65,13 +65,13 @@ def test_more_periods_come_closer_to_the_truth(arm: KnownArm, measure: Measure) 
     assert max(error[1:]) < 3.0
 
 
-def test_what_was_not_shown_is_said(arm: KnownArm, measure: Measure) -> None:
+def test_undetermined_parameters_are_named(arm: KnownArm, measure: Measure) -> None:
     running = RunningEstimate.empty(arm.model, STANDSTILL_RAD_S)
     with raises_code(EstimationError, "RID-RECORDING-SHORT"):
         running.current_values()
 
 
-def test_a_model_that_is_not_linear_is_refused() -> None:
+def test_a_nonlinear_model_is_refused() -> None:
     robot = load_robot("ir361")
     joints = (robot.joints[0].model_copy(update={"efficiency": 0.9}), *robot.joints[1:])
     model = RobotModel.from_description(robot.model_copy(update={"joints": joints}))

@@ -1,4 +1,4 @@
-"""Estimators in the time domain: simulate, then recover, against independent solvers."""
+"""Estimators in the time domain: simulate, then estimate, compared with independent solvers."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def run() -> Run:
     return make
 
 
-def test_ordinary_least_squares_is_that_of_all_rows_stacked(robot, truth, run) -> None:
+def test_ordinary_least_squares_equals_that_of_all_rows_stacked(robot, truth, run) -> None:
     model = RobotModel.from_description(robot)
     signals = run(model, truth(model))
     found = fit_smoothed(
@@ -106,7 +106,7 @@ def test_ordinary_least_squares_is_that_of_all_rows_stacked(robot, truth, run) -
     np.testing.assert_allclose(found.values, expected, rtol=1e-6, atol=1e-8)
 
 
-def test_weighting_takes_the_quieter_joints_word(robot, truth, run) -> None:
+def test_weighting_prefers_joints_with_less_noise(robot, truth, run) -> None:
     model = RobotModel.from_description(robot)
     signals = run(model, truth(model), noise=0.1)
     loud = np.array([1.0, 100.0, 1.0]) * np.random.default_rng(5).normal(size=(3000, 3))
@@ -122,7 +122,7 @@ def test_weighting_takes_the_quieter_joints_word(robot, truth, run) -> None:
     assert np.median(errors["ml"] / errors["ls"]) < 0.5
 
 
-def test_huber_holds_gross_errors_down(robot, truth, run) -> None:
+def test_huber_weighting_limits_gross_errors(robot, truth, run) -> None:
     model = RobotModel.from_description(robot)
     signals = run(model, truth(model))
     random = np.random.default_rng(1)
@@ -137,7 +137,7 @@ def test_huber_holds_gross_errors_down(robot, truth, run) -> None:
 
 
 class TestNonlinearParameters:
-    def test_a_stribeck_speed_is_found_as_by_a_solver_of_the_whole_problem(
+    def test_a_stribeck_speed_agrees_with_a_solver_of_the_full_problem(
         self, robot, truth, run
     ) -> None:
         arm = friction(robot, ("coulomb", "viscous", "stribeck"))
@@ -168,18 +168,18 @@ class TestNonlinearParameters:
         lossy = friction(robot, ("coulomb", "viscous"), efficiency=0.95)
         loaded = friction(robot, ("coulomb", "viscous", "load"))
         for arm, shape in ((lossy, [0.9, 0.8, 0.85]), (loaded, [0.05, 0.1, 0.08])):
-            # Without rotors: their inertia merges with the links', and gears do not transmit it.
+            # Without rotors: their inertia merges with the links, and gears do not transmit it.
             options = ModelOptions(rotors=False)
             model = options.build(arm).with_nonlinear(shape)
             signals = run(model, truth(model), samples=6000)
             found = fit_smoothed(arm, [signals], EstimationOptions(model=options)).estimate()
             assert found.options.nonlinear is not None
             off = np.abs(np.array(found.options.nonlinear) - shape) / found.nonlinear_sigma
-            # The first axis is vertical: it carries no gravity and tells little.
+            # The first axis is vertical: it carries no gravity, so that its data show little.
             assert (off[1:] < 3.0).all()
             assert np.abs(np.array(found.options.nonlinear) - shape)[1:].max() < 0.02
 
-    def test_a_term_that_is_not_there_leaves_the_rest_alone(self, robot, truth, run) -> None:
+    def test_a_term_with_zero_effect_does_not_change_the_others(self, robot, truth, run) -> None:
         plain = RobotModel.from_description(friction(robot, ("coulomb", "viscous")))
         signals = run(plain, truth(plain))
         arm = friction(robot, ("coulomb", "viscous", "stribeck"))
@@ -190,7 +190,7 @@ class TestNonlinearParameters:
 
 
 class TestPrior:
-    def test_knowing_nothing_changes_nothing(self, robot, truth, run) -> None:
+    def test_an_uninformative_prior_changes_nothing(self, robot, truth, run) -> None:
         model = RobotModel.from_description(robot)
         signals = [run(model, truth(model))]
         nothing = prior_of_known(base_parameters(model), {})
@@ -199,7 +199,7 @@ class TestPrior:
             fit_smoothed(robot, signals).estimate().values,
         )
 
-    def test_a_parameter_can_be_held(self, robot, truth, run) -> None:
+    def test_a_parameter_can_be_fixed(self, robot, truth, run) -> None:
         model = RobotModel.from_description(robot)
         signals = [run(model, truth(model))]
         known = prior_of_known(base_parameters(model), {"fc_axis1": (33.0, 0.0)})
@@ -208,7 +208,9 @@ class TestPrior:
         assert found.values[index] == pytest.approx(33.0, abs=1e-6)
         assert np.sqrt(found.covariance_residual[index, index]) < 1e-6
 
-    def test_it_is_the_mean_of_knowledge_and_measurement(self, robot, truth, run) -> None:
+    def test_the_result_is_the_weighted_mean_of_prior_and_measurement(
+        self, robot, truth, run
+    ) -> None:
         model = RobotModel.from_description(robot)
         signals = [run(model, truth(model))]
         free = fit_smoothed(robot, signals).estimate()
@@ -219,13 +221,13 @@ class TestPrior:
         found = fit_smoothed(robot, signals, EstimationOptions(prior=prior)).estimate()
         assert found.values[index] == pytest.approx(value + sigma, abs=0.02 * sigma)
 
-    def test_an_unknown_name_is_told(self, robot) -> None:
+    def test_an_unknown_name_is_refused(self, robot) -> None:
         base = base_parameters(RobotModel.from_description(robot))
         with raises_code(EstimationError, "RID-OPTION-NAME", "'m9'"):
             prior_of_known(base, {"m9": (1.0, 0.1)})
 
 
-def test_runs_with_and_without_show_the_payload(robot, truth, run) -> None:
+def test_runs_with_and_without_payload_identify_it(robot, truth, run) -> None:
     options = ModelOptions(payload=True)
     model = options.build(robot)
     values = truth(model)
@@ -244,7 +246,7 @@ def test_runs_with_and_without_show_the_payload(robot, truth, run) -> None:
     assert (off[payload] < 3.5).all()
 
 
-def test_the_model_file_s_words_hold_for_every_term(robot, truth, run) -> None:
+def test_the_model_file_describes_every_term(robot, truth, run) -> None:
     arm = friction(robot, ("coulomb", "viscous", "stribeck"))
     model = RobotModel.from_description(arm)
     found = fit_smoothed(arm, [run(model, truth(model))]).estimate()

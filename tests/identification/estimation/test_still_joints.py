@@ -1,4 +1,4 @@
-"""A joint that no run moves costs its own parameters only."""
+"""A joint that no run moves: only its own parameters remain unknown."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ STOOD = 0.7
 
 
 def sines(seed: int, third: float, amplitude: float = 0.0) -> tuple[Array, Array, Array]:
-    """Return q, v, a of sines on the first two joints; the third stands, or moves as well."""
+    """Return q, v, a of sines on the first two joints; the third is at rest or moves."""
     random = np.random.default_rng(seed)
     omega, time_s = 2.0 * np.pi / 10.0 * np.arange(1, 6), 0.01 * np.arange(3000)
     sine = random.normal(size=(5, 3)) * np.array([0.4, 0.4, amplitude])
@@ -42,7 +42,7 @@ def sines(seed: int, third: float, amplitude: float = 0.0) -> tuple[Array, Array
 
 
 def signals(arm: KnownArm, motion: tuple[Array, Array, Array]) -> SmoothedSignals:
-    """Return a recording of the arm, in which friction at rest is anything."""
+    """Return a recording of the arm with an arbitrary friction torque at rest."""
     random = np.random.default_rng(5)
     tau = torque(arm.model, *motion, arm.standard) + random.normal(size=motion[0].shape)
     tau[:, 2] += 30.0 * (np.abs(motion[1][:, 2]) < 0.02)
@@ -77,7 +77,7 @@ def periodic(arm: KnownArm, measure: Callable[..., Recording]) -> Estimate:
 
 
 @pytest.mark.parametrize("kind", ["smoothed", "periodic"])
-def test_what_the_others_show_is_identified(
+def test_parameters_of_the_other_joints_are_identified(
     kind: str, arm: KnownArm, request: pytest.FixtureRequest
 ) -> None:
     estimate: Estimate = request.getfixturevalue(kind)
@@ -91,7 +91,7 @@ def test_what_the_others_show_is_identified(
     assert "axis3" in still_findings(estimate)[0]
 
 
-def test_it_predicts_where_the_joint_stands_and_nowhere_else(
+def test_a_prediction_is_limited_to_the_pose_of_the_joint_at_rest(
     smoothed: Estimate, arm: KnownArm
 ) -> None:
     motion = sines(1, STOOD)
@@ -104,19 +104,21 @@ def test_it_predicts_where_the_joint_stands_and_nowhere_else(
         assert refused.value.refusal == "RID-MODEL-STILL"
 
 
-def test_a_file_keeps_where_the_joint_stood(smoothed: Estimate, tmp_path: Path) -> None:
+def test_a_file_contains_the_position_of_the_joint_at_rest(
+    smoothed: Estimate, tmp_path: Path
+) -> None:
     write_estimate(tmp_path / "model.json", smoothed)
     assert read_estimate(tmp_path / "model.json").still == smoothed.still
 
 
-def test_a_second_run_that_moves_the_joint_shows_all(arm: KnownArm) -> None:
+def test_a_second_run_that_moves_the_joint_determines_all(arm: KnownArm) -> None:
     runs = [signals(arm, sines(0, STOOD)), signals(arm, sines(2, 0.0, amplitude=0.4))]
     estimate = fit_smoothed(arm.robot, runs).estimate()
     assert estimate.still == ()
     assert "fc_axis3" in estimate.base.names
 
 
-def test_two_positions_show_more_than_one(arm: KnownArm, smoothed: Estimate) -> None:
+def test_two_positions_determine_more_than_one(arm: KnownArm, smoothed: Estimate) -> None:
     runs = [signals(arm, sines(0, STOOD)), signals(arm, sines(2, STOOD - 1.0))]
     estimate = fit_smoothed(arm.robot, runs).estimate()
     (still,) = estimate.still
@@ -124,8 +126,8 @@ def test_two_positions_show_more_than_one(arm: KnownArm, smoothed: Estimate) -> 
     assert len(estimate.base) > len(smoothed.base)
 
 
-def test_prior_knowledge_makes_nothing_up_of_a_joint_without_friction(arm: KnownArm) -> None:
-    # Without friction terms the rows at rest seemed to show the rotor's inertia.
+def test_a_prior_adds_no_parameter_to_a_joint_at_rest_without_friction(arm: KnownArm) -> None:
+    # Without friction terms the rows at rest seemed to determine the rotor's inertia.
     model = RobotModel.from_description(arm.robot, friction=False)
     truth = dict(zip(arm.model.parameter_names, arm.standard, strict=True))
     known = np.array([truth[name] for name in model.parameter_names])
@@ -139,7 +141,7 @@ def test_prior_knowledge_makes_nothing_up_of_a_joint_without_friction(arm: Known
     np.testing.assert_allclose(estimate.values, estimate.base.from_standard(known), rtol=1e-3)
 
 
-def test_a_jerk_of_another_joint_does_not_count_as_motion(arm: KnownArm) -> None:
+def test_a_short_disturbance_of_the_joint_is_not_a_motion(arm: KnownArm) -> None:
     q, v, a = sines(0, STOOD)
     v[1000:1005, 2] = 0.07
     q[1000:, 2] += 0.003

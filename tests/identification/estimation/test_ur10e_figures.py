@@ -1,6 +1,6 @@
-"""The UR10e's figures stay what they are: a change of the code moves them only on purpose.
+"""Known results on UR10e recordings: a change of the code must not change them unnoticed.
 
-Its positions are those that were recorded, without a look between their steps.
+Positions are used as recorded, without interpolation between encoder steps.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def ur10e() -> RobotDescription:
 
 
 def keeps(name: str, **found: object) -> None:
-    """Hold figures against the known ones, each relative to the largest of its kind."""
+    """Compare results with the known ones, each relative to the largest of its kind."""
     for kind, values in found.items():
         before = np.array(FIGURES[name][kind], dtype=float)
         size = np.abs(before).max(initial=0.0)
@@ -76,21 +76,21 @@ def keeps_estimate(name: str, estimate: Estimate) -> None:
     )
 
 
-def test_two_motions(ur10e: RobotDescription, read: Read) -> None:
+def test_estimate_of_two_motions(ur10e: RobotDescription, read: Read) -> None:
     keeps_estimate("two motions", fit_smoothed(ur10e, [read(LONG), read(SHORT)]).estimate())
 
 
-def test_outliers_held_down(ur10e: RobotDescription, read: Read) -> None:
+def test_estimate_with_huber_weighting(ur10e: RobotDescription, read: Read) -> None:
     options = EstimationOptions(weighting="huber")
     keeps_estimate("outliers held down", fit_smoothed(ur10e, [read(SHORT)], options).estimate())
 
 
-def test_friction_that_is_not_linear(ur10e: RobotDescription, read: Read) -> None:
+def test_estimate_with_nonlinear_friction(ur10e: RobotDescription, read: Read) -> None:
     robot = with_friction(ur10e, [("coulomb", "viscous", "offset", "load")] * 6)
     keeps_estimate("load friction", fit_smoothed(robot, [read(SHORT)]).estimate())
 
 
-def test_a_payload_as_part_of_the_model(ur10e: RobotDescription, read: Read) -> None:
+def test_estimate_with_a_payload_in_the_model(ur10e: RobotDescription, read: Read) -> None:
     options = EstimationOptions(model=ModelOptions(payload=True))
     signals = [read(UNLOADED), read(LOADED)]
     keeps_estimate(
@@ -98,7 +98,7 @@ def test_a_payload_as_part_of_the_model(ur10e: RobotDescription, read: Read) -> 
     )
 
 
-def test_a_payload_weighed(ur10e: RobotDescription, read: Read) -> None:
+def test_payload_estimate(ur10e: RobotDescription, read: Read) -> None:
     runs = SmoothedRuns((read(UNLOADED), read(LOADED)), (False, True), STANDSTILL_RAD_S)
     found = identify_payload(ur10e, runs)
     keeps(

@@ -27,7 +27,8 @@ from identification.export.model import ExportModel
 from identification.model.options import ModelOptions
 from tests.builders.raised_codes import raises_code
 
-GOLDEN = (7.0, (0.1, -0.2, 0.3), (0.4, 0.03, -0.02, 0.5, 0.05, 0.6))  # mass, centre, about it
+# mass, centre, inertia about the centre
+GOLDEN = (7.0, (0.1, -0.2, 0.3), (0.4, 0.03, -0.02, 0.5, 0.05, 0.6))
 
 
 def random_robot(seed: int, kinds: str, gravity=None) -> RobotDescription:
@@ -85,7 +86,7 @@ def with_bodies(robot: RobotDescription, seed: int = 0) -> ExportModel:
 
 
 def without_friction(model: ExportModel, motion: np.ndarray) -> np.ndarray:
-    """Return the torques of the links alone."""
+    """Return the torques of the links without friction."""
     options = ModelOptions(friction=False, rotors=False, spring=False)
     links = options.build(model.robot)
     q, v, a = motion
@@ -124,7 +125,7 @@ def text_of(element: Element, path: str) -> str:
 
 
 def model_of_sdf(text: str) -> Any:
-    """Build the Pinocchio model that an SDF describes, by SDF's own rules."""
+    """Build the Pinocchio model that an SDF describes, by the rules of SDF."""
     root = child_of(ElementTree.fromstring(text), "model")
 
     def numbers(element: Element, path: str, default: str = "") -> list[float]:
@@ -175,7 +176,9 @@ ROBOTS = [(seed, kinds) for seed, kinds in enumerate(("R", "RR", "RPR", "RRRRRR"
 @pytest.mark.parametrize(
     "read", [lambda m: pin.buildModelFromXML(urdf(m)), lambda m: model_of_sdf(sdf(m))]
 )
-def test_urdf_and_sdf_read_back_give_the_same_torques_and_points(seed, kinds, read) -> None:
+def test_a_urdf_and_an_sdf_give_the_same_torques_and_points_when_read_back(
+    seed, kinds, read
+) -> None:
     model = with_bodies(random_robot(seed, kinds), seed)
     motion = motion_of(len(kinds))
     again = read(model)
@@ -187,7 +190,7 @@ def test_urdf_and_sdf_read_back_give_the_same_torques_and_points(seed, kinds, re
 
 
 @pytest.mark.parametrize("gravity", [(0.0, 0.0, 9.81), (9.81, 0.0, 0.0), (3.0, -4.0, 8.43623)])
-def test_a_base_that_is_not_upright_hangs_on_a_world_that_is(gravity) -> None:
+def test_a_tilted_base_is_attached_to_an_upright_world(gravity) -> None:
     model = with_bodies(random_robot(3, "RRR", gravity))
     motion = motion_of(3)
     size = float(np.linalg.norm(gravity))
@@ -197,7 +200,7 @@ def test_a_base_that_is_not_upright_hangs_on_a_world_that_is(gravity) -> None:
 
 
 @pytest.mark.parametrize("name", ["ir361", "ur10e"])
-def test_a_urdf_comes_back_as_the_robot_that_it_was(name: str) -> None:
+def test_an_exported_urdf_is_read_back_as_the_same_robot(name: str) -> None:
     model = with_bodies(load_robot(name))
     again = robot_of_urdf(read_urdf(urdf(model).encode(), "again.urdf"), tip="tool")
     motion = motion_of(len(model.robot.joints))
@@ -232,8 +235,8 @@ def test_the_pinocchio_file_builds_the_robot_with_its_armatures(tmp_path: Path) 
     )
 
 
-def test_a_motor_on_the_link_that_it_moves_counts_with_both_speeds() -> None:
-    # (D.27): tau2 = I (1 + mu)^2 a2 where I itself is in the link's inertia.
+def test_a_motor_on_its_moved_link_is_counted_with_both_speeds() -> None:
+    # (D.27): tau2 = I (1 + mu)^2 a2, of which I itself is part of the link's inertia.
     robot = random_robot(1, "RR")
     rotor = Rotor(link=2, axis=(0.0, 0.0, 1.0))
     joints = (robot.joints[0], replaced(robot.joints[1], rotor=rotor, gear_ratio=100.0))
@@ -243,8 +246,8 @@ def test_a_motor_on_the_link_that_it_moves_counts_with_both_speeds() -> None:
     assert model.armature(0) == 0.0
 
 
-def test_every_sign_and_frame_of_an_inertia_by_hand() -> None:
-    # One link turning about its own z; its numbers are written by hand, and read as they stand.
+def test_signs_and_frames_of_an_inertia_agree_with_values_by_hand() -> None:
+    # One link that rotates about its own z; its numbers are written by hand.
     robot = random_robot(0, "R")
     mass, centre, (xx, xy, xz, yy, yz, zz) = GOLDEN
     x, y, z = centre
@@ -271,7 +274,7 @@ def test_every_sign_and_frame_of_an_inertia_by_hand() -> None:
     assert float(text_of(tree, ".//inertia/ixz")) == pytest.approx(-0.02)
 
 
-def test_friction_that_is_no_line_becomes_the_nearest_one_and_is_said() -> None:
+def test_nonlinear_friction_is_exported_as_the_best_line_with_a_note() -> None:
     robot = random_robot(1, "RR")
     joint = replaced(robot.joints[0], friction=("coulomb", "viscous", "offset", "cube_root"))
     model = with_bodies(robot.model_copy(update={"joints": (joint, robot.joints[1])}))
@@ -287,7 +290,7 @@ def test_friction_that_is_no_line_becomes_the_nearest_one_and_is_said() -> None:
     assert "friction of j2" not in head
 
 
-def test_what_a_urdf_cannot_say_is_said_in_it() -> None:
+def test_terms_that_a_urdf_cannot_represent_are_listed_in_it() -> None:
     model = with_bodies(load_robot("ir361"))
     head = urdf(model).partition("<robot")[0]
     assert "the spring across axis2 (k_spring = " in head
@@ -296,7 +299,7 @@ def test_what_a_urdf_cannot_say_is_said_in_it() -> None:
     ElementTree.fromstring(sdf(model))
 
 
-def test_a_coupled_actuators_friction_is_left_out_and_said() -> None:
+def test_friction_of_a_coupled_actuator_is_omitted_with_a_note() -> None:
     robot = random_robot(1, "RRR").model_copy(
         update={"coupling": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.5, 1.0))}
     )
@@ -316,7 +319,7 @@ def test_a_coupled_actuators_friction_is_left_out_and_said() -> None:
     ],
 )
 @pytest.mark.parametrize("form", [urdf, sdf, pinocchio_model])
-def test_links_that_cannot_exist_are_refused(
+def test_physically_inconsistent_links_are_refused(
     form, change, details, measured: Callable[[str], None]
 ) -> None:
     model = with_bodies(random_robot(1, "RR"))

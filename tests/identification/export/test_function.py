@@ -1,4 +1,4 @@
-"""Exported inverse dynamics: compiled or imported, and run against the model's own torques."""
+"""Exported inverse dynamics, compiled or imported, compared with the torques of the model."""
 
 from __future__ import annotations
 
@@ -122,13 +122,13 @@ CASES = {
 
 
 def case(name: str) -> tuple[ExportModel, np.ndarray, Conditions]:
-    """Return a model with random parameters, a motion and its circumstances."""
+    """Return a model with random parameters, a motion and its conditions."""
     description, options = CASES[name]
     model = options.build(description)
     rng = np.random.default_rng(7)
     values = rng.uniform(-2.0, 2.0, len(model.parameter_names))
     motion = rng.uniform(-2.0, 2.0, (3, 40, model.chain.n))
-    motion[1, 0] = 0.0  # at rest, where signs are zero
+    motion[1, 0] = 0.0  # at rest, where the sign functions are zero
     warmth = rng.uniform(280.0, 320.0, motion.shape[1:])
     conditions = Conditions(temperature_k=warmth, payload=options.payload)
     return (
@@ -194,7 +194,7 @@ def test_the_c_file_computes_the_models_torques(name: str, tmp_path: Path) -> No
     np.testing.assert_allclose(tau, expected(model, motion, conditions), rtol=1e-9, atol=1e-9)
 
 
-def test_nothing_of_the_origin_ends_a_comment() -> None:
+def test_no_text_of_the_origin_can_end_a_comment() -> None:
     model, _, _ = case("links")
     head = c_function(model).partition("#include")[0]
     assert head.count("*/") == 1

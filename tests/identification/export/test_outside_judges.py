@@ -73,7 +73,7 @@ def test_mujoco_computes_the_same_torques_from_the_urdf(model: ExportModel) -> N
     mujoco: Any = pytest.importorskip("mujoco", reason="mujoco is not installed")
     built = mujoco.MjModel.from_xml_string(urdf(model))
     assert [built.joint(j).name for j in range(built.njnt)] == list(model.robot.joint_names)
-    built.dof_damping[:] = built.dof_frictionloss[:] = 0.0  # the links alone
+    built.dof_damping[:] = built.dof_frictionloss[:] = 0.0  # links without friction
     built.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     built.opt.gravity[:] = model.robot.gravity_m_s2
     data = mujoco.MjData(built)

@@ -1,4 +1,4 @@
-"""Tables read back by other readers hold what was identified, to the last bit."""
+"""Exported tables contain the estimate to the last bit, read by other programs."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def truth(arm) -> ExportModel:
     return ExportModel(arm.robot, arm.model, arm.standard)
 
 
-def test_csv_reads_back(estimate: Estimate, truth: ExportModel) -> None:
+def test_the_csv_is_read_back_equal(estimate: Estimate, truth: ExportModel) -> None:
     text = csv_table(estimate, truth)
     rows = list(csv.DictReader(io.StringIO(text, newline="")))
     identified = [row for row in rows if row["kind"] == "identified"]
@@ -44,7 +44,7 @@ def test_csv_reads_back(estimate: Estimate, truth: ExportModel) -> None:
 
 def test_links_are_about_their_centres_of_gravity(truth: ExportModel, estimate: Estimate) -> None:
     rows = {row["name"]: row for row in json.loads(json_table(estimate, truth))["parameters"]}
-    # plants/ir361.yaml, the first link; no rotor rides on it
+    # plants/ir361.yaml, the first link; it carries no rotor
     assert rows["link1.mass"]["value"] == pytest.approx(45.0)
     centre = [rows[f"link1.centre_{axis}"]["value"] for axis in "xyz"]
     assert centre == pytest.approx([0.020, 0.030, -0.200])
@@ -53,7 +53,7 @@ def test_links_are_about_their_centres_of_gravity(truth: ExportModel, estimate: 
     assert rows["link1.centre_x"]["unit"] == "m"
 
 
-def test_json_says_where_the_values_come_from(estimate: Estimate) -> None:
+def test_the_json_file_states_the_origin_of_the_values(estimate: Estimate) -> None:
     document = json.loads(json_table(estimate))
     assert document["robot"] == "ir361"
     assert document["runs"] == ["a, b"]
@@ -64,7 +64,7 @@ def test_json_says_where_the_values_come_from(estimate: Estimate) -> None:
     np.testing.assert_array_equal(values, estimate.values)
 
 
-def test_no_text_is_a_formula_to_a_spreadsheet(estimate: Estimate) -> None:
+def test_no_text_is_a_formula_for_a_spreadsheet(estimate: Estimate) -> None:
     words = ("-m2 + m3", "=cmd()", *estimate.base.expressions[2:])
     hostile = replace(estimate, base=replace(estimate.base, expressions=words))
     for row in csv.DictReader(io.StringIO(csv_table(hostile))):

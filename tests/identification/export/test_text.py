@@ -1,4 +1,4 @@
-"""Notes in an exported file that cannot represent states."""
+"""Notes in an exported file that cannot represent hysteresis states."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from identification.export.text import header_lines
 from tests.builders.remembering_arm import iwan, motion, recording, with_presliding
 
 
-def test_distance_and_share_of_what_friction_remembers_are_named_as_left_out() -> None:
+def test_omitted_presliding_distance_and_fraction_are_listed() -> None:
     way = motion(20.0, 1)
     measured = recording({1: iwan(way[0][:, 1], 0.01)}, way)
     estimate = fit_smoothed(with_presliding((1,), 0.01, share=0.5), [measured]).estimate()

@@ -1,4 +1,4 @@
-"""Exported files of joints that warm up: complete data to compute their temperature elsewhere."""
+"""Exported files of warming joints contain all data to compute their temperature elsewhere."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def warming(cell: LoadedCell) -> Estimate:
 
 
 def followed(text: str, time_s: FloatArray, v: FloatArray) -> FloatArray:
-    """Return `temperature_k` as the head of a file says that it follows from a motion."""
+    """Return `temperature_k` computed from a motion as the head of a file describes."""
     out = np.zeros_like(v)
     for number, *values in LINE.findall(text):
         j = int(number) - 1
@@ -57,7 +57,7 @@ def followed(text: str, time_s: FloatArray, v: FloatArray) -> FloatArray:
     return out
 
 
-def test_a_function_with_the_temperatures_that_its_head_tells_has_the_models_torques(
+def test_the_function_with_temperatures_from_its_head_gives_the_models_torques(
     warming: Estimate, tmp_path: Path
 ) -> None:
     text = python_function(ExportModel.identified(warming))
@@ -81,7 +81,7 @@ def test_a_function_with_the_temperatures_that_its_head_tells_has_the_models_tor
     )
 
 
-def test_a_functions_head_says_that_no_thermometer_gives_its_temperatures(
+def test_the_head_says_that_temperatures_are_computed_and_not_measured(
     warming: Estimate,
 ) -> None:
     for write in (python_function, c_function):
@@ -91,14 +91,14 @@ def test_a_functions_head_says_that_no_thermometer_gives_its_temperatures(
         assert [found[0] for found in LINE.findall(text)] == ["1", "2"]
 
 
-def test_where_temperatures_were_measured_the_head_says_whose(cell: LoadedCell) -> None:
+def test_the_head_names_the_sensor_of_measured_temperatures(cell: LoadedCell) -> None:
     text = python_function(ExportModel.identified(by_temperature(cell, measured=True)))
     assert "temperature_k: measured temperatures of the joints' drives in K." in text
     assert "thermometer" not in text
     assert "temperature_k" not in python_function(ExportModel.identified(known(cell, {})))
 
 
-def test_tables_hold_what_the_temperatures_follow_from(warming: Estimate) -> None:
+def test_tables_contain_the_data_for_computed_temperatures(warming: Estimate) -> None:
     rows = list(csv.DictReader(io.StringIO(csv_table(warming), newline="")))
     found = {row["name"]: row for row in rows if row["kind"] == "warming"}
     assert warming.warming is not None
@@ -119,7 +119,7 @@ def test_tables_hold_what_the_temperatures_follow_from(warming: Estimate) -> Non
 
 
 @pytest.mark.parametrize("write", [urdf, sdf, pinocchio_model])
-def test_descriptions_say_that_their_friction_is_a_cold_robots(
+def test_descriptions_state_that_their_friction_is_for_a_cold_robot(
     write: Callable[[ExportModel], str], warming: Estimate, cell: LoadedCell
 ) -> None:
     text = write(ExportModel.consistent(consistent(warming)))

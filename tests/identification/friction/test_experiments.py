@@ -1,4 +1,4 @@
-"""Friction alone, out of recordings whose friction is known in closed form."""
+"""Friction estimated from recordings with analytic friction laws."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ NOISE_NM = 0.5
 
 
 def stribeck(v: np.ndarray) -> np.ndarray:
-    """Return friction that falls before it rises, and is larger forwards (2.10)."""
+    """Return Stribeck friction that is larger in the positive direction (2.10)."""
     size = 20.0 + 6.0 * np.exp(-np.abs(v) / 0.08) + 15.0 * np.abs(v)
     return np.sign(v) * size + 1.5
 
@@ -54,7 +54,7 @@ def recorded(
     robot: RobotDescription = IR361,
     wobble: float = 0.0,
 ) -> Recording:
-    """Return what a perfect drive would record; `wobble` disturbs the way back [rad]."""
+    """Return the recording of an ideal drive; `wobble` disturbs the return path [rad]."""
     samples = motion.plan(robot, CYCLE_S)
     q, v, a = (np.array(x) for x in (samples.position, samples.velocity, samples.acceleration))
     back = np.flatnonzero(samples.phase == Phase.HOLD)
@@ -107,14 +107,14 @@ THERE_AND_BACK = ReversedMotion(
 )
 
 
-def test_constant_speeds_show_friction_whatever_gravity_is() -> None:
+def test_constant_speeds_give_friction_for_any_gravity() -> None:
     for curve in constant_velocity_curves(recorded(STEADY), STEADY, IR361):
         truth = stribeck(curve.speed) - 1.5
         assert np.abs(curve.odd - truth).max() < 0.15
         assert (np.abs(curve.odd - truth) < 4.0 * curve.odd_sigma).all()
 
 
-def test_an_upright_axis_shows_that_one_way_is_harder() -> None:
+def test_a_vertical_axis_gives_friction_of_each_direction() -> None:
     curve = constant_velocity_curves(recorded(STEADY), STEADY, IR361)[0]
     assert curve.joint == "axis1"
     assert curve.forward is not None
@@ -125,21 +125,21 @@ def test_an_upright_axis_shows_that_one_way_is_harder() -> None:
     assert curve.direction_sigma.max() < 0.1
 
 
-def test_where_gravity_hides_a_constant_the_interval_says_so() -> None:
+def test_the_interval_includes_the_uncertainty_of_gravity() -> None:
     curve = constant_velocity_curves(recorded(STEADY), STEADY, IR361)[1]
     assert curve.even is not None
     assert curve.even_covariance is not None
     assert curve.direction_sigma is not None
     assert curve.direction_sigma.min() > 2.0 * curve.odd_sigma.max()
     assert (np.abs(curve.even - 1.5) < 3.0 * curve.direction_sigma).all()
-    # What differs between speeds is known all the same: gravity is common to them.
+    # Differences between speeds are known more precisely: they have the same gravity error.
     steps = np.diff(curve.even)
     sigma = np.sqrt(np.diagonal(np.diff(np.diff(curve.even_covariance, axis=0), axis=1)))
     assert sigma.max() < 0.5 * curve.direction_sigma.min()
     assert (np.abs(steps) < 4.0 * sigma).all()
 
 
-def test_a_path_there_and_back_shows_friction() -> None:
+def test_the_same_path_in_both_directions_gives_friction() -> None:
     for curve in reversed_curves(recorded(THERE_AND_BACK), THERE_AND_BACK, IR361):
         truth = stribeck(curve.speed) - 1.5
         assert np.abs(curve.odd - truth)[1:].max() < 0.3
@@ -147,7 +147,7 @@ def test_a_path_there_and_back_shows_friction() -> None:
         assert len(curve.speed) >= 10
 
 
-def test_ways_that_are_not_quite_equal_are_allowed_for() -> None:
+def test_small_differences_between_the_two_paths_are_corrected() -> None:
     # 0.2 mrad at 3 Hz are 0.07 rad/s^2, with 16 kg m^2 more than 1 N m.
     recording = recorded(THERE_AND_BACK, wobble=2e-4)
     for curve in reversed_curves(recording, THERE_AND_BACK, IR361):
@@ -155,8 +155,8 @@ def test_ways_that_are_not_quite_equal_are_allowed_for() -> None:
         assert np.abs(curve.odd - truth)[1:].max() < 0.4
 
 
-def test_the_anti_alias_filter_is_divided_out() -> None:
-    smooth = np.tanh  # friction without a jump, so that it is below 20 Hz
+def test_the_anti_alias_filter_is_compensated() -> None:
+    smooth = np.tanh  # continuous friction, so that its spectrum is below 20 Hz
     recording = recorded(THERE_AND_BACK, lambda v: 20.0 * smooth(v / 0.1), noise_nm=0.0)
     analog = ButterworthFilter(order=8, cutoff_hz=20.0)
     digital = signal.butter(analog.order, 2.0 * np.pi * analog.cutoff_hz, analog=True)
@@ -169,7 +169,7 @@ def test_the_anti_alias_filter_is_divided_out() -> None:
         np.testing.assert_allclose(curve.odd, 20.0 * smooth(curve.speed / 0.1), atol=0.8)
 
 
-def test_a_recording_that_ended_before_is_refused() -> None:
+def test_an_incomplete_recording_is_refused() -> None:
     recording = recorded(STEADY)
     _, runs = STEADY.runs(IR361, CYCLE_S)
     cut = recording.sample_index < runs[-1].first + 10
@@ -187,12 +187,12 @@ def test_a_recording_that_ended_before_is_refused() -> None:
 
 
 def coupled(turn: float = 0.8) -> RobotDescription:
-    """The arm with motor 2 turning joint 3 along; `turn` is what motor 2's own gear is worth."""
+    """Return the arm with motor 2 also moving joint 3; `turn` is the gear ratio of motor 2."""
     coupling = ((1.0, 0.0, 0.0), (0.0, 1.0 / turn, 0.0), (0.0, 0.5, 1.0))
     return IR361.model_copy(update={"coupling": coupling})
 
 
-def test_a_coupled_wrist_shows_each_motors_friction_over_its_own_speed() -> None:
+def test_a_coupled_wrist_gives_each_motors_friction_over_its_own_speed() -> None:
     robot = coupled()
     curves = constant_velocity_curves(recorded(STEADY, robot=robot), STEADY, robot)
     np.testing.assert_allclose(curves[0].speed, STEADY.joints[0].speeds)
@@ -206,14 +206,14 @@ def test_a_coupled_wrist_shows_each_motors_friction_over_its_own_speed() -> None
         assert np.abs(curve.odd - (stribeck(curve.speed) - 1.5))[fast].max() < 0.6
 
 
-def test_a_motor_that_turns_the_other_way_has_friction_of_the_same_sign() -> None:
+def test_a_reversed_motor_has_friction_of_the_same_sign() -> None:
     robot = coupled(-0.8)
     curve = constant_velocity_curves(recorded(STEADY, robot=robot), STEADY, robot)[1]
     assert (curve.odd > 15.0).all()
     assert np.abs(curve.odd - (stribeck(curve.speed) - 1.5)).max() < 0.15
 
 
-def test_a_motor_that_stands_still_while_its_joint_moves_alone_is_refused() -> None:
+def test_a_motor_at_rest_while_its_joint_moves_is_refused() -> None:
     robot = coupled(0.1)
     with raises_code(EstimationError, "RID-FRICTION-RUNS", "axis2", "0.1"):
         constant_velocity_curves(recorded(STEADY, robot=robot), STEADY, robot)
@@ -248,7 +248,7 @@ def curve_of(
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_the_model_that_made_the_curve_wins_and_is_recovered(name: str) -> None:
+def test_the_true_friction_model_has_the_best_criterion_and_is_recovered(name: str) -> None:
     truth, friction = FRICTION[name]
     wins, v = 0, np.array([-0.7, -0.1, 0.1, 0.7])
     for seed in range(10):
@@ -258,11 +258,11 @@ def test_the_model_that_made_the_curve_wins_and_is_recovered(name: str) -> None:
         assert (np.abs(own.values - truth) < 4.5 * own.sigmas).all()
         assert 0.2 < own.misfit < 3.0
         np.testing.assert_allclose(own.torque(v), friction(v), atol=0.2)
-    assert wins >= 7  # noise alone makes a richer model look better now and then
+    assert wins >= 7  # because of noise a richer model is sometimes better
 
 
 def test_a_stribeck_speed_at_its_bound_is_not_recommended() -> None:
-    # It falls until 1.2 rad/s: over a range of speeds that the Stribeck term does not reach.
+    # Friction falls up to 1.2 rad/s: beyond the speeds that the Stribeck term covers.
     slow = curve_of(lambda v: np.sign(v) * (8.0 + 6.0 * np.exp(-np.abs(v) / 1.2)) + v, 0.01)
     fits = fit_friction(slow, IR361)
     assert [fit.name for fit in fits if fit.at_bound] == ["Stribeck"] == [fits[-1].name]
@@ -272,7 +272,7 @@ def test_a_stribeck_speed_at_its_bound_is_not_recommended() -> None:
     assert "stribeck" not in sentence
 
 
-def test_without_directions_asymmetry_is_not_fitted() -> None:
+def test_asymmetry_is_not_fitted_without_both_directions() -> None:
     curve = curve_of(FRICTION["classical"][1], 0.05)
     curve = replace(curve, even=None, even_covariance=None)
     names = [fit.name for fit in fit_friction(curve, IR361)]
@@ -286,7 +286,7 @@ def test_two_speeds_are_too_few_for_any_model() -> None:
     assert fit_friction(few, IR361) == ()
 
 
-def test_curves_of_several_runs_are_taken_together() -> None:
+def test_curves_of_several_runs_are_combined() -> None:
     curve = curve_of(FRICTION["Stribeck"][1], 0.05)
     assert curve.even is not None
     assert curve.even_covariance is not None
@@ -307,7 +307,7 @@ def test_curves_of_several_runs_are_taken_together() -> None:
     assert join_curves([parts[0], replace(parts[1], even=None, even_covariance=None)]).even is None
 
 
-def test_friction_columns_are_the_terms_of_one_joint() -> None:
+def test_friction_columns_are_those_of_one_joint() -> None:
     model = ModelOptions(friction_terms=("coulomb", "viscous", "cubic")).build(IR361)
     v = np.array([-0.5, 0.25])
     columns = friction_columns(model, 1, v)

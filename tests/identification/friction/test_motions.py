@@ -1,4 +1,4 @@
-"""Motions for friction that fit a robot and what stands around it."""
+"""Motions for friction within the limits and workspace of a robot."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CYCLE_S = 0.008
 
 
 @pytest.mark.parametrize("name", ["ir361", "ur10e"])
-def test_every_joint_runs_slow_and_fast_within_its_limits(name: str) -> None:
+def test_every_joint_has_slow_and_fast_runs_within_its_limits(name: str) -> None:
     robot = load_robot(name)
     motion = constant_velocity_motion(robot, speeds=6, repeats=2)
     samples = motion.plan(robot, CYCLE_S)
@@ -45,14 +45,14 @@ def test_walls_shorten_the_runs() -> None:
     assert forward(Chain.from_description(robot), free_path)[:, 0].max() > 0.8
 
 
-def test_where_nothing_is_free_the_reason_is_said() -> None:
+def test_a_workspace_without_free_runs_is_refused_with_the_reason() -> None:
     robot = load_robot("ir361")
     wall = Plane(name="wall", normal=(-1.0, 0.0, 0.0), offset_m=5.0)  # x below -5 m: nowhere
     with raises_code(ConfigError, "RID-DESIGN-NONE", "2000"):
         constant_velocity_motion(robot, Workspace(planes=(wall,)))
 
 
-def test_a_robot_that_can_touch_itself_holds_a_pose_in_which_it_does_not() -> None:
+def test_a_robot_that_can_collide_with_itself_gets_a_pose_without_collision() -> None:
     robot = load_robot("ur10e")
     bodies = tuple(
         Capsule(kind="capsule", link=link, start_m=(0, 0, 0), end_m=end, radius_m=0.06)
@@ -62,7 +62,7 @@ def test_a_robot_that_can_touch_itself_holds_a_pose_in_which_it_does_not() -> No
     assert len(motion.joints) == 6
 
 
-def test_a_periodic_motion_becomes_one_there_and_back() -> None:
+def test_a_periodic_motion_is_extended_by_its_reversal() -> None:
     there = FourierMotion(
         kind="fourier",
         robot="r",

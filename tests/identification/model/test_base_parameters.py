@@ -15,7 +15,7 @@ from tests.builders.raised_codes import raises_code
 
 
 def arm_of(**terms: bool) -> RobotModel:
-    """The IR 361 on its nominal geometry: axis 1 vertical, axes 2 and 3 horizontal and parallel."""
+    """Return the nominal IR 361: axis 1 vertical, axes 2 and 3 horizontal and parallel."""
     off = {"rotors": False, "friction": False, "spring": False}
     return RobotModel.from_description(load_robot("ir361"), **(off | terms))
 
@@ -24,7 +24,7 @@ class TestCounts:
     def test_the_internal_rigid_body_model_has_15(self) -> None:
         assert len(base_parameters(arm_of())) == 15
 
-    def test_with_the_spring_14_are_left_since_sin_q2_merges_into_its_stiffness(self) -> None:
+    def test_the_spring_leaves_14_since_sin_q2_merges_with_its_stiffness(self) -> None:
         base = base_parameters(arm_of(spring=True))
         assert sum(base.rigid_body) == 14
         assert len(base) == 16
@@ -34,12 +34,12 @@ class TestCounts:
     def test_with_the_base_wrench_there_are_20(self, kind: ModelKind) -> None:
         assert len(base_parameters(arm_of(), kind=kind)) == 20
 
-    def test_of_the_rotors_the_internal_model_shows_the_third_alone(self) -> None:
+    def test_the_internal_model_contains_the_third_rotor_only(self) -> None:
         base = base_parameters(arm_of(rotors=True))
         assert len(base) == 15 + 1
         assert [name for name in base.names if name.startswith("Im")] == ["Im3"]
 
-    def test_with_the_plate_all_three_rotors_separate(self) -> None:
+    def test_the_plate_separates_all_three_rotors(self) -> None:
         base = base_parameters(arm_of(rotors=True), kind="combined")
         assert len(base) == 20 + 3
         assert [name for name in base.names if name.startswith("Im")] == ["Im1", "Im2", "Im3"]
@@ -50,7 +50,7 @@ class TestCounts:
 
 
 class TestWords:
-    def test_name_each_combination_with_its_head_first(self) -> None:
+    def test_start_with_the_head_of_each_combination(self) -> None:
         assert base_parameters(arm_of()).expressions == (
             "Izz1 + Iyy2 + 0.2304 m3 + Iyy3",
             "sx2 + 0.48 m3",
@@ -69,21 +69,21 @@ class TestWords:
             "Izz3",
         )
 
-    def test_of_a_rotor_count_its_gear_twice(self) -> None:
+    def test_of_a_rotor_contain_its_squared_gear_ratio(self) -> None:
         words = base_parameters(arm_of(rotors=True)).expressions
         assert "Izz1 + Iyy2 + 0.2304 m3 + Iyy3 + 14641 Im1" in words  # 121^2
         assert "Izz2 + 0.2304 m3 + 23715 Im2" in words  # 153^2 + 2 x 153
 
-    def test_do_not_flip_a_coin_at_a_rounding_tie(self) -> None:
+    def test_do_not_depend_on_rounding(self) -> None:
         words = base_parameters(RobotModel.from_description(load_robot("ur10e"))).expressions
         assert "sx3 - 0.57155 m4 - 0.57155 m5 - 0.57155 m6" in words
 
-    def test_come_with_the_head_s_unit(self) -> None:
+    def test_have_the_unit_of_their_head(self) -> None:
         base = base_parameters(arm_of(spring=True))
         units = dict(zip(base.names, base.units, strict=True))
         assert (units["Izz1"], units["sy2"], units["k_spring"]) == ("kg m^2", "kg m", "N/m")
 
-    def test_list_what_has_no_effect_at_all(self) -> None:
+    def test_list_parameters_without_effect(self) -> None:
         assert base_parameters(arm_of()).unseen == (
             *("m1", "sx1", "sy1", "sz1", "Ixx1", "Ixy1", "Ixz1", "Iyy1", "Iyz1"),
             *("m2", "sz2"),
@@ -92,7 +92,7 @@ class TestWords:
 
 class TestCombination:
     @pytest.mark.parametrize("name", ["ir361", "ur10e"])
-    def test_predicts_what_the_standard_parameters_do_on_any_motion(self, name: str) -> None:
+    def test_predicts_the_torques_of_the_standard_parameters(self, name: str) -> None:
         model = RobotModel.from_description(load_robot(name))
         base = base_parameters(model)
         random = np.random.default_rng(3)
@@ -163,18 +163,18 @@ class TestCombination:
 
 
 class TestIndependentColumns:
-    def test_keep_the_better_readable_of_two_that_are_one(self) -> None:
+    def test_keep_the_more_readable_of_two_equal_columns(self) -> None:
         column = np.random.default_rng(0).normal(size=(20, 1))
         base = independent_columns(
             np.hstack([2.0 * column, column]), ("m2", "Izz1"), ("kg", "kg m^2")
         )
         assert base.expressions == ("Izz1 + 2 m2",)
 
-    def test_refuse_a_regressor_without_any_effect(self) -> None:
+    def test_refuse_a_regressor_of_zeros(self) -> None:
         with raises_code(EstimationError, "RID-MOTION-UNINFORMATIVE", "zero"):
             independent_columns(np.zeros((5, 2)), ("m1", "m2"), ("kg", "kg"))
 
-    def test_refuse_a_tolerance_amid_the_sizes_of_nearly_equal_columns(self) -> None:
+    def test_refuse_a_tolerance_close_to_the_size_of_a_column(self) -> None:
         random = np.random.default_rng(0)
         first, others = random.normal(size=(50, 1)), random.normal(size=(50, 20))
         near = first / np.linalg.norm(first) + 9e-7 * others / np.linalg.norm(others, axis=0)
@@ -182,7 +182,7 @@ class TestIndependentColumns:
         with raises_code(EstimationError, "RID-MODEL-RANK", "1e-06"):
             independent_columns(np.hstack([first, near]), names, ("kg",) * 21, tolerance=1e-6)
 
-    def test_take_a_dependence_within_the_tolerance_as_exact(self) -> None:
+    def test_treat_a_dependence_within_the_tolerance_as_exact(self) -> None:
         random = np.random.default_rng(1)
         first, other = random.normal(size=(2, 50, 1))
         stacked = np.hstack([first, first + 1e-4 * other])

@@ -1,4 +1,4 @@
-"""Coupling, temperature, payload and gear losses through the estimators: simulated, recovered."""
+"""Coupling, temperature, payload and gear losses: simulated and recovered by the estimators."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def with_joints(robot: RobotDescription, **changes: Any) -> RobotDescription:
 
 
 def truth(arm: KnownArm, model: RobotModel, **others: float) -> np.ndarray:
-    """The known arm's parameters, and those that it does not have."""
+    """Return the known arm's parameters together with the given ones."""
     known = dict(zip(arm.model.parameter_names, arm.standard, strict=True)) | others
     return np.array([known[name] for name in model.parameter_names])
 
@@ -84,8 +84,8 @@ def test_a_coupled_robot_is_identified_from_actuator_torques(arm: KnownArm) -> N
     assert np.all(blind.residual_nm > 3.0 * NOISE_NM)
 
 
-def test_a_coupled_actuator_stands_still_where_its_own_speed_is_zero(arm: KnownArm) -> None:
-    """Spoiling torque there, and nowhere else, must not matter."""
+def test_a_coupled_actuator_is_at_rest_when_its_own_speed_is_zero(arm: KnownArm) -> None:
+    """Arbitrary torques at these times, and at no others, must have no effect."""
     robot = arm.robot.model_copy(update={"coupling": COUPLING})
     model = RobotModel.from_description(robot)
     signals = measured(arm, model, truth(arm, model))
@@ -118,7 +118,7 @@ class TestTemperature:
         conditions = Conditions(temperature_k=warming)
         return measured(arm, RobotModel.from_description(robot), theta, conditions)
 
-    def test_friction_that_falls_with_warmth_is_recovered(
+    def test_friction_that_falls_with_temperature_is_recovered(
         self, robot: RobotDescription, theta: np.ndarray, signals: SmoothedSignals
     ) -> None:
         estimate = fit_smoothed(robot, [signals]).estimate()
@@ -146,7 +146,7 @@ class TestTemperature:
             validate_torques(estimate, replace(recording, temperature_k=None))
 
 
-def test_a_payload_is_told_from_the_last_link_by_runs_with_and_without(arm: KnownArm) -> None:
+def test_runs_with_and_without_payload_separate_it_from_the_last_link(arm: KnownArm) -> None:
     options = ModelOptions(payload=True)
     model = options.build(arm.robot)
     body = dict.fromkeys(model.parameter_names[-10:], 0.0) | {"mL": 5.0, "sxL": 3.0, "IzzL": 2.5}
@@ -161,8 +161,8 @@ def test_a_payload_is_told_from_the_last_link_by_runs_with_and_without(arm: Know
     assert any(name.endswith("L") for name in found)
 
 
-def test_a_gears_efficiency_is_recovered(arm: KnownArm) -> None:
-    """Behind the gear are the arm's links and spring; its friction is not."""
+def test_the_efficiency_of_a_gear_is_recovered(arm: KnownArm) -> None:
+    """The gear transmits the load of links and spring, but not the friction."""
     robot = with_joints(arm.robot, efficiency=0.95, rotor=None)
     model = RobotModel.from_description(robot).with_nonlinear([0.7, 0.8, 0.75])
     theta = truth(arm, model)
@@ -173,8 +173,8 @@ def test_a_gears_efficiency_is_recovered(arm: KnownArm) -> None:
 
 
 class TestBaseParameters:
-    def test_a_coupling_hides_no_link_parameter_and_shows_none(self, arm: KnownArm) -> None:
-        """C can be inverted: the actuators' torques say what the joints' do."""
+    def test_a_coupling_changes_no_identifiable_link_parameter(self, arm: KnownArm) -> None:
+        """C is invertible: actuator torques contain the same information as joint torques."""
         coupled = arm.robot.model_copy(update={"coupling": COUPLING})
         words = [
             base_parameters(
@@ -185,8 +185,10 @@ class TestBaseParameters:
         assert words[0] == words[1]
         assert len(words[0]) == 15
 
-    def test_a_fourier_springs_first_harmonic_takes_link_2s_gravity(self, arm: KnownArm) -> None:
-        """(3.37) merges as the physical spring does: the cosine with sy2, the sine with sx2."""
+    def test_the_first_harmonic_of_a_fourier_spring_merges_with_the_gravity_of_link_2(
+        self, arm: KnownArm
+    ) -> None:
+        """As for the physical spring in (3.37), the cosine merges with sy2, the sine with sx2."""
         assert arm.robot.spring is not None
         spring = arm.robot.spring.model_copy(update={"form": "fourier"})
         robot = arm.robot.model_copy(update={"spring": spring})
@@ -195,7 +197,7 @@ class TestBaseParameters:
         assert "A1_spring - 9.81 sy2" in base.expressions
         assert "B1_spring - 9.81 sx2 - 4.7088 m3" in base.expressions  # 9.81 x 0.480
 
-    def test_all_of_a_payload_and_of_every_friction_are_seen(self, arm: KnownArm) -> None:
+    def test_all_parameters_of_payload_and_friction_are_identifiable(self, arm: KnownArm) -> None:
         terms: tuple[FrictionTerm, ...]
         terms = ("asymmetric", "viscous", "cubic", "cube_root", "stribeck", "temperature")
         model = ModelOptions(payload=True, friction_terms=terms).build(arm.robot)
@@ -204,7 +206,7 @@ class TestBaseParameters:
         for group in ("payload", "friction"):
             assert set(model.parameter_names[groups[group]]) <= set(base.expressions)
 
-    def test_a_plain_armature_merges_as_a_rotor_does(self, arm: KnownArm) -> None:
+    def test_an_armature_merges_like_a_rotor(self, arm: KnownArm) -> None:
         robot = with_joints(arm.robot, rotor=None, armature=True)
         model = RobotModel.from_description(robot, friction=False, spring=False)
         base = base_parameters(model)

@@ -17,7 +17,7 @@ def robot():
     return load_robot("ir361")
 
 
-def test_by_default_the_robot_file_chooses(robot) -> None:
+def test_by_default_the_terms_of_the_robot_file_are_used(robot) -> None:
     model = ModelOptions().build(robot)
     assert model.parameter_names == RobotModel.from_description(robot).parameter_names
 
@@ -30,11 +30,11 @@ def test_friction_terms_replace_those_of_every_joint(robot) -> None:
     assert robot.joints[0].friction == ("coulomb", "viscous")
 
 
-def test_no_friction_terms_are_no_friction(robot) -> None:
+def test_an_empty_list_of_friction_terms_means_no_friction(robot) -> None:
     assert "friction" not in ModelOptions(friction_terms=()).build(robot).parameter_groups
 
 
-def test_a_payload_is_added_behind(robot) -> None:
+def test_the_payload_parameters_are_the_last(robot) -> None:
     model = ModelOptions(payload=True).build(robot)
     assert model.parameter_groups["payload"].stop == len(model.parameter_names)
 
@@ -46,6 +46,6 @@ def test_options_set_the_nonlinear_parameters(robot) -> None:
         ModelOptions(friction_terms=("stribeck",), nonlinear=(0.1,)).build(robot)
 
 
-def test_terms_of_contradicting_kinds_are_refused(robot) -> None:
+def test_contradictory_terms_are_refused(robot) -> None:
     with raises_code(EstimationError, "RID-OPTION-NAME"):
         ModelOptions(friction_terms=("asymmetric", "coulomb")).build(robot)

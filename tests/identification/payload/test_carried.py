@@ -1,4 +1,4 @@
-"""A payload as part of the last link: the same torques and variances as with its own columns."""
+"""Payload as part of the last link: the same torques and variances as with separate columns."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def torque_variance(estimate: Estimate, conditions: Conditions | None = None) ->
 
 
 @pytest.mark.parametrize(("change", "conditions"), [(carry_own, LOADED), (unloaded, Conditions())])
-def test_torques_and_their_variances_are_those_of_the_columns(
+def test_torques_and_their_variances_equal_those_of_separate_columns(
     alone: Estimate, change: Callable[[Estimate], Estimate], conditions: Conditions
 ) -> None:
     both = with_payload_columns(alone)
@@ -61,7 +61,7 @@ def test_torques_and_their_variances_are_those_of_the_columns(
         )
 
 
-def test_the_base_wrench_is_that_of_the_columns() -> None:
+def test_the_base_wrench_equals_that_of_separate_columns() -> None:
     both = with_payload_columns(known(load_cell("ir361"), {}), kind="combined")
     for change, conditions in ((carry_own, LOADED), (unloaded, Conditions())):
         np.testing.assert_allclose(
@@ -72,7 +72,7 @@ def test_the_base_wrench_is_that_of_the_columns() -> None:
         )
 
 
-def test_a_separate_payload_gives_the_torques_of_one_identified_with_the_robot(
+def test_a_separate_payload_gives_the_torques_of_a_payload_identified_with_the_robot(
     alone: Estimate,
 ) -> None:
     payload = estimate_of(load_cell("ir361"), ("loaded run",))

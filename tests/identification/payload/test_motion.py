@@ -1,4 +1,4 @@
-"""The motion that is searched for payload sessions."""
+"""Motion search for payload sessions."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def worth(search: PayloadSearch, motion: FourierMotion) -> float:
     return search.objective(search.coefficients_of(motion))
 
 
-def test_it_shows_payloads_much_better_than_a_motion_made_for_the_robot(
+def test_the_motion_determines_payloads_better_than_one_for_the_robot(
     search: PayloadSearch, found: FourierMotion
 ) -> None:
     general = design_two_harmonic(
@@ -42,11 +42,11 @@ def test_it_shows_payloads_much_better_than_a_motion_made_for_the_robot(
         TwoHarmonicOptions(PERIOD_S, highest_harmonic=6, limit_fraction=0.4, tries=20, seed=1),
         CYCLE_S,
     )
-    # The worth is the logarithm of a variance: a factor of 0.1 is 0.3 in standard deviation.
+    # The objective is the logarithm of a variance: -1 is a factor of 0.6 in standard deviation.
     assert worth(search, found) < worth(search, general) - 1.0
 
 
-def test_it_stays_within_its_shares_of_the_limits(
+def test_the_motion_keeps_its_fractions_of_the_limits(
     search: PayloadSearch, found: FourierMotion
 ) -> None:
     samples = found.plan(search.robot, CYCLE_S)
@@ -58,7 +58,7 @@ def test_it_stays_within_its_shares_of_the_limits(
         assert np.abs(samples.velocity[:, j]).max() <= search.speed_share * limits.velocity + 1e-4
 
 
-def test_no_motor_bears_more_for_long_than_it_can(
+def test_every_motor_keeps_its_continuous_torque(
     search: PayloadSearch, found: FourierMotion
 ) -> None:
     model = search.model.model
@@ -76,7 +76,7 @@ def test_no_motor_bears_more_for_long_than_it_can(
     assert (lasting <= 1.25 * LASTING_SHARE * limits).all()
 
 
-def test_it_keeps_clear_of_what_the_cell_file_tells() -> None:
+def test_the_motion_keeps_the_clearance_of_the_workspace() -> None:
     robot = load_robot("kr15")
     floor = Plane(name="floor", normal=(0.0, 0.0, 1.0), offset_m=0.3)
     low = PayloadSearch(robot, PERIOD_S, CYCLE_S, workspace=Workspace(planes=(floor,)))
@@ -95,7 +95,7 @@ def test_the_same_seed_gives_the_same_motion(search: PayloadSearch) -> None:
     assert one != other
 
 
-def test_where_there_is_no_room_it_says_so() -> None:
+def test_a_workspace_without_room_is_refused() -> None:
     wall = Plane(name="ceiling", normal=(0.0, 0.0, -1.0), offset_m=-0.4)
     with raises_code(ConfigError, "RID-DESIGN-NONE", "20"):
         design_payload_motion(

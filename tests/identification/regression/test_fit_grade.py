@@ -32,13 +32,13 @@ def test_more_than_a_third_of_the_torque_is_bad() -> None:
     assert graded(30.1) is Grade.BAD
 
 
-def test_what_noise_explains_is_no_misfit() -> None:
+def test_a_residual_at_the_noise_is_not_a_misfit() -> None:
     assert graded(50.0, noise=50.0) is Grade.GOOD
     assert graded(50.0, noise=45.0) is Grade.DOUBTFUL
     assert graded(50.0, noise=1.0) is Grade.BAD
 
 
-def test_a_joint_that_stands_still_has_no_grade() -> None:
+def test_a_joint_at_rest_has_no_grade() -> None:
     fits = grade_fit(JOINTS, np.array([math.nan, 1.0, 1.0]), np.array([math.nan, 0.0, 20.0]))
     assert [fit.grade for fit in fits] == [None, None, Grade.GOOD]
     assert [fit.percent for fit in fits] == [None, None, 5.0]
@@ -52,6 +52,6 @@ def test_the_worst_joint_decides() -> None:
     assert "90 % of the torque" in fits[1].reason
 
 
-def test_noise_widens_the_limit_of_a_validation() -> None:
+def test_noise_raises_the_limit_of_a_validation() -> None:
     limits = limit_share(np.array([10.0, 10.0]), np.array([0.0, 4.0]))
     np.testing.assert_allclose(limits, [0.3, 0.5])

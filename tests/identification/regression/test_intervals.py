@@ -1,4 +1,4 @@
-"""Intervals from clusters of residuals, judged by leaving clusters out for real."""
+"""Jackknife intervals from clusters of residuals, compared with actually removing clusters."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.builders.raised_codes import raises_code
 
 @pytest.fixture
 def lumps() -> tuple[np.ndarray, np.ndarray, list[slice]]:
-    """Three parameters, 30 clusters of 8 rows that share an error."""
+    """Three parameters, and 30 clusters of 8 rows with a common error."""
     random = np.random.default_rng(4)
     matrix = random.normal(size=(240, 3))
     error = np.repeat(random.normal(size=30), 8) + 0.1 * random.normal(size=240)
@@ -23,7 +23,7 @@ def lumps() -> tuple[np.ndarray, np.ndarray, list[slice]]:
     )
 
 
-def test_it_is_what_leaving_out_each_cluster_gives(lumps) -> None:
+def test_the_jackknife_equals_the_removal_of_each_cluster(lumps) -> None:
     matrix, rhs, clusters = lumps
     values = np.linalg.lstsq(matrix, rhs, rcond=None)[0]
     changes = []
@@ -40,8 +40,8 @@ def test_it_is_what_leaving_out_each_cluster_gives(lumps) -> None:
     assert found.clusters == 30
 
 
-def test_it_tells_lumps_from_independent_rows() -> None:
-    """A mean of 400 lumps of ten equal errors is as uncertain as 400 values are."""
+def test_clusters_are_distinguished_from_independent_rows() -> None:
+    """A mean of 400 clusters of ten equal errors is as uncertain as a mean of 400 values."""
     random = np.random.default_rng(2)
     error = np.repeat(random.normal(size=400), 10)
     ones = np.ones((len(error), 1))
@@ -52,7 +52,7 @@ def test_it_tells_lumps_from_independent_rows() -> None:
     assert sigma > 2.5 * np.sqrt(error.var() / len(error))
 
 
-def test_parameters_of_any_size_are_served_alike(lumps) -> None:
+def test_the_result_does_not_depend_on_the_units_of_parameters(lumps) -> None:
     matrix, rhs, clusters = lumps
     size = np.array([1e-6, 1.0, 1e6])
 
@@ -68,8 +68,8 @@ def test_parameters_of_any_size_are_served_alike(lumps) -> None:
 
 
 @pytest.mark.parametrize("clusters", [3, 5, 12])
-def test_two_sigma_hold_with_few_clusters(clusters: int) -> None:
-    """The mean of a few lumps lies within two quoted sigma as often as that of many does."""
+def test_two_sigma_cover_the_truth_with_few_clusters(clusters: int) -> None:
+    """The coverage of two sigma must be the same with few clusters as with many."""
     random = np.random.default_rng(clusters)
     inside = {"quoted": 0, "covariance": 0}
     ones = np.ones((10, 1))
@@ -83,11 +83,11 @@ def test_two_sigma_hold_with_few_clusters(clusters: int) -> None:
     assert inside["covariance"] < inside["quoted"] - 10
 
 
-def test_many_clusters_widen_nothing() -> None:
+def test_many_clusters_need_no_widening() -> None:
     assert widening(FEW_CLUSTERS) == 1.0
     assert widening(FEW_CLUSTERS - 1) == pytest.approx(1.04, abs=0.01)
 
 
-def test_a_single_stretch_says_nothing() -> None:
+def test_a_single_cluster_is_refused() -> None:
     with raises_code(EstimationError, "RID-RECORDING-SHORT"):
         jackknife(np.eye(1), [Cluster(np.eye(1), np.ones(1))])

@@ -20,7 +20,7 @@ def equations() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return matrix, matrix @ np.array([1.0, -2.0, 3.0]) + 0.1 * random.normal(size=200)
 
 
-def test_blocks_give_what_all_rows_at_once_do(
+def test_blocks_give_the_same_result_as_all_rows_at_once(
     equations: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> None:
     matrix, rhs = equations
@@ -35,7 +35,7 @@ def test_blocks_give_what_all_rows_at_once_do(
     assert triangle.residual_sum(expected) == pytest.approx(np.sum((rhs - matrix @ expected) ** 2))
 
 
-def test_a_channel_weighs_by_one_over_its_noise() -> None:
+def test_a_channel_is_weighted_by_the_inverse_of_its_noise() -> None:
     random = np.random.default_rng(1)
     matrix = random.normal(size=(2, 30, 3))
     rhs = random.normal(size=(2, 30))
@@ -48,7 +48,7 @@ def test_a_channel_weighs_by_one_over_its_noise() -> None:
     np.testing.assert_allclose(solution.values, expected, rtol=1e-12)
 
 
-def test_digits_survive_where_normal_equations_lose_them_all() -> None:
+def test_digits_are_kept_that_normal_equations_lose() -> None:
     # Laeuchli's matrix: A^T A is exactly singular in double precision.
     small = 1e-9
     matrix = np.vstack([np.ones((1, 3)), small * np.eye(3)])
@@ -59,7 +59,7 @@ def test_digits_survive_where_normal_equations_lose_them_all() -> None:
     np.testing.assert_allclose(values, truth, rtol=1e-5)
 
 
-def test_the_condition_number_is_of_the_columns_at_length_one() -> None:
+def test_the_condition_number_is_that_of_normalised_columns() -> None:
     matrix = np.eye(4)[:, :3] * np.array([1.0, 1e6, 1e-6])
     triangle = Triangle.empty(3).add(matrix, np.ones(4))
     assert solve([triangle], [1.0], NAMES).condition_number == pytest.approx(1.0)
@@ -71,13 +71,13 @@ def test_too_few_equations_are_refused() -> None:
         solve([triangle], [1.0], NAMES)
 
 
-def test_a_parameter_that_never_shows_is_named() -> None:
+def test_a_parameter_without_effect_is_named() -> None:
     matrix = np.random.default_rng(0).normal(size=(9, 3)) * np.array([1.0, 0.0, 1.0])
     with raises_code(EstimationError, "RID-MOTION-UNINFORMATIVE"):
         solve([Triangle.empty(3).add(matrix, np.ones(9))], [1.0], NAMES)
 
 
-def test_two_that_look_alike_are_named() -> None:
+def test_two_indistinguishable_parameters_are_named() -> None:
     matrix = np.random.default_rng(0).normal(size=(9, 3))
     matrix[:, 2] = 2.0 * matrix[:, 0]
     with raises_code(EstimationError, "RID-MOTION-UNINFORMATIVE") as caught:
@@ -85,7 +85,7 @@ def test_two_that_look_alike_are_named() -> None:
     assert re.search(r" (a, c|c, a)\b", str(caught.value))
 
 
-def test_columns_that_a_channel_does_not_depend_on_may_be_left_out(equations) -> None:
+def test_columns_without_effect_on_a_channel_can_be_omitted(equations) -> None:
     matrix, rhs = equations
     other = np.zeros((50, 3))
     other[:, 1] = np.linspace(1.0, 2.0, 50)

@@ -1,4 +1,4 @@
-"""The rules by which `--choose` keeps a term."""
+"""Rules by which `--choose` accepts a term."""
 
 from __future__ import annotations
 
@@ -18,31 +18,31 @@ BLOCKS = np.array([1.0, 1.1, 0.9, 1.05, 0.95, 1.0])
 NOISE = np.array([1.02, 0.98, 1.01, 0.99, 1.02, 0.98])
 
 
-def test_a_gain_is_that_of_the_rms_error() -> None:
+def test_a_gain_is_the_logarithm_of_the_ratio_of_rms_errors() -> None:
     gain = Gain.between(BLOCKS, BLOCKS / 1.21)
     assert math.isclose(gain.mean, math.log(1.1))
     assert gain.exceeds()
 
 
-def test_a_gain_within_its_standard_error_does_not_count() -> None:
+def test_a_gain_within_its_standard_error_is_ignored() -> None:
     assert not Gain.between(BLOCKS, BLOCKS * NOISE).exceeds()
 
 
-def test_a_gain_of_too_few_blocks_does_not_count() -> None:
+def test_a_gain_of_too_few_blocks_is_ignored() -> None:
     assert not Gain.between(BLOCKS[:3], 0.5 * BLOCKS[:3]).exceeds()
     assert not Gain.between(np.full(6, np.nan), BLOCKS).exceeds()
 
 
-def test_a_gain_below_the_least_gain_does_not_count() -> None:
+def test_a_gain_below_the_minimum_is_ignored() -> None:
     assert not Gain.between(BLOCKS, BLOCKS / 1.004).exceeds()
 
 
-def test_of_models_as_good_as_the_best_the_simplest_is_taken() -> None:
+def test_of_equally_good_models_the_simplest_is_chosen() -> None:
     assert simplest_model([BLOCKS, BLOCKS * NOISE]) == 0
     assert simplest_model([4.0 * BLOCKS, BLOCKS, BLOCKS * NOISE]) == 1
 
 
-def test_joints_are_judged_one_by_one() -> None:
+def test_each_joint_is_judged_separately() -> None:
     simpler, richer = (
         np.column_stack([BLOCKS, BLOCKS]),
         np.column_stack([BLOCKS * NOISE, 0.5 * BLOCKS]),
@@ -50,7 +50,7 @@ def test_joints_are_judged_one_by_one() -> None:
     np.testing.assert_array_equal(joints_that_gain(simpler, richer), [False, True])
 
 
-def test_few_blocks_widen_a_deviation() -> None:
+def test_few_blocks_increase_a_deviation() -> None:
     changes = np.tile([[1.0], [-1.0]], (10, 1))
     many = np.tile([[1.0], [-1.0]], (1000, 1))
     assert deviations(changes)[0] > 1.1 * math.sqrt(19.0)

@@ -1,4 +1,4 @@
-"""Held-out data ask for a friction term that the robot has and its file has not."""
+"""Suggestion of a friction term that the robot has and its file lacks, from held-out data."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ def suggested_terms(
     return further_term_findings(robot, [smooth_nonperiodic(recording, 10.0)], EstimationOptions())
 
 
-def test_nothing_is_asked_for_if_nothing_is_missing() -> None:
+def test_nothing_is_suggested_for_a_complete_model() -> None:
     assert suggested_terms(recorded(0.0)) == ()
 
 
-def test_a_missing_offset_is_asked_for_where_it_is() -> None:
+def test_a_missing_offset_is_suggested_for_its_joint() -> None:
     (finding,) = suggested_terms(recorded(15.0))
     assert "axis2: offset" in finding
     assert "axis1" not in finding

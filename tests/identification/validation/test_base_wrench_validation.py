@@ -37,7 +37,7 @@ def estimate(arm: KnownArm, weigh: Weigh) -> Estimate:
 
 @pytest.fixture(scope="module")
 def other(arm: KnownArm, weigh: Weigh) -> Recording:
-    """Another motion on a plate with offset, drift and a delay."""
+    """Return another motion on a plate with offset, drift and a delay."""
     motion = design_two_harmonic(
         arm.robot, TwoHarmonicOptions(7.0, highest_harmonic=5, tries=50, seed=5, periods=4), 0.008
     )
@@ -45,10 +45,10 @@ def other(arm: KnownArm, weigh: Weigh) -> Recording:
     return weigh(3, torque_filter=FILTER, periods=4, motion=motion, plate=plate)
 
 
-def test_the_reaction_is_predicted_as_well_as_the_truth_can(
+def test_the_reaction_is_predicted_as_well_as_with_true_parameters(
     cell: Any, estimate: Estimate, other: Recording
 ) -> None:
-    """Within 1.3 times the floor (issue 4), for the noise and for the true parameters."""
+    """Within 1.3 times the noise floor (issue 4), for estimated and for true parameters."""
     found = validate_base_wrench(estimate, other)
     truth = estimate.base.from_standard(true_parameters(estimate.model, cell.robot, cell.plant))
     floor = validate_base_wrench(replace(estimate, values=truth), other)
@@ -60,7 +60,7 @@ def test_the_reaction_is_predicted_as_well_as_the_truth_can(
     assert "2.0" in found.sentence
 
 
-def test_a_wrong_model_is_seen(estimate: Estimate, other: Recording) -> None:
+def test_a_wrong_model_fails_the_validation(estimate: Estimate, other: Recording) -> None:
     wrong = estimate.values.copy()
     wrong[estimate.base.names.index("sx2")] *= 1.05
     found = validate_base_wrench(replace(estimate, values=wrong), other)
@@ -68,7 +68,7 @@ def test_a_wrong_model_is_seen(estimate: Estimate, other: Recording) -> None:
     assert found.rms[4] > 3.0 * right.rms[4]
 
 
-def test_overloads_do_not_count(estimate: Estimate, other: Recording) -> None:
+def test_overloaded_samples_are_ignored(estimate: Estimate, other: Recording) -> None:
     reaction = other.reaction
     assert reaction is not None
     valid, channels = reaction.valid.copy(), reaction.channels_n.copy()
@@ -80,7 +80,7 @@ def test_overloads_do_not_count(estimate: Estimate, other: Recording) -> None:
     np.testing.assert_allclose(found.rms, plain.rms, rtol=0.1)
 
 
-def test_a_plate_that_was_mostly_in_overload_is_refused(
+def test_a_plate_that_was_mostly_overloaded_is_refused(
     estimate: Estimate, other: Recording
 ) -> None:
     reaction = other.reaction
@@ -91,7 +91,7 @@ def test_a_plate_that_was_mostly_in_overload_is_refused(
         validate_base_wrench(estimate, replace(other, reaction=replace(reaction, valid=valid)))
 
 
-def test_needs_a_plate_and_a_model_that_knows_it(
+def test_a_plate_and_a_combined_model_are_required(
     arm: KnownArm, estimate: Estimate, other: Recording
 ) -> None:
     with raises_code(DataQualityError, "RID-PLATE-MISSING"):

@@ -1,4 +1,4 @@
-"""The torque channel of single joints: its values keep their bounds, and most joints decide."""
+"""Torque channel of single joints: values within bounds, and a decision by most joints."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def equations(standstill_rad_s: float) -> CandidateEquations:
 
 @pytest.fixture(scope="module")
 def sticking() -> JointEquations:
-    """A joint that carries much weight, behind a lag: a negative delay would fit best."""
+    """A heavily loaded joint with a lag, for which a negative delay would fit best."""
     plain = equations(EstimationOptions().standstill_rad_s)
     grams = Grams.of(plain, TorqueChannel.none(3), 2.0)
     load = np.zeros(len(plain.base))
@@ -55,7 +55,7 @@ def sticking() -> JointEquations:
     return JointEquations(loaded, 1, FLEXIBLE, Reach(0.0, AFTER_STANDSTILL_S), 2.0)
 
 
-def test_a_joint_that_turns_round_between_two_rows_stands_there() -> None:
+def test_a_joint_that_reverses_between_two_rows_counts_as_slow() -> None:
     piece = equations(1e-6).pieces[0]
     turns = piece.speed[1:] * piece.speed[:-1] < 0.0
     assert np.count_nonzero(turns) > 20
@@ -63,7 +63,9 @@ def test_a_joint_that_turns_round_between_two_rows_stands_there() -> None:
     assert piece.slow[:-1][turns].all()
 
 
-def test_a_lag_beside_a_delay_at_its_bound_is_the_lag_alone(sticking: JointEquations) -> None:
+def test_with_the_delay_at_its_bound_the_lag_equals_that_without_a_delay(
+    sticking: JointEquations,
+) -> None:
     alone = fit_joint(sticking, {"lag": 0.02})
     both = fit_joint(sticking, {"delay": 0.0, "lag": 0.02})
     assert both.values_s["delay"] == 0.0
@@ -89,16 +91,16 @@ def widened(width_s: float, moving_error: float) -> JointChannel:
 NONE = [JointChannel({}, {}, np.ones(BLOCKS), 1.0)] * 3
 
 
-def test_a_joint_that_sticks_has_the_lag_that_most_joints_show() -> None:
+def test_a_joint_with_stiction_gets_its_lag_if_most_joints_show_one() -> None:
     found = accepted_channel([fitted(0.02, 0.1), fitted(0.021, 0.6), fitted(0.02, 1.2)], NONE)
     assert found.lag_s.tolist() == [0.02, 0.021, 0.02]
 
 
-def test_a_lag_that_few_joints_show_past_jumps_of_friction_is_none() -> None:
+def test_a_lag_that_few_joints_show_away_from_reversals_is_rejected() -> None:
     found = accepted_channel([fitted(0.02, 0.1), fitted(0.02, 1.1), fitted(0.02, 1.2)], NONE)
     assert not found.changes
 
 
-def test_a_zero_phase_filter_shows_past_jumps_of_friction_on_each_joint() -> None:
+def test_a_zero_phase_filter_needs_evidence_away_from_reversals_on_each_joint() -> None:
     found = accepted_channel([widened(0.02, 0.1), widened(0.02, 0.1), widened(0.02, 1.2)], NONE)
     assert found.width_s.tolist() == [0.02, 0.02, 0.0]

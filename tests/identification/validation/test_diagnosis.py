@@ -1,4 +1,4 @@
-"""Diagnoses of a prediction's error: each effect that a model lacks is named."""
+"""Diagnosis of a prediction error: the missing effect is named."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def estimate() -> Estimate:
 
 
 def validation(error: np.ndarray, noise: float | None = None) -> Validation:
-    """A prediction that is off by `error` on the first axis, and by white noise on the others."""
+    """Return a prediction with `error` on the first axis and white noise on the others."""
     time_s = STEP_S * np.arange(SAMPLES, dtype=np.float64)
     random = np.random.default_rng(0)
     phase = np.outer(time_s, [1.1, 1.7, 0.9]) * 2.0 * np.pi / 10.0
@@ -73,7 +73,7 @@ def validation(error: np.ndarray, noise: float | None = None) -> Validation:
     )
 
 
-def test_each_effect_that_the_model_lacks_is_named(estimate: Estimate) -> None:
+def test_each_missing_effect_is_named(estimate: Estimate) -> None:
     probe = validation(np.zeros(SAMPLES))
     v, load = probe.velocity[:, 0], probe.predicted_nm[:, 0]
     for shape, words, remedy in (
@@ -89,19 +89,19 @@ def test_each_effect_that_the_model_lacks_is_named(estimate: Estimate) -> None:
         assert second.suspect == ""
 
 
-def test_noise_is_called_noise(estimate: Estimate) -> None:
+def test_noise_is_diagnosed_as_noise(estimate: Estimate) -> None:
     for found in diagnose(estimate, validation(np.zeros(SAMPLES))):
         assert found.white_p > 0.001
         assert found.sentence.endswith("the residual looks like noise.")
 
 
-def test_an_error_at_the_floor_leaves_nothing_to_model(estimate: Estimate) -> None:
+def test_an_error_at_the_noise_floor_has_no_suspect(estimate: Estimate) -> None:
     first = diagnose(estimate, validation(np.zeros(SAMPLES), noise=1.0))[0]
     assert first.over_noise == pytest.approx(1.0, abs=0.1)
     assert first.sentence.endswith("down to the noise.")
 
 
-def test_a_slow_unknown_error_is_no_noise(estimate: Estimate) -> None:
+def test_a_slow_unknown_error_is_not_noise(estimate: Estimate) -> None:
     time_s = STEP_S * np.arange(SAMPLES, dtype=np.float64)
     first = diagnose(estimate, validation(6.0 * np.sin(23.0 * time_s)))[0]
     assert first.suspect == ""
@@ -109,13 +109,13 @@ def test_a_slow_unknown_error_is_no_noise(estimate: Estimate) -> None:
     assert "is not noise" in first.sentence
 
 
-def test_a_joint_that_stands_still_is_not_judged() -> None:
+def test_a_joint_at_rest_is_not_judged() -> None:
     still = JointDiagnosis("axis1", math.nan, None, math.nan, "", 0.0, "")
     assert "does not move" in still.sentence
 
 
 class TestLjungBox:
-    def test_white_residuals_reject_as_often_as_said(self) -> None:
+    def test_white_residuals_are_rejected_as_often_as_stated(self) -> None:
         random = np.random.default_rng(2)
         rejected = [ljung_box(random.normal(size=300)) < 0.05 for _ in range(400)]
         assert 0.02 < np.mean(rejected) < 0.09
@@ -124,6 +124,6 @@ class TestLjungBox:
         random = np.random.default_rng(2)
         assert ljung_box(np.cumsum(random.normal(size=300))) < 1e-12
 
-    def test_too_few_say_nothing(self) -> None:
+    def test_too_few_residuals_give_no_result(self) -> None:
         assert math.isnan(ljung_box(np.ones(10)))
         assert ljung_box(np.ones(100)) == 1.0

@@ -1,4 +1,4 @@
-"""Estimated friction of a model, and the conditions for which it is shown."""
+"""Friction curves of an estimate, and the conditions under which they apply."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ SPEED = np.array([-1.0, 0.3, 2.0])
 
 
 def loaded(estimate: Estimate, joint: int) -> Estimate:
-    """Return a model whose gear of one joint loses with the load too."""
+    """Return a model with load-dependent losses in the gear of one joint."""
     joints = list(estimate.robot.joints)
     joints[joint] = joints[joint].model_copy(update={"friction": (*joints[joint].friction, "load")})
     return replace(estimate, robot=estimate.robot.model_copy(update={"joints": tuple(joints)}))
 
 
-def test_friction_is_that_of_the_model() -> None:
+def test_friction_equals_that_of_the_model() -> None:
     estimate = known(CELL, {})
     values = dict(zip(estimate.base.names, estimate.values, strict=True))
     found = EstimatedFriction(estimate).torque(1, SPEED)
@@ -37,7 +37,7 @@ def test_friction_is_that_of_the_model() -> None:
 
 
 @pytest.mark.parametrize("measured", [True, False])
-def test_warmth_adds_nothing_and_is_told(measured: bool) -> None:
+def test_friction_is_without_warming_and_says_so(measured: bool) -> None:
     plain = EstimatedFriction(known(CELL, {}))
     warm = EstimatedFriction(by_temperature(CELL, measured=measured))
     np.testing.assert_allclose(warm.torque(0, SPEED), plain.torque(0, SPEED))
@@ -48,7 +48,7 @@ def test_warmth_adds_nothing_and_is_told(measured: bool) -> None:
     assert warm.conditions_in_words(2) == ""
 
 
-def test_what_load_adds_is_left_out_and_told() -> None:
+def test_load_dependent_friction_is_omitted_and_that_is_stated() -> None:
     estimate = known(CELL, {})
     friction = EstimatedFriction(loaded(estimate, 1))
     np.testing.assert_allclose(

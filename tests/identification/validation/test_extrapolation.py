@@ -1,4 +1,4 @@
-"""A spring's Fourier series says nothing outside the positions at which it was identified."""
+"""Fourier series of a spring: valid only within the positions of its identification."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ def fourier() -> Estimate:
     return fit_smoothed(robot.model_copy(update={"spring": spring}), [signals]).estimate()
 
 
-def test_the_estimate_remembers_its_positions(fourier: Estimate) -> None:
+def test_the_estimate_contains_its_range_of_positions(fourier: Estimate) -> None:
     q = motion(20.0, 1)[0]
     assert fourier.position_range is not None
     np.testing.assert_allclose(fourier.position_range, np.array([q.min(axis=0), q.max(axis=0)]).T)
 
 
-def test_positions_inside_are_no_extrapolation(fourier: Estimate) -> None:
+def test_positions_inside_the_range_are_no_extrapolation(fourier: Estimate) -> None:
     assert extrapolation_findings(fourier, 0.9 * motion(20.0, 1)[0]) == ()
 
 
-def test_positions_outside_are_named_with_their_joint(fourier: Estimate) -> None:
+def test_positions_outside_the_range_are_reported_with_their_joint(fourier: Estimate) -> None:
     (said,) = extrapolation_findings(fourier, 2.0 * motion(20.0, 1)[0])
     assert "axis2" in said
 
 
-def test_a_spring_between_two_points_is_none(fourier: Estimate) -> None:
+def test_a_physical_spring_can_be_extrapolated(fourier: Estimate) -> None:
     robot = load_robot("ir361")
     physical = fit_smoothed(robot, [signals_of(*motion(20.0, 1), motion(20.0, 1)[0])]).estimate()
     assert extrapolation_findings(physical, 2.0 * motion(20.0, 1)[0]) == ()

@@ -1,4 +1,4 @@
-"""Friction that drifts from period to period, found in a simulated recording."""
+"""Friction drift from period to period, detected in a simulated recording."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PERIOD, PERIODS = 500, 10
 
 @pytest.fixture
 def recording() -> Recording:
-    """Two axes with 20 N m of friction; the second's falls by a tenth over the run."""
+    """Two axes with 20 N m of friction; that of axis 2 falls by a tenth over the run."""
     rows = PERIOD * PERIODS
     random = np.random.default_rng(0)
     angle = 2.0 * np.pi * np.arange(rows) / PERIOD
@@ -40,7 +40,7 @@ def recording() -> Recording:
     )
 
 
-def test_the_axis_that_warms_up_is_found(recording: Recording) -> None:
+def test_the_warming_axis_is_detected(recording: Recording) -> None:
     steady, warming = friction_drift([recording])
     assert not steady.significant
     assert warming.significant
@@ -49,7 +49,7 @@ def test_the_axis_that_warms_up_is_found(recording: Recording) -> None:
     assert "b's friction fell by 8.9" in warming.sentence
 
 
-def test_a_period_with_missing_rows_does_not_count(recording: Recording) -> None:
+def test_a_period_with_missing_rows_is_ignored(recording: Recording) -> None:
     keep = np.ones(len(recording.time_s), bool)
     keep[PERIOD + 10 : PERIOD + 200] = False
     rows = {
@@ -67,6 +67,6 @@ def test_a_period_with_missing_rows_does_not_count(recording: Recording) -> None
     assert not friction_drift([replace(recording, **rows)])[0].significant
 
 
-def test_few_periods_or_none_say_nothing(recording: Recording) -> None:
+def test_too_few_periods_give_no_result(recording: Recording) -> None:
     assert friction_drift([replace(recording, samples_per_period=None)]) == ()
     assert friction_drift([replace(recording, samples_per_period=2 * 900)]) == ()

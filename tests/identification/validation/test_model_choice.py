@@ -1,4 +1,4 @@
-"""The torque channel and the friction of simulated arms come back, and nothing else does."""
+"""Choice of torque channel and friction terms: the true ones of simulated arms, and no others."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_a_filter_is_not_explained_by_friction() -> None:
 
 @cache
 def half_a_minute(cutoff_hz: float | None = None) -> SmoothedSignals:
-    """Return 14 s whose torques were smoothed without delay, if a frequency is given."""
+    """Return 14 s of torques, low-passed without phase shift if a cut-off is given."""
     driven = drive("three", "sines", 1, FRICTIONS["plain"], 14.0)
     if cutoff_hz is not None:
         sections = butter(2, cutoff_hz, fs=1.0 / STEP_S, output="sos")
@@ -94,7 +94,7 @@ def half_a_minute(cutoff_hz: float | None = None) -> SmoothedSignals:
     return smooth_nonperiodic(run, BAND_HZ)
 
 
-def test_half_a_minute_shows_a_filter_that_all_joints_share() -> None:
+def test_half_a_minute_is_enough_for_a_filter_common_to_all_joints() -> None:
     plain, found = (choose_model(robot(), [half_a_minute(hz)]) for hz in (None, 1.66))
     assert not plain.channel.changes
     assert (found.channel.kind, found.channel.order) == ("zero-phase", 2)
@@ -103,7 +103,7 @@ def test_half_a_minute_shows_a_filter_that_all_joints_share() -> None:
 
 
 @pytest.mark.parametrize("away_s", [1.0, 20.0])
-def test_a_filter_is_not_taken_without_rows_away_from_standstill(
+def test_a_filter_is_not_chosen_without_rows_away_from_standstill(
     away_s: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(common_filter, "AWAY", Reach(away_s, away_s))
@@ -111,7 +111,7 @@ def test_a_filter_is_not_taken_without_rows_away_from_standstill(
 
 
 def averaged(run: SmoothedSignals) -> SmoothedSignals:
-    """Return a recording whose torque is a moving average over 80 ms, as a PLC's scope writes."""
+    """Return a recording with the moving average of its torque over 80 ms, as from a PLC."""
     assert run.unfiltered is not None
     torque = run.unfiltered.torque_nm
     before = np.repeat(torque[:1], AVERAGE_ROWS, axis=0)
@@ -128,7 +128,7 @@ def test_a_moving_average_is_not_explained_by_friction() -> None:
     assert choice.channel.filters
 
 
-def test_without_a_known_clock_no_channel_is_fitted() -> None:
+def test_no_channel_is_fitted_without_a_known_clock() -> None:
     choice = choose_model(robot(), signals(Case("three", "plain", "delay", 1)), kinds=("none",))
     assert not choice.channel.changes
 
@@ -148,13 +148,13 @@ def test_a_recording_too_short_for_a_choice_is_refused() -> None:
         choose_model(robot(), [replace(run, unfiltered=short)])
 
 
-def test_tuning_and_judging_share_no_seed() -> None:
+def test_tuning_uses_seeds_of_its_own() -> None:
     quick = list(cases(TUNING_SEEDS, quick=True))
     assert len({case.seed for case in quick}) == 1
     assert len(list(cases(TUNING_SEEDS, quick=False))) == 84
 
 
-def test_an_estimate_keeps_its_channel(tmp_path: Path) -> None:
+def test_an_estimate_file_contains_its_channel(tmp_path: Path) -> None:
     way = remembering_motion(30.0, 1)
     estimate = fit_smoothed(
         with_presliding((1,), 0.01), [remembering_recording({}, way)]

@@ -23,9 +23,7 @@ if TYPE_CHECKING:
     from tests.identification.conftest import KnownArm
 
 
-def test_a_true_model_leaves_noise_and_no_more(
-    arm: KnownArm, measure: Callable[..., Recording]
-) -> None:
+def test_a_true_model_leaves_only_noise(arm: KnownArm, measure: Callable[..., Recording]) -> None:
     average = average_periods(measure(torque_filter=ButterworthFilter(order=8, cutoff_hz=40.0)))
     comparison = compare_period(fit_periodic(arm.robot, [average]).estimate(), average)
     samples, bins = average.samples_per_period, len(comparison.frequency_hz)
@@ -34,7 +32,7 @@ def test_a_true_model_leaves_noise_and_no_more(
     assert comparison.residual_spectrum_nm.shape == (bins, 3)
 
     error = comparison.measured_nm - comparison.predicted_nm
-    # The spectrum holds the same energy as the signal over time.
+    # The spectrum has the same energy as the signal over time.
     for signal, spectrum in (
         (error, comparison.residual_spectrum_nm),
         (comparison.measured_nm, comparison.measured_spectrum_nm),
@@ -55,7 +53,7 @@ def test_a_true_model_leaves_noise_and_no_more(
     assert (measured > 30.0 * noise).all()
 
 
-def test_what_gears_lose_is_in_the_prediction(
+def test_the_prediction_includes_gear_losses(
     arm: KnownArm, measure: Callable[..., Recording]
 ) -> None:
     joints = tuple(
@@ -76,7 +74,7 @@ def test_what_gears_lose_is_in_the_prediction(
     assert np.std(drawn - told) < 0.1 * np.std(told - without)
 
 
-def test_what_is_fitted_leaves_the_residual_of_the_estimate(
+def test_the_fitted_torque_leaves_the_residual_of_the_estimate(
     arm: KnownArm, measure: Callable[..., Recording]
 ) -> None:
     average = average_periods(measure())
@@ -89,10 +87,10 @@ def test_what_is_fitted_leaves_the_residual_of_the_estimate(
     )
     assert (estimate.left_out_fraction > 0.0).any()
     resting = np.where(comparison.counted, 0.0, left)
-    assert np.sum(resting**2) < 0.1 * np.sum(left**2)  # there the torque is free
+    assert np.sum(resting**2) < 0.1 * np.sum(left**2)  # the torque is free there
 
 
-def test_the_figure_states_the_rms_of_the_samples_that_it_draws_as_counted(
+def test_the_figure_states_the_rms_of_its_counted_samples(
     arm: KnownArm, measure: Callable[..., Recording]
 ) -> None:
     average = average_periods(measure())

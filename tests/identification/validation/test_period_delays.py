@@ -28,7 +28,7 @@ from tests.identification.conftest import CYCLE_S
 
 @pytest.fixture(scope="module")
 def sticking(cell: LoadedCell) -> Recording:
-    """Drive joints that stick at reversals, and otherwise obey the model."""
+    """Simulate joints that stick at reversals, and otherwise obey the model."""
     assert cell.plant is not None
     samples = MOTION.plan(cell.robot, CYCLE_S)
     return closed_loop(cell, cell.plant.without_unmodelled(), samples, 200)
@@ -44,7 +44,7 @@ def unmodelled(cell: LoadedCell) -> Recording:
 @pytest.mark.parametrize(
     "delay_ms", [(4.0, 2.0, -3.0), (0.5, 4.0, 2.0), (-3.0, 0.5, 4.0), (2.0, -3.0, 0.5)]
 )
-def test_delays_of_parts_of_a_sample_come_back(
+def test_delays_of_a_fraction_of_a_sample_are_recovered(
     cell: LoadedCell, sticking: Recording, delay_ms: tuple[float, ...]
 ) -> None:
     channel = choose_period_delays(robot_of(cell), [average_periods(late(sticking, delay_ms))])
@@ -56,7 +56,7 @@ def test_delays_of_parts_of_a_sample_come_back(
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_a_recording_in_time_has_none(cell: LoadedCell, seed: int) -> None:
+def test_an_undelayed_recording_has_no_delay(cell: LoadedCell, seed: int) -> None:
     assert cell.plant is not None
     samples = MOTION.plan(cell.robot, CYCLE_S)
     recording = closed_loop(cell, cell.plant.without_unmodelled(), samples, seed)
@@ -64,7 +64,7 @@ def test_a_recording_in_time_has_none(cell: LoadedCell, seed: int) -> None:
 
 
 @pytest.mark.parametrize("distances", [(None,) * 3, FOUND_M])
-def test_delays_come_back_from_joints_with_another_law(
+def test_delays_are_recovered_with_a_wrong_friction_law(
     cell: LoadedCell, unmodelled: Recording, distances: tuple[float | None, ...]
 ) -> None:
     robot, true_ms = with_presliding(robot_of(cell), distances), (4.0, 2.0, -3.0)
@@ -77,13 +77,13 @@ def test_delays_come_back_from_joints_with_another_law(
 
 
 @pytest.mark.parametrize("terms", [(), ("coulomb",), ("viscous",)])
-def test_what_wrong_friction_leaves_is_no_delay(
+def test_the_residual_of_wrong_friction_is_not_a_delay(
     cell: LoadedCell, unmodelled: Recording, terms: tuple[FrictionTerm, ...]
 ) -> None:
     assert not choose_period_delays(robot_of(cell, terms), [average_periods(unmodelled)]).changes
 
 
-def test_longer_than_a_quarter_of_the_shortest_period_is_no_delay(
+def test_a_delay_beyond_a_quarter_of_the_shortest_period_is_rejected(
     cell: LoadedCell, sticking: Recording
 ) -> None:
     """The band ends at 10 Hz; 96 ms are a whole period at that frequency."""
@@ -93,7 +93,7 @@ def test_longer_than_a_quarter_of_the_shortest_period_is_no_delay(
 
 
 def swinging(robot: RobotDescription, delay_s: float) -> Recording:
-    """Return periods of one axis that swings at one frequency, friction and inertia known."""
+    """Return periods of one axis that oscillates at one frequency with known parameters."""
     model = RobotModel.from_description(robot)
     true = {"Izz1": 8.0, "fc_axis1": 20.0, "fv_axis1": 25.0}
     values = np.array([true.get(name, 0.0) for name in model.parameter_names])
@@ -117,10 +117,10 @@ def swinging(robot: RobotDescription, delay_s: float) -> Recording:
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.004])
-def test_a_motion_that_does_not_tell_delay_from_friction_shows_none(
+def test_no_delay_is_found_if_the_motion_cannot_distinguish_it_from_friction(
     cell: LoadedCell, delay_s: float
 ) -> None:
-    """At one frequency the torque of an inertia that is late is the torque of viscous friction."""
+    """At one frequency, the delayed torque of an inertia equals that of viscous friction."""
     robot = robot_of(cell)
     kinematics = robot.kinematics.model_copy(update={"rows": robot.kinematics.rows[:1]})
     one = {"joints": robot.joints[:1], "spring": None, "kinematics": kinematics}
@@ -129,7 +129,7 @@ def test_a_motion_that_does_not_tell_delay_from_friction_shows_none(
     assert not choose_period_delays(robot, [average]).changes
 
 
-def test_a_period_in_time_gives_the_estimate_of_one_that_never_was_late(
+def test_the_corrected_period_gives_the_estimate_of_the_undelayed_one(
     cell: LoadedCell, sticking: Recording
 ) -> None:
     by_ms = (4.0, 0.0, -3.0)
@@ -144,7 +144,7 @@ def test_a_period_in_time_gives_the_estimate_of_one_that_never_was_late(
     assert np.any(np.abs(wrong.values - right.values) > 5.0 * right.sigma)
 
 
-def test_reversals_are_free_until_nothing_of_them_is_left(
+def test_torque_at_reversals_is_free_over_the_presliding_distance(
     cell: LoadedCell, sticking: Recording
 ) -> None:
     average = average_periods(sticking)
@@ -159,5 +159,5 @@ def test_reversals_are_free_until_nothing_of_them_is_left(
         if distance is None:
             np.testing.assert_array_equal(shares[0], fitted.equations[0].left_out_fraction)
     assert np.all(np.diff(shares, axis=0) > 0.0)
-    # The longest distance twice, at the speed with which joints turn round
+    # Twice the longest distance, at the speed of a reversal
     assert np.all(shares[2] < 0.2)

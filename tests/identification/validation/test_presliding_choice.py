@@ -34,13 +34,13 @@ EXPERIMENTS = [
 
 @pytest.fixture(scope="module")
 def choice() -> PreslidingChoice:
-    """Axis 2 remembers by Iwan's many pieces, axis 3 by Dahl's law, axis 1 slides at once."""
+    """Axis 2 has Iwan presliding, axis 3 follows Dahl's law, axis 1 slides at once."""
     q = WAY[0]
     directions = {1: iwan(q[:, 1], DISTANCE), 2: dahl(q[:, 2], DISTANCE / 3.0)}
     return choose_presliding(arm(), [recording(directions, WAY)])
 
 
-def test_the_joints_that_remember_get_it(choice: PreslidingChoice) -> None:
+def test_joints_with_presliding_get_the_term_and_their_distance(choice: PreslidingChoice) -> None:
     first, second, third = choice.distances
     assert first is None
     assert second == pytest.approx(DISTANCE, rel=0.1)
@@ -50,14 +50,14 @@ def test_the_joints_that_remember_get_it(choice: PreslidingChoice) -> None:
     assert np.all(remembering[1:] < 0.7 * without[1:])
 
 
-def test_the_robot_carries_the_choice(choice: PreslidingChoice) -> None:
+def test_the_chosen_robot_has_the_terms(choice: PreslidingChoice) -> None:
     robot = choice.robot(arm())
     assert [("presliding" in joint.friction) for joint in robot.joints] == [False, True, True]
     assert robot.joints[1].presliding_distance == choice.distances[1]
     assert choice.robot(robot) == robot
 
 
-def test_all_of_their_friction_gives_way_where_the_data_show_nothing_else(
+def test_the_presliding_fraction_is_1_without_evidence_for_rigid_friction(
     choice: PreslidingChoice,
 ) -> None:
     assert choice.shares[:2] == (1.0, 1.0)
@@ -69,7 +69,7 @@ def partly(q: FloatArray, share: float) -> FloatArray:
     return share * iwan(q, DISTANCE) + (1.0 - share) * iwan(q, AT_ONCE, elements=1)
 
 
-def test_a_share_that_holds_at_once_is_told() -> None:
+def test_a_rigid_fraction_of_friction_is_recovered() -> None:
     q = WAY[0]
     directions = {1: partly(q[:, 1], 0.4), 2: iwan(q[:, 2], DISTANCE)}
     chosen = choose_presliding(arm(), [recording(directions, WAY)])
@@ -81,17 +81,17 @@ def test_a_share_that_holds_at_once_is_told() -> None:
     assert robot.joints[1].presliding_share == chosen.shares[1]
 
 
-def test_a_robot_that_slides_at_once_gets_none() -> None:
+def test_a_robot_without_presliding_gets_no_term() -> None:
     assert choose_presliding(arm(), [recording({}, WAY)]).distances == (None, None, None)
 
 
-def test_a_recording_in_one_piece_is_refused() -> None:
+def test_a_recording_that_cannot_be_split_is_refused() -> None:
     with raises_code(EstimationError, "RID-RECORDING-SHORT"):
         choose_presliding(arm(), [recording({}, WAY)], folds=1)
 
 
 def recovered(seed: int) -> tuple[FloatArray, FloatArray]:
-    """Return the distances of axes 2 and 3 and their deviations from one experiment."""
+    """Return the distances of axes 2 and 3 and their deviations in one experiment."""
     way = motion(20.0, seed)
     q = way[0]
     directions = {1: iwan(q[:, 1], DISTANCE), 2: iwan(q[:, 2], DISTANCE / 4.0)}
@@ -101,7 +101,7 @@ def recovered(seed: int) -> tuple[FloatArray, FloatArray]:
 
 
 def shared(seed: int) -> tuple[FloatArray, FloatArray]:
-    """Return distance and share of axis 2 and their deviations from one experiment."""
+    """Return distance and fraction of axis 2 and their deviations in one experiment."""
     way = motion(40.0, seed)
     measured = recording({1: partly(way[0][:, 1], 0.5)}, way, noise_nm=6.0, seed=seed)
     robot = with_presliding((1,), 0.01, share=0.7)
@@ -110,7 +110,7 @@ def shared(seed: int) -> tuple[FloatArray, FloatArray]:
 
 
 @pytest.mark.parametrize("experiments", EXPERIMENTS)
-def test_two_sigma_hold_the_shares(experiments: int) -> None:
+def test_two_sigma_cover_the_presliding_fractions(experiments: int) -> None:
     found = [shared(seed) for seed in range(experiments)]
     values, sigmas = np.array([f[0] for f in found]), np.array([f[1] for f in found])
     assert np.mean(np.abs(values - [DISTANCE, 0.5]) < 2.0 * sigmas) >= 0.9
@@ -118,7 +118,7 @@ def test_two_sigma_hold_the_shares(experiments: int) -> None:
 
 
 def paused(measured: SmoothedSignals, seconds: float) -> SmoothedSignals:
-    """Return a recording that ends with a rest, at which the motors relax by a fifth."""
+    """Return a recording that ends with a rest, in which the motors' torques fall by a fifth."""
     rows = round(seconds / STEP_S)
 
     def resting(values: FloatArray, factor: float) -> FloatArray:
@@ -139,20 +139,20 @@ def held(experiments: int) -> tuple[float, FloatArray]:
     return float(np.mean(np.abs(values - truth) < 2.0 * sigmas)), np.mean(sigmas, axis=0)
 
 
-def test_its_distance_lies_within_its_interval() -> None:
+def test_the_distance_is_within_its_interval() -> None:
     share, sigma = held(4)
     assert share >= 0.75
     assert np.all(sigma < 0.2 * DISTANCE), "an interval that says nothing holds everything"
 
 
 @pytest.mark.parametrize("experiments", EXPERIMENTS)
-def test_two_sigma_hold_the_distances(experiments: int) -> None:
+def test_two_sigma_cover_the_distances(experiments: int) -> None:
     share, _ = held(experiments)
     assert share >= 0.9
 
 
-def test_a_pause_counts_the_same_however_long_it_is() -> None:
-    """A minute of rest is one observation, not thousands: it may not outvote what moves."""
+def test_a_pause_has_the_same_weight_for_any_duration() -> None:
+    """A minute of rest is one observation, not thousands, so it cannot dominate the motion."""
     q = WAY[0]
     measured = recording({1: iwan(q[:, 1], DISTANCE)}, WAY)
     robot = with_presliding((1,), 0.01)

@@ -42,7 +42,7 @@ def validation(identified: Estimate, other_run: Recording) -> Validation:
     return validate_torques(identified, other_run, limits_percent=(10.0, 10.0, 10.0))
 
 
-def test_an_estimate_predicts_another_run_as_well_as_the_truth_does(
+def test_an_estimate_predicts_another_run_as_well_as_true_parameters(
     arm: KnownArm, identified: Estimate, other_run: Recording, validation: Validation
 ) -> None:
     truth = validate_torques(replace(identified, values=arm.base), other_run)
@@ -51,7 +51,7 @@ def test_an_estimate_predicts_another_run_as_well_as_the_truth_does(
     assert validation.passed is True
 
 
-def test_errors_are_those_of_the_moving_samples(validation: Validation) -> None:
+def test_errors_are_those_of_moving_samples(validation: Validation) -> None:
     error = validation.measured_nm - validation.predicted_nm
     for joint in range(3):
         rows = validation.counted[:, joint]
@@ -64,32 +64,32 @@ def test_errors_are_those_of_the_moving_samples(validation: Validation) -> None:
     assert (validation.all_samples_percent > validation.relative_percent).all()
 
 
-def test_a_limit_exceeded_fails_the_run(identified: Estimate, other_run: Recording) -> None:
+def test_an_exceeded_limit_fails_the_run(identified: Estimate, other_run: Recording) -> None:
     strict = validate_torques(identified, other_run, limits_percent=(10.0, 0.01, 10.0))
     assert strict.verdicts == (True, False, True)
     assert strict.passed is False
     assert validate_torques(identified, other_run).passed is None
 
 
-def test_the_lag_of_the_anti_alias_filter_is_taken_out(
+def test_the_lag_of_the_anti_alias_filter_is_compensated(
     identified: Estimate, other_run: Recording, validation: Validation
 ) -> None:
     believed = validate_torques(identified, replace(other_run, torque_filter=None))
     assert (believed.rms_nm > 3.0 * validation.rms_nm).all()
 
 
-def test_the_noise_floor_is_what_is_left_of_it_inside_the_band(
+def test_the_noise_floor_is_the_noise_within_the_band(
     identified: Estimate, other_run: Recording
 ) -> None:
     result = validate_torques(
         identified, other_run, cutoff_hz=10.0, noise_nm=np.array([1.0, 2.0, 3.0])
     )
     assert result.noise_nm is not None
-    # 10 Hz of the 62.5 Hz that white noise spreads over.
+    # 10 Hz of the 62.5 Hz over which white noise is spread
     np.testing.assert_allclose(result.noise_nm, np.sqrt(0.16) * np.array([1.0, 2.0, 3.0]))
 
 
-def test_a_joint_that_never_moves_has_no_error_and_no_verdict(
+def test_a_joint_at_rest_has_no_error_and_no_verdict(
     arm: KnownArm, identified: Estimate, measure: Measure
 ) -> None:
     still = arm.motion.joints[1].model_copy(update={"sine": (0.0,), "cosine": (0.0,)})

@@ -1,4 +1,4 @@
-"""The motion before a recording is unknown: samples that depend on it are not judged."""
+"""Samples whose presliding state depends on the unknown motion before a recording are skipped."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ BEGIN = 400
 
 
 def way_of(seconds: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return q, v, a of axes that go steadily for four seconds, and then to and fro."""
+    """Return q, v, a of axes that move steadily for 4 s and then oscillate."""
     t = STEP_S * np.arange(round(seconds / STEP_S), dtype=np.float64)[:, np.newaxis]
     speed, omega, turns = np.array([0.2, 0.3, 0.25]), 2.0 * np.pi * 0.2, np.maximum(t - 4.0, 0.0)
     q = speed * (np.minimum(t, 4.0) + np.sin(omega * turns) / omega)
@@ -55,7 +55,7 @@ def directions(q: FloatArray) -> dict[int, FloatArray]:
 
 @pytest.fixture(scope="module")
 def identified() -> Estimate:
-    """Of an arm whose second axis remembers."""
+    """Estimate of an arm with presliding in the second axis."""
     way = motion(40.0, 1)
     return fit_smoothed(
         with_presliding([1], DISTANCE), [recording(directions(way[0]), way)]
@@ -69,7 +69,7 @@ def whole(identified: Estimate) -> Validation:
 
 @pytest.fixture(scope="module")
 def begun_in_motion(identified: Estimate) -> Validation:
-    """The same recording, which begins while the second axis is sliding."""
+    """The same recording, but it starts while the second axis is sliding."""
     later = measured(directions(WAY[0]), WAY, rows=slice(BEGIN, None))
     return validate_torques(identified, later, cutoff_hz=CUTOFF_HZ)
 
@@ -78,7 +78,7 @@ def error(validation: Validation) -> FloatArray:
     return validation.measured_nm - validation.predicted_nm
 
 
-def test_a_recording_that_begins_in_motion_is_judged_from_where_friction_is_known(
+def test_a_recording_that_starts_in_motion_is_judged_after_the_state_is_known(
     whole: Validation, begun_in_motion: Validation
 ) -> None:
     own, rows = error(begun_in_motion)[:, 1], len(begun_in_motion.time_s)
@@ -91,7 +91,7 @@ def test_a_recording_that_begins_in_motion_is_judged_from_where_friction_is_know
     )
 
 
-def test_all_samples_are_all_that_are_known(begun_in_motion: Validation) -> None:
+def test_the_error_of_all_samples_uses_all_known_samples(begun_in_motion: Validation) -> None:
     known = begun_in_motion.known[:, 1]
     own, torque = error(begun_in_motion)[known, 1], begun_in_motion.measured_nm[known, 1]
     assert begun_in_motion.all_samples_percent[1] == pytest.approx(
@@ -101,26 +101,28 @@ def test_all_samples_are_all_that_are_known(begun_in_motion: Validation) -> None
     assert known[-1]
 
 
-def test_joints_without_memory_are_judged_on_all_that_moves(begun_in_motion: Validation) -> None:
+def test_joints_without_presliding_are_judged_on_all_moving_samples(
+    begun_in_motion: Validation,
+) -> None:
     for joint in (0, 2):
         assert begun_in_motion.known[:, joint].all()
         assert (begun_in_motion.counted == begun_in_motion.moving)[:, joint].all()
 
 
-def test_what_is_not_known_spreads_with_the_low_pass(begun_in_motion: Validation) -> None:
+def test_unknown_samples_extend_by_the_length_of_the_low_pass(begun_in_motion: Validation) -> None:
     first = reached_from(BEGIN)
     known_s = begun_in_motion.time_s[np.argmax(begun_in_motion.known[:, 1])]
     assert known_s == pytest.approx(STEP_S * (first + SPREAD), abs=2.0 * STEP_S)
 
 
 def reached_from(start: int) -> int:
-    """Return the row at which the second axis has gone far enough since one."""
+    """Return the first row at which the second axis has moved far enough since `start`."""
     position = WAY[0][start:, 1]
     reached = np.maximum.accumulate(position) - np.minimum.accumulate(position)
     return int(np.argmax(reached >= 2.0 * DISTANCE))
 
 
-def test_after_a_gap_it_is_not_known_again(identified: Estimate) -> None:
+def test_after_a_gap_the_state_is_unknown_again(identified: Estimate) -> None:
     recorded = measured(directions(WAY[0]), WAY)
     valid = recorded.valid.copy()
     valid[BEGIN - 100 : BEGIN] = False
@@ -137,7 +139,7 @@ def test_after_a_gap_it_is_not_known_again(identified: Estimate) -> None:
     assert np.abs(error(result)[beyond][result.counted[beyond, 1], 1]).max() < 3.0
 
 
-def test_two_models_are_compared_on_what_counts_for_both(
+def test_two_models_are_compared_on_samples_that_count_for_both(
     identified: Estimate, begun_in_motion: Validation
 ) -> None:
     way = motion(40.0, 1)
@@ -154,7 +156,7 @@ def test_two_models_are_compared_on_what_counts_for_both(
     assert both[0, 1] == pytest.approx(100.0 * rms / torque)
 
 
-def test_report_and_curves_say_how_much_is_left_out(
+def test_report_and_curves_state_the_number_of_skipped_samples(
     identified: Estimate, begun_in_motion: Validation
 ) -> None:
     section = ValidationSection.of(begun_in_motion, arm(), "Another run.")
@@ -174,7 +176,7 @@ def test_report_and_curves_say_how_much_is_left_out(
     assert found.relative_percent == begun_in_motion.relative_percent[1]
 
 
-def test_a_result_of_an_earlier_version_is_read_and_none_left_out_is_not_written() -> None:
+def test_an_earlier_result_without_the_number_of_skipped_samples_is_unchanged() -> None:
     earlier = {
         "joint": "axis1", "unit": "N m", "rms_torque": 9.0, "rms_error": 1.0,
         "relative_error_percent": 11.0, "all_samples_percent": 12.0, "noise": None,
@@ -186,7 +188,7 @@ def test_a_result_of_an_earlier_version_is_read_and_none_left_out_is_not_written
     assert axis.model_dump() == earlier
 
 
-def test_a_recording_that_shows_no_friction_is_refused(identified: Estimate) -> None:
+def test_a_recording_without_known_friction_is_refused(identified: Estimate) -> None:
     q, v, a = (values.copy() for values in WAY)
     q[:, 0], q[:, 2] = 0.0, 0.0
     turns = 0.4 * DISTANCE

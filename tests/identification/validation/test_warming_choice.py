@@ -1,4 +1,4 @@
-"""Joints that warm up are found by their friction only if it shows the warming."""
+"""Warming joints are detected by their friction only if it shows the warming."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def warm() -> SmoothedSignals:
 
 @pytest.fixture(scope="module")
 def found(warm: SmoothedSignals) -> Warming:
-    """Axes 1 and 3 warm up by friction and copper losses, axis 2 stays as it is."""
+    """Warming of axes 1 and 3 by friction and copper losses; axis 2 does not warm up."""
     warming = choose_warming(arm(), [warm])
     assert warming is not None
     return warming
@@ -60,16 +60,16 @@ def error_nm(estimate: Estimate, signals: SmoothedSignals) -> FloatArray:
     return np.asarray(np.sqrt(np.sum(error**2 * moving, axis=0) / moving.sum(axis=0)))
 
 
-def test_the_joints_that_warm_up_are_found_and_no_others(found: Warming) -> None:
+def test_exactly_the_warming_joints_are_found(found: Warming) -> None:
     assert found.joints.tolist() == [True, False, True]
     terms = ["temperature" in joint.friction for joint in found.robot(arm()).joints]
     assert terms == [True, False, True]
 
 
-def test_the_time_constant_is_that_of_friction_that_heats_less_as_it_falls(
+def test_the_time_constant_includes_the_feedback_of_falling_friction(
     found: Warming, warm: SmoothedSignals
 ) -> None:
-    """Heat P (1 - k x) with a rise x settles by 1 + k P R faster than the motor's own constant."""
+    """With heat P (1 - k x), a rise x settles 1 + k P R times faster than the motor alone."""
     factor = settled_factor(warm, TIME_CONSTANTS_S)
     for joint in (0, 2):
         own = TIME_CONSTANTS_S[joint]
@@ -88,7 +88,7 @@ def test_another_recording_is_predicted_better(found: Warming, warm: SmoothedSig
 
 
 @pytest.mark.parametrize(("seconds", "seed"), [(40.0, 1), (90.0, 2), (90.0, 3), (200.0, 4)])
-def test_a_robot_that_stays_as_it_is_is_not_said_to_warm_up(seconds: float, seed: int) -> None:
+def test_a_robot_that_does_not_warm_up_is_not_reported(seconds: float, seed: int) -> None:
     assert choose_warming(arm(), [recording(seconds, (None, None, None), seed=seed)]) is None
 
 
@@ -97,7 +97,7 @@ def test_measured_temperatures_are_not_replaced(warm: SmoothedSignals) -> None:
     assert choose_warming(arm(), [measured]) is None
 
 
-def test_the_rise_is_that_of_the_friction_power_and_its_slope_the_difference() -> None:
+def test_rise_and_slope_follow_from_the_friction_power() -> None:
     signals = recording(30.0, (None, None, None))
     own = np.full(3, 12.0)
     still = Warming(own, np.zeros(3), np.full(3, COULOMB_NM), np.full(3, VISCOUS_NM_S))
@@ -120,7 +120,7 @@ def test_the_rise_is_that_of_the_friction_power_and_its_slope_the_difference() -
     np.testing.assert_allclose(slope - reference, (longer - rise) / 1e-4, atol=1e-4)
 
 
-def test_over_a_gap_a_joint_cools() -> None:
+def test_a_joint_cools_during_a_gap() -> None:
     signals = recording(30.0, (None, None, None))
     half = len(signals) // 2
     late = signals.time_s + np.where(np.arange(len(signals)) < half, 0.0, 120.0)
@@ -132,7 +132,7 @@ def test_over_a_gap_a_joint_cools() -> None:
     np.testing.assert_allclose(rise[half], np.exp(-(120.0 + STEP_S) / 20.0) * rise[half - 1])
 
 
-def test_the_file_keeps_how_joints_warm_up(
+def test_the_file_contains_the_warming_parameters(
     found: Warming, warm: SmoothedSignals, tmp_path: Path
 ) -> None:
     estimate = fitted(found, warm)

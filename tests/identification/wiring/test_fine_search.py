@@ -1,4 +1,4 @@
-"""Mistakes that a plain fit hardly shows are found by a fit with flexible friction."""
+"""Mistakes that hardly affect a plain fit are found by a fit with flexible friction."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def one(robot: RobotDescription, kind: MistakeKind, what: str = "", *joints: int
     )
 
 
-def test_nothing_is_found_in_a_sound_arms_signals(arm: WiredSignals) -> None:
+def test_nothing_is_found_in_correct_signals(arm: WiredSignals) -> None:
     assert find_fine_mistake(arm) is None
 
 
@@ -62,7 +62,7 @@ def test_nothing_is_found_in_a_sound_arms_signals(arm: WiredSignals) -> None:
         (MistakeKind.CLOCK, "", ()),
     ],
 )
-def test_what_hides_behind_friction_is_found(
+def test_a_mistake_masked_by_friction_is_found(
     arm: WiredSignals, kind: MistakeKind, what: str, joints: tuple[int, ...]
 ) -> None:
     made = one(arm.robot, kind, what, *joints)
@@ -72,10 +72,10 @@ def test_what_hides_behind_friction_is_found(
     assert fine.ratio < 0.9
 
 
-def test_lengths_of_0_6_times_the_right_ones_are_found_in_a_real_recording(
+def test_lengths_of_0_6_times_the_true_ones_are_found_in_a_real_recording(
     recorded: WiredSignals,
 ) -> None:
-    """The residual of a plain fit, 3 to 7 % of the torques, does not rise by a tenth."""
+    """The residual of a plain fit, 3 to 7 % of the torques, increases by less than a tenth."""
     wrong = replace(recorded, robot=with_lengths(recorded.robot, 0.6))
     fine = find_fine_mistake(wrong)
     assert find_fine_mistake(recorded) is None
@@ -85,7 +85,7 @@ def test_lengths_of_0_6_times_the_right_ones_are_found_in_a_real_recording(
 
 
 @pytest.mark.slow
-def test_another_arms_table_is_named_and_no_advice_on_torques_is_given(
+def test_the_table_of_another_arm_is_named_without_advice_on_torques(
     recorded: WiredSignals,
 ) -> None:
     other = {"kinematics": load_robot("kr15").kinematics, "cad": None}
@@ -95,7 +95,7 @@ def test_another_arms_table_is_named_and_no_advice_on_torques_is_given(
     assert found.alternatives == ()
 
 
-def test_too_few_rows_show_nothing(arm: WiredSignals) -> None:
+def test_too_few_rows_give_no_result(arm: WiredSignals) -> None:
     few = {
         name: getattr(arm, name)[:15]
         for name in ("position", "velocity", "acceleration", "torque_nm")

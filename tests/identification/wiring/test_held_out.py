@@ -1,4 +1,4 @@
-"""A robot file with wrong lengths predicts the torques of the fit, but no held-out ones."""
+"""A robot file with wrong lengths predicts fitted torques, but not held-out ones."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from identification.wiring.held_out import held_out_share
 from identification.wiring.signals import WiredSignals
 from identification.wiring.trial import CondensedEquations
 
-PERIOD = 1000  # rows of the motion's period
+PERIOD = 1000  # rows per period of the motion
 
 
 def signals_of(sound: SoundRecording, rows: int | None = None) -> WiredSignals:
@@ -31,14 +31,12 @@ def sound(request: pytest.FixtureRequest) -> SoundRecording:
 
 
 @pytest.mark.parametrize("rows", [PERIOD, None])
-def test_a_sound_robot_holds_on_parts_that_were_left_out(
-    sound: SoundRecording, rows: int | None
-) -> None:
+def test_a_correct_robot_predicts_held_out_parts(sound: SoundRecording, rows: int | None) -> None:
     assert held_out_share(signals_of(sound, rows)).max() < 0.5 * BAD_SHARE
 
 
 @pytest.mark.parametrize("rows", [PERIOD, None])
-def test_another_robots_file_does_not_even_where_the_motion_repeats(
+def test_the_file_of_another_robot_fails_on_held_out_parts_of_a_periodic_motion(
     sound: SoundRecording, rows: int | None
 ) -> None:
     other = load_robot({"kr15": "ur10e", "ur10e": "kr15"}[sound.robot.name])
@@ -48,14 +46,14 @@ def test_another_robots_file_does_not_even_where_the_motion_repeats(
     assert np.any((fitted < BAD_SHARE) & (left_out > BAD_SHARE))
 
 
-def test_joints_that_stand_still_tell_nothing() -> None:
+def test_joints_at_rest_give_no_result() -> None:
     sound = sound_run(load_robot("ir361"), np.random.default_rng(1))
     signals = signals_of(sound, PERIOD)
     still = replace(signals, velocity=0.0 * signals.velocity, moving=signals.moving & False)
     assert held_out_share(still).tolist() == [0.0, 0.0, 0.0]
 
 
-def test_what_is_doubtful_is_bad_where_it_does_not_hold_on_what_was_left_out() -> None:
+def test_a_doubtful_fit_is_bad_if_it_fails_on_held_out_parts() -> None:
     residual, torque = np.array([2.8, 2.8, 0.5]), np.full(3, 10.0)
     fits = grade_fit("abc", residual, torque, held_out_share=np.array([0.29, 0.46, 0.46]))
     assert [each.grade for each in fits] == [Grade.DOUBTFUL, Grade.BAD, Grade.GOOD]

@@ -1,4 +1,4 @@
-"""Torques that no robot has: they are named, and what is proposed instead is possible."""
+"""Impossible torques are named, and the proposed corrections are possible."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from tests.identification.wiring.test_search import wired
 
 @pytest.fixture(scope="module")
 def arm() -> WiredSignals:
-    """Six axes whose drawings say what they weigh, within a factor of two."""
+    """Six axes with link masses from CAD, correct within a factor of two."""
     signals = wired(sound_run(load_robot("ur10e"), np.random.default_rng(4)))
     weight = CondensedEquations.of(replace(signals, robot=_drawn(signals, 1.0))).weight(np.eye(6))
     assert weight is not None
@@ -43,7 +43,7 @@ def _drawn(signals: WiredSignals, share: float) -> RobotDescription:
     return signals.robot.model_copy(update={"cad": links})
 
 
-def test_a_sound_arm_weighs_what_its_drawings_say(arm: WiredSignals) -> None:
+def test_the_weight_of_a_correct_arm_agrees_with_its_cad_data(arm: WiredSignals) -> None:
     driving, weight = find_impossibilities(arm)
     assert driving == ()
     assert weight is not None
@@ -52,7 +52,7 @@ def test_a_sound_arm_weighs_what_its_drawings_say(arm: WiredSignals) -> None:
     assert weight.share == pytest.approx(1.0, abs=0.3)
 
 
-def test_all_torques_reversed_have_driving_friction_and_less_weight_than_none(
+def test_reversed_torques_have_driving_friction_and_negative_weight(
     arm: WiredSignals,
 ) -> None:
     driving, weight = find_impossibilities(replace(arm, torque_nm=-arm.torque_nm))
@@ -63,7 +63,7 @@ def test_all_torques_reversed_have_driving_friction_and_less_weight_than_none(
 
 
 @pytest.mark.parametrize("joints", [(), (1, 2), (0, 1, 2, 3, 4)])
-def test_a_set_of_torques_reversed_is_found_at_once(
+def test_several_reversed_torques_are_found_at_once(
     arm: WiredSignals, joints: tuple[int, ...]
 ) -> None:
     torque_nm = arm.torque_nm.copy()
@@ -72,7 +72,7 @@ def test_a_set_of_torques_reversed_is_found_at_once(
     assert (found.mistake.kind, found.mistake.joints) == (MistakeKind.TORQUE_SIGN, joints)
 
 
-def test_three_axes_in_a_cycle_are_found(arm: WiredSignals) -> None:
+def test_three_cyclically_swapped_axes_are_found(arm: WiredSignals) -> None:
     order = [1, 2, 0, 3, 4, 5]
     moved = (arm.position, arm.velocity, arm.acceleration, arm.torque_nm)
     q, v, a, torque_nm = (each[:, order] for each in moved)
@@ -86,9 +86,7 @@ def test_three_axes_in_a_cycle_are_found(arm: WiredSignals) -> None:
 
 
 @pytest.mark.parametrize("degrees", [10.0, 30.0])
-def test_a_base_that_is_tilted_is_found_with_its_direction(
-    arm: WiredSignals, degrees: float
-) -> None:
+def test_a_tilted_base_is_found_with_its_direction(arm: WiredSignals, degrees: float) -> None:
     tilt = math.radians(degrees)
     gravity = (0.0, 9.81 * math.sin(tilt), -9.81 * math.cos(tilt))
     tilted = arm.robot.model_copy(update={"gravity_m_s2": gravity})
@@ -104,10 +102,10 @@ def test_a_base_that_is_tilted_is_found_with_its_direction(
     assert math.degrees(math.acos(right @ gravity / 9.81**2)) < 2.0
 
 
-def test_a_wrong_zero_of_the_first_joint_is_not_taken_for_an_oblique_base(
+def test_a_wrong_zero_of_the_first_joint_is_preferred_to_a_tilted_base(
     arm: WiredSignals,
 ) -> None:
-    """On a wall a zero position that is off by 40 degrees turns gravity about the first joint."""
+    """On a wall, a zero error of 40 degrees rotates gravity about the first joint."""
     wall = replace(arm, robot=arm.robot.model_copy(update={"gravity_m_s2": (9.81, 0.0, 0.0)}))
     model = plain_model(wall)
     own = model.parameter_groups["rigid_body"]
@@ -138,7 +136,7 @@ def _fitted(signals: WiredSignals) -> FloatArray:
 
 
 @pytest.mark.parametrize("unit", range(5))
-def test_every_unit_of_the_torques_is_named(arm: WiredSignals, unit: int) -> None:
+def test_every_unit_of_torque_is_named(arm: WiredSignals, unit: int) -> None:
     mistake = list(torque_units(arm.robot))[unit]
     stated = arm.torque_nm @ np.linalg.inv(mistake.torque).T
     found = find_mistakes(replace(arm, torque_nm=stated))
@@ -148,7 +146,7 @@ def test_every_unit_of_the_torques_is_named(arm: WiredSignals, unit: int) -> Non
 
 
 @pytest.mark.parametrize("what", ["acceleration", "velocity", "position"])
-def test_torques_that_are_a_copy_of_the_motion_are_named(arm: WiredSignals, what: str) -> None:
+def test_torques_that_copy_the_motion_are_named(arm: WiredSignals, what: str) -> None:
     copied = replace(arm, torque_nm=getattr(arm, what))
     (found,) = find_mistakes(copied)
     assert (found.mistake.kind, found.mistake.what) == (MistakeKind.TORQUE_QUANTITY, what)
@@ -158,12 +156,12 @@ def test_torques_that_are_a_copy_of_the_motion_are_named(arm: WiredSignals, what
     assert (found.mistake.what, found.mistake.joints) == (what, (3,))
 
 
-def test_nothing_is_proposed_on_noise(arm: WiredSignals) -> None:
+def test_nothing_is_proposed_for_noise(arm: WiredSignals) -> None:
     noise = np.random.default_rng(1).normal(0.0, 20.0, arm.torque_nm.shape)
     assert find_mistakes(replace(arm, torque_nm=noise)) == ()
 
 
-def test_what_is_proposed_keeps_the_limits_of_the_robot_file(arm: WiredSignals) -> None:
+def test_proposals_keep_the_limits_of_the_robot_file(arm: WiredSignals) -> None:
     refused = [
         (mistake.kind, mistake.factor)
         for mistake in common_mistakes(arm.robot)
@@ -187,10 +185,10 @@ def test_what_is_proposed_keeps_the_limits_of_the_robot_file(arm: WiredSignals) 
 
 
 @pytest.mark.parametrize(("times", "found"), [(0.2, (0.2,)), (5.0, ())])
-def test_a_factor_of_all_torques_keeps_their_limits(
+def test_a_common_factor_of_torques_must_keep_their_limits(
     arm: WiredSignals, times: float, found: tuple[float, ...]
 ) -> None:
-    """Axis 2 has 0.9 times its limit: no motor has 5 times that torque."""
+    """Axis 2 is at 0.9 of its limit: no motor has 5 times that torque."""
     links = tuple(
         link.model_copy(update={"mass_kg": times * link.mass_kg}) for link in arm.robot.cad or ()
     )
@@ -202,8 +200,8 @@ def test_a_factor_of_all_torques_keeps_their_limits(
     assert factors == pytest.approx(found, rel=0.01)
 
 
-def test_a_motion_that_hardly_turns_the_arm_does_not_show_its_weight(arm: WiredSignals) -> None:
-    """The main axes turn by 3°, as while a payload is measured; friction has terms unknown here."""
+def test_a_small_motion_does_not_determine_the_weight(arm: WiredSignals) -> None:
+    """The main axes move by 3°, as in payload sessions; the friction has terms unknown here."""
     middle = arm.position.mean(axis=0)
     reach = np.array([0.02, 0.02, 0.02, 0.3, 0.3, 0.3])
     q = middle + reach * (arm.position - middle)

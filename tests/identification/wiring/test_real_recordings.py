@@ -1,4 +1,4 @@
-"""Recordings of real robots that were read correctly: no mistake is found, and one made is."""
+"""Recordings of real robots: no mistake is found in correct ones, and an injected one is found."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ def of_ur10e(folder: Path, name: str, first: int, last: int | None) -> WiredSign
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "first", "last"), SOUND)
-def test_nothing_is_found_in_a_ur10es_recordings(
+def test_nothing_is_found_in_recordings_of_a_ur10e(
     real_robot: Path, name: str, first: int, last: int | None
 ) -> None:
     assert find_mistakes(of_ur10e(real_robot, name, first, last)) == ()
 
 
-def test_columns_that_are_swapped_are_found_in_them(real_robot: Path) -> None:
+def test_swapped_columns_are_found(real_robot: Path) -> None:
     sound = of_ur10e(real_robot, *LONG)
     order = [0, 2, 1, 3, 4, 5]
     (found,) = find_mistakes(replace(sound, torque_nm=sound.torque_nm[:, order]))
@@ -54,14 +54,14 @@ def test_columns_that_are_swapped_are_found_in_them(real_robot: Path) -> None:
 
 
 @pytest.mark.parametrize(("name", "first", "last"), SOUND[:5])
-def test_a_ur10es_own_file_holds_on_what_was_left_out_of_the_fit(
+def test_the_file_of_a_ur10e_predicts_held_out_parts(
     real_robot: Path, name: str, first: int, last: int | None
 ) -> None:
     assert held_out_share(of_ur10e(real_robot, name, first, last)).max() < 0.5 * BAD_SHARE
 
 
 @pytest.mark.parametrize(("name", "first", "last"), SOUND[:2])
-def test_a_kukas_file_does_not_hold_there_on_a_ur10e(
+def test_the_file_of_a_kuka_fails_on_held_out_parts_of_a_ur10e(
     real_robot: Path, name: str, first: int, last: int | None
 ) -> None:
     signals = replace(of_ur10e(real_robot, name, first, last), robot=load_robot("kr15"))
@@ -69,10 +69,10 @@ def test_a_kukas_file_does_not_hold_there_on_a_ur10e(
     assert GOOD_SHARE < share[3] < BAD_SHARE < held_out_share(signals)[3]
 
 
-def test_no_factor_is_proposed_if_the_arm_weighs_nothing_by_another_robots_file(
+def test_no_torque_factor_is_proposed_if_the_estimated_weight_is_noise(
     real_robot: Path,
 ) -> None:
-    """One over a weight that is noise about zero is no factor of the torques."""
+    """With another robot's file the weight is zero within its noise; its inverse is no factor."""
     signals = of_ur10e(real_robot, "ur-20_02_10-30sec_12harm", 635, 1500)
     other = {"kinematics": load_robot("kr15").kinematics, "cad": None}
     robot = signals.robot.model_copy(update=other)

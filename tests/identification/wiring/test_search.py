@@ -1,4 +1,4 @@
-"""The search finds injected mistakes in recordings of invented robots, and no others."""
+"""Injected mistakes in recordings of random robots are found, and no others."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ COUPLING = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 1.0))
 
 
 def wired(sound: SoundRecording) -> WiredSignals:
-    """Return all of the motors, as their drives measure it."""
+    """Return every motor's signals as its drive measures them."""
     coupling = np.eye(len(sound.robot.joints))
     if sound.robot.coupling is not None:
         coupling = np.linalg.inv(np.array(sound.robot.coupling))
@@ -36,7 +36,7 @@ def arm() -> WiredSignals:
 def made(
     arm: WiredSignals, kind: MistakeKind, *joints: int, factor: float | None = None
 ) -> WiredSignals:
-    """Return signals with the mistake that these joints' (from 0) undoing would undo."""
+    """Return signals with a mistake that reversing it on these joints (from 0) corrects."""
     return the(arm, kind, *joints, factor=factor).corrected(arm)
 
 
@@ -69,7 +69,7 @@ def the(arm: WiredSignals, kind: MistakeKind, *joints: int, factor: float | None
         (MistakeKind.AXIS_ORDER, (1, 2), None, 1.0),
     ],
 )
-def test_a_mistake_is_found_with_its_joint_and_its_factor(
+def test_a_mistake_is_found_with_its_joint_and_factor(
     arm: WiredSignals,
     kind: MistakeKind,
     joints: tuple[int, ...],
@@ -81,7 +81,7 @@ def test_a_mistake_is_found_with_its_joint_and_its_factor(
     assert named[kind, joints] == pytest.approx(undone_by)
 
 
-def test_a_zero_position_is_found_to_a_degree(arm: WiredSignals) -> None:
+def test_a_zero_position_is_found_within_a_degree(arm: WiredSignals) -> None:
     wrong = zero_mistake(arm.robot, 1, math.radians(40.0)).corrected(arm)
     (found,) = find_mistakes(wrong)
     assert (found.mistake.kind, found.mistake.joints) == (MistakeKind.POSITION_OFFSET, (1,))
@@ -95,15 +95,15 @@ def test_two_mistakes_are_found_one_after_the_other(arm: WiredSignals) -> None:
     assert found == {(MistakeKind.TORQUE_SIGN, (1,)), (MistakeKind.POSITION_FACTOR, (2,))}
 
 
-def test_what_explains_the_data_as_well_is_named_too(arm: WiredSignals) -> None:
-    """About a vertical axis the sign of the torque cannot be told from that of the position."""
+def test_equally_good_explanations_are_listed(arm: WiredSignals) -> None:
+    """About a vertical axis a reversed torque is indistinguishable from a reversed position."""
     (found,) = find_mistakes(made(arm, MistakeKind.TORQUE_SIGN, 0))
     kinds = {found.mistake.kind, *(other.kind for other in found.alternatives)}
     assert {MistakeKind.TORQUE_SIGN, MistakeKind.POSITION_SIGN} <= kinds
     assert {found.mistake.joints, *(other.joints for other in found.alternatives)} == {(0,)}
 
 
-def test_another_convention_of_the_table_is_found() -> None:
+def test_a_wrong_convention_of_the_table_is_found() -> None:
     sound = sound_run(load_robot("ur10e"), np.random.default_rng(2))
     robot = sound.robot
     wrong = robot.kinematics.model_copy(update={"convention": "modified_dh"})
@@ -113,7 +113,7 @@ def test_another_convention_of_the_table_is_found() -> None:
 
 
 @pytest.mark.parametrize("stated", [None, ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 1.0, 1.0))])
-def test_a_coupling_that_is_missing_or_reversed_is_found(
+def test_a_missing_or_reversed_coupling_is_found(
     arm: WiredSignals, stated: tuple[tuple[float, ...], ...] | None
 ) -> None:
     coupled = arm.robot.model_copy(update={"coupling": COUPLING})
@@ -124,11 +124,11 @@ def test_a_coupling_that_is_missing_or_reversed_is_found(
 
 
 @pytest.mark.slow
-def test_nothing_is_found_where_nothing_is_wrong() -> None:
+def test_nothing_is_found_in_correct_recordings() -> None:
     assert [find_mistakes(wired(sound)) for sound in sound_runs(3, first_seed=1000)] == [()] * 3
 
 
-def test_another_mounting_is_found() -> None:
+def test_a_wrong_mounting_is_found() -> None:
     sound = wired(sound_run(load_robot("kr15"), np.random.default_rng(2)))
     gravity = (0.0, 9.81, 0.0)
     stated = replace(sound, robot=sound.robot.model_copy(update={"gravity_m_s2": gravity}))
@@ -137,7 +137,7 @@ def test_another_mounting_is_found() -> None:
     assert found.mistake.robot == sound.robot
 
 
-def test_a_coupling_that_is_too_much_is_found_whichever_side_was_recorded(
+def test_a_superfluous_coupling_is_found_for_joint_and_motor_positions(
     arm: WiredSignals,
 ) -> None:
     coupled = arm.robot.model_copy(update={"coupling": COUPLING})
@@ -149,7 +149,7 @@ def test_a_coupling_that_is_too_much_is_found_whichever_side_was_recorded(
 
 
 @pytest.mark.parametrize("factor", [0.1, 1.0 / 54.0])
-def test_a_position_of_a_coupled_joint_is_found_though_its_motor_moves_another(
+def test_a_position_factor_of_a_coupled_joint_is_found(
     factor: float,
 ) -> None:
     sound = wired(sound_run(load_robot("kr15"), np.random.default_rng([0, 1])))
