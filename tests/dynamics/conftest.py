@@ -1,4 +1,4 @@
-"""Random arms, and Pinocchio as their judge: built from the same description, by its own means."""
+"""Fixtures: random arms, and Pinocchio models built from the same descriptions."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def shift(x: float, y: float, z: float) -> pin.SE3:
 
 @dataclass(frozen=True)
 class Judge:
-    """A Pinocchio model of an arm; with rotors, each is a body on a joint of its own.
+    """Pinocchio model of an arm; with rotors, each is a body on a separate joint.
 
     Torques are those of the joints, even if a rotor is coupled to several joints.
     """
@@ -64,7 +64,7 @@ class Judge:
 
 @pytest.fixture
 def random_arm() -> Callable[..., RobotDescription]:
-    """Make a description of n joints; with rotors, on random links from the base to their own."""
+    """Return a function that makes a description of n joints, with rotors on random links."""
 
     def make(n: int, seed: int, kinds: str | None = None) -> RobotDescription:
         rng = np.random.default_rng(seed)
@@ -112,10 +112,10 @@ def random_arm() -> Callable[..., RobotDescription]:
 
 @pytest.fixture
 def judge() -> Callable[..., Judge]:
-    """Make the Pinocchio model of a description from the links' ten parameters each.
+    """Return a function that makes the Pinocchio model of a description from link parameters.
 
     `rotors` are the inertias, about each rotor's own centre and in the axes of its link, of bodies
-    that spin about the descriptions' axes; None leaves them out.
+    that spin about the descriptions' axes; with None there are no rotors.
     """
 
     def make(
@@ -156,13 +156,13 @@ def judge() -> Callable[..., Judge]:
 
 @pytest.fixture
 def random_motion() -> Callable[[int, int], np.ndarray]:
-    """Make q, v, a of 8 random samples, (3, 8, n)."""
+    """Return a function that makes q, v, a of 8 random samples, (3, 8, n)."""
     return lambda n, seed: np.random.default_rng(seed).uniform(-2.0, 2.0, (3, 8, n))
 
 
 @pytest.fixture
 def random_links() -> Callable[[int, int], np.ndarray]:
-    """Make the ten parameters of n real bodies, (n, 10), in the order of `RigidBodies`."""
+    """Return a function that makes the ten parameters of n possible bodies, (n, 10)."""
 
     def make(n: int, seed: int) -> np.ndarray:
         rng = np.random.default_rng(seed)

@@ -1,4 +1,4 @@
-"""A hub in the test's own process, and a drive with an ideal axis, on a clock that tests turn."""
+"""Fixtures: a hub in the test's process, and a drive with an ideal axis on simulated time."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from mock_hw.drive.objects import SimulatedIdentity
 
 
 class ServedHub:
-    """A hub, its path, and the clients that the test connects."""
+    """A hub, its path, and the clients of the test."""
 
     def __init__(self, path: Path, log: StringIO) -> None:
         self.path = path
@@ -96,7 +96,7 @@ class IdealAxis(AxisPort):
 
 
 class Bench:
-    """A drive with an ideal axis, and the time in which both live."""
+    """A drive with an ideal axis, and their simulated time."""
 
     STEP_S = 0.001
 
@@ -109,7 +109,7 @@ class Bench:
         self.sent: list[tuple[float, Frame]] = []
 
     def run_to(self, time_s: float) -> None:
-        """Let time pass, in small steps and with everything that is due in between."""
+        """Let time pass in small steps, with everything that is due in between."""
         while True:
             due_s = max(self.now_s, min(self.drive.next_s, time_s))
             while self.now_s < due_s:
@@ -136,7 +136,7 @@ class Bench:
         self._collect()
 
     def take(self, cob_id: int | None = None) -> list[tuple[float, Frame]]:
-        """Return what was sent since the last call, of one identifier or of all."""
+        """Return the frames sent since the last call, of one identifier or of all."""
         self._collect()
         kept, self.sent = self.sent, []
         return [item for item in kept if cob_id is None or item[1].cob_id == cob_id]
@@ -144,7 +144,7 @@ class Bench:
     def _collect(self) -> None:
         self.sent += self.drive.take_frames()
 
-    # SDO, as a client says it
+    # SDO, as a client sends it
 
     def sdo(self, request: bytes) -> bytes:
         self.take()
@@ -153,7 +153,7 @@ class Bench:
         return answer.data
 
     def write(self, index: int, subindex: int, value: int, size: int) -> int:
-        """Write an object; return the abort code, 0 when it was taken."""
+        """Write an object; return the abort code, or 0 if it was accepted."""
         data = (value & (1 << 8 * size) - 1).to_bytes(size, "little")
         command = bytes((0x23 | (4 - size) << 2,)) + index.to_bytes(2, "little")
         answer = self.sdo(command + bytes((subindex,)) + data)
@@ -166,7 +166,7 @@ class Bench:
         size = 4 - (answer[0] >> 2 & 3)
         return int.from_bytes(answer[4 : 4 + size], "little", signed=signed)
 
-    # The master's side of a cell
+    # The master's part
 
     def configure(self, **watchdogs: int) -> None:
         """Map the usual PDOs and set the watchdogs; then NMT start."""
@@ -194,7 +194,7 @@ class Bench:
         self.receive(Frame(0, b"\x01\x00"))
 
     def cycle(self, controlword: int, velocity: int = 0, *, beat: bool = True) -> None:
-        """One cycle of 8 ms: SYNC, the next set-point, the master's heartbeat."""
+        """Run one cycle of 8 ms: SYNC, the next set-point, the master's heartbeat."""
         self.receive(Frame(0x80, b""))
         data = controlword.to_bytes(2, "little") + velocity.to_bytes(4, "little", signed=True)
         self.receive(Frame(0x200 + self.node_id, data + b"\0\0"))
@@ -203,7 +203,7 @@ class Bench:
         self.run_for(0.008)
 
     def enable(self, velocity: int = 0) -> None:
-        """Bring the drive to Operation Enabled, and to a velocity."""
+        """Bring the drive to Operation Enabled, and to a speed."""
         for word in (0x0000, 0x0006, 0x0007, 0x000F, 0x000F):
             self.cycle(word)
         for _ in range(3):

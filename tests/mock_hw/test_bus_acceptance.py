@@ -54,8 +54,8 @@ CHANNELS = {
     "virtual": "accept",
 }
 SESSIONS = ["socketcan"] if SOCKETCAN else ["rid_sim", "udp_multicast", "slcan"]
-SHARED = [name for name in SESSIONS if name != "slcan"]  # whose port is one program's alone
-RECORDED = [name for name in SESSIONS if name != "rid_sim"]  # tests/acquisition records there
+SHARED = [name for name in SESSIONS if name != "slcan"]  # its port is used by one program only
+RECORDED = [name for name in SESSIONS if name != "rid_sim"]  # tests/acquisition records on this bus
 
 MOVE_FOR_EVER = f"""
 import sys
@@ -82,7 +82,7 @@ with open_cell(config, load_cell("ir361").robot) as cell:
 
 
 def patient_cell(interface: str, channel: str) -> LoadedCell:
-    """Return the bundled cell without a plate on a bus, with limits for a loaded test machine."""
+    """Return the bundled cell without a plate on a bus, with limits for a busy test computer."""
     loaded = load_cell("ir361")
     safety = loaded.config.drive_safety.model_copy(
         update={
@@ -116,7 +116,7 @@ def patient_cell(interface: str, channel: str) -> LoadedCell:
 
 @dataclass
 class Served:
-    """Simulated drives on a bus, and the cell file's contents."""
+    """Simulated drives on a bus, and the cell file for them."""
 
     loaded: LoadedCell
     simulated: SimulatedCell
@@ -132,7 +132,7 @@ class Served:
         return open_cell(cell, self.loaded.robot)
 
     def await_rest(self) -> None:
-        """Wait until the simulated axes are without power and at rest, which must come."""
+        """Wait until the simulated axes are at rest without power."""
         until_s = time.monotonic() + PATIENCE_S
         while (axes := self.simulated.axes()).enabled.any() or np.abs(axes.velocity).max() > 1e-3:
             assert time.monotonic() < until_s, "the axes were not stopped"
@@ -153,7 +153,7 @@ def serve(interface: str, folder: Path) -> Iterator[Served]:
 
 
 def on(*interfaces: str) -> Callable[[Scenario], Callable[..., None]]:
-    """Make a test of what happens on drives of its own on each of these buses."""
+    """Make a test that runs on each of these buses with separate drives."""
 
     def decorate(scenario: Scenario) -> Callable[..., None]:
         @pytest.mark.parametrize("interface", interfaces)
@@ -195,7 +195,7 @@ def move(served: Served, cell: Cell, cycles: int) -> None:
 
 
 def assert_moves(served: Served) -> None:
-    """Bring up, move, compare with the truth; leaving must take the power off."""
+    """Bring up, move, and compare with the truth; at the end power must be off."""
     with served.open() as cell:
         cell.axes.bring_up()
         assert {setting.verdict for setting in cell.axes.settings()} <= {"ok", "shown"}
@@ -212,11 +212,11 @@ def assert_moves(served: Served) -> None:
 @on(*SESSIONS)
 def test_drives_are_brought_up_moved_and_disabled(served: Served) -> None:
     assert_moves(served)
-    assert_moves(served)  # a second master after the first has gone
+    assert_moves(served)  # a second master after the first one
 
 
 @on(*SESSIONS)
-def test_the_preflight_is_green_and_moves_nothing(served: Served) -> None:
+def test_the_preflight_passes_and_moves_nothing(served: Served) -> None:
     lines, problem = preflight(
         served.loaded,
         served.cell,
@@ -230,7 +230,7 @@ def test_the_preflight_is_green_and_moves_nothing(served: Served) -> None:
 
 
 @on(*RECORDED)
-def test_a_short_motion_is_recorded_whole(served: Served) -> None:
+def test_a_short_motion_is_recorded_completely(served: Served) -> None:
     folder = RunFolder.create(served.folder / "runs", "accept")
     samples = motion(served.loaded)
     outcome = record_motion(served.cell, served.loaded.robot, samples, folder)
@@ -252,12 +252,12 @@ def test_a_drives_fault_stops_the_motion(served: Served) -> None:
     assert outcome.stop.code is StopCode.EMERGENCY
     assert "following error" in outcome.stop.text
     served.await_rest()
-    with served.open() as opened:  # a person resets the drives before anything moves again
+    with served.open() as opened:  # the drives must be reset before the next motion
         assert any(drive.was_faulty for drive in opened.axes.service.reset_faults())
 
 
 @on(*SESSIONS)
-def test_a_killed_hosts_axes_come_to_rest_by_themselves(served: Served) -> None:
+def test_the_axes_of_a_killed_host_come_to_rest_by_themselves(served: Served) -> None:
     host = subprocess.Popen(
         [sys.executable, "-c", MOVE_FOR_EVER, served.cell.model_dump_json()], stdout=subprocess.PIPE
     )
@@ -269,11 +269,11 @@ def test_a_killed_hosts_axes_come_to_rest_by_themselves(served: Served) -> None:
         host.send_signal(signal.SIGKILL)
         host.communicate()
     served.await_rest()
-    assert_moves(served)  # a person re-arms: bring-up works again
+    assert_moves(served)  # after the reset, bring-up works again
 
 
 @on(*SHARED)
-def test_a_foreign_master_is_noticed_before_anything_is_sent(served: Served) -> None:
+def test_another_master_is_detected_before_anything_is_sent(served: Served) -> None:
     with other_master(served.cell.can) as bus, served.open() as cell:
         bus.send(can.Message(arbitration_id=0x80, is_extended_id=False))
         with raises_code(LockedError, "RID-CAN-FOREIGN-MASTER", "SYNC"):
@@ -288,11 +288,11 @@ def other_master(bus: CanBusConfig) -> can.BusABC:
 
 
 @on("virtual")
-def test_virtual_serves_one_process(served: Served) -> None:
+def test_the_virtual_bus_works_within_one_process(served: Served) -> None:
     assert_moves(served)
 
 
-def test_simulated_time_belongs_to_rid_sim() -> None:
+def test_simulated_time_needs_the_bus_rid_sim() -> None:
     loaded = patient_cell("slcan", "accept")
     assert loaded.plant is not None
     simulated = SimulatedCell(

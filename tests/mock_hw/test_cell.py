@@ -1,4 +1,4 @@
-"""The simulated cell as processes: repeatable to the byte, safe when masters die, and tidy."""
+"""Simulated cell as processes: repeatable to the byte, safe if masters die, without leftovers."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def loaded() -> LoadedCell:
 
 @pytest.fixture
 def short_path() -> Iterator[Path]:
-    """A folder whose name leaves room for a socket's."""
+    """A folder whose path is short enough for a socket."""
     path = Path("/tmp") / f"rid-daq-test-{os.getpid()}"
     path.mkdir(mode=0o700)
     yield path
@@ -169,7 +169,7 @@ def simulated_drive_faults(simulated: SimulatedCell, cell: Cell) -> None:
 
 @contextlib.contextmanager
 def a_stranger(simulated: SimulatedCell) -> Iterator[HubClient]:
-    """A listener that may also send."""
+    """Return a bus that listens and can also send."""
     client = HubClient(Path(simulated.channel), HubRole.OBSERVER)
     try:
         yield client
@@ -182,7 +182,7 @@ def stopped(axes: AxisSnapshot) -> bool:
 
 
 def watch(observer: HubClient, seconds: float) -> list[WireFrame]:
-    """Return what comes within so many seconds of the wall clock."""
+    """Return the frames within a duration of the wall clock."""
     frames: list[WireFrame] = []
     until_ns = time.monotonic_ns() + round(seconds * 1e9)
     while time.monotonic_ns() < until_ns:
@@ -190,7 +190,7 @@ def watch(observer: HubClient, seconds: float) -> list[WireFrame]:
     return frames
 
 
-def test_a_killed_masters_axes_are_at_rest_in_time(loaded: LoadedCell) -> None:
+def test_the_axes_of_a_killed_master_are_at_rest_in_time(loaded: LoadedCell) -> None:
     with simulate(loaded) as simulated:
         observer = HubClient(Path(simulated.channel), HubRole.OBSERVER)
         before = simulated.axes().position
@@ -218,7 +218,7 @@ def test_a_killed_masters_axes_are_at_rest_in_time(loaded: LoadedCell) -> None:
     assert moved_at_s < last_sync_s + 0.100 + ramp_s + LONGEST_WAIT_S
 
 
-def test_the_drives_outlive_their_killed_program_until_they_have_stopped(
+def test_the_drives_survive_their_killed_program_until_they_have_stopped(
     short_path: Path,
 ) -> None:
     program = (
@@ -266,7 +266,7 @@ if __name__ == "__main__":
     assert [path.name for path in short_path.iterdir()] == ["program.py"]
 
 
-def test_a_cell_that_is_served_already_is_refused(loaded: LoadedCell, short_path: Path) -> None:
+def test_a_cell_that_is_already_served_is_refused(loaded: LoadedCell, short_path: Path) -> None:
     with simulate(loaded, directory=short_path):
         with (
             raises_code(TransportError, "RID-MOCK-ENDED", "ir361.sock: another"),

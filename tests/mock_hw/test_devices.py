@@ -1,4 +1,4 @@
-"""Every simulated device keeps the same contract of time: `next_s` and `advance`."""
+"""Contract of time that every simulated device keeps: `next_s` and `advance`."""
 
 from __future__ import annotations
 
@@ -76,14 +76,14 @@ def device(
         yield request.param(loaded, tmp_path, stack)
 
 
-def test_what_is_due_is_done_whatever_the_steps(device: SimulatedDevice) -> None:
+def test_after_any_step_the_next_event_is_in_the_future(device: SimulatedDevice) -> None:
     begin_s = time.monotonic() if isinstance(device, CanHub | RegisterService) else 0.0
     for step in (0.001, 0.0191, 0.0192, 0.03, 0.1):
         device.advance(begin_s + step)
         assert device.next_s > begin_s + step
 
 
-def test_a_drive_boots_when_it_said_that_it_would(loaded: LoadedCell, tmp_path: Path) -> None:
+def test_a_drive_boots_at_its_announced_time(loaded: LoadedCell, tmp_path: Path) -> None:
     booting = rack(loaded, tmp_path, ExitStack()).drives[0]
     booting.advance(0.5 * booting.next_s)
     assert booting.take_frames() == []

@@ -1,4 +1,4 @@
-"""Drives of other families than the standard's: brought up, moved, stopped, and tried."""
+"""Drive families that deviate from the standard: bring-up, motion, stop, watchdog test."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def tried(cell: CellConfig) -> tuple[WatchTrial, ...]:
 
 
 def moves(cell: CellConfig) -> None:
-    """Move both axes to and fro, and stop in motion."""
+    """Move both axes back and forth, and stop during the motion."""
     with opened(cell) as (open_cell, bus):
         axes, clock = open_cell.axes, open_cell.clock
         axes.bring_up()
@@ -103,7 +103,7 @@ def moves(cell: CellConfig) -> None:
 
 
 def only_reports(drive: SimulatedDrive) -> None:
-    """Let a drive send 8130h when this computer falls silent, and go on as before."""
+    """Make a drive send 8130h when this computer is silent, but continue to move."""
     drive.objects[od.ABORT_CONNECTION] = 0
     drive.objects[od.COMMUNICATION_ERROR] = 1
     drive.objects.store()
@@ -112,7 +112,7 @@ def only_reports(drive: SimulatedDrive) -> None:
 WITHOUT_REACTIONS = ServoProfile(lacks=("6007h", "605Ah", "605Eh", "1029h"))
 
 
-def test_a_drive_without_objects_for_its_reactions_is_seen_to_stop() -> None:
+def test_a_drive_without_reaction_objects_is_tested_for_its_stop() -> None:
     cell = cell_of(WITHOUT_REACTIONS, ServoProfile())
     trials = tried(cell)
     assert all(trial.powered for trial in trials), "its emergency message alone proves no stop"
@@ -121,7 +121,7 @@ def test_a_drive_without_objects_for_its_reactions_is_seen_to_stop() -> None:
     moves(cell)
 
 
-def test_before_motion_it_is_tried_without_being_asked() -> None:
+def test_the_watchdog_test_runs_before_a_motion_without_a_request() -> None:
     cell = cell_of(WITHOUT_REACTIONS, ServoProfile())
     with opened(cell) as (open_cell, bus):
         open_cell.axes.bring_up()
@@ -132,7 +132,7 @@ def test_before_motion_it_is_tried_without_being_asked() -> None:
         open_cell.axes.enable()
 
 
-def test_a_drive_whose_reactions_are_known_is_not_powered_for_a_trial() -> None:
+def test_a_drive_with_known_reactions_is_not_powered_for_a_test() -> None:
     cell = cell_of(ServoProfile(), ServoProfile())
     with opened(cell) as (open_cell, bus):
         open_cell.axes.bring_up()
@@ -140,7 +140,7 @@ def test_a_drive_whose_reactions_are_known_is_not_powered_for_a_trial() -> None:
         assert bus.trace == []
 
 
-def test_one_that_does_not_stop_without_this_computer_is_never_moved() -> None:
+def test_a_drive_that_does_not_stop_without_this_computer_is_never_moved() -> None:
     cell = cell_of(ServoProfile(), WITHOUT_REACTIONS)
     with opened(cell) as (open_cell, bus):
         bus.drives[1].objects[od.ABORT_CONNECTION] = 0
@@ -154,10 +154,10 @@ def test_one_that_does_not_stop_without_this_computer_is_never_moved() -> None:
 
 @pytest.mark.parametrize("rate", [0.98, 1.0, 1.02, 1.1])
 @pytest.mark.parametrize("commands", ["at_sync", "on_arrival"])
-def test_one_that_only_reports_that_this_computer_is_silent_is_never_moved(
+def test_a_drive_that_only_reports_the_silent_computer_is_never_moved(
     commands: str, rate: float
 ) -> None:
-    """It stays in the exchange; its report may come in an earlier cycle than the others' stop."""
+    """It stays in the exchange; its report can come before the stops of the others."""
     cell = cell_of(ServoProfile(), WITHOUT_REACTIONS.model_copy(update={"commands": commands}))
     with opened(cell) as (open_cell, bus):
         only_reports(bus.drives[1])
@@ -171,7 +171,7 @@ def test_one_that_only_reports_that_this_computer_is_silent_is_never_moved(
 
 
 @pytest.mark.parametrize("late_s", [0.0, 0.06])
-def test_when_it_acted_is_when_it_stopped_not_when_it_reported(
+def test_the_reaction_time_is_that_of_the_stop_and_not_of_the_report(
     late_s: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cell = cell_of(ServoProfile(), WITHOUT_REACTIONS)
@@ -204,7 +204,7 @@ GUARDED = ServoProfile(
 
 
 @pytest.mark.fault(18)
-def test_a_drive_with_life_guarding_in_place_of_heartbeats_is_moved(
+def test_a_drive_with_life_guarding_instead_of_heartbeats_is_moved(
     measured: Callable[[str], None],
 ) -> None:
     cell = cell_of(GUARDED, ServoProfile())
@@ -216,7 +216,7 @@ def test_a_drive_with_life_guarding_in_place_of_heartbeats_is_moved(
     measured(f"life guarding: stops {1e3 * trials[0].acted_s:.0f} ms after the last question")
 
 
-def test_life_guarding_is_proven_before_every_motion_whatever_the_drive_has() -> None:
+def test_life_guarding_is_tested_before_every_motion() -> None:
     cell = cell_of(ServoProfile(watch="life_guarding", lacks=("1016h",)), ServoProfile())
     with opened(cell) as (open_cell, bus):
         open_cell.axes.bring_up()
@@ -229,7 +229,7 @@ def test_life_guarding_is_proven_before_every_motion_whatever_the_drive_has() ->
             prove_watches(open_cell.axes, open_cell.clock, cell)
 
 
-def test_a_guarded_drive_that_goes_into_fault_without_power_too_is_tried_to_the_end(
+def test_the_watchdog_test_of_a_guarded_drive_with_a_fault_is_completed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     cell = cell_of(GUARDED, ServoProfile())
@@ -246,12 +246,12 @@ def test_a_guarded_drive_that_goes_into_fault_without_power_too_is_tried_to_the_
         monkeypatch.setattr(drive, "_lose_master", fail_otherwise)
         with raises_code(
             PreflightError, "RID-PREFLIGHT-RED", "3210h"
-        ):  # a fault that the trial has not caused
+        ):  # a fault with another cause than the test
             try_watches(open_cell.axes, open_cell.clock, cell)
 
 
 @pytest.mark.parametrize("lacking", ["100Ch", "100Dh"])
-def test_a_drive_with_neither_watch_is_refused(lacking: str) -> None:
+def test_a_drive_without_any_watchdog_is_refused(lacking: str) -> None:
     other = ServoProfile(watch="life_guarding", lacks=("1016h", lacking))
     with (
         opened(cell_of(other, ServoProfile())) as (open_cell, _),
@@ -261,8 +261,8 @@ def test_a_drive_with_neither_watch_is_refused(lacking: str) -> None:
 
 
 @pytest.mark.parametrize("stale", [False, True])
-def test_a_guarded_drive_that_no_longer_answers_is_noticed(stale: bool) -> None:
-    """A controller that repeats the last answer while its program hangs is silent too."""
+def test_a_guarded_drive_that_no_longer_answers_is_detected(stale: bool) -> None:
+    """A controller whose program hangs while it repeats its last answer counts as silent too."""
     cell = cell_of(GUARDED, ServoProfile())
     with opened(cell) as (open_cell, bus):
         axes, clock = open_cell.axes, open_cell.clock
@@ -283,7 +283,7 @@ def test_a_guarded_drive_that_no_longer_answers_is_noticed(stale: bool) -> None:
         assert noticed_s - since_s <= 0.14
 
 
-def test_profile_velocity_a_current_for_the_torque_and_units_of_the_makers() -> None:
+def test_a_drive_with_profile_velocity_current_and_vendor_units_is_moved() -> None:
     other = ServoProfile(
         mode="profile_velocity",
         encoder_increments=INCREMENTS,
@@ -307,7 +307,7 @@ def test_profile_velocity_a_current_for_the_torque_and_units_of_the_makers() -> 
 
 
 @pytest.mark.parametrize("mode", ["cyclic_position", "interpolated_position"])
-def test_a_drive_that_follows_positions_only(mode: Mode) -> None:
+def test_a_drive_with_position_mode_only_is_moved(mode: Mode) -> None:
     other = ServoProfile(
         mode=mode,
         encoder_increments=INCREMENTS,
@@ -321,7 +321,7 @@ def test_a_drive_that_follows_positions_only(mode: Mode) -> None:
     assert all(trial.acted_s <= 0.088 for trial in trials)
 
 
-def test_power_moves_no_axis_that_follows_positions() -> None:
+def test_enabling_moves_no_position_mode_axis() -> None:
     cell = cell_of(ServoProfile(mode="cyclic_position"), ServoProfile())
     with opened(cell) as (open_cell, bus):
         open_cell.axes.bring_up()
@@ -338,7 +338,7 @@ def test_power_moves_no_axis_that_follows_positions() -> None:
 
 
 def bundled(name: str) -> ServoProfile:
-    """Return a bundled profile with what its drives do not tell."""
+    """Return a bundled profile with the values that its drives do not state."""
     profile = load_bundled_or_path(name, "servos", ServoProfile)
     own: dict[str, float] = {}
     if profile.encoder_increments is None:
@@ -352,15 +352,15 @@ def bundled(name: str) -> ServoProfile:
 
 @pytest.mark.parametrize("name", bundled_names("servos"))
 class TestBundledFamilies:
-    def test_it_is_brought_up_moved_and_stopped(self, name: str) -> None:
+    def test_is_brought_up_moved_and_stopped(self, name: str) -> None:
         moves(cell_of(bundled(name), ServoProfile()))
 
-    def test_its_watches_act(self, name: str) -> None:
+    def test_has_watchdogs_that_act(self, name: str) -> None:
         trials = tried(cell_of(bundled(name), ServoProfile(), trip_watchdog_with_power=True))
         assert all(trial.acted_s <= 0.088 for trial in trials), trials
         assert all(trial.noticed_s <= 0.108 for trial in trials), trials
 
-    def test_nothing_is_left_out_of_what_it_needs(self, name: str) -> None:
+    def test_lacks_nothing_that_it_needs(self, name: str) -> None:
         cell = cell_of(bundled(name), ServoProfile())
         identity = SimulatedIdentity(
             1, INCREMENTS, Fraction(100), 1000, cell.servo_of(cell.axes[0])
@@ -369,7 +369,7 @@ class TestBundledFamilies:
         assert [f for f in eds_findings(sheet, cell, cell.axes[0]) if f.verdict == "red"] == []
 
 
-def test_what_a_family_lacks_is_neither_written_nor_to_be_undone(tmp_path: Path) -> None:
+def test_objects_that_a_family_lacks_are_neither_written_nor_restored(tmp_path: Path) -> None:
     cell = cell_of(GUARDED, ServoProfile())
     bus = ObedientCell(cell, robot(), INCREMENTS)
     link, log = CanLink(bus), WriteLog(tmp_path / "writes.jsonl", durable=False)

@@ -1,4 +1,4 @@
-"""`canopen` as a master and tshark as a listener judge drives and bus from outside."""
+"""Simulated drives and bus, checked by `canopen` as a master and by tshark as a listener."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def network(simulated: SimulatedCell) -> Iterator[canopen.Network]:
 
 
 def dictionary(loaded: LoadedCell, number: int) -> canopen.ObjectDictionary:
-    """Return the object dictionary that an EDS file of the drive would have."""
+    """Return the object dictionary of an EDS file of the drive."""
     assert loaded.plant is not None
     axis = loaded.config.axes[number]
     identity = SimulatedIdentity.of_axis(
@@ -73,8 +73,8 @@ def dictionary(loaded: LoadedCell, number: int) -> canopen.ObjectDictionary:
 
 
 def reset(node: canopen.RemoteNode, command: str) -> None:
-    """Send an NMT command that ends in a boot-up message, and wait for that."""
-    # The boot-up may be that of power-on, before the reset: a request that it drops is sent again.
+    """Send an NMT command that causes a boot-up message, and wait for the message."""
+    # The boot-up can be that of power-on before the reset: a lost request is repeated.
     node.sdo.RESPONSE_TIMEOUT, node.sdo.MAX_RETRIES = RETRIED_S, round(PATIENCE_S / RETRIED_S)
     booted = threading.Event()
     node.nmt.add_heartbeat_callback(lambda state: booted.set() if state == 0 else None)
@@ -109,7 +109,7 @@ def test_canopen_brings_a_drive_to_operation_enabled_and_reads_its_position(
     assert not simulated.axes().enabled.any()
 
 
-def test_canopen_maps_a_pdo_of_its_own_and_gets_it_with_sync(
+def test_canopen_maps_its_own_pdo_and_receives_it_with_sync(
     network: canopen.Network, loaded: LoadedCell, simulated: SimulatedCell
 ) -> None:
     node = canopen.RemoteNode(2, dictionary(loaded, 1))
@@ -131,7 +131,7 @@ def test_canopen_maps_a_pdo_of_its_own_and_gets_it_with_sync(
     assert node.tpdo[2][0].raw == node.sdo[0x6064].raw
 
 
-def test_canopen_sees_aborts_heartbeats_and_emergencies(
+def test_canopen_receives_aborts_heartbeats_and_emergencies(
     network: canopen.Network, loaded: LoadedCell
 ) -> None:
     node = canopen.RemoteNode(3, dictionary(loaded, 2))

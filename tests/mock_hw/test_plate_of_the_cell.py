@@ -1,4 +1,4 @@
-"""The plate under the simulated robot, over its serial port, by the driver that real ones get."""
+"""Plate under the simulated robot, read over its serial port by the driver for real plates."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def set_up(amplifier: SerialAmplifier) -> None:
 
 
 class Reads:
-    """Data that the amplifier has sent during a motion."""
+    """Data received from the amplifier during a motion."""
 
     def __init__(self) -> None:
         self.rows: list[Array] = []
@@ -80,10 +80,10 @@ class Reads:
 
 
 def swing(cell: Cell, amplifier: SerialAmplifier, cycles: int) -> Reads:
-    """Move all axes to and fro, and let them rest at the end."""
+    """Move all axes back and forth, and let them rest at the end."""
     reads = Reads()
     period_s = cell.config.cycle_time_s
-    set_up(amplifier)  # at rest, the brakes closed
+    set_up(amplifier)  # at rest, with closed brakes
     cell.axes.bring_up()
     cell.axes.start()
     next_s = cell.axes.enable()
@@ -124,14 +124,14 @@ def test_a_lock_step_stream_is_repeatable_to_the_byte(loaded: LoadedCell) -> Non
     assert (events == two[2]).all()
     assert rows["sequence"].tolist() == list(range(len(rows)))
     assert len(rows) >= 1.4 * 0.008 * 125 * 1000
-    # The device is 100 ppm fast, began at 3 ms, and a row takes 0.6 ms on the line.
+    # The device is 100 ppm fast and starts at 3 ms; a row takes 0.6 ms on the line.
     late_s = arrivals - (rows["ticks"] * 1e-6 - 0.003) / 1.0001
     assert (np.diff(arrivals) >= 0.0).all()
     assert late_s.min() == pytest.approx(28 * 10 / 460800, abs=2e-4)
     assert 0.003 < late_s[100:].max() < 0.0065
 
 
-def test_the_plate_feels_the_weight_move(loaded: LoadedCell) -> None:
+def test_the_plate_measures_the_moving_weight(loaded: LoadedCell) -> None:
     plate, plant = loaded.config.plate, loaded.plant
     assert plate is not None
     assert plate.sensitivity is not None
@@ -165,7 +165,7 @@ def test_the_plate_feels_the_weight_move(loaded: LoadedCell) -> None:
     np.testing.assert_allclose(felt, before - after, atol=1.0)
 
 
-def test_edges_at_the_trigger_input_are_the_times_of_sync(loaded: LoadedCell) -> None:
+def test_trigger_edges_have_the_times_of_sync(loaded: LoadedCell) -> None:
     plate = loaded.config.plate
     assert plate is not None
     amplifier = plate.amplifier.model_copy(update={"trigger": True, "rate_hz": 1000.0})
@@ -178,7 +178,7 @@ def test_edges_at_the_trigger_input_are_the_times_of_sync(loaded: LoadedCell) ->
     assert edges["detail"].tolist() == list(range(len(edges)))
     assert len(edges) >= 58
     edge_s = (edges["ticks"] * 1e-6 - 0.003) / 1.0001
-    # SYNC takes some 50 us on the CAN bus; a row of edges can miss the first or last cycles.
+    # SYNC takes about 50 us on the CAN bus; edges may miss the first or last cycles.
     late_s = [
         edge_s - np.array(syncs_s[first : first + len(edge_s)])
         for first in range(3)
@@ -187,7 +187,7 @@ def test_edges_at_the_trigger_input_are_the_times_of_sync(loaded: LoadedCell) ->
     assert any(((late >= 0.0) & (late < 2e-4)).all() for late in late_s)
 
 
-def test_faults_of_its_line_reach_the_driver(loaded: LoadedCell) -> None:
+def test_faults_of_the_line_are_reported_by_the_driver(loaded: LoadedCell) -> None:
     faults = FaultScript(
         seed=2,
         amplifier=(
@@ -199,7 +199,7 @@ def test_faults_of_its_line_reach_the_driver(loaded: LoadedCell) -> None:
     assert set(range(len(rows) + 20)) - set(rows["sequence"].tolist()) == set(range(300, 320))
 
 
-def test_an_amplifier_set_to_another_baud_rate_is_found_by_the_driver(loaded: LoadedCell) -> None:
+def test_another_baud_rate_of_the_amplifier_is_found_by_the_driver(loaded: LoadedCell) -> None:
     with (
         simulate(loaded, amplifier_baud_rate=115200) as simulated,
         amplifier_of(simulated, loaded) as amplifier,
@@ -208,7 +208,7 @@ def test_an_amplifier_set_to_another_baud_rate_is_found_by_the_driver(loaded: Lo
         amplifier.connect()
 
 
-def test_in_real_time_it_answers_and_streams_as_well(loaded: LoadedCell) -> None:
+def test_in_real_time_the_amplifier_answers_and_streams(loaded: LoadedCell) -> None:
     with simulate(loaded, realtime=True) as simulated:
         assert not arrivals_path(simulated.address).exists()
         with amplifier_of(simulated, loaded) as amplifier:
@@ -223,7 +223,7 @@ def test_in_real_time_it_answers_and_streams_as_well(loaded: LoadedCell) -> None
             assert (counts.rows_lost, counts.bad_frames, counts.garbage_bytes) == (0, 0, 0)
 
 
-def test_a_cell_without_a_plate_has_no_port(loaded: LoadedCell) -> None:
+def test_a_cell_without_a_plate_has_no_amplifier_port(loaded: LoadedCell) -> None:
     bare = loaded.config.model_copy(update={"plate": None})
     with simulate(loaded, bare) as simulated:
         assert simulated.address == ""

@@ -1,4 +1,4 @@
-"""Drives and robot together, without processes: units, torque limit, seeds, snapshots."""
+"""Simulated drives and robot without processes: units, torque limit, seeds, snapshots."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def rack_of(
 
 
 class Master:
-    """The least that gets drives going: mapping, mode, start; then cycles."""
+    """Minimal master: mapping, mode and start of the drives, then cycles."""
 
     def __init__(self, rack: DriveRack, cell: CellConfig) -> None:
         self.rack = rack
@@ -58,7 +58,7 @@ class Master:
         assert answers[0].data[0] == 0x60, answers
 
     def cycle(self, word: int, velocities: list[int]) -> list[tuple[int, int, int]]:
-        """Return statusword, counts and torque of every drive."""
+        """Return status word, counts and torque of every drive."""
         now_s = self.rack.time_s + CYCLE_S
         self.rack.receive(SYNC, now_s)
         sent = [(time_s, frame) for _, time_s, frame in self.rack.take_frames()]
@@ -82,7 +82,7 @@ def snapshot(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("direction", [1, -1])
 @pytest.mark.parametrize("velocity_unit", ["increments_per_s", "rpm", "0.1rpm"])
-def test_a_drives_numbers_mean_the_joints_motion(
+def test_a_drives_values_are_those_of_the_joints_motion(
     loaded: LoadedCell, snapshot: Path, direction: int, velocity_unit: str
 ) -> None:
     assert loaded.plant is not None
@@ -114,7 +114,7 @@ def test_a_drives_numbers_mean_the_joints_motion(
     assert torques == pytest.approx(truth.torque, abs=0.15 * float(np.abs(truth.torque).max()))
 
 
-def test_the_torque_limit_is_held(loaded: LoadedCell) -> None:
+def test_the_torque_limit_is_kept(loaded: LoadedCell) -> None:
     highest = []
     for permille in (100, 3000):
         rack = rack_of(loaded, loaded.config)
@@ -128,7 +128,7 @@ def test_the_torque_limit_is_held(loaded: LoadedCell) -> None:
     assert highest[1] > 200
 
 
-def test_the_same_seed_sends_the_same_frames_and_another_one_does_not(loaded: LoadedCell) -> None:
+def test_the_frames_depend_on_the_seed_alone(loaded: LoadedCell) -> None:
     sent = []
     for seed in (1, 1, 2):
         master = Master(rack_of(loaded, loaded.config, seed), loaded.config)
@@ -144,12 +144,12 @@ def test_joints_without_a_drive_are_named(loaded: LoadedCell) -> None:
         rack_of(loaded, cell)
 
 
-def test_no_snapshot_is_a_transport_error(snapshot: Path) -> None:
+def test_a_missing_snapshot_is_a_transport_error(snapshot: Path) -> None:
     with raises_code(TransportError, "RID-MOCK-NOT-SERVED"):
         SnapshotReader(snapshot)
 
 
-def test_a_torn_snapshot_is_noticed(snapshot: Path) -> None:
+def test_an_inconsistent_snapshot_is_detected(snapshot: Path) -> None:
     writer = SnapshotWriter(snapshot, 1)
     writer.write(1.0, [2.0], [3.0], [4.0], [True], [300.0])
     with SnapshotReader(snapshot) as reader:

@@ -22,16 +22,16 @@ READ = RegisterRead("holding", 100, 2, ())
 
 
 def answer(request: bytes, chance: random.Random) -> bytes:
-    """Return something else than the answer to a request."""
+    """Return something other than the answer to a request."""
     transaction, _, _, unit = struct.unpack_from(">HHHB", request)
     kind = chance.randrange(7)
     if kind == 0:
         return chance.randbytes(chance.randrange(1, 300))
     if kind == 1:
         return request  # an echo
-    if kind == 2:  # the right head, and nothing of the body
+    if kind == 2:  # a correct header without a body
         return struct.pack(">HHHBBB", transaction, 0, 200, unit, 3, 255)
-    if kind == 3:  # more registers than were asked for
+    if kind == 3:  # more registers than requested
         return struct.pack(">HHHBBB", transaction, 0, 11, unit, 3, 8) + bytes(8)
     if kind == 4:  # another unit
         return struct.pack(">HHHBBB", transaction, 0, 7, unit ^ 5, 3, 4) + bytes(4)
@@ -40,8 +40,8 @@ def answer(request: bytes, chance: random.Random) -> bytes:
     return struct.pack(">HHHBB", transaction, 0, 3, unit, 0x83) + chance.randbytes(1)
 
 
-class Liar(threading.Thread):
-    """A Modbus server that never answers what it was asked."""
+class WrongServer(threading.Thread):
+    """Modbus server that never gives the requested answer."""
 
     def __init__(self) -> None:
         super().__init__(daemon=True)
@@ -73,28 +73,28 @@ class Liar(threading.Thread):
 
 
 @pytest.fixture
-def liar() -> Iterator[Liar]:
-    liar = Liar()
-    liar.start()
-    yield liar
-    liar.close()
+def server() -> Iterator[WrongServer]:
+    server = WrongServer()
+    server.start()
+    yield server
+    server.close()
 
 
-def test_no_answer_is_taken_for_one(liar: Liar) -> None:
-    link = ModbusTcp(kind="tcp", host="127.0.0.1", port=liar.port)
+def test_no_wrong_answer_is_accepted(server: WrongServer) -> None:
+    link = ModbusTcp(kind="tcp", host="127.0.0.1", port=server.port)
     config = MonitorConfig(link=link, units=(1,), timeout_s=0.05)
     with open_modbus(config, lambda _: None) as opened:
         for _ in range(ANSWERS):
             with pytest.raises(DriverError):
                 opened.read(1, READ)
-    assert liar.answers > ANSWERS // 2
+    assert server.answers > ANSWERS // 2
 
 
 @pytest.mark.fault(31)
-def test_a_drive_that_is_silent_costs_one_request_and_one_time_out(
+def test_a_silent_drive_costs_one_request_and_one_timeout(
     measured: Callable[[str], None],
 ) -> None:
-    """Reading alone is ever asked for, and nothing twice: there is no write that could be."""
+    """Registers are only read, and each request is sent once: there is no write."""
     heard: list[bytes] = []
     waited_s = []
     with socket.create_server(("127.0.0.1", 0)) as server:
@@ -110,7 +110,8 @@ def test_a_drive_that_is_silent_costs_one_request_and_one_time_out(
                 with connection:
                     heard.append(connection.recv(4096))
     assert [(len(request), request[7]) for request in heard] == [(12, 3)] * 5
-    assert 0.049 <= min(waited_s) < 5.0  # the upper bound is no load's, but that of a retry
+    # the upper limit excludes a retry, it does not measure the load
+    assert 0.049 <= min(waited_s) < 5.0
     measured(
         f"a silent drive, time-out 50 ms: given up after {1e3 * min(waited_s):.0f} ms and one"
         " request; no command writes, and a stop asks nothing of Modbus"

@@ -1,4 +1,4 @@
-"""Drives that restart between their setup and the start: never moved with what they then hold."""
+"""Drives that restart between setup and start are never moved with lost settings."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def rig() -> Iterator[Rig]:
 
 
 def once_written_to(drive: SimulatedDrive, act: Callable[[], None]) -> None:
-    """Let something happen once, when a drive is written to next."""
+    """Call a function once, when a drive is written to next."""
     write = drive._sdo._write
 
     def act_and_write(index: int, subindex: int, data: bytes) -> None:
@@ -57,7 +57,7 @@ def once_written_to(drive: SimulatedDrive, act: Callable[[], None]) -> None:
     drive._sdo._write = act_and_write
 
 
-def test_while_another_drive_is_set_up(rig: Rig) -> None:
+def test_a_restart_while_another_drive_is_set_up_is_detected(rig: Rig) -> None:
     once_written_to(rig.elbow, rig.restart_base)
     with raises_code(DeviceFaultError, "RID-DRIVE-RESTARTED", "(node 1)"):
         rig.cell.axes.bring_up()
@@ -66,8 +66,8 @@ def test_while_another_drive_is_set_up(rig: Rig) -> None:
     rig.cell.axes.start()
 
 
-def test_with_everything_stored_in_it_but_its_watches(rig: Rig) -> None:
-    """Then it would answer SYNC and send its heartbeat as if nothing had been."""
+def test_a_restart_of_a_drive_that_stores_everything_except_watchdogs_is_detected(rig: Rig) -> None:
+    """Such a drive answers SYNC and sends its heartbeat as if nothing had happened."""
     rig.cell.axes.bring_up()
     rig.base.objects.store()
     rig.base.objects._stored |= {WATCH_ON_COMPUTER: 0, od.ABORT_CONNECTION: 0}
@@ -77,17 +77,17 @@ def test_with_everything_stored_in_it_but_its_watches(rig: Rig) -> None:
     assert rig.base.objects[WATCH_ON_COMPUTER] == 0
 
 
-def test_after_all_are_set_up_and_before_they_are_started(rig: Rig) -> None:
+def test_a_restart_between_setup_and_start_is_detected(rig: Rig) -> None:
     rig.cell.axes.bring_up()
     rig.restart_base()
     rig.pass_time(0.05)
-    rig.cell.axes.service.power_states()  # reads on past the boot-up
+    rig.cell.axes.service.power_states()  # reads the boot-up message too
     with raises_code(DeviceFaultError, "RID-DRIVE-RESTARTED", "(node 1)"):
         rig.cell.axes.start()
     assert rig.elbow.nmt is NmtState.PRE_OPERATIONAL, "no drive was started"
 
 
-def test_with_its_boot_up_still_unread_when_they_are_started(rig: Rig) -> None:
+def test_a_restart_with_an_unread_boot_up_message_is_detected(rig: Rig) -> None:
     rig.cell.axes.bring_up()
     rig.restart_base()
     rig.pass_time(0.05)
@@ -96,8 +96,8 @@ def test_with_its_boot_up_still_unread_when_they_are_started(rig: Rig) -> None:
     rig.cell.axes.bring_up()
 
 
-def test_a_second_boot_up_before_its_setup_takes_nothing_away(rig: Rig) -> None:
-    """As of a drive that tells twice that it has booted, the second time a little late."""
+def test_a_second_boot_up_message_before_setup_is_tolerated(rig: Rig) -> None:
+    """Some drives send two boot-up messages, the second slightly later."""
     once_written_to(
         rig.base, lambda: rig.elbow._send(heartbeat_frame(2, NmtState.INITIALISING), 0.001)
     )
@@ -107,7 +107,7 @@ def test_a_second_boot_up_before_its_setup_takes_nothing_away(rig: Rig) -> None:
     assert (rig.base.nmt, rig.elbow.nmt) == (NmtState.OPERATIONAL, NmtState.OPERATIONAL)
 
 
-def test_the_resets_of_a_watch_trial_are_no_restarts(rig: Rig) -> None:
+def test_resets_of_the_watchdog_test_are_not_restarts(rig: Rig) -> None:
     for _ in range(2):
         trials = try_watches(rig.cell.axes, rig.cell.clock, rig.config)
         assert all(trial.acted_s <= 0.088 for trial in trials)

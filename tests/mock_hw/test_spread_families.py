@@ -1,4 +1,4 @@
-"""Drives whose signals come in several frames: fixed PDOs, and a torque that is asked for."""
+"""Drives with signals in several frames: fixed PDOs, and a torque read by SDO."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from tests.mock_hw.test_families import INCREMENTS, bundled, cell_of, opened
         ((0x1402, 1), 0x77F, ("1402h:01", "77Fh", "required: 401h")),
     ],
 )
-def test_fixed_pdos_that_are_others_are_never_commanded(
+def test_a_drive_with_other_fixed_pdos_is_never_commanded(
     key: tuple[int, int], held: int, details: tuple[str, ...]
 ) -> None:
     with opened(cell_of(bundled("faulhaber_mc3000"), ServoProfile())) as (open_cell, bus):
@@ -36,7 +36,7 @@ def test_fixed_pdos_that_are_others_are_never_commanded(
 
 
 @pytest.mark.parametrize("name", ["faulhaber_mc3000", "trinamic_tmcm16xx"])
-def test_torque_and_position_of_several_frames_are_the_axis_s(name: str) -> None:
+def test_torque_and_position_in_several_frames_are_those_of_the_axis(name: str) -> None:
     cell = cell_of(bundled(name), ServoProfile())
     with opened(cell) as (open_cell, bus):
         open_cell.axes.bring_up()
@@ -45,7 +45,7 @@ def test_torque_and_position_of_several_frames_are_the_axis_s(name: str) -> None
         open_cell.axes.exchange()
         answers = open_cell.axes.answers
         assert answers.received.all()
-        # 0.5 of the rated torque is 0.5 N m of the motor: 1.667 A, 1667 mA as it tells them
+        # 0.5 of the rated torque is 0.5 N m of the motor: 1.667 A, or 1667 mA in the drive's unit
         rated = 1e-3 * bus.drives[0].objects[0x6076, 0]
         assert answers.torque_nm[0] == pytest.approx(-0.5 * rated * 100.0, rel=1e-3)
         assert answers.torque_raw[0] == round(-0.5 * rated / 0.3 * 1000.0)
@@ -54,7 +54,7 @@ def test_torque_and_position_of_several_frames_are_the_axis_s(name: str) -> None
         assert len(shown) == (name == "trinamic_tmcm16xx"), "the rate of what is asked for is said"
 
 
-def test_a_sheet_whose_fixed_pdos_are_others_is_refused() -> None:
+def test_a_data_sheet_with_other_fixed_pdos_is_refused() -> None:
     cell = cell_of(bundled("faulhaber_mc3000"), ServoProfile())
     identity = SimulatedIdentity(1, INCREMENTS, Fraction(100), 1000, cell.servo_of(cell.axes[0]))
     text = drive_eds(identity, "d.eds", datetime(2026, 1, 2))
@@ -67,7 +67,7 @@ def test_a_sheet_whose_fixed_pdos_are_others_is_refused() -> None:
     ]
 
 
-def test_a_trace_that_is_set_otherwise_tells_no_position() -> None:
+def test_a_trace_with_other_settings_gives_no_position() -> None:
     with opened(cell_of(bundled("faulhaber_mc3000"), ServoProfile())) as (open_cell, bus):
         drive = bus.drives[0]
         open_cell.axes.bring_up()
@@ -80,7 +80,7 @@ def test_a_trace_that_is_set_otherwise_tells_no_position() -> None:
         assert open_cell.axes.answers.position_counts[0] != 777, "the drive's trace tells others"
 
 
-def test_a_drive_that_does_not_answer_its_question_is_missed() -> None:
+def test_a_drive_that_does_not_answer_its_request_counts_as_missing() -> None:
     cell = cell_of(bundled("trinamic_tmcm16xx"), ServoProfile())
     with opened(cell) as (open_cell, bus):
         axes = open_cell.axes
@@ -95,7 +95,7 @@ def test_a_drive_that_does_not_answer_its_question_is_missed() -> None:
         bus.drives[0].objects._entries[0x6077, 0] = torque
 
 
-def test_frames_of_their_own_are_counted_into_the_bus_load() -> None:
+def test_additional_frames_are_part_of_the_bus_load() -> None:
     plain = bus_load(cell_of(ServoProfile(), ServoProfile()))
     for name in ("faulhaber_mc3000", "trinamic_tmcm16xx"):
         assert bus_load(cell_of(bundled(name), ServoProfile())) > plain + 0.04

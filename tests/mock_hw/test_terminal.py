@@ -1,6 +1,6 @@
-"""The simulated amplifier at a plain terminal: a person types, reads, and starts a stream.
+"""Simulated amplifier at a plain terminal: a person types, reads, and starts a stream.
 
-Nothing of the driver is used: the port is opened as any terminal program does.
+The driver is not used: the port is opened like by any terminal program.
 """
 
 from __future__ import annotations
@@ -45,14 +45,16 @@ class Terminal:
         os.close(self._fd)
 
 
-def test_a_person_at_a_terminal(serve_amplifier: Callable[..., Any]) -> None:
+def test_a_person_at_a_terminal_can_operate_the_amplifier(
+    serve_amplifier: Callable[..., Any],
+) -> None:
     terminal = Terminal(serve_amplifier().address)
     try:
         assert "simulated" in terminal.ask("ID?")
         assert terminal.ask("RO?") == "0"
         assert terminal.ask("RO1") == "OK"
         assert terminal.ask("RO?") == "1"
-        assert terminal.ask("3:RG2500") == "OK,CL"  # a range that changes loses the charge
+        assert terminal.ask("3:RG2500") == "OK,CL"  # a changed range clears the charge
         assert terminal.ask("3:RG?") == "2500"
         forces = terminal.ask("VA?").split(",")
         assert len(forces) == 8

@@ -12,7 +12,7 @@ from tests.builders.raised_codes import raises_code
 
 
 @pytest.mark.parametrize("n", range(1, 8))
-def test_link_frames_are_where_pinocchio_has_them(n, random_arm, judge, random_links) -> None:
+def test_link_frames_agree_with_pinocchio(n, random_arm, judge, random_links) -> None:
     robot = random_arm(n, seed=n)
     q = np.random.default_rng(n).uniform(-2.0, 2.0, (5, n))
     expected = [judge(robot, random_links(n, n)).frames(sample) for sample in q]
@@ -21,8 +21,10 @@ def test_link_frames_are_where_pinocchio_has_them(n, random_arm, judge, random_l
     )
 
 
-def test_a_calibration_moves_the_frames_as_pinocchio_does(random_arm, judge, random_links) -> None:
-    """Offsets of all five constants a row, Hayati's beta too."""
+def test_link_frames_with_calibration_offsets_agree_with_pinocchio(
+    random_arm, judge, random_links
+) -> None:
+    """Each row has offsets of all five constants, including Hayati's beta."""
     robot = random_arm(3, seed=4)
     offsets = np.random.default_rng(4).uniform(-0.01, 0.01, (3, 5))
     names = ("alpha_rad", "beta_rad", "theta_rad", "a_m", "d_m")
@@ -45,7 +47,7 @@ def test_a_calibration_moves_the_frames_as_pinocchio_does(random_arm, judge, ran
     )
 
 
-def test_the_tool_point_rides_on_the_last_link(random_arm) -> None:
+def test_the_tool_point_is_fixed_to_the_last_link(random_arm) -> None:
     robot = random_arm(4, seed=3)
     chain = Chain.from_description(robot)
     q = np.random.default_rng(0).uniform(-2.0, 2.0, (5, 4))
@@ -55,7 +57,7 @@ def test_the_tool_point_rides_on_the_last_link(random_arm) -> None:
 
 
 @pytest.mark.parametrize("n", range(1, 8))
-def test_jacobians_are_pinocchios(n, random_arm, judge, random_links) -> None:
+def test_jacobians_agree_with_pinocchio(n, random_arm, judge, random_links) -> None:
     """Of the tool point, and of a point on every link and on the base."""
     robot = random_arm(n, seed=n)
     chain, model = Chain.from_description(robot), judge(robot, random_links(n, n)).model
@@ -84,8 +86,8 @@ def test_jacobians_are_pinocchios(n, random_arm, judge, random_links) -> None:
             np.testing.assert_allclose(ours[link], theirs, rtol=0, atol=1e-12)
 
 
-def test_a_standard_table_leads_to_its_flange() -> None:
-    """The half row between the last axis and the flange is part of the tool."""
+def test_a_standard_dh_table_includes_its_flange() -> None:
+    """The part of the last row after the last axis belongs to the tool."""
     robot = load_robot("ur10e")
     assert robot.kinematics.convention == "standard_dh"
     last = robot.kinematics.rows[-1].model_copy(update={"a_m": 0.05, "alpha_rad": 0.7})
@@ -108,12 +110,12 @@ def test_a_standard_table_leads_to_its_flange() -> None:
     np.testing.assert_allclose(tool, expected, rtol=0, atol=1e-12)
 
 
-def test_ir361_at_zero_holds_its_upper_arm_up_and_its_forearm_forward(ir361) -> None:
+def test_the_ir361_at_zero_has_its_upper_arm_up_and_its_forearm_forward(ir361) -> None:
     tool = forward(Chain.from_description(ir361), np.zeros((1, 3)))[0]
     np.testing.assert_allclose(np.abs(tool), [0.765, 0.0, 1.020 + 0.480], atol=1e-9)
 
 
-def test_a_chain_cannot_be_changed(ir361) -> None:
+def test_a_chain_is_immutable(ir361) -> None:
     chain = Chain.from_description(ir361)
     for array in (chain.rows, chain.fixed_rotations, chain.gravity_m_s2):
         assert not array.flags.writeable
@@ -125,6 +127,6 @@ def test_positions_of_another_shape_are_refused(shape, ir361) -> None:
         link_transforms(Chain.from_description(ir361), np.zeros(shape))
 
 
-def test_a_chain_of_mismatched_arrays_is_refused() -> None:
+def test_a_chain_of_inconsistent_arrays_is_refused() -> None:
     with raises_code(EstimationError, "RID-API-ARGUMENT"):
         Chain(np.zeros((2, 5)), np.zeros(3, dtype=bool), np.zeros(3), np.zeros(3))

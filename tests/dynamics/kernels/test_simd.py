@@ -1,4 +1,4 @@
-"""Arithmetic of eight samples at once against numpy's of one after another."""
+"""Arithmetic of eight samples at once, compared with numpy."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def _through_memory(x, tile, out):
 
 
 @pytest.mark.parametrize("largest", [1.0, 4.0, 1e3, 1e6])
-def test_sine_and_cosine_are_those_of_a_wider_format(largest) -> None:
+def test_sine_and_cosine_agree_with_a_wider_format(largest) -> None:
     x = np.random.default_rng(0).uniform(-largest, largest, (20_000, 1))
     x[:5, 0] = 0.0, np.pi / 4, -np.pi / 2, np.pi, largest
     out = np.empty((len(x), 2))
@@ -52,14 +52,14 @@ def test_sine_and_cosine_are_those_of_a_wider_format(largest) -> None:
     assert np.abs(out - expected).max() < 3e-16
 
 
-def test_what_is_not_a_number_stays_so() -> None:
+def test_values_that_are_not_numbers_stay_so() -> None:
     out = np.zeros((2, 2))
     _sin_cos(np.array([[np.nan], [np.inf]]), out)
     assert np.isnan(out).all()
 
 
 @given(st.lists(st.tuples(*[st.floats(-1e9, 1e9)] * 2), min_size=1, max_size=20))
-def test_every_sample_is_computed_wherever_it_stands(pairs) -> None:
+def test_every_sample_is_computed_at_any_position(pairs) -> None:
     x = np.array(pairs)
     a, b = x.T
     out = np.zeros((len(x), 6))
@@ -69,7 +69,7 @@ def test_every_sample_is_computed_wherever_it_stands(pairs) -> None:
     )
 
 
-def test_lanes_lie_beside_one_another_in_memory() -> None:
+def test_lanes_are_contiguous_in_memory() -> None:
     x = np.random.default_rng(1).standard_normal((8, 1))
     tile, out = np.zeros((2, 4, 8)), np.zeros((8, 3))
     _through_memory(x, tile, out)

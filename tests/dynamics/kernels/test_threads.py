@@ -1,4 +1,4 @@
-"""Sharing samples between cores changes nothing but the time."""
+"""Distribution of samples to cores: the results are the same."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from dynamics.model.robot_model import RobotModel, base_wrench_regressor, regres
 pytestmark = pytest.mark.slow
 
 SAMPLES = 4 * SHARE + 3
-PIECE = SHARE - 5  # too small to be shared out, and not a multiple of eight
+PIECE = SHARE - 5  # too small for several threads, and not a multiple of eight
 
 
 @pytest.fixture(autouse=True)
@@ -38,7 +38,7 @@ def motion() -> np.ndarray:
 
 
 def in_pieces(function, motion: np.ndarray, *rest: np.ndarray) -> list[np.ndarray]:
-    """Call a function of q, v, a (and more arrays) on small pieces, one after another."""
+    """Call a function of q, v, a (and more arrays) on small parts, one after another."""
     results = []
     for start in range(0, SAMPLES, PIECE):
         piece = slice(start, start + PIECE)
@@ -48,13 +48,13 @@ def in_pieces(function, motion: np.ndarray, *rest: np.ndarray) -> list[np.ndarra
     return [np.concatenate(results)]
 
 
-def test_regressors_are_the_same_to_the_last_bit(model, motion) -> None:
+def test_regressors_are_identical_to_the_last_bit(model, motion) -> None:
     for function in (regressor, base_wrench_regressor):
         pieces = in_pieces(lambda *m, f=function: f(model, *m), motion)
         np.testing.assert_array_equal(function(model, *motion), pieces[0])
 
 
-def test_gradients_are_the_same_to_the_last_bit(model, motion) -> None:
+def test_gradients_are_identical_to_the_last_bit(model, motion) -> None:
     rng = np.random.default_rng(1)
     theta = rng.standard_normal(len(model.parameter_names))
     weights = rng.standard_normal((SAMPLES, 6, len(theta)))
@@ -67,7 +67,7 @@ def test_gradients_are_the_same_to_the_last_bit(model, motion) -> None:
     np.testing.assert_array_equal(whole, pieces)
 
 
-def test_callers_do_not_disturb_one_another(model, motion) -> None:
+def test_concurrent_callers_get_their_own_results(model, motion) -> None:
     expected = regressor(model, *motion)
     with ThreadPoolExecutor(4) as callers:
         calls = [callers.submit(regressor, model, *motion) for _ in range(8)]
@@ -86,8 +86,8 @@ def test_every_sample_belongs_to_one_share(samples) -> None:
     assert (seen == 1).all()
 
 
-def test_a_core_that_is_busy_is_not_waited_for(monkeypatch) -> None:
-    """The caller does all shares that no helper has begun."""
+def test_the_caller_does_not_wait_for_a_busy_core(monkeypatch) -> None:
+    """The caller computes every share that no other thread has started."""
     busy, idle = threading.Event(), ThreadPoolExecutor(1)
     monkeypatch.setattr("dynamics.kernels.threads._pool", lambda: idle)
     idle.submit(busy.wait, 60.0)
@@ -98,7 +98,7 @@ def test_a_core_that_is_busy_is_not_waited_for(monkeypatch) -> None:
     assert seen == list(range(0, SAMPLES, SHARE))
 
 
-def test_few_samples_stay_in_the_callers_thread() -> None:
+def test_few_samples_are_computed_in_the_callers_thread() -> None:
     threads = set()
     share_out(2 * SHARE - 1, lambda *_: threads.add(threading.current_thread()))
     assert threads == {threading.current_thread()}
@@ -109,7 +109,7 @@ class ShareError(Exception):
 
 
 @pytest.mark.parametrize("where", ["first", "last"])
-def test_a_share_that_fails_is_heard_of(where) -> None:
+def test_an_error_in_a_share_is_raised(where) -> None:
     def fill(first: int, last: int) -> None:
         if (first == 0) == (where == "first"):
             raise ShareError
@@ -134,7 +134,7 @@ sys.exit(os.waitstatus_to_exitcode(status))
 """
 
 
-def test_a_forked_process_has_threads_of_its_own() -> None:
+def test_a_forked_process_has_its_own_threads() -> None:
     run = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", FORK],
         timeout=120.0,

@@ -11,7 +11,7 @@ from tests.builders.raised_codes import raises_code
 
 
 @pytest.mark.parametrize("name", ["ir361", "ur10e"])
-def test_the_gradient_is_what_small_changes_of_the_motion_do(name: str) -> None:
+def test_the_gradient_agrees_with_central_differences(name: str) -> None:
     model = RobotModel.from_description(load_robot(name))
     random = np.random.default_rng(0)
     n = model.chain.n
@@ -31,7 +31,7 @@ def test_the_gradient_is_what_small_changes_of_the_motion_do(name: str) -> None:
     assert np.sum(gradient * direction) == pytest.approx(slope, rel=1e-7)
 
 
-def test_parameters_must_be_the_models() -> None:
+def test_parameters_of_another_model_are_refused() -> None:
     model = RobotModel.from_description(load_robot("ir361"))
     rest = np.zeros((1, 3))
     with raises_code(EstimationError, "RID-API-ARGUMENT", "parameters"):

@@ -1,4 +1,4 @@
-"""Drawings become standard parameters, by Pinocchio's parallel axes."""
+"""CAD data converted to standard parameters, compared with Pinocchio's parallel-axis theorem."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def robot(ir361):
     return ir361.model_copy(update={"cad": (WEIGHTLESS, LINK, LINK)})
 
 
-def test_values_are_pinocchios_about_the_frames_origin(robot) -> None:
+def test_values_about_the_frames_origin_agree_with_pinocchio(robot) -> None:
     xx, xy, xz, yy, yz, zz = LINK.inertia_kg_m2
     body = pin.Inertia(
         LINK.mass_kg,
@@ -43,8 +43,8 @@ def test_values_are_pinocchios_about_the_frames_origin(robot) -> None:
     assert not values[30:].any()
 
 
-def test_uncertainty_is_a_share_of_mass_moment_and_inertia_as_a_whole(robot) -> None:
-    """An element that happens to be zero is not known exactly."""
+def test_uncertainty_is_a_fraction_of_mass_moment_and_whole_inertia(robot) -> None:
+    """An element that is zero has an uncertainty too."""
     values, sigmas = cad_parameters(RobotModel.from_description(robot), robot)
     link, sigma = values[10:20], sigmas[10:20]
     assert sigma[0] == pytest.approx(0.2 * 4.0)
@@ -53,7 +53,7 @@ def test_uncertainty_is_a_share_of_mass_moment_and_inertia_as_a_whole(robot) -> 
     assert np.all(sigmas[:10] > 0.0)
 
 
-def test_a_guess_has_values_and_is_no_prior(ir361) -> None:
+def test_a_guess_has_values_but_is_not_a_prior(ir361) -> None:
     guess = LINK.model_copy(update={"uncertainty": None})
     some = ir361.model_copy(update={"cad": (guess, LINK, LINK)})
     values, sigmas = cad_prior(RobotModel.from_description(some), some)
@@ -67,8 +67,8 @@ def test_a_guess_has_values_and_is_no_prior(ir361) -> None:
 
 
 @pytest.mark.parametrize("moment", [0.0, 1e-6])
-def test_zeros_in_a_drawing_are_unknown_not_zero_within_little(ir361, moment: float) -> None:
-    """A wrist of 0.2 kg has some 5e-4 kg m² about its centre, whatever three decimals say."""
+def test_zeros_in_cad_data_are_unknown_and_not_small(ir361, moment: float) -> None:
+    """A wrist of 0.2 kg has about 5e-4 kg m² about its centre, more than three decimals show."""
     flange = LinkCad(mass_kg=0.2, inertia_kg_m2=(moment, 0.0, 0.0, moment, 0.0, moment))
     wrist = ir361.model_copy(update={"cad": (LINK, LINK, flange)})
     _, sigmas = cad_parameters(RobotModel.from_description(wrist), wrist)
@@ -76,22 +76,22 @@ def test_zeros_in_a_drawing_are_unknown_not_zero_within_little(ir361, moment: fl
     assert np.all(sigmas[24:30] < 5.0 * 5e-4)
 
 
-def test_inertias_of_real_links_are_believed() -> None:
+def test_inertias_of_real_links_are_accepted() -> None:
     assert all(cad.unknown_inertia_kg_m2 is None for cad in load_robot("ur10e").cad or ())
 
 
-def test_nothing_is_known_of_friction_rotors_and_spring(robot) -> None:
+def test_friction_rotors_and_spring_are_unknown(robot) -> None:
     _, sigmas = cad_parameters(RobotModel.from_description(robot), robot)
     assert np.isfinite(sigmas[:30]).all()
     assert np.isinf(sigmas[30:]).all()
 
 
-def test_the_bundled_ur10e_weighs_what_its_maker_says() -> None:
+def test_the_bundled_ur10e_has_the_weight_of_its_data_sheet() -> None:
     robot = load_robot("ur10e")
     values, _ = cad_parameters(RobotModel.from_description(robot), robot)
     assert values[:60:10].sum() == pytest.approx(29.1, abs=0.1)
 
 
-def test_a_robot_without_drawings_is_refused(ir361) -> None:
+def test_a_robot_without_cad_data_is_refused(ir361) -> None:
     with raises_code(ConfigError, "RID-ROBOT-CAD"):
         cad_parameters(RobotModel.from_description(ir361), ir361)

@@ -1,4 +1,4 @@
-"""Derivatives and inertia against Pinocchio's own algorithms, and against small differences."""
+"""Derivatives and inertia compared with Pinocchio's algorithms and with central differences."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def links_only(robot) -> RobotModel:
 
 
 def all_terms(ir361, coupling: np.ndarray | None = None) -> RobotModel:
-    """An arm with every term that a robot can have."""
+    """Return an arm with every term that a robot can have."""
     joints = [
         joint.model_copy(update={"friction": EVERY_FRICTION, "armature": joint.name == "joint3"})
         for joint in ir361.joints
@@ -47,7 +47,7 @@ def all_terms(ir361, coupling: np.ndarray | None = None) -> RobotModel:
 
 @pytest.fixture
 def moving(random_motion):
-    """Motions away from standstill, where cube root and sign have no small differences."""
+    """Return motions away from standstill, at which cube root and sign are not differentiable."""
 
     def make(n: int, seed: int) -> np.ndarray:
         motion = random_motion(n, seed)
@@ -58,7 +58,7 @@ def moving(random_motion):
 
 
 def differences(function, motion: np.ndarray) -> np.ndarray:
-    """Central differences by q, v, a of every joint, the last two axes of (..., 3, n)."""
+    """Return central differences by q, v, a of every joint, the last two axes of (..., 3, n)."""
     out = []
     for kind in range(3):
         for joint in range(motion.shape[2]):
@@ -70,7 +70,7 @@ def differences(function, motion: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("n", "seed", "kinds"), ARMS)
-def test_derivatives_of_the_torque_are_pinocchios(
+def test_derivatives_of_the_torque_agree_with_pinocchio(
     n, seed, kinds, random_arm, judge, random_links, random_motion
 ) -> None:
     robot, links = random_arm(n, seed, kinds), random_links(n, seed)
@@ -89,7 +89,9 @@ def test_derivatives_of_the_torque_are_pinocchios(
 
 
 @pytest.mark.parametrize(("n", "seed", "kinds"), ARMS)
-def test_the_mass_matrix_is_pinocchios(n, seed, kinds, random_arm, judge, random_links) -> None:
+def test_the_mass_matrix_agrees_with_pinocchio(
+    n, seed, kinds, random_arm, judge, random_links
+) -> None:
     robot, links = random_arm(n, seed, kinds), random_links(n, seed)
     reference = judge(robot, links).model
     q = np.random.default_rng(seed).uniform(-2.0, 2.0, (4, n))
@@ -102,8 +104,8 @@ def test_the_mass_matrix_is_pinocchios(n, seed, kinds, random_arm, judge, random
 
 
 @pytest.mark.parametrize("coupling", [None, WRIST], ids=["plain", "coupled"])
-def test_the_mass_matrix_has_the_rotors_and_armatures_but_no_payload(ir361, coupling) -> None:
-    """Kinetic energy is half v M v, whatever moves the joints; friction and spring have none."""
+def test_the_mass_matrix_contains_rotors_and_armatures_but_no_payload(ir361, coupling) -> None:
+    """The kinetic energy is v M v / 2 for any drive; friction and spring have none."""
     model = all_terms(ir361, coupling)
     rng = np.random.default_rng(2)
     theta, q, v = rng.standard_normal(len(model.parameter_names)), *rng.standard_normal((2, 4, 3))
@@ -118,7 +120,9 @@ def test_the_mass_matrix_has_the_rotors_and_armatures_but_no_payload(ir361, coup
 
 @pytest.mark.parametrize("payload", [False, True])
 @pytest.mark.parametrize("coupling", [None, WRIST], ids=["plain", "coupled"])
-def test_derivatives_hold_for_every_term(ir361, coupling, payload, moving) -> None:
+def test_derivatives_of_every_term_agree_with_central_differences(
+    ir361, coupling, payload, moving
+) -> None:
     model, conditions = all_terms(ir361, coupling), Conditions(payload=payload)
     motion = moving(3, 4)
     theta = np.random.default_rng(4).standard_normal(len(model.parameter_names))
@@ -134,7 +138,7 @@ def test_derivatives_hold_for_every_term(ir361, coupling, payload, moving) -> No
         np.testing.assert_allclose(ours, expected[:, :, kind], rtol=0, atol=1e-7 * size)
 
 
-def test_derivatives_hold_behind_gears_that_lose_torque(ir361, moving) -> None:
+def test_derivatives_with_gear_losses_agree_with_central_differences(ir361, moving) -> None:
     joints = tuple(joint.model_copy(update={"efficiency": 0.8}) for joint in ir361.joints)
     model = RobotModel.from_description(ir361.model_copy(update={"joints": joints}))
     assert model.transmission.losses
@@ -148,7 +152,9 @@ def test_derivatives_hold_behind_gears_that_lose_torque(ir361, moving) -> None:
 
 
 @pytest.mark.parametrize("coupling", [None, WRIST], ids=["plain", "coupled"])
-def test_the_gradient_through_the_regressor_holds_for_every_term(ir361, coupling, moving) -> None:
+def test_the_gradient_through_the_regressor_is_correct_for_every_term(
+    ir361, coupling, moving
+) -> None:
     model, conditions = all_terms(ir361, coupling), Conditions(payload=True)
     motion = moving(3, 6)
     weights = np.random.default_rng(6).standard_normal((8, 3, len(model.parameter_names)))
@@ -164,7 +170,7 @@ def test_the_gradient_through_the_regressor_holds_for_every_term(ir361, coupling
         np.testing.assert_allclose(ours, expected[:, kind], rtol=0, atol=1e-7 * size)
 
 
-def test_the_gradient_knows_the_losses_of_the_gears(ir361, moving) -> None:
+def test_the_gradient_includes_gear_losses(ir361, moving) -> None:
     joints = tuple(joint.model_copy(update={"efficiency": 0.8}) for joint in ir361.joints)
     model = RobotModel.from_description(ir361.model_copy(update={"joints": joints}))
     motion = moving(3, 7)
@@ -189,7 +195,9 @@ def test_the_gradient_knows_the_losses_of_the_gears(ir361, moving) -> None:
     samples=st.integers(1, 20),
     kind=st.integers(0, 2),
 )
-def test_the_gradient_is_the_slope_along_any_line(n, seed, samples, kind, random_arm_once) -> None:
+def test_the_gradient_is_the_derivative_along_any_direction(
+    n, seed, samples, kind, random_arm_once
+) -> None:
     robot = random_arm_once(n, seed)
     model = RobotModel.from_description(robot, friction=False, spring=False)
     rng = np.random.default_rng(seed)
@@ -211,7 +219,7 @@ def test_the_gradient_is_the_slope_along_any_line(n, seed, samples, kind, random
 
 @pytest.fixture(scope="module")
 def random_arm_once():
-    """The bundled arm's joints on a chain of any length; hypothesis wants no fixture anew."""
+    """Return a function that makes chains of the bundled arm's joints, for use with hypothesis."""
     pattern = load_robot("ir361")
 
     def make(n: int, seed: int) -> RobotDescription:

@@ -1,4 +1,4 @@
-"""Slopes of the torque by its nonlinear parameters, against central differences."""
+"""Derivatives of the torque by its nonlinear parameters, compared with central differences."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from dynamics.terms.conditions import Conditions
         (("coulomb", "stribeck"), 0.85),
     ],
 )
-def test_they_are_central_differences(
+def test_derivatives_agree_with_central_differences(
     friction: tuple[FrictionTerm, ...], efficiency: float | None
 ) -> None:
     robot = load_robot("ir361")
@@ -56,7 +56,7 @@ def test_they_are_central_differences(
         )
 
 
-def test_a_model_without_them_has_none() -> None:
+def test_a_model_without_nonlinear_parameters_has_no_derivatives() -> None:
     model = RobotModel.from_description(load_robot("ir361"))
     theta = np.zeros(len(model.parameter_names))
     q, v, a = np.zeros((3, 5, 3))

@@ -1,4 +1,4 @@
-"""The torque of one sample, held against the regressor's kernels, term by term."""
+"""Torque of one sample, compared with the regressor's kernels term by term."""
 
 from __future__ import annotations
 
@@ -35,23 +35,23 @@ def same(model: RobotModel, motion: np.ndarray, seed: int) -> None:
 
 
 @pytest.mark.parametrize("name", ["ir361", "kr15", "ur10e"])
-def test_bundled_robots(name: str, random_motion: Motions) -> None:
-    """Rotors on links, a spring, a coupled wrist."""
+def test_the_torque_of_bundled_robots_agrees(name: str, random_motion: Motions) -> None:
+    """They have rotors on links, a spring and a coupled wrist."""
     robot = load_robot(name)
     same(RobotModel.from_description(robot), random_motion(len(robot.joints), 3), 4)
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_any_chain(
+def test_the_torque_of_any_chain_agrees(
     seed: int, random_arm: Callable[..., RobotDescription], random_motion: Motions
 ) -> None:
-    """Turning and sliding joints, rotors anywhere."""
+    """The chains have revolute and prismatic joints, and rotors on any link."""
     robot = random_arm(1 + seed, seed)
     same(RobotModel.from_description(robot), random_motion(1 + seed, seed), seed)
 
 
 @pytest.mark.parametrize("smoothing", [0.0, 0.05])
-def test_every_kind_of_friction_and_loss(
+def test_every_kind_of_friction_and_loss_agrees(
     smoothing: float, ir361: RobotDescription, random_motion: Motions
 ) -> None:
     kinds = ("coulomb", "viscous", "offset", "asymmetric", "cubic", "cube_root", "stribeck", "load")
@@ -69,14 +69,16 @@ def test_every_kind_of_friction_and_loss(
     same(model, motion, 10)
 
 
-def test_a_spring_as_a_fourier_series(ir361: RobotDescription, random_motion: Motions) -> None:
+def test_a_spring_as_a_fourier_series_agrees(
+    ir361: RobotDescription, random_motion: Motions
+) -> None:
     assert ir361.spring is not None
     spring = ir361.spring.model_copy(update={"form": "fourier"})
     robot = ir361.model_copy(update={"spring": spring})
     same(RobotModel.from_description(robot), random_motion(3, 1), 2)
 
 
-def test_friction_by_temperature_is_refused(ir361: RobotDescription) -> None:
+def test_temperature_dependent_friction_is_refused(ir361: RobotDescription) -> None:
     joints = tuple(j.model_copy(update={"friction": ("temperature",)}) for j in ir361.joints)
     model = RobotModel.from_description(ir361.model_copy(update={"joints": joints}))
     with raises_code(EstimationError, "RID-MODEL-TEMPERATURE"):

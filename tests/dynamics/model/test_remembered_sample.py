@@ -1,4 +1,4 @@
-"""The torque of a path sample by sample, held against the whole path's."""
+"""Torque of a path sample by sample with presliding, compared with that of the whole path."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ KINDS = ("coulomb", "viscous", "offset", "asymmetric", "cubic", "cube_root", "st
 
 
 def arm(ir361: RobotDescription) -> RobotDescription:
-    """Return an arm of which the first and the last joint remember."""
+    """Return an arm with presliding in the first and the last joint."""
     joints = tuple(
         joint.model_copy(
             update={
@@ -35,7 +35,7 @@ def arm(ir361: RobotDescription) -> RobotDescription:
 
 
 def way() -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return q, v, a of a path with reversals far and near, and with rest."""
+    """Return q, v, a of a path with distant and close reversals, and with rest."""
     t = np.linspace(0.0, 6.0, 400)[:, np.newaxis]
     q = 0.3 * np.sin(t * [1.0, 1.7, 2.3]) + 0.04 * np.sin(t * [9.0, 7.0, 8.0])
     v = np.gradient(q, t[1, 0], axis=0)
@@ -45,10 +45,10 @@ def way() -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 @pytest.mark.parametrize("smoothing", [0.0, 0.05])
-def test_a_path_gone_step_by_step_takes_the_whole_paths_torques(
+def test_the_torques_step_by_step_equal_those_of_the_whole_path(
     smoothing: float, ir361: RobotDescription
 ) -> None:
-    """Every kind of friction and loss, of joints that remember and of one that does not."""
+    """The joints have every kind of friction and loss, with presliding and without."""
     model = RobotModel.from_description(arm(ir361), sign_smoothing_rad_s=smoothing)
     theta = np.random.default_rng(1).uniform(0.5, 2.0, len(model.parameter_names))
     q, v, a = way()

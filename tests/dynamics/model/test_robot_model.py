@@ -22,7 +22,7 @@ def model(ir361) -> RobotModel:
     return RobotModel.from_description(ir361)
 
 
-def test_terms_stand_side_by_side_links_first(model) -> None:
+def test_columns_are_ordered_by_term_with_links_first(model) -> None:
     assert model.joint_names == ("axis1", "axis2", "axis3")
     assert model.parameter_groups == {
         "rigid_body": slice(0, 30),
@@ -42,8 +42,8 @@ def test_terms_stand_side_by_side_links_first(model) -> None:
         ({"rotors": False, "friction": False, "spring": False}, ["rigid_body"]),
     ],
 )
-def test_terms_can_be_left_out(options, groups, ir361, model, random_motion) -> None:
-    """Leaving one out changes no other column."""
+def test_terms_can_be_omitted(options, groups, ir361, model, random_motion) -> None:
+    """Omitting a term changes no other column."""
     part = RobotModel.from_description(ir361, **options)
     assert list(part.parameter_groups) == groups
     motion = random_motion(3, 0)
@@ -52,7 +52,7 @@ def test_terms_can_be_left_out(options, groups, ir361, model, random_motion) -> 
         np.testing.assert_array_equal(function(part, *motion), function(model, *motion)[:, :, kept])
 
 
-def test_a_robot_without_rotors_spring_and_friction_has_links_alone(ir361) -> None:
+def test_a_robot_without_rotors_spring_and_friction_has_link_columns_only(ir361) -> None:
     bare = tuple(j.model_copy(update={"rotor": None, "friction": ()}) for j in ir361.joints)
     robot = ir361.model_copy(update={"joints": bare, "spring": None})
     assert list(RobotModel.from_description(robot).parameter_groups) == ["rigid_body"]
@@ -65,7 +65,7 @@ def test_torque_is_the_regressor_times_the_parameters(model, random_motion) -> N
     np.testing.assert_allclose(torque(model, q, v, a, theta), expected, rtol=0, atol=1e-9)
 
 
-def test_pieces_of_the_regressor_are_the_regressor_in_one_place_of_memory(ir361) -> None:
+def test_parts_of_the_regressor_in_reused_memory_equal_the_whole(ir361) -> None:
     """Also if it depends on each sample's temperature and load."""
     joint = {"friction": ("viscous", "temperature"), "efficiency": 0.9}
     joints = tuple(j.model_copy(update=joint) for j in ir361.joints)
@@ -83,7 +83,7 @@ def test_pieces_of_the_regressor_are_the_regressor_in_one_place_of_memory(ir361)
     assert len(places) == 1
 
 
-def test_every_sample_stands_for_itself(model, random_motion) -> None:
+def test_every_sample_is_independent_of_the_others(model, random_motion) -> None:
     q, v, a = random_motion(3, 2)
     together = regressor(model, q, v, a)
     alone = [regressor(model, q[[s]], v[[s]], a[[s]])[0] for s in range(8)]
@@ -121,7 +121,7 @@ def test_a_wrong_number_of_parameters_is_refused(model, random_motion) -> None:
 
 @dataclass(frozen=True)
 class Damper:
-    """An effect of one's own: torque against the first joint, proportional to cos q1."""
+    """A user-defined term: torque at the first joint, proportional to cos q1."""
 
     name = "damper"
     through_gears = False
@@ -133,10 +133,10 @@ class Damper:
         out[:, 0, 0] = v[:, 0] * np.cos(q[:, 0])
 
     def fill_base_wrench(self, motion, out) -> None:
-        """Leave the base alone."""
+        """Add nothing to the base wrench."""
 
 
-def test_a_term_of_ones_own_adds_its_columns(model, random_motion) -> None:
+def test_a_user_defined_term_adds_its_columns(model, random_motion) -> None:
     q, v, a = random_motion(3, 0)
     wider = replace(model, terms=(*model.terms, Damper()))
     phi = regressor(wider, q, v, a)
@@ -144,6 +144,6 @@ def test_a_term_of_ones_own_adds_its_columns(model, random_motion) -> None:
     np.testing.assert_array_equal(phi[:, 0, 41], v[:, 0] * np.cos(q[:, 0]))
 
 
-def test_two_terms_must_not_share_a_name(model) -> None:
+def test_two_terms_with_one_name_are_refused(model) -> None:
     with raises_code(EstimationError, "RID-API-ARGUMENT", "damping"):
         replace(model, terms=(*model.terms, Damper(), Damper()))

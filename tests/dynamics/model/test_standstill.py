@@ -1,4 +1,4 @@
-"""From which speed on joints move, and reversals that no row shows."""
+"""Standstill speed of joints, and reversals between two rows."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tests.builders.remembering_arm import arm
 SLOW_RAD_S = 0.02
 
 
-def test_a_reversal_between_two_rows_is_a_standstill() -> None:
+def test_a_reversal_between_two_rows_counts_as_standstill() -> None:
     model = RobotModel.from_description(arm())
     v = np.full((6, model.chain.n), 0.5)
     v[3:, 0] = -0.5

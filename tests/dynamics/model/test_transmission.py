@@ -1,4 +1,4 @@
-"""Gear losses (5.16, 5.17): closed forms of a weight on a winch, and no power out of nothing."""
+"""Gear losses (5.16, 5.17): analytic results of a weight on a winch, and no gain of power."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ GRAVITY = 9.81
 
 
 def pendulum(**joint: object) -> RobotDescription:
-    """One horizontal axis; at zero its arm points sideways, and positive lifts it."""
+    """Return one horizontal axis; at zero its arm is horizontal, and positive motion lifts it."""
     return RobotDescription(
         name="pendulum",
         kinematics=Kinematics(
@@ -33,14 +33,14 @@ def pendulum(**joint: object) -> RobotDescription:
 
 
 def weigh(model: RobotModel, v: list[float], parameters: dict[str, float]) -> np.ndarray:
-    """The motor's torque at angle zero and some speeds."""
+    """Return the motor torque at angle zero for some speeds."""
     theta = np.array([parameters.get(name, 0.0) for name in model.parameter_names])
     speed = np.array(v)[:, np.newaxis]
     return torque(model, 0 * speed, speed, 0 * speed, theta)[:, 0]
 
 
-def test_an_efficient_gear_takes_its_share_in_either_direction() -> None:
-    """Lifting, the motor gives load / eta (5.16); lowering, it holds eta load (5.17)."""
+def test_efficiency_applies_in_both_directions() -> None:
+    """Lifting, the motor supplies load / eta (5.16); lowering, it holds eta load (5.17)."""
     model = RobotModel.from_description(pendulum(efficiency=0.8))
     load = MOMENT * GRAVITY
     np.testing.assert_allclose(
@@ -48,7 +48,7 @@ def test_an_efficient_gear_takes_its_share_in_either_direction() -> None:
     )
 
 
-def test_load_friction_grows_with_what_the_gear_carries() -> None:
+def test_load_friction_grows_with_the_transmitted_load() -> None:
     model = RobotModel.from_description(pendulum(friction=("coulomb", "load"))).with_nonlinear(
         [0.1]
     )
@@ -59,8 +59,8 @@ def test_load_friction_grows_with_what_the_gear_carries() -> None:
     )
 
 
-def test_the_motors_own_side_is_not_behind_the_gear() -> None:
-    """Net torque (5.15): armature and friction are paid before the gear takes its share."""
+def test_motor_side_terms_are_not_transmitted() -> None:
+    """Net torque (5.15): armature and friction are subtracted before the gear's losses."""
     model = RobotModel.from_description(
         pendulum(efficiency=0.5, armature=True, friction=("coulomb", "viscous"))
     )
@@ -72,8 +72,8 @@ def test_the_motors_own_side_is_not_behind_the_gear() -> None:
     assert phi[names.index("Izz1")] == pytest.approx(3.0 / 0.5)
 
 
-def test_torque_finds_the_load_by_itself(ir361, random_motion) -> None:
-    """Rotors and friction do not pass the gears; links and spring do."""
+def test_the_torque_function_computes_the_load(ir361, random_motion) -> None:
+    """Gears do not transmit rotors and friction; they transmit links and spring."""
     first, *others = ir361.joints
     joints = (first.model_copy(update={"efficiency": 0.7}), *others)
     robot = ir361.model_copy(update={"joints": joints})
@@ -96,7 +96,7 @@ def test_torque_finds_the_load_by_itself(ir361, random_motion) -> None:
     share=st.floats(0.0, 0.5),
     seed=st.integers(0, 1000),
 )
-def test_a_gear_never_gives_more_power_than_it_gets(efficiency, share, seed) -> None:
+def test_a_gear_never_outputs_more_power_than_its_input(efficiency, share, seed) -> None:
     rng = np.random.default_rng(seed)
     q, v, a = rng.uniform(-2.0, 2.0, (3, 6, 1))
     theta = rng.standard_normal(10)
@@ -109,7 +109,7 @@ def test_a_gear_never_gives_more_power_than_it_gets(efficiency, share, seed) -> 
         assert np.all((torque(model, q, v, a, theta) - behind) * v >= -1e-9)
 
 
-def test_losses_need_the_load() -> None:
+def test_losses_without_the_load_are_refused() -> None:
     model = RobotModel.from_description(pendulum(efficiency=0.8))
     with raises_code(EstimationError, "RID-API-ARGUMENT", "eta_j", "load_torque"):
         regressor(model, *np.ones((3, 2, 1)))

@@ -23,7 +23,7 @@ def plant() -> PlantConfig:
     return plant.without_unmodelled()
 
 
-def test_the_rigid_bodies_are_those_that_pinocchio_builds_from_the_plant_file(
+def test_rigid_bodies_agree_with_pinocchio_built_from_the_plant_file(
     robot: RobotDescription, plant: PlantConfig
 ) -> None:
     judge = pin.Model()
@@ -59,7 +59,7 @@ def test_the_rigid_bodies_are_those_that_pinocchio_builds_from_the_plant_file(
     np.testing.assert_allclose(torque(model, q, v, a, theta), expected, atol=1e-9)
 
 
-def test_a_rotor_on_link_2_adds_its_polar_inertia_there(
+def test_a_rotor_on_link_2_adds_its_polar_inertia_to_the_link(
     robot: RobotDescription, plant: PlantConfig
 ) -> None:
     model = RobotModel.from_description(robot)
@@ -74,7 +74,7 @@ def test_a_rotor_on_link_2_adds_its_polar_inertia_there(
     assert value["fc_axis3"] == 9.0
 
 
-def test_an_armature_is_the_rotors_inertia_behind_its_gear(
+def test_an_armature_is_the_rotors_inertia_times_the_squared_gear_ratio(
     robot: RobotDescription, plant: PlantConfig
 ) -> None:
     joints = tuple(
@@ -86,7 +86,7 @@ def test_an_armature_is_the_rotors_inertia_behind_its_gear(
     assert value["Ia3"] == pytest.approx(60.0**2 * plant.axes[2].rotor_inertia_kg_m2)
 
 
-def test_friction_terms_that_the_plant_does_not_have_are_zero(
+def test_friction_terms_missing_in_the_plant_are_zero(
     robot: RobotDescription, plant: PlantConfig
 ) -> None:
     joints = tuple(j.model_copy(update={"friction": ("offset", "cubic")}) for j in robot.joints)

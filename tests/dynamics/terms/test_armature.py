@@ -1,4 +1,4 @@
-"""Plain armatures, against Pinocchio's."""
+"""Armatures, compared with Pinocchio's."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def with_armatures(robot, which: tuple[bool, ...]):
     return robot.model_copy(update={"joints": joints})
 
 
-def test_they_are_pinocchios(random_arm, judge, random_links, random_motion) -> None:
+def test_armatures_agree_with_pinocchio(random_arm, judge, random_links, random_motion) -> None:
     robot = with_armatures(random_arm(4, 2, "RRPR"), (True, False, True, True))
     links = random_links(4, 2)
     reference = judge(robot, links).model
@@ -32,8 +32,8 @@ def test_they_are_pinocchios(random_arm, judge, random_links, random_motion) -> 
     np.testing.assert_allclose(torque(model, q, v, a, theta), expected, atol=1e-10)
 
 
-def test_with_a_coupling_they_are_the_actuators(random_arm, random_motion) -> None:
-    """Kinetic energy Ia alpha.^2 / 2 gives Ia alpha.. on that actuator, whatever the joints do."""
+def test_with_a_coupling_armatures_belong_to_the_actuators(random_arm, random_motion) -> None:
+    """Kinetic energy Ia alpha.^2 / 2 gives Ia alpha.. on that actuator for any joint motion."""
     matrix = np.array([[1.0, 0.3], [-0.2, 1.0]])
     robot = with_armatures(random_arm(2, 0, "RR"), (True, True))
     robot = robot.model_copy(update={"coupling": tuple(map(tuple, matrix.tolist()))})
@@ -51,6 +51,6 @@ def test_with_a_coupling_they_are_the_actuators(random_arm, random_motion) -> No
     )
 
 
-def test_the_base_knows_nothing_of_them(random_arm, random_motion) -> None:
+def test_armatures_have_no_effect_on_the_base(random_arm, random_motion) -> None:
     model = RobotModel.from_description(with_armatures(random_arm(2, 0), (True, True)))
     assert not base_wrench_regressor(model, *random_motion(2, 0))[:, :, 20:].any()

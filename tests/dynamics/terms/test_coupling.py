@@ -1,4 +1,4 @@
-"""Coupled wrists, q = C alpha (5.18, 5.19): against real bodies, energies and virtual work."""
+"""Coupled wrists, q = C alpha (5.18, 5.19), compared with bodies, energies and virtual work."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ STEP = 1e-4
 
 
 def coupled(robot, seed: int):
-    """The robot with motors that move their joint and, a little, all others."""
+    """Return the robot with motors that move their own joint and, slightly, all others."""
     n = len(robot.joints)
     matrix = np.eye(n) + np.random.default_rng(seed).uniform(-0.4, 0.4, (n, n))
     return robot.model_copy(update={"coupling": tuple(map(tuple, matrix.tolist()))})
@@ -38,7 +38,7 @@ def without_friction(robot) -> RobotModel:
 
 
 def real_rotors(robot, links: np.ndarray, polar: np.ndarray):
-    """Rotors as bodies of half a kilogram, and the links with their lumped parts added."""
+    """Return rotors as bodies of 0.5 kg, and the links with the rotors' lumped parts added."""
     rng = np.random.default_rng(len(polar))
     bodies, lumped = [], links.copy()
     for joint, inertia in zip(robot.joints, polar, strict=True):
@@ -54,10 +54,10 @@ def real_rotors(robot, links: np.ndarray, polar: np.ndarray):
 
 @pytest.mark.parametrize("n", range(2, 8))
 @pytest.mark.parametrize("seed", range(3))
-def test_coupled_rotors_weigh_what_bodies_of_their_own_do(
+def test_coupled_rotors_agree_with_separate_bodies(
     n, seed, random_arm, judge, random_links, random_motion
 ) -> None:
-    """The judge's rotors spin at mu alpha. relative to the links that carry them."""
+    """Pinocchio's rotors spin at mu alpha. relative to the links that carry them."""
     robot = coupled(random_arm(n, 20 * n + seed), seed)
     links, polar = random_links(n, seed), np.random.default_rng(seed).uniform(0.01, 0.2, n)
     bodies, lumped = real_rotors(robot, links, polar)
@@ -71,10 +71,10 @@ def test_coupled_rotors_weigh_what_bodies_of_their_own_do(
     np.testing.assert_allclose(tau, expected, rtol=0, atol=1e-9)
 
 
-def test_the_base_feels_coupled_rotors_as_bodies(
+def test_the_base_wrench_of_coupled_rotors_agrees_with_bodies(
     random_arm, judge, random_links, random_motion
 ) -> None:
-    """All rotors on moving links, so that none rests its weight on the base."""
+    """All rotors are on moving links, so that the base carries none of them directly."""
     robot = coupled(random_arm(4, 5, "RRPR"), 5)
     joints = [
         joint.model_copy(update={"rotor": joint.rotor.model_copy(update={"link": max(i, 1)})})
@@ -128,7 +128,7 @@ def test_torques_obey_lagranges_equations_in_the_actuators_coordinates(
 
 
 class TestWristOfTheThesis:
-    """Axes 4 to 6 driven through one another: motor 4 turns axes 5 and 6 along, motor 5 axis 6."""
+    """Axes 4 to 6 of the thesis: motor 4 also moves axes 5 and 6, motor 5 also axis 6."""
 
     COUPLING = ((1.0, 0.0, 0.0), (-0.025, 1.0, 0.0), (0.012, -0.3, 1.0))
 
@@ -140,16 +140,16 @@ class TestWristOfTheThesis:
     def model(self, robot) -> RobotModel:
         return RobotModel.from_description(robot)
 
-    def test_joints_move_by_v_and_actuators_feel_its_transpose(
+    def test_the_links_columns_are_multiplied_by_the_transposed_coupling(
         self, model, ir361, random_motion
     ) -> None:
-        """(5.18), (5.19), for the links' columns."""
+        """(5.18), (5.19) for the columns of the links."""
         q, v, a = random_motion(3, 0)
         uncoupled = regressor(RobotModel.from_description(ir361), q, v, a)[:, :, :30]
         expected = np.einsum("ji,sjp->sip", np.array(self.COUPLING), uncoupled)
         np.testing.assert_allclose(regressor(model, q, v, a)[:, :, :30], expected, atol=1e-12)
 
-    def test_friction_is_of_the_actuators_speeds(self, model, random_motion) -> None:
+    def test_friction_depends_on_the_actuators_speeds(self, model, random_motion) -> None:
         q, v, a = random_motion(3, 1)
         speed = np.linalg.solve(np.array(self.COUPLING), v.T).T
         phi = regressor(model, q, v, a)
@@ -161,8 +161,10 @@ class TestWristOfTheThesis:
             assert not np.delete(coulomb, j, axis=1).any()
             assert not np.delete(viscous, j, axis=1).any()
 
-    def test_the_springs_work_comes_from_all_actuators_that_stretch_it(self, model, ir361) -> None:
-        """Virtual work: along each actuator, the slope of the spring's energy."""
+    def test_the_springs_torque_is_distributed_to_every_actuator_that_stretches_it(
+        self, model, ir361
+    ) -> None:
+        """Virtual work: along each actuator, the derivative of the spring's energy."""
         l, r = ir361.spring.l_m, ir361.spring.r_m  # noqa: E741
         stiffness, free = 8000.0, 0.35
 
@@ -180,7 +182,7 @@ class TestWristOfTheThesis:
         )
 
 
-def test_the_joints_inertia_is_that_of_all_bodies(random_arm, judge, random_links) -> None:
+def test_the_mass_matrix_contains_all_bodies(random_arm, judge, random_links) -> None:
     """The reference is Pinocchio's torque for a unit acceleration of each joint from rest."""
     robot = coupled(random_arm(4, 9, "RRPR"), 9)
     links, polar = random_links(4, 9), np.array([0.1, 0.02, 0.05, 0.03])
@@ -196,7 +198,7 @@ def test_the_joints_inertia_is_that_of_all_bodies(random_arm, judge, random_link
         np.testing.assert_allclose(ours, expected, rtol=0, atol=1e-9)
 
 
-def test_an_identity_changes_nothing(random_arm, random_motion) -> None:
+def test_an_identity_coupling_changes_nothing(random_arm, random_motion) -> None:
     robot = random_arm(4, 1, "RRPR")
     same = robot.model_copy(update={"coupling": tuple(map(tuple, np.eye(4).tolist()))})
     q, v, a = random_motion(4, 1)
@@ -208,7 +210,7 @@ def test_an_identity_changes_nothing(random_arm, random_motion) -> None:
 
 
 def test_gears_transmit_actuators_torques(ir361, random_motion) -> None:
-    """C^T of what links and spring ask of the joints; rotors and friction are before the gear."""
+    """C^T times the joint torques of links and spring; rotors and friction are before the gear."""
     matrix = np.array(TestWristOfTheThesis.COUPLING)
     robot = ir361.model_copy(update={"coupling": TestWristOfTheThesis.COUPLING})
     q, v, a = random_motion(3, 4)
@@ -221,8 +223,8 @@ def test_gears_transmit_actuators_torques(ir361, random_motion) -> None:
 
 @settings(max_examples=30)
 @given(seed=st.integers(0, 2**32 - 1))
-def test_no_power_is_lost_between_joints_and_actuators(seed) -> None:
-    """tau_alpha . alpha. = tau_q . q., whatever C."""
+def test_joints_and_actuators_have_the_same_power(seed) -> None:
+    """tau_alpha . alpha. = tau_q . q. for any C."""
     rng = np.random.default_rng(seed)
     matrix = np.eye(5) + rng.uniform(-0.15, 0.15, (5, 5))
     v, tau = rng.standard_normal((2, 6, 5))
@@ -234,7 +236,7 @@ def test_no_power_is_lost_between_joints_and_actuators(seed) -> None:
     )
 
 
-def test_every_part_of_a_motion_is_in_both_coordinates(random_motion) -> None:
+def test_every_part_of_a_motion_has_both_coordinates(random_motion) -> None:
     matrix = np.array(TestWristOfTheThesis.COUPLING)
     conditions = Conditions(temperature_k=np.full((8, 3), 300.0), load_nm=np.ones((8, 3)))
     q, v, a = random_motion(3, 6)

@@ -18,7 +18,7 @@ ALL_TERMS = ("coulomb", "viscous", "offset", "cubic", "cube_root")
 
 @pytest.fixture
 def robot(ir361):
-    """Axis 1 with every term, axis 2 with one and sliding, axis 3 with none."""
+    """Axis 1 with every term, axis 2 prismatic with one, axis 3 without."""
     chosen = (ALL_TERMS, ("viscous",), ())
     kinds = ("revolute", "prismatic", "revolute")
     joints = tuple(
@@ -34,7 +34,7 @@ def columns(robot, v, **options):
     return phi[:, :, model.parameter_groups["friction"]]
 
 
-def test_each_joint_has_the_terms_it_chose(robot) -> None:
+def test_each_joint_has_its_selected_terms(robot) -> None:
     friction = Friction.from_description(robot)
     assert friction.parameter_names == (
         "fc_axis1", "fv_axis1", "fo_axis1", "f3_axis1", "fcr_axis1", "fv_axis2",
@@ -44,7 +44,7 @@ def test_each_joint_has_the_terms_it_chose(robot) -> None:
     )  # fmt: skip
 
 
-def test_columns_are_the_terms_of_that_joints_speed(robot) -> None:
+def test_columns_are_functions_of_that_joints_speed(robot) -> None:
     v = np.array([[-8.0, 3.0, 1.0], [0.0, 0.0, 0.0], [0.125, -1.0, 2.0]])
     phi = columns(robot, v)
     np.testing.assert_allclose(
@@ -61,26 +61,26 @@ def test_columns_are_the_terms_of_that_joints_speed(robot) -> None:
     assert not phi[:, 2].any()
 
 
-def test_a_smoothed_sign_is_a_sign_at_speed_and_linear_through_zero(robot) -> None:
+def test_a_smoothed_sign_is_one_at_speed_and_linear_through_zero(robot) -> None:
     v = np.array([[-1.0, 0, 0], [-1e-4, 0, 0], [1e-4, 0, 0], [1.0, 0, 0]])
     coulomb = columns(robot, v, sign_smoothing_rad_s=0.01)[:, 0, 0]
     np.testing.assert_allclose(coulomb, [-1.0, -0.01, 0.01, 1.0], rtol=1e-4)
 
 
 @pytest.mark.parametrize("smoothing", [-0.1, np.nan, np.inf])
-def test_a_smoothing_that_cannot_be_meant_is_refused(robot, smoothing) -> None:
+def test_an_invalid_smoothing_speed_is_refused(robot, smoothing) -> None:
     with raises_code(EstimationError, "RID-OPTION-RANGE", "sign_smoothing_rad_s"):
         RobotModel.from_description(robot, sign_smoothing_rad_s=smoothing)
 
 
-def test_the_base_does_not_feel_friction(robot) -> None:
+def test_friction_has_no_effect_on_the_base(robot) -> None:
     model = RobotModel.from_description(robot)
     phi = base_wrench_regressor(model, *np.ones((3, 4, 3)))
     assert not phi[:, :, model.parameter_groups["friction"]].any()
 
 
 def one_axis(ir361, *terms, kind: str = "revolute"):
-    """The arm with friction on its first axis alone."""
+    """Return the arm with friction on its first axis only."""
     first, *others = ir361.joints
     joints = (
         first.model_copy(
@@ -103,15 +103,15 @@ def friction_torque(robot, coefficients, speed, conditions=None, **options) -> n
 
 
 class TestAsymmetric:
-    def test_each_direction_has_its_own_size(self, ir361) -> None:
+    def test_has_a_coefficient_for_each_direction(self, ir361) -> None:
         robot = one_axis(ir361, "asymmetric", "viscous")
         tau = friction_torque(robot, [5.0, 3.0, 2.0], [2.0, 0.0, -2.0])
         np.testing.assert_allclose(tau, [5.0 + 4.0, 0.0, -3.0 - 4.0])
         names = RobotModel.from_description(robot).parameter_names[30:]
         assert names == ("fcp_axis1", "fcn_axis1", "fv_axis1")
 
-    def test_is_coulomb_friction_with_an_offset(self, ir361) -> None:
-        """Equivalently (theory: section 4), smoothed or not."""
+    def test_equals_coulomb_friction_with_an_offset(self, ir361) -> None:
+        """As derived in theory, section 4, with and without smoothing."""
         speed = np.array([-1.0, -0.01, -1e-3, 1e-3, 0.02, 1.0])
         for smoothing in (0.0, 0.02):
             options = {"sign_smoothing_rad_s": smoothing}
@@ -123,7 +123,7 @@ class TestAsymmetric:
                 asymmetric, friction_torque(robot, [4.0, 1.0], speed, **options)
             )
 
-    def test_goes_through_zero_without_a_jump_where_it_is_smoothed(self, ir361) -> None:
+    def test_is_continuous_through_zero_if_smoothed(self, ir361) -> None:
         speed = [-1e-9, 0.0, 1e-9]
         tau = friction_torque(
             one_axis(ir361, "asymmetric"), [5.0, 3.0], speed, sign_smoothing_rad_s=0.01
@@ -134,7 +134,7 @@ class TestAsymmetric:
 class TestStribeck:
     SPEED = np.array([-0.6, -0.2, -0.01, 0.0, 0.01, 0.2, 0.6])
 
-    def test_falls_to_one_e_th_at_its_speed(self, ir361) -> None:
+    def test_falls_to_1_over_e_at_its_speed(self, ir361) -> None:
         """(2.10)"""
         robot = one_axis(ir361, "coulomb", "stribeck")
         tau = friction_torque(robot, [10.0, 4.0], self.SPEED)
@@ -142,7 +142,7 @@ class TestStribeck:
         np.testing.assert_allclose(tau, np.sign(v) * (10.0 + 4.0 * np.exp(-np.abs(v) / 0.2)))
         assert tau[5] == pytest.approx(10.0 + 4.0 / np.e)
 
-    def test_its_speed_is_a_shape_parameter_that_starts_where_the_file_says(self, ir361) -> None:
+    def test_its_speed_is_a_nonlinear_parameter_with_the_files_start_value(self, ir361) -> None:
         model = RobotModel.from_description(one_axis(ir361, "stribeck"))
         assert model.nonlinear_names == ("vs_axis1",)
         assert model.nonlinear_units == ("rad/s",)
@@ -154,7 +154,7 @@ class TestStribeck:
         assert column == pytest.approx(np.exp(-3.0))
         np.testing.assert_array_equal(model.nonlinear_values, [0.2])
 
-    def test_each_joint_has_its_own(self, ir361) -> None:
+    def test_each_joint_has_its_own_speed(self, ir361) -> None:
         joints = [
             joint.model_copy(update={"friction": ("stribeck",), "stribeck_velocity": speed})
             for joint, speed in zip(ir361.joints, (0.1, 0.2, 0.4), strict=True)
@@ -175,7 +175,7 @@ class TestTemperature:
         first = first.model_copy(update={"reference_temperature_k": 300.0})
         return robot.model_copy(update={"joints": (first, *others)})
 
-    def test_changes_friction_in_proportion_to_the_warmth(self, ir361) -> None:
+    def test_changes_friction_in_proportion_to_the_temperature_rise(self, ir361) -> None:
         warm = np.full((3, 3), 1.0) * np.array([[300.0], [310.0], [290.0]])
         speed = np.array([2.0, -2.0, 2.0])
         coefficients = fc, fv, fc_t, fv_t = [5.0, 3.0, -0.02, -0.1]
@@ -186,7 +186,7 @@ class TestTemperature:
         expected = (fc + fc_t * delta) * np.sign(speed) + (fv + fv_t * delta) * speed
         np.testing.assert_allclose(tau, expected)
 
-    def test_may_be_one_for_the_whole_motion(self, ir361) -> None:
+    def test_can_be_constant_for_the_whole_motion(self, ir361) -> None:
         coefficients, speed = [5.0, 3.0, -0.02, -0.1], np.array([2.0, -2.0])
         mean = Conditions(temperature_k=np.array([310.0, 0.0, 0.0]))
         row = Conditions(temperature_k=np.full((2, 3), 310.0))
@@ -195,7 +195,7 @@ class TestTemperature:
             friction_torque(self.robot(ir361), coefficients, speed, row),
         )
 
-    def test_must_be_known(self, ir361) -> None:
+    def test_is_required(self, ir361) -> None:
         with raises_code(EstimationError, "RID-MODEL-TEMPERATURE", "fcT_axis1"):
             friction_torque(self.robot(ir361), np.ones(4), [1.0])
         wrong = Conditions(temperature_k=np.full((4, 3), 300.0))
@@ -224,7 +224,7 @@ def test_units_are_those_of_the_joint(ir361, kind, units) -> None:
     sizes=st.lists(st.floats(0.0, 50.0), min_size=6, max_size=6),
     smoothing=st.sampled_from([0.0, 0.05]),
 )
-def test_friction_of_positive_coefficients_only_brakes(speed, sizes, smoothing) -> None:
+def test_friction_with_positive_coefficients_dissipates(speed, sizes, smoothing) -> None:
     robot = one_axis(load_robot("ir361"), "coulomb", "viscous", "cubic", "cube_root", "stribeck")
     tau = friction_torque(robot, sizes[:5], [speed], sign_smoothing_rad_s=smoothing)
     assert tau[0] * speed >= 0.0
@@ -233,7 +233,7 @@ def test_friction_of_positive_coefficients_only_brakes(speed, sizes, smoothing) 
 
 
 @pytest.mark.parametrize("smoothing", [0.0, 0.1])
-def test_slopes_are_small_differences(ir361, smoothing) -> None:
+def test_derivatives_agree_with_central_differences_of_friction(ir361, smoothing) -> None:
     terms = ("asymmetric", "viscous", "cubic", "cube_root", "stribeck", "temperature")
     model = RobotModel.from_description(one_axis(ir361, *terms), sign_smoothing_rad_s=smoothing)
     warm = Conditions(temperature_k=np.full(3, 320.0))

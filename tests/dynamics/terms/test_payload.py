@@ -1,4 +1,4 @@
-"""An unknown body on the last link, against Pinocchio with that body bolted on."""
+"""Unknown payload on the last link, compared with Pinocchio with that body attached."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def with_payload(robot) -> RobotModel:
 
 
 @pytest.mark.parametrize(("n", "kinds"), [(1, "R"), (3, "RPR"), (6, "RRRRRR"), (4, "RRRP")])
-def test_it_weighs_what_a_body_on_the_last_link_does(
+def test_a_payload_has_the_effect_of_a_body_on_the_last_link(
     n, kinds, random_arm, judge, random_links, random_motion
 ) -> None:
     robot, links = random_arm(n, n, kinds), random_links(n, 1)
@@ -37,7 +37,7 @@ def test_it_weighs_what_a_body_on_the_last_link_does(
     np.testing.assert_allclose(wrench, expected, atol=1e-10)
 
 
-def test_it_is_not_there_when_it_is_not_carried(random_arm, random_motion) -> None:
+def test_a_payload_that_is_not_carried_has_no_effect(random_arm, random_motion) -> None:
     model = with_payload(random_arm(4, 0))
     q, v, a = random_motion(4, 0)
     for conditions in (None, EMPTY):
@@ -45,7 +45,7 @@ def test_it_is_not_there_when_it_is_not_carried(random_arm, random_motion) -> No
         assert not base_wrench_regressor(model, q, v, a, conditions)[:, :, 40:].any()
 
 
-def test_it_has_ten_parameters_behind_all_others(ir361) -> None:
+def test_a_payload_has_ten_parameters_after_all_others(ir361) -> None:
     model = RobotModel.from_description(ir361, payload=True)
     assert model.parameter_groups["payload"] == slice(41, 51)
     assert " ".join(model.parameter_names[41:]) == ("mL sxL syL szL IxxL IxyL IxzL IyyL IyzL IzzL")

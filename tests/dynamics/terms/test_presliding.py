@@ -44,12 +44,12 @@ def direction(
 
 
 @given(PATHS, st.floats(0.0, 1.0))
-def test_it_stays_between_the_two_directions(path: FloatArray, share: float) -> None:
+def test_the_state_is_between_minus_one_and_one(path: FloatArray, share: float) -> None:
     assert np.all(np.abs(direction(path, share=share)[:, DIRECTION]) <= 1.0 + 1e-12)
 
 
 @given(PATHS, st.integers(2, 5))
-def test_it_depends_on_the_path_and_not_on_the_speed(path: FloatArray, pieces: int) -> None:
+def test_the_state_depends_on_the_path_and_not_on_the_speed(path: FloatArray, pieces: int) -> None:
     slowly = np.interp(np.arange((len(path) - 1) * pieces + 1) / pieces, range(len(path)), path)
     np.testing.assert_allclose(
         direction(slowly)[::pieces, DIRECTION], direction(path)[:, DIRECTION], atol=1e-9
@@ -57,15 +57,15 @@ def test_it_depends_on_the_path_and_not_on_the_speed(path: FloatArray, pieces: i
 
 
 @given(PATHS, st.integers(1, 38))
-def test_it_goes_on_from_where_it_was_left(path: FloatArray, cut: int) -> None:
+def test_the_state_continues_from_the_previous_part(path: FloatArray, cut: int) -> None:
     state = initial_state()
     pieces = [direction(part, state=state) for part in (path[:cut], path[cut:])]
     np.testing.assert_array_equal(np.concatenate(pieces), direction(path))
 
 
 @given(st.floats(0.2, 1.9), st.floats(0.05, 1.0))
-def test_a_closed_inner_loop_is_forgotten(reversal: float, depth: float) -> None:
-    """Return-point memory (Madelung's rules): back at a reversal the outer branch goes on."""
+def test_a_closed_inner_loop_has_no_effect(reversal: float, depth: float) -> None:
+    """Return-point memory (Madelung's rules): back at the reversal, the outer branch continues."""
     outer = np.array([0.0, 3.0, 3.0 - reversal, 3.0 - 2.0])
     back = 3.0 - reversal + min(depth, reversal)
     inner = np.array([0.0, 3.0, 3.0 - reversal, back, 3.0 - reversal, 3.0 - 2.0])
@@ -76,7 +76,7 @@ def test_a_closed_inner_loop_is_forgotten(reversal: float, depth: float) -> None
 
 @given(PATHS, st.integers(0, 1000))
 @settings(max_examples=50)
-def test_once_known_it_depends_on_the_motion_alone(path: FloatArray, seed: int) -> None:
+def test_a_known_state_depends_on_the_motion_alone(path: FloatArray, seed: int) -> None:
     before = D * np.cumsum(np.random.default_rng(seed).uniform(-2.0, 2.0, 20))
     other = np.concatenate([before - before[-1] + path[0], path])
     state = initial_state()
@@ -86,7 +86,7 @@ def test_once_known_it_depends_on_the_motion_alone(path: FloatArray, seed: int) 
     assert state.shape == (STATE,)
 
 
-def test_all_of_a_joint_slides_a_distance_after_rest_and_two_after_a_reversal() -> None:
+def test_a_joint_slides_fully_one_distance_after_rest_and_two_after_a_reversal() -> None:
     from_rest = direction(D * np.array([0.0, 0.2, 0.5, 1.0, 2.0]))[:, DIRECTION]
     assert np.all(np.diff(from_rest[:4]) > 0.0)
     assert from_rest[2] > 0.7, "most of the force is there after half of the way"
@@ -96,14 +96,14 @@ def test_all_of_a_joint_slides_a_distance_after_rest_and_two_after_a_reversal() 
     np.testing.assert_allclose(turned[-1], -1.0, atol=1e-12)
 
 
-def test_what_does_not_give_way_holds_at_once() -> None:
+def test_the_rigid_fraction_changes_at_once() -> None:
     turned = direction(np.array([0.0, 2.0 * D, 2.0 * D - 2.0 * AT_ONCE, D]), share=0.25)
     whole = direction(np.array([0.0, 2.0 * D, 2.0 * D - 2.0 * AT_ONCE, D]))[:, DIRECTION]
     np.testing.assert_allclose(turned[1, DIRECTION], 1.0)
     np.testing.assert_allclose(turned[2:, DIRECTION], 0.25 * whole[2:] - 0.75)
 
 
-def test_what_holds_at_once_is_unknown_as_long_as_its_own_way_lasts() -> None:
+def test_the_rigid_fraction_is_unknown_up_to_its_own_distance() -> None:
     path = 1e-6 * np.arange(40.0)
     out = np.empty((len(path), FOUND))
     drive_presliding(path, 1e-6, 0.5, initial_state(), out)
@@ -142,7 +142,9 @@ def small_motion(samples: int = 60) -> tuple[FloatArray, FloatArray, FloatArray]
 
 
 @pytest.mark.parametrize("efficiency", [None, 0.8])
-def test_the_slopes_by_distance_and_share_are_those_of_the_torque(efficiency: float | None) -> None:
+def test_derivatives_by_distance_and_fraction_are_those_of_the_torque(
+    efficiency: float | None,
+) -> None:
     model = model_of(efficiency)
     q, v, a = small_motion()
     warm = Conditions(temperature_k=np.full(3, 310.0))
@@ -173,7 +175,7 @@ def test_the_slopes_by_distance_and_share_are_those_of_the_torque(efficiency: fl
         )
 
 
-def test_a_joint_that_slides_far_has_the_friction_of_its_sign() -> None:
+def test_a_joint_that_slides_far_has_the_friction_of_its_direction() -> None:
     model = model_of(0.8)
     t = np.linspace(0.0, 1.0, 200)[:, np.newaxis] * np.ones(3)
     q, v, a = 5.0 * t**2 + 0.1, 10.0 * t + 0.1, np.full_like(t, 10.0)
@@ -190,7 +192,7 @@ def test_a_joint_that_slides_far_has_the_friction_of_its_sign() -> None:
     )
 
 
-def test_a_periodic_motion_remembers_its_last_period_and_a_gap_is_forgotten() -> None:
+def test_a_periodic_motion_starts_with_its_last_state_and_a_gap_resets_the_state() -> None:
     model = model_of()
     t = np.linspace(0.0, 2.0 * np.pi, 100, endpoint=False)[:, np.newaxis] * np.ones(3)
     once, steady = (
@@ -209,7 +211,7 @@ def test_a_periodic_motion_remembers_its_last_period_and_a_gap_is_forgotten() ->
     np.testing.assert_array_equal(cut.part(slice(50, None)).direction, cut.direction[50:])
 
 
-def test_samples_at_rest_count_for_joints_with_a_memory_that_is_known() -> None:
+def test_samples_at_rest_are_used_for_joints_with_a_known_state() -> None:
     model = model_of()
     q = np.linspace(0.0, 0.1, 50)[:, np.newaxis] * np.ones(3)
     moving = np.zeros((50, 3), dtype=bool)
@@ -219,7 +221,7 @@ def test_samples_at_rest_count_for_joints_with_a_memory_that_is_known() -> None:
     assert use[-1].all()
 
 
-def test_a_memory_of_another_motion_is_refused() -> None:
+def test_the_states_of_another_motion_are_refused() -> None:
     model, (q, v, a) = model_of(), small_motion()
     with raises_code(EstimationError, "RID-API-ARGUMENT", "59", "60"):
         regressor(model, q, v, a, with_presliding_history(model, q[1:]))

@@ -1,4 +1,4 @@
-"""The links' regressor against Pinocchio, on random arms."""
+"""Regressor of the links, compared with Pinocchio on random arms."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def links_only(robot) -> RobotModel:
 
 
 @pytest.mark.parametrize(("n", "seed", "kinds"), ARMS)
-def test_regressor_is_pinocchios(
+def test_the_regressor_agrees_with_pinocchio(
     n, seed, kinds, random_arm, judge, random_links, random_motion
 ) -> None:
     robot = random_arm(n, seed, kinds)
@@ -31,7 +31,7 @@ def test_regressor_is_pinocchios(
 
 
 @pytest.mark.parametrize(("n", "seed", "kinds"), ARMS)
-def test_torque_and_base_wrench_are_pinocchios(
+def test_torque_and_base_wrench_agree_with_pinocchio(
     n, seed, kinds, random_arm, judge, random_links, random_motion
 ) -> None:
     robot = random_arm(n, seed, kinds)
@@ -56,7 +56,7 @@ def test_at_rest_the_base_carries_the_weight(ir361, random_links) -> None:
     np.testing.assert_allclose(force, -links[:, 0].sum() * np.array(ir361.gravity_m_s2), atol=1e-12)
 
 
-def test_a_link_loads_only_the_joints_before_it(ir361, random_motion) -> None:
+def test_a_link_has_an_effect_only_on_the_joints_before_it(ir361, random_motion) -> None:
     phi = regressor(links_only(ir361), *random_motion(3, 0)).reshape(-1, 3, 3, 10)
     joint, link = np.nonzero(np.abs(phi).max(axis=(0, 3)))
     assert set(zip(joint.tolist(), link.tolist(), strict=True)) == {
@@ -64,7 +64,7 @@ def test_a_link_loads_only_the_joints_before_it(ir361, random_motion) -> None:
     }
 
 
-def test_ten_parameters_a_link_named_and_with_units(ir361) -> None:
+def test_each_link_has_ten_parameters_with_names_and_units(ir361) -> None:
     model = links_only(ir361)
     assert " ".join(model.parameter_names[10:20]) == (
         "m2 sx2 sy2 sz2 Ixx2 Ixy2 Ixz2 Iyy2 Iyz2 Izz2"
@@ -77,11 +77,11 @@ def test_ten_parameters_a_link_named_and_with_units(ir361) -> None:
     [np.zeros((8, 3, 20)), np.zeros((8, 3, 60))[:, :, ::2], np.zeros((8, 3, 30), np.float32)],
     ids=["shape", "gaps", "type"],
 )
-def test_memory_that_the_kernel_cannot_fill_is_refused(out, ir361, random_motion) -> None:
+def test_memory_unsuitable_for_the_kernel_is_refused(out, ir361, random_motion) -> None:
     model = links_only(ir361)
     with raises_code(EstimationError, "RID-API-ARGUMENT"):
         RigidBodies(model.chain).fill_torque(model.motion(*random_motion(3, 0)), out)
 
 
-def test_no_samples_have_no_rows(ir361) -> None:
+def test_no_samples_give_no_rows_of_the_links(ir361) -> None:
     assert regressor(links_only(ir361), *np.zeros((3, 0, 3))).shape == (0, 3, 30)

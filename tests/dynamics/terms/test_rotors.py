@@ -1,4 +1,4 @@
-"""The rotors' columns against rotors that are real bodies, and against the thesis's appendix D."""
+"""Columns of the rotors, compared with rotors as bodies and with appendix D of the thesis."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ def with_rotors(robot) -> RobotModel:
 
 @pytest.mark.parametrize("n", range(1, 8))
 @pytest.mark.parametrize("seed", range(4))
-def test_rotors_weigh_what_bodies_of_their_own_do(
+def test_rotors_agree_with_separate_bodies(
     n, seed, random_arm, judge, random_links, random_motion
 ) -> None:
-    """Rotors with mass and transverse inertia, on any link from the base to the one they move."""
+    """The bodies have mass and transverse inertia, on any link up to the one that they move."""
     rng = np.random.default_rng(seed)
     robot = random_arm(n, 10 * n + seed)
     links = random_links(n, seed)
@@ -76,7 +76,7 @@ class TestAppendixD:
         return [joint.gear_ratio for joint in ir361.joints]
 
     def test_torque_of_actuator_2(self, column, motion, ratios) -> None:
-        """(D.29), the rotors' lumped part I_M e e^T, a piece of Izz2, added back."""
+        """(D.29), with the rotor's lumped part I_M e e^T, part of Izz2, added back."""
         _, mu2, mu3 = ratios
         _, a2, a3 = motion[2].T
         np.testing.assert_allclose((column("Im2") + column("Izz2"))[:, 1], (1 + mu2) ** 2 * a2)
@@ -88,7 +88,7 @@ class TestAppendixD:
         np.testing.assert_allclose(column("Im3")[:, 2], mu3**2 * a3 - mu3 * a2)
         np.testing.assert_array_equal(column("Im2")[:, 2], 0.0)
 
-    def test_torque_of_actuator_1_knows_its_own_rotor_only(self, column, motion, ratios) -> None:
+    def test_torque_of_actuator_1_contains_only_its_own_rotor(self, column, motion, ratios) -> None:
         """(D.33), (D.34)."""
         mu1, *_ = ratios
         np.testing.assert_allclose(column("Im1")[:, 0], mu1**2 * motion[2, :, 0])
@@ -98,8 +98,8 @@ class TestAppendixD:
             np.testing.assert_allclose(lumped, 0.0, atol=1e-10)
 
 
-def test_the_base_feels_a_motor_that_stands_on_it_without_its_gear(ir361, random_motion) -> None:
-    """Rotor 1 spins about -z of the base at mu q.: the base gives it that momentum, and no more."""
+def test_a_motor_on_the_base_acts_on_it_without_its_gear_ratio(ir361, random_motion) -> None:
+    """Rotor 1 spins about -z of the base at mu q.: the base supplies that momentum only."""
     q, v, a = random_motion(3, 1)
     model = with_rotors(ir361)
     wrench = base_wrench_regressor(model, q, v, a)[:, :, model.parameter_names.index("Im1")]
@@ -108,7 +108,7 @@ def test_the_base_feels_a_motor_that_stands_on_it_without_its_gear(ir361, random
     np.testing.assert_allclose(wrench, expected, atol=1e-12)
 
 
-def test_joints_without_a_rotor_have_no_column(ir361) -> None:
+def test_joints_without_a_rotor_have_no_rotor_column(ir361) -> None:
     first, second, third = ir361.joints
     second = second.model_copy(update={"rotor": None})
     model = with_rotors(ir361.model_copy(update={"joints": (first, second, third)}))
@@ -116,7 +116,7 @@ def test_joints_without_a_rotor_have_no_column(ir361) -> None:
     assert model.parameter_units[30:] == ("kg m^2",) * 2
 
 
-def test_a_rotor_beyond_the_link_it_moves_is_refused(ir361) -> None:
+def test_a_rotor_beyond_the_link_that_it_moves_is_refused(ir361) -> None:
     chain = with_rotors(ir361).chain
     with raises_code(EstimationError, "RID-ROBOT-VALUE"):
         Rotors(chain, np.array([0]), np.array([2]), np.array([[0.0, 0.0, 1.0]]), np.ones(1))

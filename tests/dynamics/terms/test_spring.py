@@ -24,7 +24,7 @@ def spring_torque(model: RobotModel, q2: np.ndarray) -> np.ndarray:
     return phi @ [STIFFNESS_N_PER_M, STIFFNESS_N_PER_M * FREE_LENGTH_M]
 
 
-def test_the_torque_is_the_slope_of_the_springs_energy(model, ir361) -> None:
+def test_the_torque_is_the_derivative_of_the_springs_energy(model, ir361) -> None:
     l, r = ir361.spring.l_m, ir361.spring.r_m  # noqa: E741
     q2, step = np.linspace(-3.0, 3.0, 61), 1e-6
 
@@ -38,7 +38,7 @@ def test_the_torque_is_the_slope_of_the_springs_energy(model, ir361) -> None:
     assert not tau[:, [0, 2]].any()
 
 
-def test_the_stiffness_column_is_collinear_with_link_2s_gravity(model) -> None:
+def test_the_stiffness_column_is_collinear_with_the_gravity_of_link_2(model) -> None:
     """So the two merge into one parameter, grav1 = l r k - g b2z (3.38)."""
     q = np.zeros((7, 3))
     q[:, 1] = np.linspace(-1.4, 1.0, 7)
@@ -48,7 +48,7 @@ def test_the_stiffness_column_is_collinear_with_link_2s_gravity(model) -> None:
     moving = np.abs(stiffness) > 1e-9
     ratio = gravity[moving] / stiffness[moving]
     np.testing.assert_allclose(ratio, ratio[0], rtol=1e-9)
-    assert ratio[0] < 0.0  # the spring pushes up what gravity pulls down
+    assert ratio[0] < 0.0  # the spring pushes up, gravity pulls down
 
 
 def test_names_and_units(ir361) -> None:
@@ -57,12 +57,12 @@ def test_names_and_units(ir361) -> None:
     assert spring.parameter_units == ("N/m", "N")
 
 
-def test_the_base_does_not_feel_the_spring(model) -> None:
+def test_the_spring_has_no_effect_on_the_base(model) -> None:
     phi = base_wrench_regressor(model, *np.ones((3, 4, 3)))
     assert not phi[:, :, model.parameter_groups["spring"]].any()
 
 
-def test_a_spring_that_cannot_be_meant_is_refused(ir361) -> None:
+def test_an_invalid_spring_is_refused(ir361) -> None:
     with raises_code(ConfigError, "RID-ROBOT-VALUE"):
         Spring.from_description(ir361.model_copy(update={"spring": None}))
 
@@ -77,7 +77,7 @@ def test_a_spring_that_cannot_be_meant_is_refused(ir361) -> None:
 
 
 class TestFourierForm:
-    """(3.37): the distances need not be known; three harmonics of the angle represent them."""
+    """(3.37): three harmonics of the angle replace the unknown distances."""
 
     @pytest.fixture
     def model(self, ir361) -> RobotModel:
@@ -103,8 +103,8 @@ class TestFourierForm:
         )  # fmt: skip
         np.testing.assert_allclose(self.columns(model, q2) @ coefficients, expected)
 
-    def test_three_harmonics_are_enough_for_the_ir361(self, model, ir361) -> None:
-        """Example 3.4: the physical torque over the axis's range, to half a percent of its peak."""
+    def test_three_harmonics_suffice_for_the_ir361(self, model, ir361) -> None:
+        """Example 3.4: the physical torque over the axis's range, within 0.5 % of its peak."""
         limits = ir361.joints[1].limits
         q2 = np.linspace(limits.position_min, limits.position_max, 200)
         physical = RobotModel.from_description(ir361, rotors=False, friction=False)
@@ -119,7 +119,7 @@ class TestFourierForm:
         assert set(model.parameter_units[model.parameter_groups["spring"]]) == {"N m"}
 
     @pytest.mark.parametrize("form", ["physical", "fourier"])
-    def test_slopes_are_small_differences(self, form, ir361) -> None:
+    def test_derivatives_agree_with_central_differences(self, form, ir361) -> None:
         spring = ir361.spring.model_copy(update={"form": form})
         robot = ir361.model_copy(update={"spring": spring})
         model = RobotModel.from_description(robot, rotors=False, friction=False)

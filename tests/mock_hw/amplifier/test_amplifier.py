@@ -24,7 +24,7 @@ NOTHING = np.zeros(8)
 
 
 class Bench:
-    """An amplifier, the charges on it, and what it has sent."""
+    """A simulated amplifier, the charges at its inputs, and the bytes that it sent."""
 
     def __init__(self, **truth: Any) -> None:
         self.device = SimulatedAmplifier(PROFILE, SimulatedPlate(sensitivity_pc_n=PC_N, **truth), 1)
@@ -103,7 +103,7 @@ def test_commands_and_answers(said: bytes, answered: bytes) -> None:
     assert b"".join(bench.say(said[i : i + 1]) for i in range(len(said))) == answered
 
 
-def test_changing_a_range_in_operate_loses_the_charge_and_says_so() -> None:
+def test_changing_a_range_in_operate_clears_the_charge_with_a_note() -> None:
     bench = Bench()
     bench.configured("binary")
     bench.say(b"RO1\r")
@@ -117,7 +117,7 @@ def test_changing_a_range_in_operate_loses_the_charge_and_says_so() -> None:
 
 
 @pytest.mark.parametrize("form", ["ascii", "binary"])
-def test_a_stream_carries_sequence_time_forces_and_status(form: str) -> None:
+def test_a_stream_contains_sequence_time_forces_and_status(form: str) -> None:
     bench = Bench(clock_offset_s=0.5)
     bench.configured(form)
     bench.say(b"RO1\r")
@@ -138,7 +138,7 @@ def test_a_stream_carries_sequence_time_forces_and_status(form: str) -> None:
     assert bench.run(0.1) == b""
 
 
-def test_rows_in_blocks_are_the_rows_one_by_one() -> None:
+def test_rows_in_blocks_equal_rows_one_by_one() -> None:
     blocks, single = Bench(noise_v=0.1), Bench(noise_v=0.1)
     for bench in (blocks, single):
         bench.configured("binary")
@@ -146,7 +146,7 @@ def test_rows_in_blocks_are_the_rows_one_by_one() -> None:
     assert blocks.run(0.1, 50.0) == b"".join(single.run(0.001, 50.0) for _ in range(100))
 
 
-def test_while_streaming_only_its_end_the_time_and_the_overloads_are_taken() -> None:
+def test_while_streaming_only_stop_time_and_overload_commands_are_accepted() -> None:
     bench = Bench()
     bench.configured("binary")
     bench.say(b"RO1\rST1\r")
@@ -164,7 +164,7 @@ def test_while_streaming_only_its_end_the_time_and_the_overloads_are_taken() -> 
     assert parsed(bench.run(0.01))[0].rows["sequence"][0] == 200
 
 
-def test_an_overload_is_an_event_and_stays_in_the_status_until_it_is_read() -> None:
+def test_an_overload_is_an_event_and_stays_in_the_status_until_read() -> None:
     bench = Bench()
     bench.configured("binary")
     bench.say(b"RO1\rST1\r")
@@ -186,7 +186,7 @@ def test_an_overload_is_an_event_and_stays_in_the_status_until_it_is_read() -> N
     assert bench.say(b"OV?\rOV?\r") == b"08\r00\r"
 
 
-def test_edges_at_the_trigger_input_stand_between_the_rows_with_their_own_time() -> None:
+def test_trigger_edges_are_events_between_the_rows_with_their_own_time() -> None:
     bench = Bench(clock_ppm=100.0)
     bench.configured("binary")
     bench.say(b"RO1\rST1\r")
@@ -198,7 +198,7 @@ def test_edges_at_the_trigger_input_stand_between_the_rows_with_their_own_time()
     assert block.events["sequence"].tolist() == [4, 12]
 
 
-def test_it_is_the_device_that_the_cell_file_says() -> None:
+def test_the_device_has_the_settings_of_the_cell_file() -> None:
     truth = SimulatedPlate(sensitivity_pc_n=PC_N)
     device = SimulatedAmplifier(PROFILE, truth, 0, bits=12, low_pass_order=4)
     device.receive(b"AD?\r", lambda: NOTHING)
@@ -209,7 +209,7 @@ def test_it_is_the_device_that_the_cell_file_says() -> None:
 
 @settings(max_examples=200)
 @given(st.lists(st.binary(max_size=400), max_size=6))
-def test_noise_on_its_input_never_upsets_it(noise: list[bytes]) -> None:
+def test_random_input_never_disturbs_the_device(noise: list[bytes]) -> None:
     bench = Bench()
     for piece in noise:
         bench.say(piece)
@@ -217,7 +217,7 @@ def test_noise_on_its_input_never_upsets_it(noise: list[bytes]) -> None:
     assert bench.say(b"ID?\r") == IDENTITY.encode() + b"\r"
 
 
-def test_what_is_to_be_sent_knows_when() -> None:
+def test_output_has_the_time_at_which_it_is_ready() -> None:
     bench = Bench()
     bench.configured("ascii")
     bench.device.receive(b"ST1\r", lambda: NOTHING, 0.25)

@@ -1,4 +1,4 @@
-"""The amplifier's physics on times that the test chooses."""
+"""Physics of the simulated amplifier at given times."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def held(amplifier: ChargeAmplifier, forces: object, duration_s: float) -> Ampli
     return amplifier.convert(now_s + duration_s, [now_s + 1e-9], [charge(forces)])
 
 
-def test_a_steady_force_since_operate_reads_as_that_force_in_counts() -> None:
+def test_a_steady_force_since_operate_is_read_in_counts() -> None:
     amplifier = switched_on()
     amplifier.operate(charge(900.0))
     forces = 900.0 + 100.0 * np.arange(8)
@@ -59,7 +59,7 @@ def test_a_steady_force_since_operate_reads_as_that_force_in_counts() -> None:
     assert not rows.overload.any()
 
 
-def test_its_filter_is_compiled_before_anybody_can_wait_for_an_answer(
+def test_its_filter_is_compiled_before_an_answer_can_be_awaited(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     compiled: Any = analog._run_filter
@@ -78,7 +78,7 @@ def test_its_filter_is_compiled_before_anybody_can_wait_for_an_answer(
     assert types[1:] == types[:1]
 
 
-def test_at_reset_it_reads_zero_whatever_the_sensors_feel() -> None:
+def test_in_reset_it_reads_zero_for_any_force() -> None:
     amplifier = switched_on()
     amplifier.start()
     assert not held(amplifier, 5000.0, 0.1).counts.any()
@@ -89,7 +89,7 @@ def test_at_reset_it_reads_zero_whatever_the_sensors_feel() -> None:
     assert not amplifier.overload
 
 
-def test_operate_jumps_and_then_drifts_linearly() -> None:
+def test_operate_causes_a_jump_and_then_linear_drift() -> None:
     amplifier = switched_on(zero_jump_pc=pc(20.0), drift_pc_s=pc(0.5))
     held(amplifier, 0.0, 3.0)
     amplifier.operate(ZERO)
@@ -106,7 +106,7 @@ def test_operate_jumps_and_then_drifts_linearly() -> None:
     np.testing.assert_allclose(held(amplifier, 0.0, 0.2).counts[-1] * NEWTONS, 20.1, atol=0.4)
 
 
-def test_it_saturates_at_full_scale_and_latches_the_channel_until_it_is_read() -> None:
+def test_a_channel_saturates_at_full_scale_and_its_flag_stays_until_read() -> None:
     amplifier = switched_on()
     amplifier.operate(ZERO)
     amplifier.start()
@@ -122,7 +122,7 @@ def test_it_saturates_at_full_scale_and_latches_the_channel_until_it_is_read() -
     assert not held(amplifier, 0.0, 0.1).overload.any()
 
 
-def test_the_low_pass_is_the_butterworth_it_says_it_is() -> None:
+def test_the_low_pass_is_the_stated_butterworth_filter() -> None:
     amplifier = switched_on()
     amplifier.operate(ZERO)
     amplifier.start()
@@ -141,7 +141,7 @@ def test_the_low_pass_is_the_butterworth_it_says_it_is() -> None:
         assert response == pytest.approx(expected, abs=2e-3)
 
 
-def test_noise_is_white_of_the_stated_size_and_seeded() -> None:
+def test_noise_is_white_of_the_stated_size_and_reproducible() -> None:
     runs = []
     for seed in (1, 1, 2):
         amplifier = switched_on(seed, noise_v=0.01)
@@ -154,7 +154,7 @@ def test_noise_is_white_of_the_stated_size_and_seeded() -> None:
     assert abs(correlation) < 0.06
 
 
-def test_its_clock_is_its_own() -> None:
+def test_the_amplifier_has_its_own_clock() -> None:
     amplifier = switched_on(clock_ppm=100.0, clock_offset_s=0.003)
     amplifier.start()
     rows = [amplifier.convert(end_s) for end_s in np.arange(1, 1001) * 0.017]
@@ -175,7 +175,7 @@ def test_fewer_bits_make_coarser_counts() -> None:
     assert amplifier.present_counts()[7] == round(1000.0 / 10000.0 * 2048)
 
 
-def test_another_range_rescales_what_is_there() -> None:
+def test_another_range_rescales_the_present_charge() -> None:
     amplifier = switched_on()
     amplifier.operate(ZERO)
     held(amplifier, 500.0, 0.5)

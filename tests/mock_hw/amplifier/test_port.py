@@ -1,6 +1,6 @@
-"""The amplifier behind a real serial port: line time, baud rates and every fault of the line.
+"""Amplifier at a real serial port: line time, baud rates and every fault of the line.
 
-Bytes come out of a pseudo-terminal and are judged by the driver's parser.
+The bytes come from a pseudo-terminal and are checked by the driver's parser.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def plate() -> PlateConfig:
 
 
 class Bench:
-    """A port, the computer's end, and a clock that the test advances."""
+    """A port, the computer's end, and a simulated clock."""
 
     def __init__(self, path: Path, plate: PlateConfig, **options: Any) -> None:
         realtime = options.pop("realtime", False)
@@ -65,7 +65,7 @@ class Bench:
         self._seen = self.port.passed_bytes
 
     def run(self, duration_s: float, step_s: float = 0.008) -> bytes:
-        """Let time pass; return what the computer has heard meanwhile."""
+        """Let time pass; return the bytes received meanwhile."""
         heard = b""
         for step in range(round(duration_s / step_s)):
             end_s = self.port.time_s + step_s
@@ -74,7 +74,7 @@ class Bench:
         return heard + self.heard()
 
     def heard(self) -> bytes:
-        """Return all that the port has handed over since."""
+        """Return all bytes received since the last call."""
         data = b""
         while self._seen < self.port.passed_bytes:
             assert select.select([self.computer.fileno()], [], [], 20.0)[0]
@@ -82,7 +82,7 @@ class Bench:
                 more = os.read(self.computer.fileno(), 65536)
             except OSError:
                 more = b""
-            if not more:  # hung up: the rest is lost
+            if not more:  # hung up: the remaining bytes are lost
                 self._seen = self.port.passed_bytes
             self._seen += len(more)
             data += more
@@ -124,7 +124,7 @@ def with_fault(
     return parsed(bench.run(0.4))
 
 
-def test_a_healthy_line_brings_every_row(make: Any) -> None:
+def test_a_healthy_line_transmits_every_row(make: Any) -> None:
     bench = make()
     assert bench.say(b"ID?\r").startswith(b"rid-daq,")
     bench.start()
@@ -136,7 +136,7 @@ def test_a_healthy_line_brings_every_row(make: Any) -> None:
     assert abs(block.rows["counts"]).max() == 0, "zero is what it felt at operate"
 
 
-def test_a_rows_arrival_is_its_time_on_the_line_after_its_time(make: Any) -> None:
+def test_a_row_arrives_after_its_time_on_the_line(make: Any) -> None:
     bench = make()
     bench.start()
     rows = parsed(bench.run(0.2))[0].rows
@@ -145,7 +145,7 @@ def test_a_rows_arrival_is_its_time_on_the_line_after_its_time(make: Any) -> Non
     np.testing.assert_allclose(arrived_s - rows["ticks"] * 1e-6, 28 * 10 / 460800, atol=1e-6)
 
 
-def test_arrivals_do_not_depend_on_how_time_was_cut_or_on_who_asked_the_time(make: Any) -> None:
+def test_arrivals_do_not_depend_on_time_steps_or_time_requests(make: Any) -> None:
     one, two = make(jitter=0.005), make(jitter=0.005)
     for bench in (one, two):
         bench.start()
@@ -163,7 +163,7 @@ def test_arrivals_do_not_depend_on_how_time_was_cut_or_on_who_asked_the_time(mak
         assert (first.time_s(sequence) == second.time_s(sequence)).all()
 
 
-def test_in_real_time_bytes_are_held_until_they_have_arrived(make: Any) -> None:
+def test_in_real_time_bytes_are_withheld_until_their_arrival(make: Any) -> None:
     bench = make(realtime=True)
     assert not arrivals_path(str(bench.path)).exists()
     assert bench.say(b"RO?\r") == b"", "two bytes take 43 us"
@@ -179,7 +179,7 @@ def test_in_real_time_bytes_are_held_until_they_have_arrived(make: Any) -> None:
     assert bench.port.next_s == np.inf
 
 
-def test_another_baud_rate_is_garbage_both_ways(make: Any) -> None:
+def test_another_baud_rate_gives_garbage_in_both_directions(make: Any) -> None:
     bench = make()
     bench.computer.baudrate = 9600
     assert b"rid-daq" not in bench.say(b"ID?\r\r\r")
@@ -194,7 +194,7 @@ def test_another_baud_rate_is_garbage_both_ways(make: Any) -> None:
     assert len(parsed(bench.run(0.2))[0].rows) == 200
 
 
-def test_an_amplifier_that_is_set_otherwise_answers_at_its_own_rate(make: Any) -> None:
+def test_an_amplifier_with_another_setting_answers_at_its_own_rate(make: Any) -> None:
     bench = make(baud_rate=115200)
     assert bench.say(b"RO?\r") != b"0\r"
     bench.computer.baudrate = 115200
@@ -203,7 +203,7 @@ def test_an_amplifier_that_is_set_otherwise_answers_at_its_own_rate(make: Any) -
 
 
 @pytest.mark.parametrize("kind", ["garbage", "nuls"])
-def test_garbage_between_rows_costs_no_row(make: Any, kind: Any) -> None:
+def test_garbage_between_rows_loses_no_row(make: Any, kind: Any) -> None:
     block, stream = with_fault(make, AmplifierFault(kind=kind, row=100, count=5000))
     assert block.rows["sequence"].tolist() == list(range(400))
     assert stream.counts.garbage_bytes == 5000
@@ -211,7 +211,7 @@ def test_garbage_between_rows_costs_no_row(make: Any, kind: Any) -> None:
 
 @pytest.mark.parametrize("kind", ["lost_bytes", "torn_row", "bad_checksum"])
 @pytest.mark.parametrize("seed", range(8))
-def test_a_damaged_row_costs_itself_and_at_most_one_more(make: Any, kind: Any, seed: int) -> None:
+def test_a_damaged_row_loses_at_most_one_more(make: Any, kind: Any, seed: int) -> None:
     block, _ = with_fault(
         make, AmplifierFault(kind=kind, row=100, count=3 if kind == "lost_bytes" else 1), seed=seed
     )
@@ -220,14 +220,14 @@ def test_a_damaged_row_costs_itself_and_at_most_one_more(make: Any, kind: Any, s
     assert missing <= {100, 101}
 
 
-def test_a_gap_is_as_long_as_it_was_said(make: Any) -> None:
+def test_a_gap_has_the_stated_length(make: Any) -> None:
     block, stream = with_fault(make, AmplifierFault(kind="gap", row=100, count=7))
     assert (np.diff(block.rows["sequence"]) > 1).sum() == 1
     assert len(block.rows) == 393
     assert (stream.counts.gaps, stream.counts.rows_lost) == (1, 7)
 
 
-def test_a_stall_delays_and_loses_nothing(make: Any) -> None:
+def test_a_stall_delays_rows_and_loses_none(make: Any) -> None:
     bench = make(faults=spoilt(AmplifierFault(kind="stall", row=100, duration_s=0.1)))
     bench.start()
     rows = parsed(bench.run(0.4))[0].rows
@@ -240,7 +240,7 @@ def test_a_stall_delays_and_loses_nothing(make: Any) -> None:
     assert late_s[205] < 0.001
 
 
-def test_an_unplugged_amplifier_goes_on_and_comes_back_at_its_path(make: Any) -> None:
+def test_an_unplugged_amplifier_continues_and_returns_at_its_path(make: Any) -> None:
     bench = make(faults=spoilt(AmplifierFault(kind="unplug", row=100, duration_s=0.1)))
     bench.start()
     before = parsed(bench.run(0.15))[0].rows
@@ -254,7 +254,7 @@ def test_an_unplugged_amplifier_goes_on_and_comes_back_at_its_path(make: Any) ->
     assert after["sequence"][0] > 200
 
 
-def test_an_overload_lasts_and_is_told(make: Any) -> None:
+def test_an_overload_lasts_and_is_flagged(make: Any) -> None:
     faults = FaultScript(
         amplifier=(AmplifierFault(kind="overload", row=100, duration_s=0.05, channel=6),)
     )
@@ -269,7 +269,7 @@ def test_an_overload_lasts_and_is_told(make: Any) -> None:
     assert PROFILE.events.overload in block.events["kind"]
 
 
-def test_a_line_slower_than_the_rows_overruns_and_says_how_many_are_lost(make: Any) -> None:
+def test_a_line_slower_than_the_rows_reports_the_lost_rows(make: Any) -> None:
     bench = make(baud_rate=115200)
     bench.computer.baudrate = 115200
     bench.say(b"\r")
@@ -281,7 +281,7 @@ def test_a_line_slower_than_the_rows_overruns_and_says_how_many_are_lost(make: A
     assert (rows.rows["status"] & 1 << PROFILE.status_bits.overrun).any()
 
 
-def test_faults_are_the_same_every_time(make: Any) -> None:
+def test_faults_are_reproducible(make: Any) -> None:
     faults = FaultScript(
         seed=9,
         amplifier=(

@@ -1,4 +1,4 @@
-"""Sensor forces against Kistler's formulas, sign by sign."""
+"""Sensor forces, compared with Kistler's formulas sign by sign."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def plate(
 
 
 def formulas(forces: Array) -> Array:
-    """Kistler's: the wrench on the plate about the middle of its surface."""
+    """Return the wrench on the plate about the middle of its surface, by Kistler's formulas."""
     fx12, fx34, fy14, fy23, fz1, fz2, fz3, fz4 = forces
     a, b, az0 = 0.120, 0.200, -0.054
     fx, fy, fz = fx12 + fx34, fy14 + fy23, fz1 + fz2 + fz3 + fz4
@@ -51,14 +51,14 @@ def formulas(forces: Array) -> Array:
 
 
 @given(st.integers(0, 1000))
-def test_the_sensors_add_up_to_the_opposite_of_what_the_base_gives(seed: int) -> None:
+def test_the_sensors_sum_is_opposite_to_the_wrench_of_the_base(seed: int) -> None:
     wrench = np.random.default_rng(seed).normal(size=6) * 300.0
     forces = PlateSensors(plate(), SimulatedPlate(sensitivity_pc_n=PC_N)).forces_n(wrench)
     np.testing.assert_allclose(formulas(forces), -wrench, atol=1e-9)
 
 
 @given(st.integers(0, 1000))
-def test_a_plate_that_stands_elsewhere_and_turned_feels_the_same_wrench(seed: int) -> None:
+def test_a_displaced_and_rotated_plate_measures_the_same_wrench(seed: int) -> None:
     random = np.random.default_rng(seed)
     wrench, position, angles = (
         random.normal(size=6) * 300.0,
@@ -75,19 +75,19 @@ def test_a_plate_that_stands_elsewhere_and_turned_feels_the_same_wrench(seed: in
     np.testing.assert_allclose(np.concatenate([force, moment]), -wrench, atol=1e-9)
 
 
-def test_the_plate_shares_a_force_as_equal_springs_do() -> None:
-    """Least energy: no other forces with the same sum are smaller."""
+def test_the_plate_distributes_a_force_like_equal_springs() -> None:
+    """Minimum energy: no other forces with the same sum are smaller."""
     sensors = PlateSensors(plate(), SimulatedPlate(sensitivity_pc_n=PC_N))
     wrench = np.array([100.0, -50.0, -900.0, 30.0, 20.0, 10.0])
     forces = sensors.forces_n(wrench)
     columns = np.array([formulas(unit) for unit in np.eye(8)]).T
     np.testing.assert_allclose(forces, np.linalg.pinv(columns) @ -wrench, atol=1e-9)
-    # A weight in front of the middle, at +y: sensors 1 and 2 carry more.
+    # A weight at +y of the middle: sensors 1 and 2 carry more.
     weight = sensors.forces_n([0.0, 0.0, -800.0, -80.0, 0.0, 0.0])
     np.testing.assert_allclose(weight[4:], [300.0, 300.0, 100.0, 100.0])
 
 
-def test_charges_have_the_sensors_sign_and_the_crosstalk() -> None:
+def test_charges_include_sensor_sign_and_crosstalk() -> None:
     wrench = np.array([100.0, -50.0, -900.0, 30.0, 20.0, 10.0])
     forces = PlateSensors(plate(), SimulatedPlate(sensitivity_pc_n=PC_N)).forces_n(wrench)
     mixing = np.eye(8)

@@ -1,4 +1,4 @@
-"""The time that bytes take, on times that the test chooses."""
+"""Transmission time of bytes, at given times."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mock_hw.amplifier.serial_line import SerialLine
 BYTE_S = 10 / 115200
 
 
-def test_a_byte_takes_ten_bits_and_waits_for_the_one_before_it() -> None:
+def test_a_byte_takes_ten_bits_and_waits_for_the_previous_one() -> None:
     line = SerialLine(115200, 0.0, 0)
     arrived = line.send([1.0, 1.0, 2.0], [24, 48, 24])
     np.testing.assert_allclose(arrived, [1 + 24 * BYTE_S, 1 + 72 * BYTE_S, 2 + 24 * BYTE_S])
@@ -23,7 +23,7 @@ def test_a_byte_takes_ten_bits_and_waits_for_the_one_before_it() -> None:
 
 
 @given(st.lists(st.tuples(st.floats(0.0, 0.01), st.integers(1, 60)), min_size=1, max_size=40))
-def test_many_at_once_are_as_many_one_after_the_other(units: list[tuple[float, int]]) -> None:
+def test_many_bytes_at_once_equal_many_one_after_the_other(units: list[tuple[float, int]]) -> None:
     ready = np.cumsum([wait for wait, _ in units])
     sizes = [size for _, size in units]
     at_once = SerialLine(460800, 0.0, 0).send(ready, sizes)
@@ -36,7 +36,7 @@ def test_many_at_once_are_as_many_one_after_the_other(units: list[tuple[float, i
         assert arrived_s == pytest.approx(free_s)
 
 
-def test_an_adapter_that_is_polled_hands_over_late_in_bunches_and_in_order() -> None:
+def test_a_polled_adapter_delivers_late_in_bunches_and_in_order() -> None:
     ready = np.arange(4000) * 0.001
     sent = SerialLine(460800, 0.0, 0).send(ready, np.full(4000, 28))
     arrived = SerialLine(460800, 0.005, 7).send(ready, np.full(4000, 28))

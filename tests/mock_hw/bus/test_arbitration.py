@@ -1,4 +1,4 @@
-"""One frame at a time, the lowest identifier first, each for as long as it takes."""
+"""Bus arbitration: one frame at a time, lowest identifier first, each for its exact time."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ def run(wire: CanWire) -> list[WireFrame]:
     return delivered
 
 
-def test_a_silent_wire_has_nothing_to_do() -> None:
+def test_a_silent_bus_has_no_next_event() -> None:
     assert CanWire(1_000_000).next_ns == FOREVER_NS
 
 
-def test_a_frame_arrives_when_its_last_bit_has() -> None:
+def test_a_frame_arrives_with_its_last_bit() -> None:
     wire = CanWire(500_000)
     wire.queue((0, 0), frame(0x80, 10_000), 0)
     (arrived,) = run(wire)
     assert arrived.time_ns == 10_000 + (51 - 3) * 2_000
 
 
-def test_identifiers_decide_among_those_that_wait() -> None:
+def test_the_lowest_waiting_identifier_is_sent_first() -> None:
     wire = CanWire(1_000_000)
     for source, can_id in enumerate((0x701, 0x183, 0x182, 0x000)):
         wire.queue((source, 0), frame(can_id), 0)
     assert [f.can_id for f in run(wire)] == [0x000, 0x182, 0x183, 0x701]
 
 
-def test_a_source_sends_in_the_order_in_which_it_queued() -> None:
+def test_a_source_sends_in_its_queue_order() -> None:
     wire = CanWire(1_000_000)
     for can_id in (0x601, 0x000, 0x080):
         wire.queue((1, 0), frame(can_id), 0)
@@ -77,7 +77,7 @@ def test_a_frame_is_never_sent_before_its_time_nor_in_the_past() -> None:
         max_size=40,
     )
 )
-def test_nothing_is_lost_and_frames_never_overlap(
+def test_no_frame_is_lost_and_frames_never_overlap(
     queued: list[tuple[int, int, int, bytes]],
 ) -> None:
     wire = CanWire(1_000_000)

@@ -1,7 +1,7 @@
 """Requirements of python-can on every interface: two buses back to back, and own frames.
 
 Source: the back-to-back suite in python-can's repository (not part of its package), clause by
-clause for classic CAN; python-can's own classes do the talking.
+clause for classic CAN; the messages pass through python-can's own classes.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ FRAMES = [
 
 
 @pytest.mark.parametrize("message", FRAMES, ids=str)
-def test_a_message_arrives_both_ways(pair: Pair, message: can.Message) -> None:
+def test_a_message_arrives_in_both_directions(pair: Pair, message: can.Message) -> None:
     for sender, receiver in (pair, pair[::-1]):
         sender.send(message)
         got = receiver.recv(PATIENCE_S)
@@ -54,7 +54,7 @@ def test_a_message_arrives_both_ways(pair: Pair, message: can.Message) -> None:
     assert pair[0].recv(0) is None, "a sender does not hear itself unasked"
 
 
-def test_stamps_rise(pair: Pair) -> None:
+def test_time_stamps_increase(pair: Pair) -> None:
     sender, receiver = pair
     for number in range(3):
         sender.send(can.Message(arbitration_id=number, is_extended_id=False))
@@ -65,9 +65,7 @@ def test_stamps_rise(pair: Pair) -> None:
 
 
 @pytest.mark.parametrize("realtime", [True, False])
-def test_a_bus_that_asks_for_its_own_messages_gets_them_as_sent(
-    serve: Serve, realtime: bool
-) -> None:
+def test_a_bus_can_receive_its_own_messages_unchanged(serve: Serve, realtime: bool) -> None:
     hub = serve(realtime=realtime)
     with (
         open_bus(hub, receive_own_messages=True, participant=not realtime) as own,
@@ -90,7 +88,7 @@ def test_a_bus_that_asks_for_its_own_messages_gets_them_as_sent(
             assert got_from_other.is_rx
 
 
-def test_filters_hold_for_own_messages_too(serve: Serve) -> None:
+def test_filters_apply_to_own_messages_too(serve: Serve) -> None:
     only = [{"can_id": 0x181, "can_mask": 0x7FF, "extended": False}]
     with open_bus(serve(realtime=True), receive_own_messages=True, can_filters=only) as bus:
         for can_id in (0x180, 0x181):
@@ -100,7 +98,7 @@ def test_filters_hold_for_own_messages_too(serve: Serve) -> None:
         assert got.arbitration_id == 0x181
 
 
-def test_a_periodic_message_comes_again_and_again_until_it_is_stopped(pair: Pair) -> None:
+def test_a_periodic_message_is_sent_until_it_is_stopped(pair: Pair) -> None:
     sender, receiver = pair
     message = can.Message(arbitration_id=0x401, is_extended_id=False, data=[1])
     task = sender.send_periodic(message, 0.005)
@@ -134,7 +132,7 @@ def test_a_thread_safe_bus_sends_from_many_threads(serve: Serve) -> None:
     assert identifiers == [256 * w + n for w in range(workers) for n in range(count)]
 
 
-def test_a_bus_shuts_down_twice(serve: Serve) -> None:
+def test_a_bus_can_be_shut_down_twice(serve: Serve) -> None:
     hub = serve(realtime=True)
     bus = open_bus(hub)
     bus.shutdown()

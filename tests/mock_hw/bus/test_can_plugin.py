@@ -1,4 +1,4 @@
-"""python-can speaks to the simulated bus as to any other, and in lock-step on simulated time."""
+"""Simulated bus as a python-can interface: in real time, and in lock-step on simulated time."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_timeouts_and_sleeps_are_exact_on_the_simulated_clock(serve: Serve, join
     assert clock.now_s() == 3600.0
 
 
-def test_frames_come_with_their_time_on_the_wire(serve: Serve, join: Join) -> None:
+def test_frames_have_their_time_on_the_wire(serve: Serve, join: Join) -> None:
     hub = serve()
     observer = join(hub)
     bus = join(hub, participant=True)
@@ -69,7 +69,7 @@ def test_frames_come_with_their_time_on_the_wire(serve: Serve, join: Join) -> No
     assert seen.timestamp == pytest.approx((wire_bits(0x181, b"\1\2") - 3) * 1e-6)
 
 
-def test_all_kinds_of_classic_frames_pass(serve: Serve, join: Join) -> None:
+def test_all_kinds_of_classic_frames_are_transmitted(serve: Serve, join: Join) -> None:
     hub = serve(realtime=True)
     one, other = join(hub), join(hub)
     sent = [
@@ -86,7 +86,7 @@ def test_all_kinds_of_classic_frames_pass(serve: Serve, join: Join) -> None:
         one.send(can.Message(arbitration_id=1, is_fd=True, is_extended_id=False))
 
 
-def test_filters_hold(serve: Serve, join: Join) -> None:
+def test_filters_are_applied(serve: Serve, join: Join) -> None:
     hub = serve(realtime=True)
     sender = join(hub)
     filtered = join(hub, can_filters=[{"can_id": 0x181, "can_mask": 0x7FF}])
@@ -97,7 +97,7 @@ def test_filters_hold(serve: Serve, join: Join) -> None:
     assert got.arbitration_id == 0x181
 
 
-def test_real_time_has_the_wall_clock_and_stamps_of_today(serve: Serve, join: Join) -> None:
+def test_real_time_uses_the_wall_clock_and_its_stamps(serve: Serve, join: Join) -> None:
     hub = serve(realtime=True)
     sender, receiver = join(hub, participant=True), join(hub)
     assert sender.simulated_clock is None
@@ -110,7 +110,7 @@ def test_real_time_has_the_wall_clock_and_stamps_of_today(serve: Serve, join: Jo
     assert time.monotonic() - start_s >= 0.02
 
 
-def test_polling_for_ever_does_not_stop_simulated_time(serve: Serve, join: Join) -> None:
+def test_continuous_polling_does_not_stop_simulated_time(serve: Serve, join: Join) -> None:
     bus = join(serve(), participant=True)
     clock = bus.simulated_clock
     assert clock is not None
@@ -137,7 +137,7 @@ def test_the_drivers_transport_joins_as_a_participant(serve: Serve, join: Join) 
             assert seen.arbitration_id == can_id
 
 
-def test_a_notifier_listens_from_a_thread_of_its_own(serve: Serve, join: Join) -> None:
+def test_a_notifier_receives_in_its_own_thread(serve: Serve, join: Join) -> None:
     hub = serve(realtime=True)
     sender, receiver = join(hub), join(hub)
     reader = can.BufferedReader()
@@ -163,19 +163,19 @@ def test_a_name_is_looked_up_in_the_runtime_directory(
         assert "mycell.sock" in str(bus)
 
 
-def test_a_bus_that_nobody_serves_is_python_cans_error(tmp_path: Path) -> None:
+def test_a_missing_bus_is_python_cans_error(tmp_path: Path) -> None:
     with pytest.raises(can.CanInitializationError):
         can.Bus(interface="rid_sim", channel=str(tmp_path / "no.sock"), ignore_config=True)
 
 
-def test_a_hub_that_is_gone_is_python_cans_error(serve: Serve, join: Join) -> None:
+def test_a_hub_that_has_ended_is_python_cans_error(serve: Serve, join: Join) -> None:
     bus = join(serve(), participant=True)
     bus._client._socket.shutdown(2)
     with pytest.raises(can.CanOperationError):
         bus.recv(1.0)
 
 
-def test_python_cans_own_logger_listens_in(serve: Serve, join: Join) -> None:
+def test_python_cans_logger_receives_frames(serve: Serve, join: Join) -> None:
     hub = serve()
     command = [sys.executable, "-m", "can.logger", "-i", "rid_sim", "-c", str(hub.path)]
     environment = os.environ | {"PYTHONUNBUFFERED": "1"}

@@ -1,4 +1,4 @@
-"""The hub: exact and repeatable in lock-step, on time in real time, unmoved by clients that die."""
+"""Bus hub: exact and repeatable in lock-step, punctual in real time, robust to bad clients."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SYNC_END_NS = (51 - 3) * 1000
 Serve = Callable[..., Any]
 
 
-def test_a_wait_ends_exactly_when_it_says(serve: Serve) -> None:
+def test_a_wait_ends_exactly_at_its_time(serve: Serve) -> None:
     client = serve().join(HubRole.MASTER)
     start_s = time.monotonic()
     for until_ns in (1, 8 * MS, 3_600_000 * MS):
@@ -46,7 +46,7 @@ def test_a_frame_arrives_after_its_time_on_the_wire(serve: Serve) -> None:
     assert master.now_ns == frame.time_ns
 
 
-def test_a_burst_wakes_its_receiver_once_and_in_the_order_of_identifiers(serve: Serve) -> None:
+def test_a_burst_wakes_its_receiver_once_in_the_order_of_identifiers(serve: Serve) -> None:
     hub = serve()
     device = hub.join(HubRole.DEVICE)
     for port, can_id in enumerate((0x183, 0x181, 0x182)):
@@ -58,7 +58,7 @@ def test_a_burst_wakes_its_receiver_once_and_in_the_order_of_identifiers(serve: 
     assert master.now_ns == frames[-1].time_ns
 
 
-def test_urgent_identifiers_wake_at_once_and_others_wait_for_the_next_wake(serve: Serve) -> None:
+def test_urgent_identifiers_wake_at_once_and_others_are_delivered_with_them(serve: Serve) -> None:
     hub = serve()
     device = hub.join(HubRole.DEVICE, (0x080,))
     device.begin_wait(10 * MS, on_frames=False)
@@ -72,7 +72,7 @@ def test_urgent_identifiers_wake_at_once_and_others_wait_for_the_next_wake(serve
     assert device.now_ns == frames[1].time_ns == 4 * MS + SYNC_END_NS
 
 
-def test_sleeping_keeps_frames_for_later(serve: Serve) -> None:
+def test_frames_are_kept_during_a_sleep(serve: Serve) -> None:
     hub = serve()
     device = hub.join(HubRole.DEVICE)
     device.post(0x181, b"", 0, time_ns=MS)
@@ -83,7 +83,7 @@ def test_sleeping_keeps_frames_for_later(serve: Serve) -> None:
     assert frame.time_ns < 2 * MS
 
 
-def test_time_stands_while_a_master_works(serve: Serve) -> None:
+def test_simulated_time_stops_while_a_master_works(serve: Serve) -> None:
     hub = serve()
     device = hub.join(HubRole.DEVICE)
     device.begin_wait(3 * MS)
@@ -97,7 +97,7 @@ def test_time_stands_while_a_master_works(serve: Serve) -> None:
     assert device.now_ns == 3 * MS
 
 
-def test_an_observer_sees_everything_and_never_holds_time(serve: Serve) -> None:
+def test_an_observer_receives_everything_and_never_stops_time(serve: Serve) -> None:
     hub = serve()
     observer = hub.join(HubRole.OBSERVER)
     assert observer.simulated_time
@@ -112,7 +112,7 @@ def test_an_observer_sees_everything_and_never_holds_time(serve: Serve) -> None:
     assert [f.time_ns for f in seen] == [k * 8 * MS + SYNC_END_NS for k in range(2000)]
 
 
-def test_without_a_master_time_runs_on_at_the_clocks_pace_and_then_stands(serve: Serve) -> None:
+def test_without_a_master_time_continues_in_real_time_and_then_stops(serve: Serve) -> None:
     hub = serve()
     device = hub.join(HubRole.DEVICE)
     device.begin_wait(5 * MS)
@@ -129,8 +129,9 @@ def test_without_a_master_time_runs_on_at_the_clocks_pace_and_then_stands(serve:
     assert time.monotonic_ns() - start_ns < AFTER_RUN_NS, "a master that waits hurries time"
 
 
-def test_at_a_pace_nothing_comes_before_its_time_on_the_clock(serve: Serve) -> None:
-    start_ns = time.monotonic_ns()  # the bus's time begins with its first master: after this
+def test_with_a_pace_nothing_is_delivered_before_its_time(serve: Serve) -> None:
+    # bus time starts with the first master, which is later than this
+    start_ns = time.monotonic_ns()
     client = serve(pace=2.0).join(HubRole.MASTER)
     for until_ns in (8 * MS, 30 * MS, 200 * MS):
         assert client.wait(until_ns) == []
@@ -138,7 +139,7 @@ def test_at_a_pace_nothing_comes_before_its_time_on_the_clock(serve: Serve) -> N
         assert time.monotonic_ns() - start_ns >= until_ns // 2 - 2 * MS
 
 
-def test_a_wait_that_was_interrupted_does_not_end_the_next_one(serve: Serve) -> None:
+def test_an_interrupted_wait_does_not_end_the_next_one(serve: Serve) -> None:
     client = serve().join(HubRole.MASTER)
     client.begin_wait(5 * MS)
     client.wait(9 * MS)
@@ -157,13 +158,13 @@ def test_real_time_delivers_after_the_frames_time_on_the_wire(serve: Serve) -> N
     assert 48 * 100_000 <= frame.time_ns - start_ns < 500 * MS
 
 
-def test_what_it_takes_to_play_a_device_is_not_the_buss_time(serve: Serve) -> None:
+def test_the_computing_time_of_a_device_does_not_delay_its_frames(serve: Serve) -> None:
     hub = serve(realtime=True, bitrate=1_000_000)
     device, receiver = hub.join(HubRole.DEVICE), hub.join(HubRole.OBSERVER)
     wire_ns = 1000 * (wire_bits(0x181, b"", 0) - INTERMISSION_BITS)
 
     def backdated() -> int:
-        """Hand over a frame a while after its time; return how much later it began."""
+        """Deliver a frame some time after its time stamp; return its delay on the bus."""
         answered_ns = time.monotonic_ns()
         while time.monotonic_ns() < answered_ns + MS // 2:
             pass
@@ -196,7 +197,7 @@ def test_real_time_waits_end_on_the_clock(serve: Serve) -> None:
     ],
 )
 @pytest.mark.parametrize("realtime", [False, True])
-def test_a_client_that_dies_or_talks_nonsense_takes_nobody_along(
+def test_a_client_that_dies_or_sends_garbage_does_not_affect_others(
     serve: Serve, last_words: bytes, realtime: bool
 ) -> None:
     hub = serve(realtime=realtime)
@@ -215,7 +216,7 @@ def test_a_client_that_dies_or_talks_nonsense_takes_nobody_along(
     assert [f.can_id for f in other.wait(time.monotonic_ns() + 2000 * MS)] == [0x080]
 
 
-def test_an_observer_that_does_not_read_loses_frames_and_slows_nobody(serve: Serve) -> None:
+def test_an_observer_that_does_not_read_loses_frames_and_delays_nobody(serve: Serve) -> None:
     hub = serve()
     hub.join(HubRole.OBSERVER)
     master = hub.join(HubRole.MASTER)
@@ -225,7 +226,7 @@ def test_an_observer_that_does_not_read_loses_frames_and_slows_nobody(serve: Ser
     assert master.now_ns == 3000 * MS
 
 
-def test_the_log_is_candumps(serve: Serve) -> None:
+def test_the_log_has_the_format_of_candump(serve: Serve) -> None:
     hub = serve()
     master = hub.join(HubRole.MASTER)
     master.post(0x601, bytes.fromhex("4000100000000000"), 8, time_ns=1_500 * MS)
@@ -247,7 +248,7 @@ def test_the_log_is_candumps(serve: Serve) -> None:
     ]
 
 
-def test_two_hubs_do_not_share_a_socket(serve: Serve) -> None:
+def test_a_second_hub_on_the_socket_is_refused(serve: Serve) -> None:
     hub = serve()
     with (
         raises_code(TransportError, "RID-MOCK-SERVED"),
@@ -256,7 +257,7 @@ def test_two_hubs_do_not_share_a_socket(serve: Serve) -> None:
         pass
 
 
-def test_a_socket_left_by_a_killed_hub_is_taken_over(serve: Serve) -> None:
+def test_a_socket_of_a_killed_hub_is_reused(serve: Serve) -> None:
     hub = serve()
     stale = hub.path.with_name("stale.sock")
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as dead:
@@ -266,7 +267,7 @@ def test_a_socket_left_by_a_killed_hub_is_taken_over(serve: Serve) -> None:
     assert not stale.exists()
 
 
-def test_a_channel_that_nobody_serves_is_named(serve: Serve) -> None:
+def test_a_channel_without_a_hub_is_an_error_with_its_name(serve: Serve) -> None:
     path = serve().path.with_name("nobody.sock")
     with raises_code(TransportError, "RID-MOCK-NOT-SERVED", "nobody.sock"):
         HubClient(path, HubRole.OBSERVER)

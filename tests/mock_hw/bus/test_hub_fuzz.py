@@ -1,4 +1,4 @@
-"""The simulated bus's socket: whatever clients send, the hub lives and the others go on."""
+"""Random packets on the simulated bus's socket: the hub continues, and so do other clients."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PATIENCE = 50
 
 
 def hostile_packet(chance: random.Random) -> bytes:
-    """Return garbage, or what looks like a packet and has an absurd value somewhere."""
+    """Return garbage, or a valid-looking packet with an absurd value."""
     match chance.randrange(5):
         case 0:
             return chance.randbytes(chance.randrange(1, 300))
@@ -43,13 +43,13 @@ def hostile_packet(chance: random.Random) -> bytes:
 
 
 def connect(client: socket.socket, hub: Any) -> None:
-    """Connect, however many wait at the door."""
+    """Connect, even if many clients wait."""
     client.settimeout(None)
     client.connect(str(hub.path))
 
 
 def join(hub: Any, role: HubRole) -> Any:
-    """Join once there is room at the door."""
+    """Join the bus as soon as there is room."""
     give_up_s = time.monotonic() + 120.0
     while True:
         try:
@@ -61,7 +61,7 @@ def join(hub: Any, role: HubRole) -> Any:
 
 
 @pytest.mark.parametrize("realtime", [False, True])
-def test_hostile_clients_stop_nobody(serve: Serve, realtime: bool) -> None:
+def test_hostile_clients_do_not_affect_others(serve: Serve, realtime: bool) -> None:
     hub = serve(realtime=realtime)
     chance = random.Random(8)
     for _ in range(CLIENTS):
@@ -73,7 +73,7 @@ def test_hostile_clients_stop_nobody(serve: Serve, realtime: bool) -> None:
                 try:
                     client.send(hostile_packet(chance))
                 except OSError:
-                    break  # the hub has shown the door
+                    break  # the hub has disconnected the client
     master, observer = join(hub, HubRole.MASTER), join(hub, HubRole.OBSERVER)
     seen = b""
     for _ in range(PATIENCE):
@@ -86,7 +86,7 @@ def test_hostile_clients_stop_nobody(serve: Serve, realtime: bool) -> None:
     raise AssertionError("the honest clients were not served")
 
 
-def test_a_master_that_is_gone_before_it_was_let_in_holds_nobody_up(serve: Serve) -> None:
+def test_a_master_that_leaves_before_admission_delays_nobody(serve: Serve) -> None:
     hub = serve()
     for _ in range(20):
         with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as client:

@@ -1,4 +1,4 @@
-"""The simulated slcan adapter at a terminal and at python-can, with LAWICEL's CANUSB commands."""
+"""Simulated slcan adapter with LAWICEL's CANUSB commands, at a terminal and with python-can."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ def adapter() -> LawicelAdapter:
         (b"S8\r", b"\r"),
         (b"S9\r", b"\a"),
         (b"S8\rO\r", b"\r\r"),
-        (b"O\r", b"\a"),  # no bit rate yet
+        (b"O\r", b"\a"),  # no bit rate set
         (b"S8\rO\rO\r", b"\r\r\a"),
-        (b"S8\rO\rS6\r", b"\r\r\a"),  # not while it is open
+        (b"S8\rO\rS6\r", b"\r\r\a"),  # refused while the channel is open
         (b"S8\rO\rC\r", b"\r\r\r"),
         (b"C\r", b"\a"),
         (b"F\r", b"\a"),
@@ -47,10 +47,10 @@ def adapter() -> LawicelAdapter:
         (b"t1234\r", b"\a"),
         (b"S8\rO\rt20120F00\r", b"\r\rz\r"),
         (b"S8\rO\rT0000020120F00\r", b"\r\rZ\r"),
-        (b"S8\rO\rt2012\r", b"\r\r\a"),  # fewer bytes than said
+        (b"S8\rO\rt2012\r", b"\r\r\a"),  # fewer bytes than stated
         (b"S8\rO\rt2019\r", b"\r\r\a"),
         (b"S8\rO\rt8010\r", b"\r\r\a"),
-        (b"S8\rL\rt2010\r", b"\r\r\a"),  # listens only
+        (b"S8\rL\rt2010\r", b"\r\r\a"),  # listen-only mode
         (b"M00000000\rmFFFFFFFF\rM0\r", b"\r\r\a"),
         (b"what\r", b"\a"),
     ],
@@ -61,7 +61,7 @@ def test_commands_and_answers(adapter: LawicelAdapter, said: bytes, answered: by
     assert b"".join(other.feed(said[i : i + 1])[0] for i in range(len(said))) == answered
 
 
-def test_frames_go_both_ways(adapter: LawicelAdapter) -> None:
+def test_frames_are_decoded_and_encoded(adapter: LawicelAdapter) -> None:
     adapter.feed(b"S8\rO\r")
     _, frames = adapter.feed(b"t20120F00\rT1ABCDEF00\rr1234\r")
     assert frames == [
@@ -76,7 +76,7 @@ def test_frames_go_both_ways(adapter: LawicelAdapter) -> None:
     assert adapter.encode(AdapterFrame(0x080, 0, b"")) == b"t08001234\r"
 
 
-def test_a_closed_adapter_and_one_at_another_bit_rate_carry_nothing(
+def test_a_closed_adapter_or_another_bit_rate_transmits_nothing(
     adapter: LawicelAdapter,
 ) -> None:
     assert adapter.encode(AdapterFrame(0x181, 0, b"")) == b""
@@ -85,7 +85,7 @@ def test_a_closed_adapter_and_one_at_another_bit_rate_carry_nothing(
     assert adapter.feed(b"t2010\r") == (b"z\r", [])
 
 
-def test_endless_garbage_is_not_kept(adapter: LawicelAdapter) -> None:
+def test_endless_garbage_needs_bounded_memory(adapter: LawicelAdapter) -> None:
     for _ in range(1000):
         assert adapter.feed(b"t" * 1000) == (b"", [])
     assert len(adapter._pending) < 100
@@ -100,7 +100,7 @@ def port(tmp_path: Path) -> Iterator[LawicelPort]:
     assert not (tmp_path / "adapter").is_symlink()
 
 
-def test_a_plain_terminal_opens_the_channel_and_sees_frames(
+def test_a_plain_terminal_opens_the_channel_and_receives_frames(
     port: LawicelPort, tmp_path: Path
 ) -> None:
     terminal = os.open(tmp_path / "adapter", os.O_RDWR | os.O_NOCTTY)
@@ -126,7 +126,7 @@ def output_of(terminal: int, count: int) -> bytes:
     return text
 
 
-def test_a_second_computer_does_not_get_what_the_first_one_left(
+def test_a_second_computer_does_not_receive_frames_left_by_the_first(
     port: LawicelPort, tmp_path: Path
 ) -> None:
     first = os.open(tmp_path / "adapter", os.O_RDWR | os.O_NOCTTY)
@@ -143,13 +143,13 @@ def test_a_second_computer_does_not_get_what_the_first_one_left(
         os.close(second)
 
 
-def test_python_cans_slcan_speaks_with_it(port: LawicelPort, tmp_path: Path) -> None:
+def test_python_cans_slcan_interface_works_with_it(port: LawicelPort, tmp_path: Path) -> None:
     with can.Bus(
         interface="slcan", channel=str(tmp_path / "adapter"), bitrate=BITRATE, sleep_after_open=0.0
     ) as bus:
         bus.send(can.Message(arbitration_id=0x201, data=b"\x0f\x00", is_extended_id=False))
         while not (arrived := [*(port.receive_frames(10.0) or ())]):
-            pass  # what opens the adapter came alone
+            pass  # so far only the commands that open the adapter have arrived
         assert [(frame.cob_id, frame.data) for frame in arrived] == [(0x201, b"\x0f\x00")]
         port.send_frames([(0x181, b"\x37\x06")])
         message = bus.recv(10.0)
@@ -157,13 +157,13 @@ def test_python_cans_slcan_speaks_with_it(port: LawicelPort, tmp_path: Path) -> 
         assert (message.arbitration_id, bytes(message.data)) == (0x181, b"\x37\x06")
 
 
-def test_a_path_that_is_taken_is_refused(port: LawicelPort, tmp_path: Path) -> None:
+def test_an_existing_path_is_refused(port: LawicelPort, tmp_path: Path) -> None:
     with raises_code(TransportError, "RID-SOCKET-PATH"):
         LawicelPort(tmp_path / "adapter", BITRATE)
 
 
 @pytest.mark.parametrize("data_bytes", range(9))
-def test_a_full_buffer_loses_whole_frames(tmp_path: Path, data_bytes: int) -> None:
+def test_a_full_buffer_loses_whole_frames_only(tmp_path: Path, data_bytes: int) -> None:
     port = LawicelPort(tmp_path / "adapter", BITRATE)
     reader = os.open(tmp_path / "adapter", os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     try:

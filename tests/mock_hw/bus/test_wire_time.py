@@ -1,4 +1,4 @@
-"""Every frame's time on the wire is exact; identifiers decide who goes first."""
+"""Exact time of every frame on the wire; identifiers decide the order."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ payloads = st.one_of(
 
 
 def counted_bits(can_id: int, data: bytes) -> int:
-    """A standard data frame, bit by bit, as the standard says it."""
+    """Count the bits of a standard data frame bit by bit, as in the standard."""
     bits = [0, *(can_id >> shift & 1 for shift in range(10, -1, -1)), 0, 0, 0]
     bits += [len(data) >> shift & 1 for shift in (3, 2, 1, 0)]
     bits += [byte >> shift & 1 for byte in data for shift in range(7, -1, -1)]
@@ -41,7 +41,7 @@ def test_sync_takes_51_bits() -> None:
 
 
 @given(can_id=st.integers(0, 0x7FF), data=payloads)
-def test_tables_agree_with_counting_and_with_the_drivers_own_arithmetic(
+def test_tables_agree_with_bit_counting_and_with_the_drivers_computation(
     can_id: int, data: bytes
 ) -> None:
     bits = wire_bits(can_id, data)
@@ -50,7 +50,7 @@ def test_tables_agree_with_counting_and_with_the_drivers_own_arithmetic(
     assert bits <= worst_bits(len(data))
 
 
-def test_extended_and_remote_frames() -> None:
+def test_the_lengths_of_extended_and_remote_frames() -> None:
     plain = wire_bits(0x123, bytes(8))
     assert 20 <= wire_bits(EXTENDED_FLAG | 0x123 << 18, bytes(8)) - plain <= 26
     assert wire_bits(REMOTE_FLAG | 0x123, b"", 8) < wire_bits(0x123, bytes(range(8)))
@@ -68,5 +68,5 @@ def test_extended_and_remote_frames() -> None:
         (EXTENDED_FLAG | 0x100, EXTENDED_FLAG | 0x101),
     ],
 )
-def test_arbitration(winner: int, loser: int) -> None:
+def test_arbitration_prefers_lower_identifiers(winner: int, loser: int) -> None:
     assert arbitration_key(winner) < arbitration_key(loser)

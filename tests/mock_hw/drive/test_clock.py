@@ -1,4 +1,4 @@
-"""A drive whose clock runs wrong: what it times lasts longer or shorter, in proportion."""
+"""Drive with a wrong clock: its durations are longer or shorter in proportion."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ def first_emergency(bench: Bench) -> tuple[float, int]:
     return time_s, int.from_bytes(frame.data[:2], "little")
 
 
-def test_a_right_clock_changes_no_bit() -> None:
+def test_a_correct_clock_changes_no_bit() -> None:
     assert DriveClock().true_duration_s(0.1) == 0.1
 
 
 @RATES
-def test_heartbeats_come_at_its_rate(bench: Bench, rate: float) -> None:
+def test_heartbeats_are_sent_at_its_rate(bench: Bench, rate: float) -> None:
     bench.run_to(0.05)
     bench.drive.clock.rate = rate
     assert not bench.write(0x1017, 0, 50, 2)
@@ -49,7 +49,7 @@ def test_heartbeats_come_at_its_rate(bench: Bench, rate: float) -> None:
     ],
     ids=["heartbeat", "set-points", "sync"],
 )
-def test_its_watches_run_out_at_its_rate(
+def test_its_timeouts_elapse_at_its_rate(
     bench: Bench, rate: float, watchdog: dict[str, int], code: int, timeout_s: float
 ) -> None:
     bench.configure(**watchdog)
@@ -79,7 +79,7 @@ def test_it_boots_at_its_rate(bench: Bench) -> None:
 
 
 def test_it_brakes_at_its_rate(bench: Bench) -> None:
-    """Twice as fast a clock, half the ramp."""
+    """With a clock twice as fast, the ramp is half as long."""
     bench.configure(quick_stop_deceleration=1_000_000)
     bench.enable(100_000)
     bench.drive.clock.rate = 2.0

@@ -1,4 +1,4 @@
-"""The drive on the bus: boot, SDO, NMT, PDOs, heartbeats - by frames and times alone."""
+"""Simulated drive on the bus: boot, SDO, NMT, PDOs, heartbeats, by frames and times alone."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PRE_OPERATIONAL = 0x7F
 OPERATIONAL = 0x05
 
 
-def test_it_boots_and_says_so(bench: Bench) -> None:
+def test_the_drive_sends_a_boot_up_message(bench: Bench) -> None:
     bench.run_to(BOOT_S - 1e-6)
     assert bench.take() == []
     bench.run_to(BOOT_S)
@@ -24,13 +24,13 @@ def test_it_boots_and_says_so(bench: Bench) -> None:
     assert time_s == BOOT_S
 
 
-def test_it_is_deaf_until_it_has_booted(bench: Bench) -> None:
+def test_the_drive_ignores_frames_until_it_has_booted(bench: Bench) -> None:
     bench.receive(Frame(0x603, bytes.fromhex("4000100000000000")))
     bench.receive(Frame(0x000, b"\x01\x00"))
     assert bench.take() == []
 
 
-def test_it_says_what_it_is(bench: Bench) -> None:
+def test_the_drive_states_its_identity_and_units(bench: Bench) -> None:
     bench.run_to(0.05)
     assert bench.read(0x1000) & 0xFFFF == 402
     assert bench.read(0x6502) == 1 << 8
@@ -53,7 +53,7 @@ def test_it_says_what_it_is(bench: Bench) -> None:
         (0x1003, 0, 1, 1, 0x0609_0030),
     ],
 )
-def test_what_cannot_be_written_is_refused_with_the_reason(
+def test_an_invalid_write_is_refused_with_its_abort_code(
     bench: Bench, index: int, subindex: int, value: int, size: int, code: int
 ) -> None:
     bench.run_to(0.05)
@@ -73,7 +73,7 @@ def test_what_cannot_be_written_is_refused_with_the_reason(
         (0x1801, 1, 0x2000_0283, 4, 0x0609_0030),
     ],
 )
-def test_pdo_records_obey_their_rules(
+def test_pdo_records_can_be_changed_only_as_the_standard_allows(
     bench: Bench, index: int, subindex: int, value: int, size: int, code: int
 ) -> None:
     bench.run_to(0.05)
@@ -88,14 +88,14 @@ def test_a_mapping_longer_than_a_frame_is_refused(bench: Bench) -> None:
     assert bench.write(0x1A01, 0, 2, 1) == 0
 
 
-def test_mapped_objects_cannot_be_changed_one_by_one(bench: Bench) -> None:
+def test_mapped_objects_cannot_be_changed_singly(bench: Bench) -> None:
     bench.run_to(0.05)
     assert bench.write(0x1A01, 1, 0x6064_0020, 4) == 0
     assert bench.write(0x1A01, 0, 1, 1) == 0
     assert bench.write(0x1A01, 1, 0x6077_0010, 4) == 0x0601_0000
 
 
-def test_long_texts_come_in_segments(bench: Bench) -> None:
+def test_long_texts_are_sent_in_segments(bench: Bench) -> None:
     bench.run_to(0.05)
     answer = bench.sdo(bytes.fromhex("40081000"))
     length = int.from_bytes(answer[4:], "little")
@@ -107,7 +107,7 @@ def test_long_texts_come_in_segments(bench: Bench) -> None:
     assert text == b"rid-daq simulated servo drive"
 
 
-def test_answers_take_their_time(bench: Bench) -> None:
+def test_answers_take_some_time(bench: Bench) -> None:
     bench.configure()
     bench.run_for(0.01)
     bench.take()
@@ -116,7 +116,7 @@ def test_answers_take_their_time(bench: Bench) -> None:
     assert time_s == pytest.approx(bench.now_s + SYNC_ANSWER_S)
 
 
-def test_heartbeats_carry_the_state(bench: Bench) -> None:
+def test_heartbeats_contain_the_nmt_state(bench: Bench) -> None:
     bench.run_to(0.05)
     bench.write(0x1017, 0, 50, 2)
     bench.take()
@@ -129,7 +129,7 @@ def test_heartbeats_carry_the_state(bench: Bench) -> None:
     assert bench.take(0x703)[-1][1].data[0] == OPERATIONAL
 
 
-def test_process_data_flow_in_operational_only(bench: Bench) -> None:
+def test_process_data_is_exchanged_in_operational_only(bench: Bench) -> None:
     bench.configure()
     bench.receive(Frame(0, b"\x80\x03"))
     bench.receive(SYNC)
@@ -143,7 +143,7 @@ def test_process_data_flow_in_operational_only(bench: Bench) -> None:
     assert bench.take() == []
 
 
-def test_nmt_commands_to_others_are_not_for_it(bench: Bench) -> None:
+def test_nmt_commands_to_other_nodes_are_ignored(bench: Bench) -> None:
     bench.configure()
     bench.receive(Frame(0, b"\x80\x04"))
     bench.receive(SYNC)
@@ -168,7 +168,7 @@ def test_an_event_driven_rpdo_acts_on_arrival(bench: Bench) -> None:
     assert state_of(bench.read(0x6041)) is PowerState.READY_TO_SWITCH_ON
 
 
-def test_an_event_driven_tpdo_tells_changes_and_keeps_its_inhibit_time(bench: Bench) -> None:
+def test_an_event_driven_tpdo_is_sent_on_change_after_its_inhibit_time(bench: Bench) -> None:
     bench.run_to(0.05)
     bench.write(0x1800, 3, 200, 2)
     bench.receive(Frame(0, b"\x01\x00"))
@@ -193,7 +193,7 @@ def test_an_event_timer_repeats_a_tpdo(bench: Bench) -> None:
     assert len(bench.take(0x183)) == 4
 
 
-def test_every_nth_sync(bench: Bench) -> None:
+def test_a_tpdo_can_be_sent_at_every_nth_sync(bench: Bench) -> None:
     bench.configure()
     bench.write(0x1800, 2, 3, 1)
     bench.take()
@@ -202,7 +202,7 @@ def test_every_nth_sync(bench: Bench) -> None:
     assert len(bench.take(0x183)) == 3
 
 
-def test_a_short_rpdo_is_refused_and_a_long_one_cut(bench: Bench) -> None:
+def test_a_short_rpdo_is_refused_and_a_long_one_truncated(bench: Bench) -> None:
     bench.configure()
     bench.receive(Frame(0x203, b"\x06\x00"))
     bench.receive(SYNC)
@@ -214,7 +214,7 @@ def test_a_short_rpdo_is_refused_and_a_long_one_cut(bench: Bench) -> None:
     assert cleared.data == bytes(8)
 
 
-def test_a_reset_forgets_the_configuration(bench: Bench) -> None:
+def test_a_reset_clears_the_configuration(bench: Bench) -> None:
     bench.configure(heartbeat_ms=80)
     bench.enable()
     bench.receive(Frame(0, b"\x82\x03"))

@@ -1,4 +1,4 @@
-"""Whatever goes wrong, the axis comes to rest: every watchdog, on a simulated clock."""
+"""Watchdogs of the simulated drive: for every fault the axis comes to rest."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def power(bench: Bench) -> PowerStage:
 
 
 def moving(bench: Bench, **watchdogs: int) -> None:
-    """Have the axis move at constant speed."""
+    """Make the axis move at constant speed."""
     bench.configure(quick_stop_deceleration=DECELERATION, **watchdogs)
     bench.enable(SPEED)
     assert power(bench).state is PowerState.OPERATION_ENABLED
@@ -38,7 +38,7 @@ def moving(bench: Bench, **watchdogs: int) -> None:
 
 
 def assert_quick_stop_then_off(bench: Bench, since_s: float) -> None:
-    """The axis brakes on its ramp from `since_s` on, then power goes and the brake closes."""
+    """Check that the axis brakes from `since_s`; then power is off, the brake closed."""
     assert power(bench).state is PowerState.QUICK_STOP_ACTIVE
     bench.run_to(since_s + 0.5 * RAMP_S)
     assert bench.axis.rate == pytest.approx(0.5 * SPEED, rel=0.02)
@@ -51,7 +51,7 @@ def assert_quick_stop_then_off(bench: Bench, since_s: float) -> None:
 
 
 @pytest.mark.fault(18)
-def test_the_masters_silence_is_a_quick_stop(bench: Bench, measured: Callable[[str], None]) -> None:
+def test_a_silent_master_causes_a_quick_stop(bench: Bench, measured: Callable[[str], None]) -> None:
     moving(bench, heartbeat_ms=80)
     last_beat_s = bench.now_s - 0.008
     bench.run_to(last_beat_s + 0.0799)
@@ -67,7 +67,7 @@ def test_the_masters_silence_is_a_quick_stop(bench: Bench, measured: Callable[[s
     measured("quick stop 80 ms after the last heartbeat, at rest one ramp later")
 
 
-def test_the_masters_return_clears_the_error_but_enables_nothing(bench: Bench) -> None:
+def test_a_returning_master_clears_the_error_but_enables_nothing(bench: Bench) -> None:
     moving(bench, heartbeat_ms=80)
     bench.run_for(0.5)
     bench.take()
@@ -81,14 +81,14 @@ def test_the_masters_return_clears_the_error_but_enables_nothing(bench: Bench) -
     assert bench.axis.rate == 0.0
 
 
-def test_watching_begins_with_the_first_heartbeat(bench: Bench) -> None:
+def test_monitoring_starts_with_the_first_heartbeat(bench: Bench) -> None:
     bench.configure(heartbeat_ms=80)
     bench.take()
     bench.run_for(10.0)
     assert emergencies(bench) == []
 
 
-def test_heartbeats_of_others_do_not_count(bench: Bench) -> None:
+def test_heartbeats_of_other_nodes_do_not_count(bench: Bench) -> None:
     moving(bench, heartbeat_ms=80)
     for _ in range(20):
         bench.run_for(0.008)
@@ -105,7 +105,7 @@ def test_heartbeats_of_others_do_not_count(bench: Bench) -> None:
         (3, PowerState.QUICK_STOP_ACTIVE, True),
     ],
 )
-def test_abort_connection_does_what_6007_says(
+def test_a_lost_connection_causes_the_reaction_in_6007(
     bench: Bench, reaction: int, state: PowerState, powered: bool
 ) -> None:
     moving(bench, heartbeat_ms=80, abort_connection=reaction)
@@ -114,15 +114,15 @@ def test_abort_connection_does_what_6007_says(
     assert power(bench).powered is powered
 
 
-def test_without_a_heartbeat_consumer_it_keeps_running(bench: Bench) -> None:
-    """The accident that 1016h is there for."""
+def test_without_a_heartbeat_consumer_the_axis_continues_to_move(bench: Bench) -> None:
+    """This is the hazard that object 1016h prevents."""
     moving(bench)
     bench.run_for(10.0)
     assert bench.axis.rate == SPEED
 
 
 @pytest.mark.parametrize(("reaction", "state"), [(0, 0x7F), (1, 0x05), (2, 0x04)])
-def test_a_lost_master_changes_the_nmt_state_as_1029_says(
+def test_a_lost_master_changes_the_nmt_state_according_to_1029(
     bench: Bench, reaction: int, state: int
 ) -> None:
     bench.configure(heartbeat_ms=80)
@@ -145,7 +145,7 @@ def test_sync_loss_is_a_fault_after_one_and_a_half_periods(bench: Bench) -> None
     assert bench.axis.rate == 0.0
 
 
-def test_overdue_commands_are_a_lost_master(bench: Bench) -> None:
+def test_overdue_commands_count_as_a_lost_master(bench: Bench) -> None:
     moving(bench, rpdo_ms=20)
     last_rpdo_s = bench.now_s - 0.008
     for _ in range(3):
@@ -159,14 +159,14 @@ def test_overdue_commands_are_a_lost_master(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("command", [0x80, 0x02])
-def test_leaving_operational_is_a_lost_master(bench: Bench, command: int) -> None:
+def test_leaving_operational_counts_as_a_lost_master(bench: Bench, command: int) -> None:
     moving(bench)
     bench.receive(Frame(0, bytes((command, 0))))
     assert_quick_stop_then_off(bench, bench.now_s)
 
 
 @pytest.mark.parametrize("command", [0x81, 0x82])
-def test_a_reset_takes_the_power_away(bench: Bench, command: int) -> None:
+def test_a_reset_removes_power(bench: Bench, command: int) -> None:
     moving(bench)
     bench.receive(Frame(0, bytes((command, 0))))
     assert not power(bench).powered
@@ -174,7 +174,7 @@ def test_a_reset_takes_the_power_away(bench: Bench, command: int) -> None:
     assert bench.axis.rate == 0.0
 
 
-def test_a_blocked_axis_is_a_following_error(bench: Bench) -> None:
+def test_a_blocked_axis_causes_a_following_error(bench: Bench) -> None:
     bench.configure(quick_stop_deceleration=DECELERATION)
     assert bench.write(0x6065, 0, 2000, 4) == 0
     assert bench.write(0x6066, 0, 20, 2) == 0
@@ -191,7 +191,7 @@ def test_a_blocked_axis_is_a_following_error(bench: Bench) -> None:
     assert bench.read(0x1001) == 0x21
 
 
-def test_a_passing_following_error_is_forgiven(bench: Bench) -> None:
+def test_a_short_following_error_is_tolerated(bench: Bench) -> None:
     bench.configure()
     bench.write(0x6065, 0, 2000, 4)
     bench.write(0x6066, 0, 20, 2)
@@ -205,7 +205,7 @@ def test_a_passing_following_error_is_forgiven(bench: Bench) -> None:
     assert emergencies(bench) == []
 
 
-def test_a_fault_stays_until_a_rising_edge_resets_it(bench: Bench) -> None:
+def test_a_fault_lasts_until_a_rising_edge_resets_it(bench: Bench) -> None:
     moving(bench, sync_us=8000)
     bench.run_for(0.5)
     assert power(bench).state is PowerState.FAULT

@@ -1,4 +1,4 @@
-"""The simulated drives' data sheets, and our reader of such files; the `canopen` package judges."""
+"""Data sheets of simulated drives, read by us and by the `canopen` package."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def values(draw: st.DrawFn, data_type: int) -> EdsValue:
 @st.composite
 def objects(draw: st.DrawFn) -> EdsObject:
     data_type = draw(integers)
-    # of its signed types canopen knows the limits of 8, 16, 32 and 64 bits
+    # canopen knows the limits of signed types with 8, 16, 32 and 64 bits
     limited = data_type in (2, 3, 4, 5, 6, 7) and draw(st.booleans())
     low, high = sorted((draw(values(data_type)).content, draw(values(data_type)).content))
     return EdsObject(
@@ -71,7 +71,7 @@ def objects(draw: st.DrawFn) -> EdsObject:
 
 
 def judged_equal(sheet: ElectronicDataSheet, text: str) -> int:
-    """Compare every object with canopen's reading of the same text; return how many there are."""
+    """Compare every object with canopen's reading of the same text; return their number."""
     dictionary = canopen.import_od(_named(text), node_id=NODE)
     compared = 0
     for item in sheet.objects:
@@ -94,12 +94,12 @@ def judged_equal(sheet: ElectronicDataSheet, text: str) -> int:
 
 def _named(text: str) -> io.StringIO:
     file = io.StringIO(text)
-    file.name = "sheet.eds"  # it tells the format by the name
+    file.name = "sheet.eds"  # it recognises the format by the name
     return file
 
 
 @pytest.mark.parametrize("cell", ["ir361", "kr15"])
-def test_every_object_of_a_simulated_drive_is_in_its_sheet_and_canopen_agrees(cell: str) -> None:
+def test_every_object_of_a_simulated_drive_is_in_its_sheet_as_canopen_reads_it(cell: str) -> None:
     loaded = load_cell(cell)
     assert loaded.plant is not None
     for axis, joint, simulated in zip(
@@ -129,7 +129,9 @@ def test_every_object_of_a_simulated_drive_is_in_its_sheet_and_canopen_agrees(ce
 
 @settings(max_examples=20)
 @given(identity=identities)
-def test_any_simulated_drive_has_a_sheet_that_both_read(identity: SimulatedIdentity) -> None:
+def test_the_sheet_of_any_simulated_drive_is_read_equally_by_both(
+    identity: SimulatedIdentity,
+) -> None:
     text = drive_eds(identity, "node.eds", CREATED)
     sheet = parse_eds(text.encode(), "node.eds")
     answers = ObjectDictionary(drive_entries(identity))
@@ -143,14 +145,14 @@ def test_any_simulated_drive_has_a_sheet_that_both_read(identity: SimulatedIdent
     ("increments", "gear", "rated_mnm", "number"),
     [(0, 100, 1500, "node 5"), (4096, 2**32, 1500, "4294967296"), (4096, 100, -1, "-1")],
 )
-def test_a_motor_that_no_object_can_state_is_refused(
+def test_a_motor_beyond_the_range_of_its_objects_is_refused(
     increments: int, gear: int, rated_mnm: int, number: str
 ) -> None:
     with raises_code(ConfigError, "RID-MOCK-RANGE", number):
         SimulatedIdentity(NODE, increments, Fraction(gear), rated_mnm)
 
 
-def test_drives_that_differ_in_their_node_id_alone_have_one_sheet() -> None:
+def test_drives_that_differ_only_in_their_node_id_have_one_sheet() -> None:
     sheets = {
         drive_eds(SimulatedIdentity(node, 4096, Fraction(100), 1500), "drive.eds", CREATED)
         for node in (1, 2, 126)
@@ -158,11 +160,11 @@ def test_drives_that_differ_in_their_node_id_alone_have_one_sheet() -> None:
     assert len(sheets) == 1
 
 
-def test_a_sheet_that_canopen_has_written_again_says_the_same(tmp_path: Path) -> None:
+def test_a_sheet_rewritten_by_canopen_has_the_same_content(tmp_path: Path) -> None:
     text = drive_eds(SimulatedIdentity(NODE, 4096, Fraction(100), 1500), "drive.eds", CREATED)
     path = tmp_path / "again.eds"
     with path.open("w") as file, warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # it reads the clock in the old way
+        warnings.simplefilter("ignore", DeprecationWarning)  # it uses a deprecated clock function
         canopen.export_od(canopen.import_od(_named(text), node_id=NODE), file, "eds")
     again = parse_eds(path.read_bytes(), "again.eds")
     first = parse_eds(text.encode(), "drive.eds")
@@ -178,7 +180,7 @@ def test_a_sheet_that_canopen_has_written_again_says_the_same(tmp_path: Path) ->
 def written(
     items: list[EdsObject], number: str, equals: str, comment: str, newline: str, case: str
 ) -> str:
-    """Write objects as a data sheet, in one of the ways that there are."""
+    """Write objects as a data sheet, in one of the allowed spellings."""
 
     def spelt(value: EdsValue) -> str:
         content = value.content
@@ -216,7 +218,7 @@ def written(
     newline=st.sampled_from(["\n", "\r\n", "\r"]),
     case=st.sampled_from("xX"),
 )
-def test_what_is_written_is_read_back_and_canopen_agrees(
+def test_a_written_sheet_is_read_back_equal_as_canopen_reads_it(
     items: list[EdsObject], number: str, equals: str, comment: str, newline: str, case: str
 ) -> None:
     text = written(items, number, equals, comment, newline, case)

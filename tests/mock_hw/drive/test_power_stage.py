@@ -1,4 +1,4 @@
-"""The CiA 402 states, their ramps and their option codes."""
+"""CiA 402 power states, with their ramps and option codes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def objects() -> ObjectDictionary:
 
 @pytest.fixture
 def running(objects: ObjectDictionary) -> PowerStage:
-    """At velocity 1000 from time 0 on."""
+    """A power stage at velocity 1000 from time 0."""
     power = PowerStage(objects)
     power.boot()
     for word in (0x06, 0x07, 0x0F):
@@ -42,7 +42,9 @@ def running(objects: ObjectDictionary) -> PowerStage:
     return power
 
 
-def test_the_way_up_and_the_statuswords_of_it(objects: ObjectDictionary) -> None:
+def test_the_states_up_to_operation_enabled_and_their_status_words(
+    objects: ObjectDictionary,
+) -> None:
     power = PowerStage(objects)
     seen = [state_of(power.statusword())]
     power.boot()
@@ -79,7 +81,7 @@ def test_a_target_is_reached_linearly_within_the_interpolation_period(running: P
         (6, 0.5, PowerState.QUICK_STOP_ACTIVE),
     ],
 )
-def test_quick_stop_does_what_605a_says(
+def test_a_quick_stop_follows_605a(
     running: PowerStage, objects: ObjectDictionary, option: int, ramp_s: float, after: PowerState
 ) -> None:
     objects[QUICK_STOP_OPTION] = option
@@ -92,7 +94,7 @@ def test_quick_stop_does_what_605a_says(
     assert running.velocity_at(ramp_s) == 0.0
 
 
-def test_a_quick_stop_cannot_be_left_for_operation_before_it_is_over(running: PowerStage) -> None:
+def test_a_quick_stop_cannot_be_left_for_operation_before_its_end(running: PowerStage) -> None:
     running.command(0x02, 0.0)
     running.command(0x0F, 0.1)
     running.set_target(5000.0, 0.1, 0.008)
@@ -100,7 +102,7 @@ def test_a_quick_stop_cannot_be_left_for_operation_before_it_is_over(running: Po
     assert running.velocity_at(0.25) == 500.0
 
 
-def test_a_quick_stop_that_holds_can_be_left(
+def test_a_quick_stop_that_stays_in_its_state_can_be_left(
     running: PowerStage, objects: ObjectDictionary
 ) -> None:
     objects[QUICK_STOP_OPTION] = 6
@@ -117,7 +119,7 @@ def test_a_quick_stop_that_holds_can_be_left(
         (0x06, SHUTDOWN_OPTION, PowerState.READY_TO_SWITCH_ON),
     ],
 )
-def test_stepping_down_with_a_ramp(
+def test_disabling_with_a_ramp(
     running: PowerStage,
     objects: ObjectDictionary,
     word: int,
@@ -135,13 +137,13 @@ def test_stepping_down_with_a_ramp(
     objects[option] = 0
 
 
-def test_disable_voltage_is_at_once(running: PowerStage) -> None:
+def test_disable_voltage_acts_at_once(running: PowerStage) -> None:
     running.command(0x00, 0.0)
     assert running.state is PowerState.SWITCH_ON_DISABLED
     assert not running.powered
 
 
-def test_a_fault_without_power_is_at_once(objects: ObjectDictionary) -> None:
+def test_a_fault_without_power_acts_at_once(objects: ObjectDictionary) -> None:
     power = PowerStage(objects)
     power.boot()
     power.fault(0.0)
@@ -157,7 +159,7 @@ def test_a_fault_without_power_is_at_once(objects: ObjectDictionary) -> None:
         max_size=40,
     )
 )
-def test_no_order_of_events_enables_without_the_way_up_or_leaves_the_power_on_in_a_fault(
+def test_no_sequence_of_events_skips_the_states_or_keeps_power_in_a_fault(
     events: list[int | str],
 ) -> None:
     power = PowerStage(
@@ -189,6 +191,6 @@ def test_no_order_of_events_enables_without_the_way_up_or_leaves_the_power_on_in
         assert state_of(power.statusword()) is power.state
 
 
-def test_a_ramp_is_constant_outside() -> None:
+def test_a_ramp_is_constant_before_and_after() -> None:
     ramp = Ramp(1.0, 2.0, -4.0, 4.0)
     assert [ramp.at(t) for t in (0.0, 1.0, 1.5, 2.0, 3.0)] == [-4.0, -4.0, 0.0, 4.0, 4.0]

@@ -1,4 +1,4 @@
-"""Signals to all processes of a program do not end its simulated hardware; its end does."""
+"""Simulated hardware in its own process: it survives signals to the group, but not its program."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ Start = Callable[[], subprocess.Popen[str]]
 
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Start]:
-    """Start a program that leads a process group, and return once its hardware is served."""
+    """Return a function that starts a program with its own process group and simulated hardware."""
     programs: list[subprocess.Popen[str]] = []
 
     def begin() -> subprocess.Popen[str]:
@@ -68,9 +68,7 @@ def start(tmp_path: Path) -> Iterator[Start]:
 
 
 @pytest.mark.slow
-def test_signals_to_the_whole_group_leave_the_hardware_to_the_program(
-    start: Start, tmp_path: Path
-) -> None:
+def test_signals_to_the_whole_group_do_not_end_the_hardware(start: Start, tmp_path: Path) -> None:
     program = start()
     for number in (signal.SIGHUP, signal.SIGINT, signal.SIGTERM):
         os.killpg(program.pid, number)
@@ -80,7 +78,7 @@ def test_signals_to_the_whole_group_leave_the_hardware_to_the_program(
     assert [*tmp_path.iterdir()] == []
 
 
-def test_a_killed_group_takes_the_hardware_with_it_in_the_end(start: Start, tmp_path: Path) -> None:
+def test_killing_the_group_finally_ends_the_hardware(start: Start, tmp_path: Path) -> None:
     program = start()
     assert [*tmp_path.iterdir()] != []
     os.killpg(program.pid, signal.SIGKILL)
@@ -91,8 +89,8 @@ def test_a_killed_group_takes_the_hardware_with_it_in_the_end(start: Start, tmp_
     assert [*tmp_path.iterdir()] == []
 
 
-def test_a_process_that_ends_without_a_word_did_not_start() -> None:
-    process = DeviceProcess(os._exit)  # which takes no pipe for an argument
+def test_a_process_that_ends_without_a_message_has_not_started() -> None:
+    process = DeviceProcess(os._exit)  # it does not accept a pipe as argument
     try:
         with raises_code(TransportError, "RID-MOCK-ENDED", "start"):
             wait_until_ready("amplifier", process.pipe)
@@ -101,7 +99,7 @@ def test_a_process_that_ends_without_a_word_did_not_start() -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
-def test_a_process_that_is_still_starting_leaves_signals_to_the_program_too(
+def test_a_starting_process_does_not_end_by_signals_to_the_group(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals
 ) -> None:
     (tmp_path / f"hardware_{number.name}.py").write_text(

@@ -57,7 +57,7 @@ class Child:
         return self._line()
 
     def wait_for(self, change: int) -> None:
-        """Wait until it was stopped (WSTOPPED), or went on (WCONTINUED)."""
+        """Wait until the process was stopped (WSTOPPED) or continued (WCONTINUED)."""
         assert os.waitid(os.P_PID, self.process.pid, change) is not None
 
     def end(self) -> int:
@@ -84,7 +84,7 @@ def start() -> Iterator[Callable[..., Child]]:
 
 
 class Faults:
-    """Faults at work, which the test lets begin as the drives do."""
+    """Active faults, which the test triggers as the drives do."""
 
     def __init__(self, *faults: dict[str, Any]) -> None:
         self.drives: Connection
@@ -109,7 +109,7 @@ class Faults:
         self.drives.recv()
 
 
-def test_the_process_that_is_named_is_killed_and_no_other(start: Callable[..., Child]) -> None:
+def test_only_the_named_process_is_killed(start: Callable[..., Child]) -> None:
     recorder, task = start(ProcessName.RECORDER), start(ProcessName.TASK)
     with Faults({"kind": "kill", "process": "task"}) as faults:
         faults.begin()
@@ -117,7 +117,7 @@ def test_the_process_that_is_named_is_killed_and_no_other(start: Callable[..., C
     assert recorder.process.poll() is None
 
 
-def test_a_process_stands_still_and_goes_on_by_itself(start: Callable[..., Child]) -> None:
+def test_a_frozen_process_continues_by_itself(start: Callable[..., Child]) -> None:
     task = start(ProcessName.TASK)
     with Faults({"kind": "freeze", "process": "task", "duration_s": 0.05}) as faults:
         begun_s = time.monotonic()
@@ -127,7 +127,7 @@ def test_a_process_stands_still_and_goes_on_by_itself(start: Callable[..., Child
         assert time.monotonic() - begun_s >= 0.05
 
 
-def test_nothing_stays_frozen_or_open_or_running_at_the_end(
+def test_at_the_end_no_process_is_frozen_and_no_file_or_thread_is_left(
     start: Callable[..., Child], tmp_path: Path
 ) -> None:
     recorder = start(ProcessName.RECORDER, tmp_path / "recording.mcap")
@@ -136,14 +136,14 @@ def test_nothing_stays_frozen_or_open_or_running_at_the_end(
     with Faults(stall, {"kind": "freeze", "process": "task", "duration_s": 1.0}) as faults:
         faults.begin(0)
         recorder.wait_for(os.WSTOPPED)
-        faults.begin(1)  # there is no task: it is waited for
+        faults.begin(1)  # there is no task yet: the fault waits for it
     recorder.wait_for(os.WCONTINUED)
     assert recorder.write(3) == "3"
     assert set(os.listdir("/proc/self/fd")) == before
     assert "program faults" not in {thread.name for thread in threading.enumerate()}
 
 
-def test_a_process_that_is_not_there_yet_is_waited_for(start: Callable[..., Child]) -> None:
+def test_the_fault_waits_for_a_process_that_has_not_started(start: Callable[..., Child]) -> None:
     with Faults({"kind": "kill", "process": "recorder"}) as faults:
         faults.begin()
         recorder = start(ProcessName.RECORDER)
@@ -151,7 +151,7 @@ def test_a_process_that_is_not_there_yet_is_waited_for(start: Callable[..., Chil
 
 
 @pytest.mark.parametrize("name", ["INT", "TERM", "HUP"])
-def test_a_signal_comes_to_the_programs_main_thread(name: str) -> None:
+def test_a_signal_is_delivered_to_the_programs_main_thread(name: str) -> None:
     came = threading.Event()
     number = signal.Signals[f"SIG{name}"]
     signal.signal(number, lambda _number, _frame: came.set())
@@ -160,7 +160,7 @@ def test_a_signal_comes_to_the_programs_main_thread(name: str) -> None:
         assert came.wait(PATIENCE_S)
 
 
-def test_a_file_that_may_not_grow_fails_in_the_middle_of_a_write(
+def test_a_file_with_a_size_limit_fails_in_the_middle_of_a_write(
     start: Callable[..., Child], tmp_path: Path
 ) -> None:
     recorder = start(ProcessName.RECORDER, tmp_path / "recording.mcap")
@@ -173,7 +173,7 @@ def test_a_file_that_may_not_grow_fails_in_the_middle_of_a_write(
     assert (tmp_path / "recording.mcap").stat().st_size == 156
 
 
-def test_a_recording_that_is_not_begun_is_waited_for(
+def test_the_fault_waits_for_a_recording_that_has_not_started(
     start: Callable[..., Child], tmp_path: Path
 ) -> None:
     start(ProcessName.RECORDER)
@@ -184,7 +184,7 @@ def test_a_recording_that_is_not_begun_is_waited_for(
             os.sched_yield()
 
 
-def test_what_the_system_refuses_is_told_at_the_end(
+def test_a_refusal_of_the_system_is_reported_at_the_end(
     start: Callable[..., Child], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     start(ProcessName.TASK)
@@ -198,7 +198,7 @@ def test_what_the_system_refuses_is_told_at_the_end(
         faults.begin()
 
 
-def test_a_disk_that_others_need_is_never_filled(
+def test_a_disk_used_by_other_programs_is_never_filled(
     start: Callable[..., Child], tmp_path: Path
 ) -> None:
     start(ProcessName.RECORDER, tmp_path / "recording.mcap")

@@ -1,4 +1,4 @@
-"""A pseudo-terminal as a device sees it."""
+"""Pseudo-terminal from the side of a device."""
 
 from __future__ import annotations
 
@@ -27,7 +27,9 @@ def open_raw(path: Path) -> int:
     return os.open(path, os.O_RDWR | os.O_NOCTTY)
 
 
-def test_bytes_pass_both_ways_and_none_is_echoed(port: PtyPort, tmp_path: Path) -> None:
+def test_bytes_are_transmitted_in_both_directions_without_echo(
+    port: PtyPort, tmp_path: Path
+) -> None:
     computer = open_raw(tmp_path / "amplifier")
     os.write(computer, b"ID?\r")
     assert port.read() == b"ID?\r"
@@ -37,7 +39,7 @@ def test_bytes_pass_both_ways_and_none_is_echoed(port: PtyPort, tmp_path: Path) 
     os.close(computer)
 
 
-def test_it_knows_whether_somebody_listens(port: PtyPort, tmp_path: Path) -> None:
+def test_the_port_detects_a_listener(port: PtyPort, tmp_path: Path) -> None:
     alone = port.has_listener
     port.write(b"said to nobody")
     computer = open_raw(tmp_path / "amplifier")
@@ -51,7 +53,7 @@ def test_it_knows_whether_somebody_listens(port: PtyPort, tmp_path: Path) -> Non
     assert port.lost_bytes == 0
 
 
-def test_it_sees_the_baud_rate_that_the_computer_sets(port: PtyPort, tmp_path: Path) -> None:
+def test_the_port_detects_the_baud_rate_set_by_the_computer(port: PtyPort, tmp_path: Path) -> None:
     for rate in (460800, 9600):
         with serial.Serial(str(tmp_path / "amplifier"), rate):
             assert port.baud_rate == rate
@@ -59,7 +61,7 @@ def test_it_sees_the_baud_rate_that_the_computer_sets(port: PtyPort, tmp_path: P
     assert port.baud_rate == UNKNOWN_RATE
 
 
-def test_who_does_not_read_loses_bytes(port: PtyPort, tmp_path: Path) -> None:
+def test_a_computer_that_does_not_read_loses_bytes(port: PtyPort, tmp_path: Path) -> None:
     computer = open_raw(tmp_path / "amplifier")
     for _ in range(1000):
         port.write(bytes(1000))
@@ -67,7 +69,7 @@ def test_who_does_not_read_loses_bytes(port: PtyPort, tmp_path: Path) -> None:
     os.close(computer)
 
 
-def test_unplugged_it_hangs_up_and_comes_back_at_the_same_path(
+def test_an_unplugged_port_hangs_up_and_returns_at_the_same_path(
     port: PtyPort, tmp_path: Path
 ) -> None:
     computer = open_raw(tmp_path / "amplifier")
@@ -88,7 +90,7 @@ def test_unplugged_it_hangs_up_and_comes_back_at_the_same_path(
     os.close(again)
 
 
-def test_a_path_that_is_taken_is_refused(port: PtyPort, tmp_path: Path) -> None:
+def test_a_port_at_an_existing_path_is_refused(port: PtyPort, tmp_path: Path) -> None:
     with raises_code(TransportError, "RID-SOCKET-PATH"):
         PtyPort(tmp_path / "amplifier", patient=False)
     assert (tmp_path / "amplifier").is_symlink()

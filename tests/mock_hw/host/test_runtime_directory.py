@@ -1,4 +1,4 @@
-"""Sockets live where only this user can put them."""
+"""Sockets are in folders that only this user can write to."""
 
 from __future__ import annotations
 
@@ -46,38 +46,38 @@ def base(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_the_folder_is_made_and_closed_to_others(base: Path) -> None:
+def test_the_folder_is_created_without_access_for_others(base: Path) -> None:
     directory = runtime_directory()
     assert directory == base / "rid-daq"
     assert directory.stat().st_mode & 0o777 == 0o700
 
 
-def test_a_folder_that_is_open_to_others_is_refused(base: Path) -> None:
+def test_a_runtime_folder_accessible_to_others_is_refused(base: Path) -> None:
     (base / "rid-daq").mkdir()
     (base / "rid-daq").chmod(0o755)
     with raises_code(TransportError, "RID-RUNTIME-NOT-PRIVATE", "700"):
         runtime_directory()
 
 
-def test_a_link_to_somewhere_else_is_refused(base: Path) -> None:
+def test_a_link_instead_of_the_folder_is_refused(base: Path) -> None:
     (base / "elsewhere").mkdir()
     (base / "rid-daq").symlink_to(base / "elsewhere")
     with raises_code(TransportError, "RID-RUNTIME-NOT-PRIVATE"):
         runtime_directory()
 
 
-def test_names_resolve_in_the_folder_and_paths_stay_paths(base: Path) -> None:
+def test_names_are_resolved_in_the_folder_and_paths_are_unchanged(base: Path) -> None:
     assert socket_path("ir361") == base / "rid-daq" / "ir361.sock"
     assert socket_path("/run/x/y.sock") == Path("/run/x/y.sock")
 
 
-def test_a_path_too_long_for_a_socket_is_named() -> None:
+def test_a_path_too_long_for_a_socket_is_refused() -> None:
     with raises_code(TransportError, "RID-SOCKET-PATH", "107"):
         socket_path("/" + "x" * 200 + "/a.sock")
 
 
 @pytest.mark.fault(50)
-def test_what_a_cell_left_whose_processes_were_killed_at_once_goes_at_the_next_start(
+def test_files_of_a_killed_cell_are_removed_at_the_next_start(
     base: Path, tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
     script = tmp_path / "program.py"
@@ -112,7 +112,7 @@ def test_what_a_cell_left_whose_processes_were_killed_at_once_goes_at_the_next_s
     measured(f"1 program and {len(hardware)} processes killed: 0 folders after the next start")
 
 
-def test_a_folder_stays_as_long_as_anybody_uses_it(base: Path) -> None:
+def test_a_folder_is_kept_as_long_as_it_is_used(base: Path) -> None:
     with contextlib.ExitStack() as first:
         folder = first.enter_context(private_folder("first"))
         with private_folder("second") as second, folder_in_use(folder):
@@ -120,7 +120,7 @@ def test_a_folder_stays_as_long_as_anybody_uses_it(base: Path) -> None:
     assert [*runtime_directory().iterdir()] == []
 
 
-def test_one_whose_maker_was_killed_at_once_goes_and_what_is_not_ours_stays(base: Path) -> None:
+def test_a_folder_of_a_killed_program_is_removed_and_foreign_files_are_kept(base: Path) -> None:
     (runtime_directory() / "cell-x").mkdir()
     (runtime_directory() / "notes").mkdir()
     (runtime_directory() / "notes" / "kept").touch()

@@ -1,4 +1,4 @@
-"""The base wrench against the momentum of the robot's bodies, counted by hand."""
+"""Base wrench of the plant, compared with the momentum of the robot's bodies."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def shift(axis: int, length: float) -> Array:
 
 
 def poses(rows: tuple[KinematicRow, ...], q: Array) -> list[Array]:
-    """Pose of every link of a robot with revolute joints, the base first."""
+    """Return the pose of every link of a robot with revolute joints, the base first."""
     chain = [np.eye(4)]
     for row, angle in zip(rows, q, strict=True):
         step = turn(0, row.alpha_rad) @ shift(0, row.a_m) @ turn(1, row.beta_rad)
@@ -63,7 +63,7 @@ def true_rows(robot: RobotDescription, plant: PlantConfig) -> tuple[KinematicRow
 
 
 def momentum(robot: RobotDescription, plant: PlantConfig, q: Array, v: Array) -> Array:
-    """Linear and angular momentum of links and rotors about the base frame's origin, (6,)."""
+    """Return the momentum (linear, angular) of links and rotors about the base's origin, (6,)."""
     rows = true_rows(robot, plant)
     before, now, after = (poses(rows, q + step * v) for step in (-EPSILON_S, 0.0, EPSILON_S))
     total = np.zeros(6)
@@ -114,7 +114,7 @@ def swing(seed: int) -> Motion:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_the_base_gives_the_momentum_and_carries_the_weight(
+def test_the_base_wrench_changes_the_momentum_and_carries_the_weight(
     robot: RobotDescription, truth: PlantConfig, seed: int
 ) -> None:
     motion = swing(seed)
@@ -130,10 +130,10 @@ def test_the_base_gives_the_momentum_and_carries_the_weight(
         )
 
 
-def test_a_rotor_pushes_the_plate_once_and_its_motor_by_the_gear_ratio(
+def test_a_rotor_acts_on_the_plate_with_the_gear_ratio_and_on_its_motor_with_the_square(
     robot: RobotDescription, truth: PlantConfig
 ) -> None:
-    """Rotor 1 is mounted on the base: I mu on the plate, while its motor feels I mu^2."""
+    """Rotor 1 is on the base: I mu on the plate, and I mu^2 at its motor."""
     axes = tuple(axis.model_copy(update={"rotor_inertia_kg_m2": 0.0}) for axis in truth.axes)
     one = axes[0].model_copy(update={"rotor_inertia_kg_m2": 0.0005})
     without = BaseWrench(robot, truth.model_copy(update={"axes": axes}))
@@ -143,8 +143,8 @@ def test_a_rotor_pushes_the_plate_once_and_its_motor_by_the_gear_ratio(
     np.testing.assert_allclose(extra, [0, 0, 0, 0, 0, -0.0005 * 121.0 * 2.0], atol=1e-10)
 
 
-def giving(truth: PlantConfig) -> PlantConfig:
-    """The same arm with presliding, and two gears with springs, dampers and play."""
+def with_elastic_gears(truth: PlantConfig) -> PlantConfig:
+    """Return the arm with presliding, and two gears with springs, dampers and play."""
     assert truth.unmodelled is not None
     first, second, third = (
         extra.model_copy(update={"presliding_rad": 0.001}) for extra in truth.unmodelled.axes
@@ -156,8 +156,8 @@ def giving(truth: PlantConfig) -> PlantConfig:
     )
 
 
-def driven(robot: RobotDescription, plant: PlantConfig, brake_at_s: float = 9.0) -> None:
-    """Run a second in odd steps; the base's impulse must be what the momentum has gained."""
+def check_impulse(robot: RobotDescription, plant: PlantConfig, brake_at_s: float = 9.0) -> None:
+    """Run one second in uneven steps; check that the base's impulse equals the gain of momentum."""
     simulated = Plant(robot, plant, seed=2)
     simulated.advance(0.1, STILL, [0.4, -0.3, 0.5], ON, OFF)
     simulated.watch_base(True)
@@ -187,25 +187,25 @@ def driven(robot: RobotDescription, plant: PlantConfig, brake_at_s: float = 9.0)
     assert abs(gained).max() > 1.0
 
 
-def test_friction_spring_and_cogging_never_reach_the_plate(
+def test_friction_spring_and_cogging_do_not_act_on_the_plate(
     robot: RobotDescription, truth: PlantConfig
 ) -> None:
-    driven(robot, truth)
+    check_impulse(robot, truth)
 
 
-def test_presliding_and_gears_that_give_never_reach_the_plate(
+def test_presliding_and_elastic_gears_do_not_act_on_the_plate(
     robot: RobotDescription, truth: PlantConfig
 ) -> None:
-    driven(robot, giving(truth))
+    check_impulse(robot, with_elastic_gears(truth))
 
 
-def test_brakes_that_slam_give_the_plate_their_whole_blow(
+def test_closing_brakes_act_on_the_plate_with_their_full_impulse(
     robot: RobotDescription, truth: PlantConfig
 ) -> None:
-    driven(robot, truth, brake_at_s=0.6)
+    check_impulse(robot, truth, brake_at_s=0.6)
 
 
-def test_at_rest_the_base_carries_the_weight_whoever_holds_the_arm(
+def test_at_rest_the_base_carries_the_weight_with_brakes_and_with_drives(
     robot: RobotDescription, truth: PlantConfig
 ) -> None:
     for powered, braked in ((OFF, ON), (ON, OFF)):
@@ -218,7 +218,7 @@ def test_at_rest_the_base_carries_the_weight_whoever_holds_the_arm(
         assert simulated.base_wrench[2] == pytest.approx(-9.81 * mass)
 
 
-def test_only_a_watched_base_keeps_its_wrenches(
+def test_base_wrenches_are_stored_only_while_watched(
     robot: RobotDescription, truth: PlantConfig
 ) -> None:
     simulated = Plant(robot, truth)

@@ -1,4 +1,4 @@
-"""Gears that give, between a motor and a load about the vertical: spring, damper and play."""
+"""Elastic gears with spring, damper and play, between a motor and a load about the vertical."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ def geared(damping: float = 0.0, play: float = 0.0) -> Plant:
 
 
 def motor_angle(plant: Plant) -> float:
-    """By the encoder, on the motor."""
+    """Return the angle by the encoder on the motor."""
     return float(plant.position_counts()[0]) * 2.0 * math.pi / (10_000 * 100.0)
 
 
-def ringing(plant: Plant, seconds: float = 1.0) -> list[float]:
-    """Bring it to a speed, slam the motor's brake, and watch the load."""
+def load_after_braking(plant: Plant, seconds: float = 1.0) -> list[float]:
+    """Accelerate, close the motor's brake, and return the load's deflection over time."""
     for _ in range(200):
         plant.advance(0.005, [0.5], [0.5], ON, OFF)
     places = []
@@ -39,9 +39,9 @@ def ringing(plant: Plant, seconds: float = 1.0) -> list[float]:
     return places
 
 
-def test_a_load_rings_on_its_gear_at_its_own_frequency_with_its_own_damping() -> None:
+def test_a_load_oscillates_with_the_frequency_and_damping_of_its_gear() -> None:
     damping = 12.0
-    places = np.array(ringing(geared(damping)))[100:]
+    places = np.array(load_after_braking(geared(damping)))[100:]
     rate = math.sqrt(STIFFNESS / INERTIA)
     share = damping / (2.0 * math.sqrt(STIFFNESS * INERTIA))
     tops = np.flatnonzero((places[1:-1] > places[:-2]) & (places[1:-1] >= places[2:])) + 1
@@ -52,7 +52,7 @@ def test_a_load_rings_on_its_gear_at_its_own_frequency_with_its_own_damping() ->
 
 
 def test_without_damping_the_load_keeps_its_energy() -> None:
-    places = np.array(ringing(geared(), 4.0))
+    places = np.array(load_after_braking(geared(), 4.0))
     early, late = abs(places[200:1200]).max(), abs(places[-1000:]).max()
     assert late == pytest.approx(early, rel=0.01)
 
@@ -66,9 +66,9 @@ def test_the_load_lags_its_motor_by_torque_over_stiffness_and_half_the_play() ->
         assert lag == pytest.approx(INERTIA * 2.0 / STIFFNESS + 0.5 * play, rel=0.02)
 
 
-def test_within_its_play_a_load_flies_freely() -> None:
+def test_within_its_play_a_load_moves_freely() -> None:
     plant = geared(damping=50.0, play=0.05)
-    for k in range(200):  # gaining speed, the motor pushes from behind
+    for k in range(200):  # the accelerating motor pushes from behind
         plant.advance(0.005, [0.0025 * k], [0.0025 * (k + 1)], ON, OFF)
     speeds = []
     for _ in range(60):
@@ -77,6 +77,6 @@ def test_within_its_play_a_load_flies_freely() -> None:
     assert max(speeds[10:]) - min(speeds[10:]) < 1e-9
 
 
-def test_a_gear_that_gives_needs_a_stiffness() -> None:
+def test_an_elastic_gear_needs_a_stiffness() -> None:
     with raises_invalid("", "play_rad", "joint_stiffness_nm_rad"):
         UnmodelledAxis(play_rad=0.001)

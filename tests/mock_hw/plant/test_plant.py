@@ -89,7 +89,7 @@ def energy(robot: RobotDescription, plant: PlantConfig) -> Callable[[Plant], flo
     return of
 
 
-def test_finely_logged_motion_obeys_the_equations_with_friction(
+def test_finely_logged_motion_satisfies_the_equations_with_friction(
     robot: RobotDescription, truth: PlantConfig
 ) -> None:
     plant = truth.without_unmodelled()
@@ -116,10 +116,10 @@ def test_finely_logged_motion_obeys_the_equations_with_friction(
     assert (abs(error).max(axis=0) < 1e-3 * abs(torque).max(axis=0)).all()
 
 
-def test_what_an_8_ms_cycle_samples_obeys_the_equations_on_every_bin(
+def test_sampled_motion_at_8_ms_satisfies_the_equations_on_every_bin(
     robot: RobotDescription, truth: PlantConfig
 ) -> None:
-    """No delay, no bias: the filter divided out, position differentiated on the bins."""
+    """The filter is compensated, and the position differentiated on the bins: no delay, no bias."""
     plant = changed(truth.without_unmodelled(), coulomb_nm=0.0, torque_noise_nm=0.0)
     simulated = Plant(robot, plant, FILTER)
     samples, finer = 500, 4
@@ -175,7 +175,7 @@ def test_the_torque_filter_passes_constant_torque_unchanged(
     assert abs(simulated.torque[2]) > 10.0
 
 
-def test_without_friction_and_drive_no_energy_is_lost_or_won(
+def test_without_friction_and_drive_the_energy_is_constant(
     robot: RobotDescription, truth: PlantConfig
 ) -> None:
     plant = changed(truth.without_unmodelled(), coulomb_nm=0.0, viscous_nm_s=0.0)
@@ -189,7 +189,7 @@ def test_without_friction_and_drive_no_energy_is_lost_or_won(
     assert swing > 1.0
 
 
-def test_with_friction_and_without_drive_energy_only_falls(
+def test_with_friction_and_without_drive_the_energy_only_falls(
     robot: RobotDescription, truth: PlantConfig
 ) -> None:
     plant = truth.without_unmodelled()
@@ -213,9 +213,7 @@ def test_closed_brakes_hold_the_arm_exactly(robot: RobotDescription, truth: Plan
     assert (simulated.torque == 0.0).all()
 
 
-def test_a_drive_that_loses_power_lets_the_forearm_sink(
-    robot: RobotDescription, truth: PlantConfig
-) -> None:
+def test_without_power_the_forearm_sinks(robot: RobotDescription, truth: PlantConfig) -> None:
     simulated = Plant(robot, truth)
     simulated.advance(0.5, STILL, STILL, OFF, OFF)
     assert simulated.position[2] < truth.axes[2].initial_position - 0.05
@@ -258,7 +256,7 @@ def test_the_same_seed_gives_the_same_bits(robot: RobotDescription, truth: Plant
     assert run(robot, truth, seed=7) != run(robot, truth, seed=8)
 
 
-def test_measured_torque_has_the_noise_of_the_plant_and_changes_with_time_only(
+def test_measured_torque_has_the_plants_noise_which_depends_on_time_only(
     robot: RobotDescription, truth: PlantConfig
 ) -> None:
     simulated = Plant(robot, truth, FILTER, seed=3)
@@ -272,7 +270,7 @@ def test_measured_torque_has_the_noise_of_the_plant_and_changes_with_time_only(
     assert (abs(np.mean(samples, axis=0)) < 0.1 * np.array(noise)).all()
 
 
-def test_drives_report_counts_and_permille_in_steps_of_the_size_they_have(
+def test_drives_report_counts_and_permille_in_their_resolution(
     robot: RobotDescription, truth: PlantConfig
 ) -> None:
     simulated = Plant(robot, truth, FILTER, seed=3)
@@ -289,7 +287,7 @@ def test_drives_report_counts_and_permille_in_steps_of_the_size_they_have(
         assert abs(rounded) <= 0.5 * permille + 1e-12
 
 
-def test_time_passes_by_what_was_asked_for(robot: RobotDescription, truth: PlantConfig) -> None:
+def test_time_advances_by_the_requested_amount(robot: RobotDescription, truth: PlantConfig) -> None:
     simulated = Plant(robot, truth)
     for duration in (0.0, 0.008, 0.00037, 0.1):
         simulated.advance(duration, STILL, STILL, OFF, ON)
@@ -300,7 +298,7 @@ def test_time_passes_by_what_was_asked_for(robot: RobotDescription, truth: Plant
 
 
 def circle(count: int) -> tuple[Array, Array, Callable[[Array], Array]]:
-    """Joint positions and velocities of the thesis's horizontal circle, and forward kinematics."""
+    """Return joint positions and velocities of the thesis's horizontal circle, and kinematics."""
 
     def tool(q: Array) -> Array:
         arm = q[:, 1] + np.pi / 2
@@ -322,10 +320,10 @@ def circle(count: int) -> tuple[Array, Array, Callable[[Array], Array]]:
     return q, np.fft.irfft(bins * rates, count, axis=0), tool
 
 
-def test_velocity_feedforward_alone_leaves_path_errors_of_millimetres(
+def test_velocity_feedforward_alone_leaves_millimetres_of_path_error(
     robot: RobotDescription, truth: PlantConfig
 ) -> None:
-    """A 40 cm circle at 0.6 m/s, the position loop of the cell, commands one cycle late."""
+    """A 40 cm circle at 0.6 m/s, with the cell's position loop and commands one cycle late."""
     count = round(2 * np.pi * RADIUS / POINT_SPEED / CYCLE)
     q, v, tool = circle(count)
     axes = tuple(
@@ -338,7 +336,7 @@ def test_velocity_feedforward_alone_leaves_path_errors_of_millimetres(
     actual = []
     for k in range(3 * count):
         actual.append(simulated.position)
-        feedforward = v[(k + 1) % count]  # of the SYNC at which the drives take it over
+        feedforward = v[(k + 1) % count]  # of the SYNC at which the drives apply it
         commands.append(feedforward + gain * (q[k % count] - actual[-1]))
         simulated.advance(CYCLE, commands[-3], commands[-2], ON, OFF)
     error = np.linalg.norm(tool(q) - tool(np.array(actual[-count:])), axis=1)

@@ -1,4 +1,4 @@
-"""Friction with presliding, as its authors describe the bristle, on one axis about the vertical."""
+"""Presliding friction by the bristle model of its authors, on one axis about the vertical."""
 
 from __future__ import annotations
 
@@ -27,8 +27,10 @@ def bristled(stribeck_nm: float = 0.0) -> Plant:
     return one_axis(coulomb=COULOMB, unmodelled=extra)
 
 
-def swung(plant: Plant, amplitude: float, period_s: float, periods: int) -> tuple[Array, Array]:
-    """Position and torque of the last period of a swing so slow that friction is all there is."""
+def last_period(
+    plant: Plant, amplitude: float, period_s: float, periods: int
+) -> tuple[Array, Array]:
+    """Return position and torque in the last period of an oscillation dominated by friction."""
     rate = 2.0 * math.pi / period_s
     steps = round(period_s / STEP)
     log = []
@@ -40,24 +42,24 @@ def swung(plant: Plant, amplitude: float, period_s: float, periods: int) -> tupl
     return position, torque
 
 
-def test_a_swing_within_presliding_is_a_spring_and_loses_nothing() -> None:
-    position, torque = swung(bristled(), 0.25 * PRESLIDING, 4.0, 3)
+def test_an_oscillation_within_presliding_is_elastic_without_loss() -> None:
+    position, torque = last_period(bristled(), 0.25 * PRESLIDING, 4.0, 3)
     slope, offset = np.polyfit(position, torque, 1)
     assert slope == pytest.approx(STIFFNESS, rel=0.01)
     rest = torque - np.polyval((slope, offset), position)
     assert abs(rest).max() < 0.02 * abs(torque).max()
 
 
-def test_a_wide_swing_has_a_loop_of_twice_the_friction() -> None:
-    position, torque = swung(bristled(), 50.0 * PRESLIDING, 16.0, 2)
+def test_a_wide_oscillation_has_a_loop_of_twice_the_friction() -> None:
+    position, torque = last_period(bristled(), 50.0 * PRESLIDING, 16.0, 2)
     assert torque.max() == pytest.approx(COULOMB, rel=0.02)
     assert torque.min() == pytest.approx(-COULOMB, rel=0.02)
     lost = float(np.sum(0.5 * (torque + np.roll(torque, 1)) * (position - np.roll(position, 1))))
     assert lost == pytest.approx(4.0 * COULOMB * (0.5 * np.ptp(position) - PRESLIDING), rel=0.02)
 
 
-def test_after_a_reversal_friction_turns_over_a_way_not_at_once() -> None:
-    position, torque = swung(bristled(), 50.0 * PRESLIDING, 8.0, 2)
+def test_after_a_reversal_friction_changes_over_a_distance_and_not_at_once() -> None:
+    position, torque = last_period(bristled(), 50.0 * PRESLIDING, 8.0, 2)
     top = int(np.argmax(position))
     back = position[top] - position[top:]
     half_way = np.interp(PRESLIDING, back[:600], torque[top : top + 600])
@@ -66,7 +68,7 @@ def test_after_a_reversal_friction_turns_over_a_way_not_at_once() -> None:
     assert whole < -0.95 * COULOMB
 
 
-def test_what_friction_holds_springs_back_where_the_motor_lets_go() -> None:
+def test_a_joint_springs_back_when_the_motor_releases_it() -> None:
     plant = bristled()
     for _ in range(150):
         plant.advance(0.001, [0.002], [0.002], ON, OFF)
@@ -78,8 +80,8 @@ def test_what_friction_holds_springs_back_where_the_motor_lets_go() -> None:
     assert abs(plant.position[0]) < 0.05 * pushed
 
 
-def test_a_load_that_trembles_below_the_friction_does_not_walk() -> None:
-    """The elastic share is what the bristle has before LuGre's, which would creep."""
+def test_a_vibrating_load_below_the_friction_does_not_drift() -> None:
+    """The elasto-plastic model has an elastic part; LuGre's model would creep."""
     plant = bristled(2.0)
     for _ in range(30):
         plant.advance(0.001, [0.002], [0.002], ON, OFF)

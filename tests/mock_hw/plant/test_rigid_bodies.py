@@ -76,8 +76,8 @@ def without_rotors(
 
 @settings(max_examples=30)
 @given(seed=st.integers(0, 10_000), joints=st.integers(1, 7))
-def test_a_rotor_adds_the_energy_of_its_spin_in_space(seed: int, joints: int) -> None:
-    """½ I (e·ω + mu q̇)², ω of the link that carries it, the link that it moves included."""
+def test_a_rotor_adds_the_kinetic_energy_of_its_spin(seed: int, joints: int) -> None:
+    """½ I (e·ω + mu q̇)², with ω of the link that carries it, including the link that it moves."""
     robot, plant = random_arm(seed, joints)
     bodies = build_rigid_bodies(robot, plant)
     coupling = bodies.gearing
@@ -102,8 +102,8 @@ def test_a_rotor_adds_the_energy_of_its_spin_in_space(seed: int, joints: int) ->
 
 @settings(max_examples=20)
 @given(seed=st.integers(0, 10_000), joints=st.integers(1, 7))
-def test_the_mass_matrix_and_the_bias_are_those_of_inverse_dynamics(seed: int, joints: int) -> None:
-    """Pinocchio's mass matrix is wrong, silently, when a subtree is not in one piece."""
+def test_mass_matrix_and_bias_agree_with_inverse_dynamics(seed: int, joints: int) -> None:
+    """Pinocchio's mass matrix is silently wrong if the joints of a subtree are not contiguous."""
     bodies = build_rigid_bodies(*random_arm(seed, joints))
     coupling = bodies.gearing
     data = bodies.model.createData()
@@ -114,7 +114,7 @@ def test_the_mass_matrix_and_the_bias_are_those_of_inverse_dynamics(seed: int, j
     np.testing.assert_allclose(forward, inverse, rtol=1e-10, atol=1e-10 * abs(inverse).max())
 
 
-def test_an_armature_adds_to_its_own_joint_alone_and_nothing_to_the_base() -> None:
+def test_an_armature_acts_on_its_own_joint_only_and_not_on_the_base() -> None:
     robot, plant = random_arm(seed=1, joints=3)
     bare = tuple(joint.model_copy(update={"rotor": None}) for joint in robot.joints)
     axes = tuple(axis.model_copy(update={"rotor_inertia_kg_m2": 0.0}) for axis in plant.axes)
@@ -141,7 +141,7 @@ def test_an_armature_adds_to_its_own_joint_alone_and_nothing_to_the_base() -> No
 
 
 def test_the_bundled_arm_has_the_rotor_terms_of_appendix_d() -> None:
-    """(D.27)-(D.29): motors 2 (+) and 3 (-) both ride on link 2."""
+    """(D.27)-(D.29): motors 2 (+) and 3 (-) are both on link 2."""
     cell = load_cell("ir361")
     assert cell.plant is not None
     plant = cell.plant.without_unmodelled()
@@ -163,7 +163,7 @@ def test_the_bundled_arm_has_the_rotor_terms_of_appendix_d() -> None:
     np.testing.assert_allclose(added, expected, atol=1e-12)
 
 
-def test_the_bundled_upper_arm_stands_at_zero_and_turns_against_gravity_as_its_sine() -> None:
+def test_the_bundled_upper_arm_is_upright_at_zero_and_its_gravity_is_a_sine() -> None:
     cell = load_cell("ir361")
     assert cell.plant is not None
     plant = cell.plant.without_unmodelled()
@@ -189,7 +189,7 @@ def test_the_bundled_spring_roughly_balances_the_arm() -> None:
     bodies = build_rigid_bodies(cell.robot, plant)
     data = bodies.model.createData()
     for angle in (-1.2, -0.8, 0.6):
-        position = bodies.gearing @ np.array([0.0, angle, -angle - 1.5])  # forearm hangs down
+        position = bodies.gearing @ np.array([0.0, angle, -angle - 1.5])  # the forearm hangs down
         gravity = pin.computeGeneralizedGravity(bodies.model, data, position)
         torque = (bodies.gearing.T @ gravity)[1]
         length = np.sqrt(
@@ -208,7 +208,7 @@ def test_the_bundled_spring_roughly_balances_the_arm() -> None:
         ({"spring": None}, ("`spring`",)),
     ],
 )
-def test_a_plant_that_does_not_fit_its_robot_is_refused(
+def test_a_plant_file_that_does_not_match_its_robot_is_refused(
     change: dict[str, object], details: tuple[str, ...]
 ) -> None:
     cell = load_cell("ir361")
@@ -217,7 +217,7 @@ def test_a_plant_that_does_not_fit_its_robot_is_refused(
         build_rigid_bodies(cell.robot, cell.plant.model_copy(update=change))
 
 
-def test_a_rotor_inertia_without_a_place_for_the_rotor_is_refused() -> None:
+def test_a_rotor_inertia_without_a_position_of_the_rotor_is_refused() -> None:
     cell = load_cell("ir361")
     assert cell.plant is not None
     joints = (cell.robot.joints[0].model_copy(update={"rotor": None}), *cell.robot.joints[1:])

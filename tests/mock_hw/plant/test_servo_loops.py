@@ -1,4 +1,4 @@
-"""One axis about the vertical, so that theory is a linear system of known matrices."""
+"""Servo loops on one axis about the vertical, compared with a linear system of known matrices."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def one_axis(
 
 
 @pytest.mark.parametrize("viscous", [0.0, 40.0])
-def test_a_velocity_step_is_answered_as_theory_says(viscous: float) -> None:
+def test_a_velocity_step_response_agrees_with_linear_theory(viscous: float) -> None:
     plant = one_axis(viscous=viscous)
     # States: velocity, integral of the error, torque, and the constant command.
     system = np.array(
@@ -90,7 +90,7 @@ def test_a_velocity_step_is_answered_as_theory_says(viscous: float) -> None:
     assert plant.velocity[0] == pytest.approx(step, rel=0.02)
 
 
-def test_a_constant_load_leaves_no_velocity_error_behind() -> None:
+def test_a_constant_load_leaves_no_velocity_error() -> None:
     plant = one_axis(coulomb=20.0, viscous=15.0)
     for _ in range(250):
         plant.advance(CYCLE, [0.5], [0.5], ON, OFF)
@@ -98,7 +98,7 @@ def test_a_constant_load_leaves_no_velocity_error_behind() -> None:
     assert plant.torque[0] == pytest.approx(20.0 + 15.0 * 0.5, rel=1e-6)
 
 
-def test_the_torque_stays_within_the_limit_and_the_integrator_does_not_wind_up() -> None:
+def test_the_torque_is_limited_without_integrator_windup() -> None:
     plant = one_axis()
     fastest, velocities = 0.0, []
     for cycle in range(300):
@@ -108,18 +108,18 @@ def test_the_torque_stays_within_the_limit_and_the_integrator_does_not_wind_up()
         velocities.append(plant.velocity[0])
     assert fastest <= 40.0 + 1e-9
     assert velocities[29] == pytest.approx(30 * CYCLE * 40.0 / INERTIA, rel=0.02)
-    # At the limit the axis brakes as fast as it started, with hardly any swing to the other side.
+    # At the limit the axis brakes as fast as it accelerated, with hardly any overshoot.
     assert min(velocities) > -0.1 * max(velocities)
     assert abs(velocities[-1]) < 1e-3
 
 
-def test_the_motor_cannot_give_more_than_its_peak_torque() -> None:
+def test_the_motor_is_limited_to_its_peak_torque() -> None:
     plant = one_axis()
     plant.advance(0.1, [9.0], [9.0], ON, OFF, torque_limit=[1e6])
     assert plant.torque[0] == pytest.approx(1.5 * 100.0, rel=1e-6)
 
 
-def test_friction_holds_an_axis_at_rest_exactly_up_to_its_size() -> None:
+def test_friction_holds_an_axis_exactly_up_to_its_size() -> None:
     plant = one_axis(coulomb=20.0)
     for _ in range(100):  # the velocity command pushes with at most 0.05 * 300 = 15 Nm at first
         plant.advance(0.0005, [0.05], [0.05], ON, OFF)
@@ -129,7 +129,7 @@ def test_friction_holds_an_axis_at_rest_exactly_up_to_its_size() -> None:
     assert plant.velocity[0] > 0.0
 
 
-def test_coulomb_friction_stops_a_coasting_axis_where_it_should_and_for_good() -> None:
+def test_coulomb_friction_stops_a_coasting_axis_after_the_expected_distance() -> None:
     plant = one_axis(coulomb=20.0)
     for _ in range(250):
         plant.advance(CYCLE, [1.0], [1.0], ON, OFF)
@@ -139,7 +139,7 @@ def test_coulomb_friction_stops_a_coasting_axis_where_it_should_and_for_good() -
     for _ in range(40):
         plant.advance(CYCLE, [0.0], [0.0], OFF, OFF)
     assert plant.velocity[0] == 0.0
-    # ½ J v² / f_C, and a little for the current's decay: 20 Nm at 300 Hz.
+    # ½ J v² / f_C, plus the decay of the current: 20 Nm at 300 Hz
     decay = 20.0 / BANDWIDTH / INERTIA
     assert plant.position[0] - before == pytest.approx(
         0.5 * INERTIA * (1.0 + decay) ** 2 / 20.0, rel=2e-4
@@ -162,7 +162,7 @@ def test_a_brake_stops_a_moving_axis_and_holds_against_the_motor() -> None:
     assert plant.position[0] == rest
 
 
-def test_a_velocity_command_is_a_ramp_within_a_call_not_a_staircase() -> None:
+def test_a_velocity_command_is_a_ramp_within_a_call() -> None:
     whole, parts = one_axis(viscous=10.0), one_axis(viscous=10.0)
     for cycle in range(100):
         start, end = 0.01 * cycle, 0.01 * (cycle + 1)
@@ -174,7 +174,7 @@ def test_a_velocity_command_is_a_ramp_within_a_call_not_a_staircase() -> None:
     np.testing.assert_allclose(whole.torque, parts.torque, rtol=1e-6)
 
 
-def test_unmodelled_friction_raises_the_torque_of_slow_motion() -> None:
+def test_unmodelled_friction_increases_the_torque_of_slow_motion() -> None:
     plant = one_axis(
         coulomb=10.0, unmodelled=UnmodelledAxis(stribeck_nm=8.0, stribeck_velocity_rad_s=0.05)
     )
@@ -197,7 +197,7 @@ def test_friction_falls_as_the_axis_warms_up() -> None:
     assert torques == pytest.approx([9.0, 8.0], rel=1e-2)
 
 
-def test_load_cogging_and_tachometer_show_in_the_torque() -> None:
+def test_load_friction_cogging_and_tachometer_error_appear_in_the_torque() -> None:
     quiet = one_axis(coulomb=10.0)
     rough = one_axis(
         coulomb=10.0,
@@ -217,7 +217,7 @@ def test_load_cogging_and_tachometer_show_in_the_torque() -> None:
     assert spread[rough][1] > 0.1
 
 
-def test_the_spring_torque_is_the_slope_of_its_energy() -> None:
+def test_the_spring_torque_is_the_derivative_of_its_energy() -> None:
     spring = np.array([0.0, 7500.0, 0.25, 0.488, 0.1])
 
     def energy(angle: float) -> float:
@@ -231,7 +231,7 @@ def test_the_spring_torque_is_the_slope_of_its_energy() -> None:
 
 @settings(max_examples=50)
 @given(seed=st.integers(0, 10_000), count=st.integers(1, 7))
-def test_friction_takes_the_force_that_holds_or_its_full_size_against_the_motion(
+def test_friction_is_the_holding_force_or_its_full_size_against_the_motion(
     seed: int, count: int
 ) -> None:
     random = np.random.default_rng(seed)

@@ -1,4 +1,4 @@
-"""A reader sees a snapshot whole or not at all: it is what tells that the axes are at rest."""
+"""Snapshot of the axes: a reader gets a complete one or none."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mock_hw.plant.snapshot import SnapshotReader, SnapshotWriter
 from tests.builders.raised_codes import raises_code
 
 
-def test_what_is_written_is_read(tmp_path: Path) -> None:
+def test_a_snapshot_is_read_as_written(tmp_path: Path) -> None:
     writer = SnapshotWriter(tmp_path / "axes", 2)
     writer.write(1.5, [1.0, 2.0], [3.0, 4.0], [5.0, 6.0], [True, False], [300.0, 310.0])
     with SnapshotReader(tmp_path / "axes") as reader:
@@ -26,7 +26,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     np.testing.assert_array_equal(snapshot.temperature_k, [300.0, 310.0])
 
 
-def test_a_payload_is_asked_for_from_outside(tmp_path: Path) -> None:
+def test_a_payload_can_be_set_by_another_process(tmp_path: Path) -> None:
     writer = SnapshotWriter(tmp_path / "axes", 2)
     assert writer.payload == 0
     with SnapshotReader(tmp_path / "axes") as reader:
@@ -47,7 +47,7 @@ while True:
 """
 
 
-def test_no_snapshot_is_ever_a_mixture_of_two(tmp_path: Path) -> None:
+def test_a_snapshot_is_never_a_mixture_of_two(tmp_path: Path) -> None:
     path = tmp_path / "axes"
     words = [sys.executable, "-c", WRITER, str(path)]
     with subprocess.Popen(words, stdout=subprocess.PIPE) as writer:
@@ -64,6 +64,6 @@ def test_no_snapshot_is_ever_a_mixture_of_two(tmp_path: Path) -> None:
             writer.kill()
 
 
-def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+def test_a_missing_file_is_an_error_with_its_name(tmp_path: Path) -> None:
     with raises_code(TransportError, "RID-MOCK-NOT-SERVED", "nothing-here"):
         SnapshotReader(tmp_path / "nothing-here")

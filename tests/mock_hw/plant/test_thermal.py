@@ -1,4 +1,4 @@
-"""Motors that warm up, a coupled wrist and payloads on the flange in the simulated plant."""
+"""Motor warming, a coupled wrist and payloads on the flange in the simulated plant."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def truth(loaded: LoadedCell) -> PlantConfig:
 
 
 def held(loaded: LoadedCell, truth: PlantConfig) -> Plant:
-    """A robot without friction's dead band, held by its drives until nothing moves."""
+    """Return a robot at rest, held by its drives, without Coulomb friction."""
     free = tuple(axis.model_copy(update={"coulomb_nm": 0.0}) for axis in truth.axes)
     plant = Plant(loaded.robot, truth.without_unmodelled().model_copy(update={"axes": free}))
     for _ in range(200):
@@ -38,7 +38,7 @@ def held(loaded: LoadedCell, truth: PlantConfig) -> Plant:
     return plant
 
 
-def test_a_motor_settles_where_its_losses_take_it_with_its_time_constant(
+def test_a_motor_warms_up_to_the_temperature_of_its_losses_with_its_time_constant(
     loaded: LoadedCell, truth: PlantConfig
 ) -> None:
     heat = MotorTemperatures(loaded.robot, truth)
@@ -55,7 +55,7 @@ def test_a_motor_settles_where_its_losses_take_it_with_its_time_constant(
     np.testing.assert_array_equal(heat.temperature_k[1:], 298.15)
 
 
-def test_friction_falls_and_the_torque_constant_drifts_with_temperature(
+def test_friction_and_torque_constant_change_with_temperature(
     loaded: LoadedCell, truth: PlantConfig
 ) -> None:
     heat = MotorTemperatures(loaded.robot, truth)
@@ -67,10 +67,10 @@ def test_friction_falls_and_the_torque_constant_drifts_with_temperature(
     np.testing.assert_array_equal(heat.friction_factor, 0.2)
 
 
-def test_a_warm_motor_reports_more_torque_than_it_gives(
+def test_a_warm_motor_reports_a_higher_torque_than_it_has(
     loaded: LoadedCell, truth: PlantConfig
 ) -> None:
-    """Friction is lower, gravity is not: at rest only the torque constant shows."""
+    """Friction is lower, gravity is not: at rest only the torque constant has an effect."""
     assert truth.unmodelled is not None
     reported = []
     for initial_k in (298.15, 338.15):
@@ -109,7 +109,7 @@ def test_a_warm_motor_reports_more_torque_than_it_gives(
     assert reported[1] - reported[0] == pytest.approx(0.043, abs=0.003)
 
 
-def test_without_unmodelled_effects_nothing_warms_up(
+def test_without_unmodelled_effects_no_motor_warms_up(
     loaded: LoadedCell, truth: PlantConfig
 ) -> None:
     plant = Plant(loaded.robot, truth.without_unmodelled())
@@ -120,7 +120,7 @@ def test_without_unmodelled_effects_nothing_warms_up(
 def test_a_payload_adds_its_weight_to_the_motors_that_carry_it(
     loaded: LoadedCell, truth: PlantConfig
 ) -> None:
-    """Held at rest, with and without: the difference is the model's payload term, V included."""
+    """At rest, the difference with and without payload is the model's payload term, including V."""
     plant = held(loaded, truth)
     alone = plant.torque
     plant.attach("large")
@@ -142,7 +142,7 @@ def test_a_payload_adds_its_weight_to_the_motors_that_carry_it(
     assert plant.attached is None
 
 
-def test_joints_move_as_the_wrists_motors_and_the_matrix_say(
+def test_joints_follow_the_coupling_matrix_of_the_wrists_motors(
     loaded: LoadedCell, truth: PlantConfig
 ) -> None:
     plant = Plant(loaded.robot, truth.without_unmodelled())

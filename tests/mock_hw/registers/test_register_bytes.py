@@ -1,4 +1,4 @@
-"""Simulated registers byte by byte, without a port: the specifications' own examples."""
+"""Simulated registers byte by byte, without a port, with examples of the specifications."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import pytest
 from mock_hw.registers.registers import SimulatedRegisters, crc16
 
 
-def test_checksum() -> None:
+def test_the_checksum_of_the_specification() -> None:
     """Modbus over serial line 1.02, 6.2.2: 02 07 is followed by 41 12."""
     assert crc16(b"\x02\x07") == 0x1241
     assert crc16(b"\x02\x07\x41\x12") == 0
 
 
-def test_read_holding_registers() -> None:
+def test_reading_holding_registers() -> None:
     """Application protocol 1.1b3, 6.3: registers 107 to 109 hold 022B, 0, 64."""
     drive = SimulatedRegisters(lambda unit: {107: 0x022B, 108: 0, 109: 0x0064})
     request = bytearray(b"\x00\x01\x00\x00\x00\x06\x11\x03\x00\x6b\x00\x03")
@@ -35,14 +35,14 @@ def test_read_holding_registers() -> None:
         (b"\x2b\x0e\x01\x00", b"\xab\x01"),
     ],
 )
-def test_refusals(request_: bytes, answer: bytes) -> None:
+def test_invalid_requests_are_refused(request_: bytes, answer: bytes) -> None:
     drive = SimulatedRegisters(lambda unit: {107: 0x022B, 108: 0, 109: 0x0064})
     frame = struct.pack(">HHHB", 7, 0, len(request_) + 1, 1) + request_
     (sent,) = drive.take_tcp(bytearray(frame))
     assert sent[7:] == answer
 
 
-def test_a_line_in_pieces_and_with_noise() -> None:
+def test_a_request_in_pieces_and_with_noise_is_answered() -> None:
     drive = SimulatedRegisters(lambda unit: {5: 0x1234} if unit == 3 else None)
     body = b"\x03\x03\x00\x05\x00\x01"
     frame = body + struct.pack("<H", crc16(body))

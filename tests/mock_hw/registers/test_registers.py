@@ -51,14 +51,14 @@ def monitor(config: MonitorConfig, workshop: Workshop, **changes: Any) -> Modbus
 
 
 @pytest.mark.parametrize("kind", ["tcp", "rtu"])
-class TestTheDriverReadsThem:
-    def test_temperatures_and_operating_times(self, workshop: Workshop, kind: str) -> None:
+class TestDriver:
+    def test_reads_temperatures_and_operating_times(self, workshop: Workshop, kind: str) -> None:
         reading = monitor(workshop.serve(kind), workshop).read()
         assert reading.temperature_k.tolist() == pytest.approx([293.15, 303.15, 373.15])
         assert reading.operating_time_s.tolist() == pytest.approx([7201.0, 7202.0, 7209.0])
         assert reading.problems == ()
 
-    def test_nominal_data(self, workshop: Workshop, kind: str) -> None:
+    def test_reads_nominal_data(self, workshop: Workshop, kind: str) -> None:
         (motor, *others) = monitor(workshop.serve(kind), workshop).motors()
         assert motor.torque_constant_nm_per_a == pytest.approx(0.9)
         assert motor.torque_constant_per_k == pytest.approx(-0.001)
@@ -66,9 +66,7 @@ class TestTheDriverReadsThem:
         assert motor.rotor_inertia_kg_m2 == pytest.approx(0.0015)
         assert others == [motor, motor]
 
-    def test_a_drive_that_is_not_there_does_not_keep_the_others_away(
-        self, workshop: Workshop, kind: str
-    ) -> None:
+    def test_reads_the_other_drives_if_one_is_missing(self, workshop: Workshop, kind: str) -> None:
         config = workshop.serve(kind).model_copy(update={"timeout_s": TIMEOUT_S})
         reading = monitor(config, workshop, units=(1, 77, 9)).read()
         assert reading.temperature_k[[0, 2]].tolist() == pytest.approx([293.15, 373.15])
@@ -78,7 +76,7 @@ class TestTheDriverReadsThem:
         assert why in problem
 
     @pytest.mark.fault(31)
-    def test_a_refusal_names_registers_and_reason(
+    def test_reports_a_refusal_with_registers_and_reason(
         self, workshop: Workshop, kind: str, measured: Measured
     ) -> None:
         config = workshop.serve(kind, fault=at_first("exception", code=2))
@@ -90,7 +88,9 @@ class TestTheDriverReadsThem:
         measured(f"{kind}, a refusal: one request, the exception in words")
 
     @pytest.mark.fault(31)
-    def test_silence_is_a_timeout(self, workshop: Workshop, kind: str, measured: Measured) -> None:
+    def test_reports_silence_as_a_timeout(
+        self, workshop: Workshop, kind: str, measured: Measured
+    ) -> None:
         config = workshop.serve(kind, fault=at_first("silent"))
         line = monitor(config, workshop)
         (read,) = plan_reads(PROFILE, POLLED)
@@ -102,7 +102,7 @@ class TestTheDriverReadsThem:
 
     @pytest.mark.fault(31)
     @pytest.mark.parametrize("fault", ["short", "wrong_unit", "garbage"])
-    def test_a_damaged_answer_is_an_error_and_the_next_request_is_answered(
+    def test_reports_a_damaged_answer_and_reads_the_next_one(
         self, workshop: Workshop, kind: str, fault: Any, measured: Measured
     ) -> None:
         line = monitor(workshop.serve(kind, fault=at_first(fault)), workshop)
@@ -114,10 +114,10 @@ class TestTheDriverReadsThem:
         measured(f"{kind}, {fault}: 1 of 6 values missing, 6 requests for 6")
 
     @pytest.mark.fault(31)
-    def test_a_late_answer_is_not_taken_for_the_next_ones(
+    def test_does_not_use_a_late_answer_for_the_next_request(
         self, workshop: Workshop, kind: str, measured: Measured
     ) -> None:
-        """Unit 1 twice: only the second answer may count, and the first was of other registers."""
+        """Unit 1 is read twice: only the second answer may count, the first has other registers."""
         line = monitor(workshop.serve(kind, fault=at_first("late")), workshop)
         workshop.late = True
         first = line.read()
@@ -128,7 +128,7 @@ class TestTheDriverReadsThem:
         measured(f"{kind}, late: 1 of 6 values missing, 0 wrong, 6 requests for 6")
 
 
-def test_a_temperature_that_no_motor_has_is_not_believed(workshop: Workshop) -> None:
+def test_an_implausible_motor_temperature_is_refused(workshop: Workshop) -> None:
     config = workshop.serve("tcp")
     scaled = PROFILE.registers["motor_temperature_k"].model_copy(update={"scale": 1.0})
     wrong = PROFILE.model_copy(
@@ -139,7 +139,7 @@ def test_a_temperature_that_no_motor_has_is_not_believed(workshop: Workshop) -> 
     assert "check register, type and scale" in reading.problems[0]
 
 
-def test_a_gateway_that_is_switched_off_is_told_from_drives_that_are_silent(
+def test_a_gateway_without_power_is_distinguished_from_silent_drives(
     workshop: Workshop,
 ) -> None:
     line = monitor(workshop.serve("tcp"), workshop)
@@ -150,7 +150,7 @@ def test_a_gateway_that_is_switched_off_is_told_from_drives_that_are_silent(
         line.read()
 
 
-def test_nobody_there(workshop: Workshop, tmp_path: Path) -> None:
+def test_a_missing_gateway_is_an_error(workshop: Workshop, tmp_path: Path) -> None:
     config = workshop.serve("tcp")
     assert workshop.service is not None
     workshop.service.close()
@@ -205,43 +205,45 @@ class TestTls:
         )
         return workshop.serve("tcp", tls=tls, certificates=files)
 
-    def test_it_is_not_served_without_a_certificate(self, workshop: Workshop) -> None:
+    def test_needs_a_certificate(self, workshop: Workshop) -> None:
         with raises_code(TransportError, "RID-MOCK-REGISTERS"):
             workshop.serve("tcp", tls=ModbusTls(ca_file="ca.pem", server_name="drive.cell"))
 
-    def test_both_sides_show_their_certificates(self, workshop: Workshop, authority: Path) -> None:
+    def test_checks_the_certificates_of_both_sides(
+        self, workshop: Workshop, authority: Path
+    ) -> None:
         reading = monitor(self.serve(workshop, authority), workshop).read()
         assert reading.temperature_k.tolist() == pytest.approx([293.15, 303.15, 373.15])
 
-    def test_a_drive_of_another_authority_is_not_believed(
+    def test_refuses_a_drive_of_another_authority(
         self, workshop: Workshop, authority: Path
     ) -> None:
         with raises_code(TransportError, "RID-MODBUS-OPEN"):
             open_modbus(self.serve(workshop, authority, ca="other.pem"))
 
-    def test_a_drive_of_another_name_is_not_believed(
-        self, workshop: Workshop, authority: Path
-    ) -> None:
+    def test_refuses_a_drive_of_another_name(self, workshop: Workshop, authority: Path) -> None:
         with raises_code(TransportError, "RID-MODBUS-OPEN", "'robot.cell'"):
             open_modbus(self.serve(workshop, authority, name="robot.cell"))
 
-    def test_a_computer_without_certificate_gets_no_answer(
+    def test_does_not_answer_a_computer_without_certificate(
         self, workshop: Workshop, authority: Path
     ) -> None:
         config = self.serve(workshop, authority, own=None)
         try:
             reading = monitor(config, workshop).read()
         except TransportError:
-            return  # refused as early as in the handshake
+            return  # refused already during the handshake
         assert reading.problems
         assert np.isnan(reading.temperature_k).all()
 
-    def test_files_that_are_not_there_are_named(self, workshop: Workshop, authority: Path) -> None:
+    def test_reports_missing_files_with_their_names(
+        self, workshop: Workshop, authority: Path
+    ) -> None:
         with raises_code(TransportError, "RID-MODBUS-OPEN"):
             open_modbus(self.serve(workshop, authority, ca="nothing.pem"))
 
 
-def test_a_connection_that_speaks_something_else_is_closed(workshop: Workshop) -> None:
+def test_a_connection_with_another_protocol_is_closed(workshop: Workshop) -> None:
     workshop.serve("tcp")
     assert workshop.service is not None
     with socket.create_connection(("127.0.0.1", workshop.service.port), 5.0) as connection:
@@ -251,7 +253,7 @@ def test_a_connection_that_speaks_something_else_is_closed(workshop: Workshop) -
 
 @pytest.mark.skipif(shutil.which("mbpoll") is None, reason="mbpoll is not installed")
 class TestMbpoll:
-    """An independent master; it counts registers from 1."""
+    """mbpoll is an independent master; it counts registers from 1."""
 
     def poll(self, *words: str) -> str:
         command = ["mbpoll", "-1", "-q", "-t", "4", *words]
@@ -262,20 +264,20 @@ class TestMbpoll:
         found = re.findall(r"\[(\d+)\]:\s+(-?\d+)", text)
         return {int(place): int(value) for place, value in found}
 
-    def test_over_tcp(self, workshop: Workshop) -> None:
+    def test_reads_over_tcp(self, workshop: Workshop) -> None:
         config = workshop.serve("tcp")
         assert isinstance(config.link, ModbusTcp)
         port = str(config.link.port)
         text = self.poll("-a", "9", "-r", "101", "-c", "4", "-p", port, "127.0.0.1")
         assert self.values(text) == {101: 1000, 102: 0, 103: 7209000 >> 16, 104: 7209000 & 0xFFFF}
 
-    def test_over_a_serial_line(self, workshop: Workshop) -> None:
+    def test_reads_over_a_serial_line(self, workshop: Workshop) -> None:
         config = workshop.serve("rtu")
         assert isinstance(config.link, ModbusRtu)
         words = ["-m", "rtu", "-b", "19200", "-P", "none", "-a", "2", "-r", "101", "-c", "1"]
         assert self.values(self.poll(*words, config.link.address)) == {101: 300}
 
-    def test_a_register_that_is_not_there(self, workshop: Workshop) -> None:
+    def test_reports_a_missing_register(self, workshop: Workshop) -> None:
         config = workshop.serve("tcp")
         assert isinstance(config.link, ModbusTcp)
         text = self.poll("-a", "1", "-r", "501", "-p", str(config.link.port), "127.0.0.1")
@@ -283,7 +285,9 @@ class TestMbpoll:
 
 
 @pytest.mark.skipif(shutil.which("tshark") is None, reason="tshark is not installed")
-def test_tsharks_modbus_dissector_reads_what_was_said(workshop: Workshop, tmp_path: Path) -> None:
+def test_tsharks_modbus_dissector_decodes_the_conversation(
+    workshop: Workshop, tmp_path: Path
+) -> None:
     workshop.serve("tcp")
     assert workshop.service is not None
     asked = [
