@@ -46,9 +46,9 @@ from benchmarks.stop_presser import (
     Pressed,
     StopLineClient,
     echo,
-    go_first,
     press_echo,
     press_http,
+    raise_priority,
 )
 from rid_daq.service.client import ServiceClient
 from rid_daq.service.records import Job
@@ -177,7 +177,7 @@ def main() -> int:
             database = folder / STATE_FOLDER / "service.db"
             moved = Pressed()
             with attacked(Target(port, MOVING_CELL, viewer, database)):
-                go_first()
+                raise_priority()
                 found = press_all(port, presses)
                 began_s = time.monotonic()
                 press_http(port, MOVING_CELL, Pressed())

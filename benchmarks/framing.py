@@ -32,7 +32,7 @@ from pathlib import Path
 from typing import Final
 
 from benchmarks.framing_streams import Streams
-from benchmarks.stop_presser import Pressed, StopLineClient, go_first, press_http
+from benchmarks.stop_presser import Pressed, StopLineClient, press_http, raise_priority
 from rid_daq.service.client import ServiceClient
 from rid_daq.service.sockets import socket_path_of
 
@@ -179,7 +179,7 @@ def main() -> int:
     options = parser.parse_args()
     seconds = 60.0 * options.minutes
     with tempfile.TemporaryDirectory() as name, serving(Path(name)) as served:
-        go_first()
+        raise_priority()
         warmed, streams = fuzz(served, options.seed, seconds / 5)
         time.sleep(CALM_S)
         before_kb, processes = served.memory_kb(), served.processes()

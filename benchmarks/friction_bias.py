@@ -78,7 +78,7 @@ QUICK: Final = Plan(("three",), trajectories=4, draws=3, rates_hz=(500,), slack=
 
 @dataclass(frozen=True, eq=False)
 class Exact:
-    """A recording without noise, and what it is of."""
+    """A noise-free recording of one arm along one motion."""
 
     arm: SimulatedArm
     motion: str
@@ -133,7 +133,7 @@ def identified(exact: Exact, recording: Recording, band_hz: float = BAND_HZ) -> 
 
 
 def is_friction(estimate: Estimate) -> list[bool]:
-    """Return which base parameters are friction."""
+    """Return True for each base parameter of friction."""
     return [name.startswith(("fc_", "fv_")) for name in estimate.base.names]
 
 
@@ -173,7 +173,7 @@ class Cell:
 
 
 def add_to(cell: Cell, exact: Exact, estimates: Sequence[Estimate]) -> None:
-    """Count which intervals hold the truth, and whether the estimate warns."""
+    """Count the intervals that cover the truth, and the estimates with a warning."""
     for estimate in estimates:
         own = np.array(is_friction(estimate))
         holds = np.abs(estimate.values - exact.arm.truth(estimate.base)) <= 2.0 * estimate.sigma
@@ -184,7 +184,7 @@ def add_to(cell: Cell, exact: Exact, estimates: Sequence[Estimate]) -> None:
 
 
 def add_agreement(cell: Cell, one: Sequence[Estimate], other: Sequence[Estimate]) -> None:
-    """Count the parameters of which recordings of two motions agree."""
+    """Count the parameters that agree between recordings of two motions."""
     for first, second in zip(one, other, strict=True):
         both = 2.0 * np.hypot(first.sigma, second.sigma)
         cell.agree += (np.abs(first.values - second.values) <= both).tolist()
@@ -219,7 +219,7 @@ def run(plan: Plan) -> tuple[dict[str, float], dict[str, Cell]]:
 
 
 def failures(plan: Plan, bias: dict[str, float], cells: dict[str, Cell]) -> list[str]:
-    """Return what misses its limit."""
+    """Return the figures that miss their limits."""
     low, high = COVERED[0] - plan.slack, COVERED[1] + plan.slack
     missed = [
         f"bias at {key}: {found:.4f} %"

@@ -107,7 +107,7 @@ def _hold(jog: SimulatedJog, chance: random.Random, until_s: float, reconnects_s
         now_s = jog.clock.now_s
         if now_s >= changes_s:
             if press:
-                jog.page.let_go(now_s)
+                jog.page.release(now_s)
                 press, released_s = 0, now_s
                 changes_s = now_s + chance.uniform(0.5, 4.0) if presses < 3 else math.inf
             else:
@@ -163,7 +163,7 @@ def false_releases(minutes: float, there: Way, back: Way) -> float:
                 if len(jog.refused) + page.ended > lost:
                     found += 1
                     break
-            page.let_go(jog.clock.now_s)
+            page.release(jog.clock.now_s)
     return found / minutes
 
 

@@ -109,7 +109,7 @@ class LossyWay:
         """Return the messages that have arrived since the last call."""
         for packet in self._packets:
             if packet.arrives_s is None:
-                self._look_after(packet, now_s)
+                self._resend_lost(packet, now_s)
         found = []
         while self._packets:
             arrives_s = self._packets[0].arrives_s
@@ -118,7 +118,7 @@ class LossyWay:
             found.append(self._packets.popleft().told)
         return found
 
-    def _look_after(self, packet: _Packet, now_s: float) -> None:
+    def _resend_lost(self, packet: _Packet, now_s: float) -> None:
         """Send a lost packet again if its loss has been detected."""
         waited_s = now_s - packet.sent_s
         if waited_s < 2.5 * self._latency_s:
@@ -185,7 +185,7 @@ class Page:
         if self._age(now_s) < LIMIT_S or self._careless:
             self._say(now_s, held=key)
 
-    def let_go(self, now_s: float) -> None:
+    def release(self, now_s: float) -> None:
         """Release the button."""
         self._press = None
         self._say(now_s, held="")

@@ -44,16 +44,16 @@ class CommandError(Exception):
 
 
 @dataclass
-class Way:
-    """One way through a robot's recordings: trained on some, judged on others.
+class Direction:
+    """Results of one direction: training on some recordings, prediction of the others.
 
     Attributes:
-        plain, moving, every: Largest relative error of each joint over the judging runs [%]: of the
-            terms of the robot file on moving samples, then of the chosen terms on moving and on all
-            samples.
-        peer: figaroh's on moving samples; empty without it.
-        consistent: No finding says that no robot can have the chosen model's parameters.
-        values: Rigid base parameter to value and standard deviation.
+        plain, moving, every: Largest relative error of each joint in the predicted runs [%]: with
+            the terms of the robot file on moving samples, then with the chosen terms on moving and
+            on all samples.
+        peer: Error of figaroh on moving samples; empty without it.
+        consistent: True if the chosen model's parameters are physically consistent.
+        values: Value and standard deviation of each rigid base parameter.
     """
 
     plain: list[float] = field(default_factory=list)
@@ -84,7 +84,7 @@ def command(*words: str) -> dict[str, Any]:
     return document
 
 
-def bring_in(place: Path, which: str, split: JudgeSplit, pieces: Sequence[Piece]) -> list[str]:
+def import_pieces(place: Path, which: str, split: JudgeSplit, pieces: Sequence[Piece]) -> list[str]:
     """Import pieces of a folder; return their labels."""
     own = place / split.map
     bound = str(own) if own.is_file() else split.map
@@ -96,24 +96,24 @@ def bring_in(place: Path, which: str, split: JudgeSplit, pieces: Sequence[Piece]
     return labels
 
 
-def largest(validations: Sequence[dict[str, Any]], key: str) -> list[float]:
-    """Return each joint's largest error over some validations [%]."""
+def largest_errors(validations: Sequence[dict[str, Any]], key: str) -> list[float]:
+    """Return each joint's largest error in some validations [%]."""
     tables = [[axis[key] for axis in each["validation"]["axes"]] for each in validations]
     return [max(column) for column in zip(*tables, strict=True)]
 
 
-def go(way: str, train: Sequence[str], judge: Sequence[str]) -> Way:
-    """Identify on runs, plainly and with chosen terms, and predict the others."""
-    taken = Way()
+def evaluate_direction(way: str, train: Sequence[str], judge: Sequence[str]) -> Direction:
+    """Identify on runs, with the file's terms and with chosen ones, and predict the others."""
+    taken = Direction()
     for kind in ("plain", "chosen"):
         model = f"{way}_{kind}.json"
         told = command("identify", *train, *(["--choose"] if kind == "chosen" else []), "-o", model)
         judged = [command("validate", model, run) for run in judge]
         if kind == "plain":
-            taken.plain = largest(judged, "relative_error_percent")
+            taken.plain = largest_errors(judged, "relative_error_percent")
             continue
-        taken.moving = largest(judged, "relative_error_percent")
-        taken.every = largest(judged, "all_samples_percent")
+        taken.moving = largest_errors(judged, "relative_error_percent")
+        taken.every = largest_errors(judged, "all_samples_percent")
         joints = [axis["joint"] for axis in told["estimate"]["axes"]]
         taken.values = {
             each["name"]: (each["value"], each["std"])
@@ -125,8 +125,8 @@ def go(way: str, train: Sequence[str], judge: Sequence[str]) -> Way:
     return taken
 
 
-def inside(first: Way, second: Way) -> tuple[int, int]:
-    """Return how many rigid base parameters agree within 95 % intervals, and of how many."""
+def count_agreements(first: Direction, second: Direction) -> tuple[int, int]:
+    """Return the rigid base parameters that agree within 95 % intervals, and their total number."""
     common = first.values.keys() & second.values.keys()
     agree = [
         abs(first.values[name][0] - second.values[name][0])
@@ -136,7 +136,7 @@ def inside(first: Way, second: Way) -> tuple[int, int]:
     return sum(agree), len(agree)
 
 
-def arrays(runs: Sequence[str], to: Path) -> Path:
+def write_arrays(runs: Sequence[str], to: Path) -> Path:
     """Write the low-passed arrays of some runs for the peer; return the file."""
     data = [RunData.load(folder) for folder in find_runs(Path("runs"), runs)]
     signals: list[SmoothedSignals] = [smoothed_recording(each.recording, BAND_HZ) for each in data]
@@ -156,10 +156,10 @@ def arrays(runs: Sequence[str], to: Path) -> Path:
 
 def peer_percent(python: str, train: Sequence[str], judge: Sequence[str]) -> list[float]:
     """Return figaroh's largest error of each joint [%]; empty if it fails."""
-    given = arrays(train, Path("train.npz"))
+    given = write_arrays(train, Path("train.npz"))
     tables = []
     for run in judge:
-        words = [python, str(PEER), str(given), str(arrays([run], Path("judge.npz")))]
+        words = [python, str(PEER), str(given), str(write_arrays([run], Path("judge.npz")))]
         done = subprocess.run(words, check=False, capture_output=True, text=True)
         if done.returncode:
             said = (done.stderr.strip().splitlines() or ["no message"])[-1]
@@ -169,40 +169,40 @@ def peer_percent(python: str, train: Sequence[str], judge: Sequence[str]) -> lis
     return [max(column) for column in zip(*tables, strict=True)]
 
 
-def shown(percent: Sequence[float]) -> str:
+def percent_row(percent: Sequence[float]) -> str:
     """Return a row of percentages."""
     return " ".join(f"{each:5.1f}" for each in percent)
 
 
-def meets(percent: Sequence[float], bar: Sequence[float | None]) -> bool:
-    """Return whether no joint exceeds its bar."""
+def meets_bar(percent: Sequence[float], bar: Sequence[float | None]) -> bool:
+    """Return True if no joint exceeds its bar."""
     return all(limit is None or value <= limit for value, limit in zip(percent, bar, strict=False))
 
 
 def judge_robot(place: Path, split: JudgeSplit, peer: str | None) -> dict[str, Any]:
-    """Take one robot both ways, in the working folder, and print its table."""
+    """Evaluate one robot in both directions, in the working folder, and print its table."""
     train, judge = (
-        bring_in(place, which, split, pieces)
+        import_pieces(place, which, split, pieces)
         for which, pieces in (("train", split.train), ("judge", split.judge))
     )
     ways = {"there": (train, judge), "back": (judge, train)}
-    taken = {way: go(way, *runs) for way, runs in ways.items()}
+    taken = {way: evaluate_direction(way, *runs) for way, runs in ways.items()}
     print(f"\n{place.name}: relative error of each joint [%]")
     for way, runs in ways.items():
         one = taken[way]
         if peer:
             one.peer = peer_percent(peer, *runs)
-        print(f"  {way:5}  terms of the robot file, moving   {shown(one.plain)}")
-        print(f"  {'':5}  chosen terms, moving              {shown(one.moving)}")
-        print(f"  {'':5}  chosen terms, all samples         {shown(one.every)}")
+        print(f"  {way:5}  terms of the robot file, moving   {percent_row(one.plain)}")
+        print(f"  {'':5}  chosen terms, moving              {percent_row(one.moving)}")
+        print(f"  {'':5}  chosen terms, all samples         {percent_row(one.every)}")
         if one.peer:
-            print(f"  {'':5}  figaroh, moving                   {shown(one.peer)}")
+            print(f"  {'':5}  figaroh, moving                   {percent_row(one.peer)}")
         print(f"  {'':5}  physically consistent: {'yes' if one.consistent else 'not shown'}")
-    agree, of = inside(*taken.values())
+    agree, of = count_agreements(*taken.values())
     print(f"  {agree} of {of} rigid base parameters of both ways agree within 95 % intervals")
     there = taken["there"]
-    holds = meets(there.moving, split.bar.moving_percent)
-    holds &= meets(there.every, split.bar.all_percent)
+    holds = meets_bar(there.moving, split.bar.moving_percent)
+    holds &= meets_bar(there.every, split.bar.all_percent)
     return {
         "moving_percent": [round(each, 2) for each in there.moving],
         "all_percent": [round(each, 2) for each in there.every],
@@ -215,7 +215,7 @@ def judge_robot(place: Path, split: JudgeSplit, peer: str | None) -> dict[str, A
 
 
 def main() -> int:
-    """Judge every robot and print; the last line is one JSON object."""
+    """Evaluate every robot and print; the last line is one JSON object."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.judges")
     parser.add_argument("--data", type=Path, required=True, metavar="DIR")
     parser.add_argument("--peer-python", metavar="PYTHON", help="a Python that has figaroh")

@@ -118,7 +118,7 @@ def motion(kind: str, joints: int, seconds: float, seed: int) -> tuple[FloatArra
     """Return times, positions, velocities and accelerations at 1 kHz; never periodic.
 
     Args:
-        kind: Sums of sines of frequencies without a common period, or quintic ways from rest to
+        kind: Sums of sines of frequencies without a common period, or quintic moves from rest to
             rest.
         joints: Number of joints.
         seconds: Duration [s].

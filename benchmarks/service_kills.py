@@ -78,7 +78,7 @@ class Tally:
     """Results of the kills so far.
 
     Attributes:
-        fell: Activity during the kill to number of kills.
+        fell: Number of kills by the service's activity during the kill.
         accepted: Jobs that the service has accepted.
         enabled, still: Enabled drives and running workers found after a kill; both must be 0.
     """

@@ -42,14 +42,14 @@ Kind = Literal["rest to rest", "quick reversals"]
 
 @dataclass(frozen=True, eq=False)
 class SimulatedArm:
-    """An arm and its truth.
+    """An arm with its true parameters.
 
     Attributes:
-        robot: As the estimator knows it: frames and terms, no inertia.
+        robot: Its description for the estimator: frames and terms, no inertia.
         model: Its rigid bodies.
         rotor, coulomb, viscous: Shape (n,). Rotor inertia at the joint [kg m^2], Coulomb [N m] and
             viscous friction [N m s/rad].
-        reach, speed: Shape (n,). How far to either side [rad] and how fast [rad/s] the joints go.
+        reach, speed: Shape (n,). Largest angle to either side [rad], and largest speed [rad/s].
     """
 
     robot: RobotDescription
@@ -124,7 +124,7 @@ class SimulatedArm:
 
 
 def _body(mass_kg: float, random: np.random.Generator) -> Any:
-    """Return an asymmetric body."""
+    """Return a body without symmetry."""
     size = random.uniform(0.1, 0.35, 3)
     turn = pin.exp3(random.normal(size=3))
     around = np.diag(mass_kg / 12.0 * (np.sum(size**2) - size**2))
@@ -180,7 +180,7 @@ def quick_reversals(arm: SimulatedArm, duration_s: float, random: np.random.Gene
 
 
 def simulated(arm: SimulatedArm, kind: Kind, seed: int, duration_s: float) -> Recording:
-    """Return what an arm did under a feed-forward and position control, every `ROW_S`, exactly."""
+    """Return the recording of an arm under feedforward and position control, without noise."""
     random = np.random.default_rng(seed)
     make = rest_to_rest if kind == "rest to rest" else quick_reversals
     steps = round(duration_s / STEP_S)

@@ -140,7 +140,7 @@ def press_echo(line: socket.socket, pressed: Pressed) -> None:
     pressed.add(began_s, bool(line.recv(_FLOOR_SIZE)))
 
 
-def go_first() -> None:
+def raise_priority() -> None:
     """Raise this process's priority, if the system permits it."""
     with contextlib.suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, 0, NICENESS)

@@ -4,10 +4,11 @@ import os
 import tempfile
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-os.environ["XDG_RUNTIME_DIR"] = tempfile.mkdtemp(prefix="rid", dir="/tmp")  # sockets: short paths
+# short paths for sockets
+os.environ["XDG_RUNTIME_DIR"] = tempfile.mkdtemp(prefix="rid", dir="/tmp")
 os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="rid", dir="/tmp")
 
-from tests.builders.measured_lines import write_lines  # before all that it counts
+from tests.builders.measured_lines import write_lines  # first, so that every line is measured
 
 # isort: split
 import atexit
@@ -48,7 +49,7 @@ LONG_TESTS = [
 ]
 """Begun first, in this order: what begins last and takes minutes leaves the other workers idle."""
 
-# Neither luck nor a busy computer decides: the same examples each time, however long they take.
+# The same examples in each run, without time limits, so that neither chance nor load decides.
 settings.register_profile(
     "repeatable",
     derandomize=True,
@@ -81,7 +82,7 @@ def pytest_sessionfinish() -> None:
 
 
 def end_by_signals() -> None:
-    """Let signals end this process, and programs that it starts, as from a terminal."""
+    """Restore default signal handlers, as for a program started from a terminal."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
@@ -89,13 +90,13 @@ def end_by_signals() -> None:
 
 @pytest.fixture(autouse=True)
 def signals() -> Iterator[None]:
-    """Restore the signal handlers, since a command that is ending ignores further signals."""
+    """Restore the signal handlers: a command that is ending ignores further signals."""
     yield
     end_by_signals()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Run the longest first, so that the workers end at about the same time."""
+    """Run the longest tests first, so that the workers end at about the same time."""
     items.sort(
         key=lambda item: [place not in (item.path, *item.path.parents) for place in LONG_TESTS]
     )
@@ -105,7 +106,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 class FaultPage:
-    """Collects what tests of faults have measured, in one process or from workers."""
+    """Collects the measured values of fault tests, in one process or from workers."""
 
     def __init__(self) -> None:
         path = Path(__file__).parent.parent / "docs" / "fault_page.py"
@@ -141,13 +142,13 @@ SENSITIVITIES = (-7.5,) * 4 + (-3.8,) * 4
 
 @pytest.fixture
 def measured(record_property: Callable[[str, object], None]) -> Callable[[str], None]:
-    """Return how a test of a fault tells the figure that docs/faults.md shows for it."""
+    """Return a function that stores a fault test's measured value for docs/faults.md."""
     return lambda figure: record_property("measured", figure)
 
 
 @pytest.fixture(scope="session")
 def real_robot() -> Path:
-    """The folder with recordings of a real UR10e; tests without it are skipped, in CI they fail."""
+    """Folder of recordings of a real UR10e; tests without it are skipped, in CI they fail."""
     root = os.environ.get("RID_DAQ_DATA", "")
     folder = Path(root) / "ur10e"
     if not root or not folder.is_dir():
@@ -213,7 +214,7 @@ Serve = Callable[..., ServedAmplifier]
 
 @pytest.fixture
 def serve_amplifier(tmp_path: Path) -> Iterator[Serve]:
-    """Return how to serve an amplifier: faults of its line, its speed, changes of its cell file."""
+    """Return a function that serves an amplifier with faults, speed and cell-file changes."""
     served: list[ServedAmplifier] = []
 
     def serve(
@@ -258,7 +259,7 @@ def serve_amplifier(tmp_path: Path) -> Iterator[Serve]:
 
 @pytest.fixture(scope="module")
 def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A cell and a short motion."""
+    """Folder with a cell and a short motion."""
     from rid_daq.app import run
 
     folder = tmp_path_factory.mktemp("workshop")

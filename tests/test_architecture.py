@@ -1,4 +1,4 @@
-"""docs/architecture.md: its picture agrees with the imports, its walks with the code's calls."""
+"""docs/architecture.md: its diagram agrees with the imports, its walks with the code's calls."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def house() -> ModuleType:
 
 
 def walks() -> list[tuple[str, list[tuple[str, str]]]]:
-    """Return each walk's title, and its stations: how they are entered, and the file."""
+    """Return each walk's title and its stations: relation to the previous one, and file."""
     page = (ROOT / "docs/architecture.md").read_text()
     walks = page[page.index("## One walk") : page.index("## Three paths")]
     parts = re.split(r"^### ", walks, flags=re.MULTILINE)[1:]
@@ -42,7 +42,7 @@ def walks() -> list[tuple[str, list[tuple[str, str]]]]:
 
 
 def paths() -> list[tuple[str, list[tuple[str, str, str, str]]]]:
-    """Return each path's title, and its stations: branch, crossing, file, function."""
+    """Return each path's title and its stations: branch, crossing, file, function."""
     page = (ROOT / "docs/architecture.md").read_text()
     parts = re.split(r"^### ", page[page.index("## Three paths") :], flags=re.MULTILINE)[1:]
     return [(part.splitlines()[0], FUNCTION.findall(part)) for part in parts]
@@ -70,29 +70,29 @@ def source_of(path: str, function: str) -> str:
     return str(ast.get_source_segment(text, node))
 
 
-def test_the_picture_is_what_the_imports_say(house: ModuleType) -> None:
+def test_the_diagram_agrees_with_the_imports(house: ModuleType) -> None:
     page = (ROOT / "docs/architecture.md").read_text()
     assert page == house.with_drawing(page), "run: .venv/bin/python docs/architecture.py"
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_every_file_that_a_page_names_is_there(page: str) -> None:
+def test_every_file_named_on_a_page_exists(page: str) -> None:
     text = (ROOT / page).read_text()
     named = re.findall(r"`((?:\w+/)+\w+\.(?:py|md|html|yaml))`", text)
-    written = set(re.findall(r"^`([\w/.]+)`:$", text, re.MULTILINE))  # by the reader
+    written = set(re.findall(r"^`([\w/.]+)`:$", text, re.MULTILINE))  # added by the reader
     gone = sorted({name for name in named if not (ROOT / name).exists()} - written)
     assert gone == [], f"{page} names files that have moved: enter their new paths"
 
 
-def test_there_is_one_walk() -> None:
+def test_the_page_has_one_walk() -> None:
     assert len(walks()) == WALKS
 
 
 @pytest.mark.parametrize("walk", walks(), ids=lambda walk: walk[0])
-def test_each_station_is_joined_to_one_before_it(
+def test_each_station_is_connected_to_an_earlier_one(
     house: ModuleType, walk: tuple[str, list[tuple[str, str]]]
 ) -> None:
-    """By an import, one way or the other; or it is said to be another process, or a file."""
+    """By an import in either direction, or it is declared as another process or a file."""
     title, stations = walk
     modules = {path: path.removesuffix(".py").replace("/", ".") for _, path in stations}
     imports = {path: house.imported(ROOT / path) for path in modules}
@@ -114,7 +114,7 @@ def test_each_station_is_joined_to_one_before_it(
 
 
 @pytest.mark.parametrize("path", paths(), ids=lambda path: path[0])
-def test_each_function_of_a_path_is_called_by_the_one_before(
+def test_each_function_of_a_path_is_called_by_the_previous_one(
     path: tuple[str, list[tuple[str, str, str, str]]],
 ) -> None:
     title, stations = path
@@ -130,25 +130,25 @@ def test_each_function_of_a_path_is_called_by_the_one_before(
         callers[len(branch)] = text
 
 
-def test_a_known_mass_goes_through_few_functions_to_its_certificate() -> None:
+def test_a_known_mass_passes_few_functions_on_its_way_to_the_certificate() -> None:
     assert len(paths()[2][1]) <= MOST_OF_MASS
 
 
-def test_the_button_of_a_recording_begins_one() -> None:
+def test_the_button_for_a_recording_starts_one() -> None:
     page = (ROOT / "rid_daq/workbench/static/experiment.js").read_text()
     assert 'press("record", panel, "record", () => panel.begin("record", recordRequest(' in page
 
 
 def test_a_click_is_checked_by_the_service_and_by_the_worker() -> None:
-    """The fields in the browser are the third time."""
+    """The form fields in the browser are a third check."""
     stations = [(file, function) for _, _, file, function in paths()[0][1] if file.endswith("py")]
     check = re.compile(r"\b(?:check_request|parse_request|of_json)\b")
     found = [function for file, function in stations if check.search(source_of(file, function))]
     assert found == ["CellService.begin", "work"]
 
 
-def test_limits_are_verified_before_the_motion_and_by_the_guard() -> None:
-    """`record_motion_file` refuses a feedforward beyond the limits before it asks a person."""
+def test_limits_are_checked_before_the_motion_and_by_the_supervisor() -> None:
+    """`record_motion_file` refuses a feedforward beyond the limits before it asks the operator."""
     verify = re.compile(r"\bverify_limits\b")
     stations = [(file, function) for _, _, file, function in paths()[1][1]]
     found = [function for file, function in stations if verify.search(source_of(file, function))]

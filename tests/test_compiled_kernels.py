@@ -1,4 +1,4 @@
-"""Kernels that were compiled with an older callee are not taken up again."""
+"""Kernels compiled with an older version of a called function are not reused."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 from tests.builders.compiled_kernels import forget_stale_kernels
 
 
-def test_a_changed_kernel_forgets_what_was_compiled_of_all(tmp_path: Path) -> None:
+def test_a_changed_kernel_discards_all_compiled_code(tmp_path: Path) -> None:
     callee, caller = tmp_path / "dynamics/callee.py", tmp_path / "compensation/caller.py"
     for source in (callee, caller):
         source.parent.mkdir()

@@ -1,4 +1,4 @@
-"""The examples of docs/extending.md work: on a copy of the program, with nothing but their text."""
+"""Examples of docs/extending.md work on a copy of the program, with their text only."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def blocks(text: str) -> Iterator[tuple[str, str, str]]:
 
 
 def apply_changes(path: Path, changes: str) -> None:
-    """Apply the hunks of a diff; each finds its place by its text, which the file has once."""
+    """Apply the hunks of a diff; each is located by its text, which occurs once in the file."""
     text = path.read_text(encoding="utf-8")
     for hunk in changes.split("@@\n"):
         lines = hunk.splitlines(keepends=True)
@@ -54,7 +54,7 @@ def apply_changes(path: Path, changes: str) -> None:
 
 
 @pytest.mark.parametrize("title", EXAMPLES)
-def test_an_example_works_as_it_is_written(title: str, tmp_path: Path) -> None:
+def test_an_example_works_as_written(title: str, tmp_path: Path) -> None:
     program, work = tmp_path / "program", tmp_path / "work"
     work.mkdir()
     for package in COPIED:
@@ -100,7 +100,7 @@ def run_commands(content: str, work: Path, program: Path, environment: dict[str,
         require_shown(shown, done.stdout.splitlines(), command)
 
 
-def test_every_example_is_performed() -> None:
+def test_every_example_is_tested() -> None:
     titles = re.findall(r"^### Example: (.*)$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
     named = [each if isinstance(each, str) else each.values[0] for each in EXAMPLES]
     assert titles == named

@@ -1,4 +1,4 @@
-"""docs/faults.md: every fault of the list has tests that exist, and the page is as it is made."""
+"""docs/faults.md: every fault has existing tests, and the page is up to date."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_every_fault_has_a_test(page: Any) -> None:
     assert set(declared) == set(page.ROWS)
 
 
-def test_the_page_tells_of_tests_that_exist(page: Any) -> None:
+def test_the_page_names_existing_tests(page: Any) -> None:
     text = page.PAGE.read_text(encoding="utf-8")
     told, declared = page.read(text), page.declared()
     assert page.render(told) == text, HOW
@@ -38,7 +38,7 @@ def test_the_page_tells_of_tests_that_exist(page: Any) -> None:
     assert all(told[number] for number in page.ROWS), HOW
 
 
-def test_a_page_keeps_what_did_not_run_and_replaces_what_did(page: Any) -> None:
+def test_the_page_keeps_lines_of_tests_that_did_not_run_and_replaces_the_others(page: Any) -> None:
     name, gone = "tests/somewhere.py::test_it", "tests/somewhere.py::test_gone"
     old, new = page.Entry(name, "old"), [page.Entry(name, "new 1"), page.Entry(name, "new 2")]
     before = page.render({2: [old, page.Entry(gone, "of a test that is gone")]})

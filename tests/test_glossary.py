@@ -1,4 +1,4 @@
-"""docs/glossary.md: one word for one thing; words that were replaced do not come back."""
+"""docs/glossary.md: one term for one thing; replaced terms are not used again."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ SITE = ROOT / "rid_daq" / "site"
 
 @pytest.fixture(scope="module")
 def texts() -> dict[Path, str]:
-    """Texts of all places by their files."""
+    """Texts of all checked places, by file."""
     places = [ROOT / place for place in PLACES]
     found = [each for path in places for each in (path.rglob("*") if path.is_dir() else [path])]
     written = (each for each in sorted(found) if SITE not in each.parents)
@@ -67,13 +67,13 @@ def texts() -> dict[Path, str]:
 
 
 @pytest.mark.parametrize("word", REPLACED)
-def test_a_word_that_was_replaced_does_not_come_back(word: str, texts: dict[Path, str]) -> None:
+def test_a_replaced_term_is_not_used(word: str, texts: dict[Path, str]) -> None:
     whole = re.compile(rf"\b(?:{word})\b")
     found = [str(path.relative_to(ROOT)) for path, text in texts.items() if whole.search(text)]
     assert found == [], f"say '{REPLACED[word]}' (docs/glossary.md)"
 
 
-def test_the_glossary_is_in_the_order_of_the_alphabet() -> None:
+def test_the_glossary_is_in_alphabetical_order() -> None:
     page = (ROOT / "docs/glossary.md").read_text()
     words = re.findall(r"^\| ([^|]+) \|", page, re.MULTILINE)[1:]
     words = [word for word in words if not word.startswith("-")]

@@ -1,4 +1,4 @@
-"""Commands and options in README, guides and tutorials are those of the program."""
+"""Commands and options in README, guides and tutorials exist in the program."""
 
 from __future__ import annotations
 
@@ -30,23 +30,23 @@ NO_COMMANDS = ("rid-daq re", "rid-daq points 1")
 
 @pytest.fixture
 def root(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Root:
-    """Return the command line; its commands check their arguments and do nothing."""
+    """Return the command line with commands that check their arguments and do nothing."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("SHELL", "/bin/bash")  # --show-completion and --install-completion read it
-    (tmp_path / "motion.yaml").touch()  # some options are for motion files only
+    (tmp_path / "motion.yaml").touch()  # some options apply to motion files only
     for function in ("perform", "send", "require_memory"):
         monkeypatch.setattr(operation_command, function, lambda *_arguments: None)
     return Root()
 
 
 def call(root: Root, arguments: list[str]) -> None:
-    """Check a command line; `--help` and the like end it before it does anything."""
+    """Check a command line; `--help` and similar options end it before the command runs."""
     with root.make_context(PROGRAM, arguments) as context:
         root.invoke(context)
 
 
 def inline(page: Path) -> Iterator[str]:
-    """Yield the code in a page's sentences, without its blocks."""
+    """Yield the inline code of a page, without its blocks."""
     text = re.sub(r"^ *```.*?^ *```$", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
     text = re.sub(r"^    .*$", "", text, flags=re.M)
     for found in re.findall(r"`([^`]+)`", text):
@@ -64,7 +64,7 @@ def options() -> set[str]:
 
 
 @EACH_PAGE
-def test_a_command_of_a_page_is_accepted_by_the_program(page: Path, root: Root) -> None:
+def test_a_command_on_a_page_is_accepted_by_the_program(page: Path, root: Root) -> None:
     for step in console_steps(page):
         for arguments in program_arguments(step.command):
             try:
@@ -76,7 +76,7 @@ def test_a_command_of_a_page_is_accepted_by_the_program(page: Path, root: Root) 
 
 
 @EACH_PAGE
-def test_a_command_in_a_sentence_has_known_words_and_options(page: Path, root: Root) -> None:
+def test_a_command_in_a_sentence_has_existing_words_and_options(page: Path, root: Root) -> None:
     for text in inline(page):
         if not re.match(rf"{PROGRAM} [a-z-]", text) or text in NO_COMMANDS:
             continue
@@ -84,7 +84,7 @@ def test_a_command_in_a_sentence_has_known_words_and_options(page: Path, root: R
             try:
                 call(root, arguments)
             except (click.MissingParameter, click.BadOptionUsage, click.exceptions.Exit):
-                continue  # a sentence may leave out values
+                continue  # a sentence may omit values
             except (click.ClickException, RidDaqError) as error:
                 raise AssertionError(f"{page.name}: {text}") from error
 
@@ -107,7 +107,7 @@ def test_commands_are_in_console_blocks(page: Path) -> None:
 
 
 @EACH_GUIDE
-def test_a_guide_has_its_parts(page: Path) -> None:
+def test_a_guide_has_the_required_sections(page: Path) -> None:
     titles = re.findall(r"^## (.+)$", page.read_text(encoding="utf-8"), re.M)
     parts = [part for title in titles for part in PARTS if title.split(":")[0] == part]
     assert parts == list(PARTS)
@@ -122,6 +122,6 @@ def test_a_guide_has_its_parts(page: Path) -> None:
         ("record ir361 motion.yaml --pace fast", RidDaqError),
     ],
 )
-def test_a_mistake_in_a_command_is_found(root: Root, line: str, error: type[Exception]) -> None:
+def test_a_mistake_in_a_command_is_detected(root: Root, line: str, error: type[Exception]) -> None:
     with pytest.raises(error):
         call(root, line.split())

@@ -25,20 +25,20 @@ def read(path: str) -> str:
     return (ROOT / "docs" / path).read_text(encoding="utf-8")
 
 
-def test_the_guide_to_models_knows_every_friction_term() -> None:
+def test_the_guide_to_models_lists_every_friction_term() -> None:
     guide = read("guide/choose-the-model.md")
     words = set(re.findall(r"[a-z_]+", guide))
     assert not [term for term in get_args(FrictionTerm) if term not in words]
 
 
-def test_a_coupled_wrist_is_recorded_on_the_bus_as_the_guide_says() -> None:
+def test_a_coupled_wrist_is_recorded_on_the_bus_as_the_guide_describes() -> None:
     loaded = load_cell("kr15")
     assert loaded.robot.coupling is not None
     assert len(loaded.config.axes) == len(loaded.robot.joints)
     assert "is recorded on the bus" in " ".join(read("guide/choose-the-model.md").split())
 
 
-def test_heads_of_base_parameters_are_chosen_in_a_fixed_order_not_by_the_samples() -> None:
+def test_heads_of_base_parameters_do_not_depend_on_the_samples() -> None:
     model = RobotModel.from_description(load_cell("ir361").robot)
     found = [base_parameters(model, seed=seed) for seed in (0, 1, 2)]
     assert len({each.names for each in found}) == 1
@@ -46,7 +46,7 @@ def test_heads_of_base_parameters_are_chosen_in_a_fixed_order_not_by_the_samples
     assert "in a fixed order" in read("theory.md")
 
 
-def test_the_changelog_of_the_unreleased_version_fits_a_page() -> None:
+def test_the_changelog_of_the_unreleased_version_is_at_most_one_page() -> None:
     text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     unreleased = re.split(r"^## ", text, flags=re.MULTILINE)[1]
     assert len(unreleased.splitlines()) <= LONGEST_CHANGELOG, (
@@ -85,7 +85,7 @@ anything=goes here
 """
 
 
-def test_an_eds_may_hold_what_is_not_read_and_only_that() -> None:
+def test_an_eds_file_contains_unread_keys_only_where_allowed() -> None:
     parse_eds(SHEET.format(value="0").encode(), "d.eds")
     unreadable = parse_eds(SHEET.format(value="0x12G").encode(), "d.eds")
     assert any(found.faults for found in unreadable.objects)

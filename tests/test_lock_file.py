@@ -1,4 +1,4 @@
-"""Every package that rid-daq needs has a wheel for each Python that it runs on."""
+"""Every package that rid-daq needs has a wheel for each supported Python."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ GLIBC_2_28 = [
 
 
 def needed(minor: int) -> list[dict[str, Any]]:
-    """Return the locked packages that the program needs on one Python."""
+    """Return the locked packages that the program needs on one Python version."""
     locked = tomllib.loads((ROOT / "uv.lock").read_text())["package"]
     environment = {
         "python_full_version": f"3.{minor}.0",
@@ -51,7 +51,7 @@ def needed(minor: int) -> list[dict[str, Any]]:
 
 
 @pytest.mark.parametrize("minor", [11, 12, 13])
-def test_all_that_is_installed_are_wheels(minor: int) -> None:
+def test_only_wheels_are_installed(minor: int) -> None:
     tags: set[Tag] = {
         *cpython_tags((3, minor), platforms=GLIBC_2_28),
         *compatible_tags((3, minor), interpreter=f"cp3{minor}", platforms=GLIBC_2_28),

@@ -1,4 +1,4 @@
-"""The floor of lines that the fast tests must reach: what is added up, and when it is broken."""
+"""Minimum share of lines that the fast tests must reach: its computation and its check."""
 
 from __future__ import annotations
 
@@ -22,30 +22,30 @@ def house_of_three_files(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def counted(folder: Path, name: str, **files: dict[str, list[int]]) -> None:
-    """Write the counts of one process; `file` and `other` represent two source files."""
+    """Write the line counts of one process; `file` and `other` represent two source files."""
     paths = {"file": FILE, "other": OTHER}
     counts = {"files": {paths[word]: lines for word, lines in files.items()}}
     (folder / f"{name}.json").write_text(json.dumps(counts))
 
 
-def test_a_line_counts_once_whatever_process_has_reached_it(tmp_path: Path) -> None:
+def test_a_line_counts_once_for_all_processes(tmp_path: Path) -> None:
     counted(tmp_path, "1", file={"executed_lines": [1, 2], "missing_lines": [3, 4]})
     counted(tmp_path, "2", file={"executed_lines": [2, 3], "missing_lines": [1, 4]})
     assert added(tmp_path)[FILE] == (3, 4)
 
 
-def test_a_file_that_nobody_has_imported_counts_with_all_its_lines(tmp_path: Path) -> None:
+def test_a_file_that_was_never_imported_counts_with_all_its_lines(tmp_path: Path) -> None:
     counted(tmp_path, "1", file={"executed_lines": [1, 2], "missing_lines": []})
     reached, of = added(tmp_path)[OTHER]
     assert reached == 0
     assert of > 2
 
 
-def test_what_numba_compiles_is_not_counted(tmp_path: Path) -> None:
+def test_lines_compiled_by_numba_are_not_counted(tmp_path: Path) -> None:
     assert set(added(tmp_path)) == {FILE, OTHER}
 
 
-def test_a_package_below_its_floor_fails_the_run(
+def test_a_package_below_its_minimum_fails_the_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     counted(tmp_path, "1", file={"executed_lines": [1, 2], "missing_lines": [3, 4]})
@@ -59,5 +59,5 @@ def test_a_package_below_its_floor_fails_the_run(
     assert f"3 of    4 lines not reached: {OTHER}" in shown
 
 
-def test_a_share_is_of_lines_not_of_files() -> None:
+def test_the_share_is_of_lines_and_not_of_files() -> None:
     assert shares({FILE: (0, 1), OTHER: (9, 9)})["config"] == pytest.approx(90.0)

@@ -1,4 +1,4 @@
-"""The notebooks run as they stand, and are what their pages say."""
+"""Notebooks run unchanged and agree with the pages from which they are made."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ def make() -> Any:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_a_notebook_is_what_its_page_says(page: Path, make: Any) -> None:
+def test_a_notebook_agrees_with_its_page(page: Path, make: Any) -> None:
     written = page.with_suffix(".ipynb").read_text(encoding="utf-8")
     assert written == make.notebook(page.read_text(encoding="utf-8")), "run docs/notebooks/make.py"
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_a_notebook_runs(
+def test_a_notebook_runs_without_an_error(
     page: Path, make: Any, real_robot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for folder in ("ur10e", "ur10"):

@@ -1,4 +1,4 @@
-"""The layout's own promises: our generic package names are ours alone, and files stay small."""
+"""Layout of the project: names of packages, sizes of files and rooms, cost of imports."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ PACKAGES = (
 
 @pytest.fixture(scope="module")
 def distributions() -> Mapping[str, list[str]]:
-    """Every package that is installed, with those who ship it."""
+    """Return every installed package with the distributions that contain it."""
     return importlib.metadata.packages_distributions()
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_no_other_distribution_ships_a_package_of_our_name(
+def test_no_other_distribution_contains_a_package_of_our_name(
     package: str, distributions: Mapping[str, list[str]]
 ) -> None:
     assert set(distributions.get(package, [])) <= {"rid-daq"}
@@ -43,7 +43,7 @@ def test_no_other_distribution_ships_a_package_of_our_name(
     assert Path(module.__file__).resolve().parent == ROOT / package
 
 
-def test_a_file_is_one_noun_of_at_most_400_lines() -> None:
+def test_a_file_has_at_most_400_lines() -> None:
     long = {
         str(path.relative_to(ROOT)): lines
         for package in (*PACKAGES, "tests", "benchmarks")
@@ -53,7 +53,7 @@ def test_a_file_is_one_noun_of_at_most_400_lines() -> None:
     assert long == {}
 
 
-def test_a_room_holds_at_most_20_files() -> None:
+def test_a_room_has_at_most_20_files() -> None:
     """`__init__.py` counts too."""
     full = {
         str(room.relative_to(ROOT)): files
@@ -64,7 +64,7 @@ def test_a_room_holds_at_most_20_files() -> None:
     assert full == {}
 
 
-def test_an_init_file_holds_one_docstring_and_only_the_api_more() -> None:
+def test_an_init_file_contains_one_docstring_and_only_the_api_more() -> None:
     for package in PACKAGES:
         for path in (ROOT / package).rglob("__init__.py"):
             if path == ROOT / "rid_daq" / "api" / "__init__.py":
@@ -79,13 +79,13 @@ def test_an_init_file_holds_one_docstring_and_only_the_api_more() -> None:
     "module",
     ["acquisition.task.process", "acquisition.session.cycle_recorder", "mock_hw.drives_process"],
 )
-def test_a_process_of_a_cell_starts_without_what_it_does_not_use(module: str) -> None:
+def test_a_process_of_a_cell_imports_no_unused_library(module: str) -> None:
     heavy = ("pandas", "asammdf", "scipy.sparse", "scipy.optimize", "matplotlib", "click")
     assert loaded_by(module, heavy) == "set()"
 
 
 @pytest.mark.parametrize("name", ["identify.identify", "experiment.record"])
-def test_a_command_starts_without_what_takes_a_second_to_import(name: str) -> None:
+def test_a_command_imports_no_slow_unused_library(name: str) -> None:
     heavy = ("scipy.stats", "scipy.signal", "uvicorn", "starlette")
     assert loaded_by(f"rid_daq.operations.{name}", heavy) == "set()"
 
@@ -107,15 +107,13 @@ def test_a_command_starts_without_what_takes_a_second_to_import(name: str) -> No
         ("rid_daq.api", ("scipy.signal", "scipy.stats", "matplotlib", "bokeh")),
     ],
 )
-def test_what_a_command_does_loads_no_library_that_it_does_not_use(
-    module: str, heavy: tuple[str, ...]
-) -> None:
-    """Most of the memory of averaging and of identifying is libraries."""
+def test_a_room_imports_no_unused_library(module: str, heavy: tuple[str, ...]) -> None:
+    """Libraries need most of the memory of averaging and identification."""
     assert loaded_by(module, heavy) == "set()"
 
 
-def test_a_report_without_a_figure_loads_nothing_that_draws() -> None:
-    """Half of what a command that only records would compute."""
+def test_a_report_without_a_figure_imports_no_plot_library() -> None:
+    """Otherwise a recording command would spend half of its time on these imports."""
     program = (
         "import sys\n"
         "from pathlib import Path\n"
@@ -131,7 +129,7 @@ def test_a_report_without_a_figure_loads_nothing_that_draws() -> None:
 
 
 def loaded_by(module: str, heavy: tuple[str, ...]) -> str:
-    """Return which of the heavy modules are there once a module is imported, as a set's text."""
+    """Return the given modules that are imported together with a module, as the text of a set."""
     program = f"import sys, {module}; print({{*{heavy}}} & set(sys.modules))"
     shown = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, cwd=ROOT, check=True
@@ -139,8 +137,8 @@ def loaded_by(module: str, heavy: tuple[str, ...]) -> str:
     return shown.stdout.strip()
 
 
-def test_a_test_is_marked_in_its_own_file() -> None:
-    """.ci/run looks for the marks of its parts in the files of tests, and collects no others."""
+def test_only_test_files_contain_marks() -> None:
+    """.ci/run searches for marks in the files of tests, and collects no others."""
     marks = ("mark" + ".slow", "mark" + ".alone")
     found = [
         str(path.relative_to(ROOT))
@@ -159,7 +157,7 @@ def tree_of(path: Path) -> ast.Module:
 
 
 def functions_of(path: Path) -> Iterator[tuple[str, int, bool]]:
-    """Yield name, width and whether it is compiled, of every function of a file."""
+    """Yield name, number of parameters and True if compiled, for every function of a file."""
     for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             given = node.args
@@ -170,8 +168,8 @@ def functions_of(path: Path) -> Iterator[tuple[str, int, bool]]:
             yield node.name, width, "kernel" in marks or "njit" in marks
 
 
-def test_a_function_takes_at_most_eight_parameters() -> None:
-    """Compiled kernels take arrays one by one."""
+def test_a_function_has_at_most_eight_parameters() -> None:
+    """Compiled kernels are excluded: they have one parameter per array."""
     wide = set()
     for package in PACKAGES:
         for path in (ROOT / package).rglob("*.py"):
@@ -182,8 +180,8 @@ def test_a_function_takes_at_most_eight_parameters() -> None:
     assert wide == set()
 
 
-def test_the_program_passes_on_few_dictionaries_that_may_hold_anything() -> None:
-    """Data with a known structure have a class; only data that are passed on are dictionaries."""
+def test_the_program_has_few_untyped_dictionaries() -> None:
+    """Data with a known structure have a class; dictionaries are only for data passed on."""
     found = {
         str(path.relative_to(ROOT)): count
         for path in (ROOT / "rid_daq").rglob("*.py")
@@ -192,8 +190,8 @@ def test_the_program_passes_on_few_dictionaries_that_may_hold_anything() -> None
     assert sum(found.values()) <= 15, found
 
 
-def test_a_motion_is_hardly_ever_asked_for_its_kind() -> None:
-    """Differences between kinds of motion are in their classes."""
+def test_the_kind_of_a_motion_is_hardly_ever_queried() -> None:
+    """Differences between the kinds of motion are in their classes."""
     kinds = ROOT / "acquisition" / "motion" / "kinds"
     names = {
         node.name
@@ -214,8 +212,8 @@ def test_a_motion_is_hardly_ever_asked_for_its_kind() -> None:
     assert len(asked) <= 3, asked
 
 
-def test_the_help_of_no_command_waits_for_numerics() -> None:
-    """A command's module has its options; what it does is imported when it is called."""
+def test_the_help_of_a_command_imports_no_numerical_library() -> None:
+    """The module of a command has its options; the implementation is imported by its call."""
     program = (
         "import io, sys, contextlib\n"
         "from rid_daq.app import run\n"

@@ -31,7 +31,7 @@ HITS_PER_1000_WORDS = {
 
 
 @pytest.mark.parametrize("place", HITS_PER_1000_WORDS)
-def test_a_folder_reads_as_plain_english(place: str) -> None:
+def test_the_texts_of_a_folder_are_plain_english(place: str) -> None:
     read = files(ROOT / place)
     found = [hit for path in read for hit in hits(path)]
     rate = 1000 * len(found) / sum(map(words, read))

@@ -1,4 +1,4 @@
-"""The reference pages say what the code says."""
+"""Reference pages agree with the code."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from config.error_codes import declared_codes
 REFERENCE = Path(__file__).resolve().parent.parent / "docs" / "reference"
 
 
-def test_the_reference_pages_are_what_the_code_says() -> None:
-    # In a process of its own: the help's width is read when the command line is first imported.
+def test_the_reference_pages_agree_with_the_code() -> None:
+    # In a separate process: the width of the help is read at the first import of the command line.
     code = (
         "import importlib.util, json\n"
         f"spec = importlib.util.spec_from_file_location('make', {str(REFERENCE / 'make.py')!r})\n"
@@ -42,14 +42,14 @@ def test_the_reference_pages_are_what_the_code_says() -> None:
     assert f"<!-- profiles -->\n{profiles}<!-- profiles end -->" in guide, how
 
 
-def test_every_key_of_a_file_has_a_meaning() -> None:
+def test_every_key_of_a_file_has_a_description() -> None:
     page = (REFERENCE / "files.md").read_text(encoding="utf-8")
     keys = [line for line in page.splitlines() if line.startswith("| `")]
     assert keys
     assert [line for line in keys if line.endswith("|  |")] == []
 
 
-def test_the_page_of_the_error_codes_is_what_the_code_says() -> None:
+def test_the_page_of_error_codes_agrees_with_the_code() -> None:
     path = REFERENCE / "errors.py"
     spec = importlib.util.spec_from_file_location("errors_page", path)
     assert spec is not None

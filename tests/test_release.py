@@ -1,4 +1,4 @@
-"""Content of a release, and its operation in an environment without other packages."""
+"""Content of a release, and its use in an environment without other packages."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ import pytest
 from tests.test_packages import PACKAGES
 
 ROOT = Path(__file__).resolve().parent.parent
-UV = shutil.which("uv") or str(ROOT / ".uv" / "bin" / "uv")  # as ./environment.sh makes it
+UV = shutil.which("uv") or str(ROOT / ".uv" / "bin" / "uv")  # as ./environment.sh does it
 
 
 @pytest.mark.skipif(sys.version_info >= (3, 12), reason="the page is made on Python 3.11")
-def test_the_page_of_licences_names_all_that_is_installed() -> None:
+def test_the_page_of_licences_lists_all_installed_packages() -> None:
     path = ROOT / "release" / "third_party.py"
     spec = importlib.util.spec_from_file_location("third_party", path)
     assert spec is not None
@@ -33,7 +33,7 @@ def test_the_page_of_licences_names_all_that_is_installed() -> None:
         assert f"\n{name} " in texts
 
 
-def test_a_release_is_signed_or_says_that_it_is_a_trial(tmp_path: Path) -> None:
+def test_a_release_is_signed_or_marked_as_a_trial(tmp_path: Path) -> None:
     environment = {k: v for k, v in os.environ.items() if k != "RID_DAQ_SIGNING_KEY"}
     done = subprocess.run(
         [ROOT / "release" / "release.sh", tmp_path],
@@ -49,21 +49,22 @@ def test_a_release_is_signed_or_says_that_it_is_a_trial(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def release(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the folder of a trial of a release."""
+    """Return the folder of a trial release."""
     folder = tmp_path_factory.mktemp("release") / "new"
     subprocess.run([ROOT / "release" / "release.sh", "--unsigned", folder], check=True)
     return folder
 
 
 @pytest.mark.long
-def test_a_release_holds_what_a_person_installs_and_checks(release: Path) -> None:
+def test_a_release_contains_the_files_to_install_and_to_verify(release: Path) -> None:
     subprocess.run(["sha256sum", "--check", "--quiet", "SHA256SUMS"], cwd=release, check=True)
     names = {path.name for path in release.iterdir()}
     assert {"Containerfile", "requirements.txt", "THIRD-PARTY-LICENCES.txt"} < names
     pinned, hashed = (
         (release / f"{name}.txt").read_text() for name in ("constraints", "requirements")
     )
-    assert "--hash" not in pinned  # one would make pip and pipx want a hash of the wheel too
+    # with a hash for one package, pip and pipx require a hash of the wheel too
+    assert "--hash" not in pinned
     assert [line for line in pinned.splitlines() if line.split(" ")[0] not in hashed] == []
     bill = json.loads((release / "rid-daq.cdx.json").read_text())
     listed = {each["name"] for each in bill["components"]}
@@ -73,8 +74,8 @@ def test_a_release_holds_what_a_person_installs_and_checks(release: Path) -> Non
 
 
 @pytest.mark.long
-def test_the_wheel_has_every_file_of_the_packages(release: Path) -> None:
-    """All commands, including the demo, find their files from an empty directory."""
+def test_the_wheel_contains_every_file_of_the_packages(release: Path) -> None:
+    """Every command, including the demo, finds its files from an empty directory."""
     with zipfile.ZipFile(next(release.glob("rid_daq-*.whl"))) as wheel:
         packed = set(wheel.namelist())
     words = ("git", "ls-tree", "-r", "--name-only", "HEAD", *PACKAGES)

@@ -1,4 +1,4 @@
-"""docs/security.md: each promise names its tests, and each test's promise is on the page."""
+"""docs/security.md: each promise names its tests, and each promise of a test is on the page."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _TEST = re.compile(r"`(tests/[^`]+)`")
 
 @pytest.fixture(scope="module")
 def marked() -> dict[str, set[str]]:
-    """Return the tests that are marked with `promise`, by the promise's name."""
+    """Return the tests marked with `promise`, by the name of the promise."""
     spec = importlib.util.spec_from_file_location("fault_page", ROOT / "docs" / "fault_page.py")
     assert spec is not None
     assert spec.loader is not None
@@ -26,7 +26,7 @@ def marked() -> dict[str, set[str]]:
     return found
 
 
-def test_each_promise_names_tests_that_hold_it(marked: dict[str, set[str]]) -> None:
+def test_each_promise_names_its_tests(marked: dict[str, set[str]]) -> None:
     rows = _ROW.findall(PAGE.read_text(encoding="utf-8"))
     assert rows
     for name, rest in rows:
@@ -35,6 +35,6 @@ def test_each_promise_names_tests_that_hold_it(marked: dict[str, set[str]]) -> N
         assert named <= marked.get(name, set()), f"{name}: a test is gone, or is not marked so"
 
 
-def test_each_marked_promise_is_on_the_page_once(marked: dict[str, set[str]]) -> None:
+def test_each_marked_promise_occurs_once_on_the_page(marked: dict[str, set[str]]) -> None:
     names = [name for name, _ in _ROW.findall(PAGE.read_text(encoding="utf-8"))]
     assert sorted(names) == sorted(marked)

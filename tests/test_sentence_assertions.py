@@ -1,4 +1,4 @@
-"""The assertions on sentences only get fewer."""
+"""The number of assertions on sentences must not grow."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ AT_MOST: Final = 71
 """Number of such assertions, including 60 in variables; it must only decrease."""
 
 
-def test_assertions_on_sentences_only_get_fewer() -> None:
+def test_the_number_of_assertions_on_sentences_does_not_grow() -> None:
     places = [f"{path.relative_to(ROOT)}:{line}" for path, line in sentence_assertions(TESTS)]
     assert len(places) <= AT_MOST, places
 
@@ -28,7 +28,7 @@ def test_each_kind_of_sentence_is_counted(tmp_path: Path) -> None:
     assert sorted(line for _, line in sentence_assertions(tmp_path)) == [1, 2, 3, 4]
 
 
-def test_sentences_in_variables_are_counted_where_they_are_asserted(tmp_path: Path) -> None:
+def test_sentences_in_variables_are_counted_at_their_assertion(tmp_path: Path) -> None:
     (tmp_path / "test_some.py").write_text(
         'TEXT = "cannot open"\n'
         "def test_a():\n"

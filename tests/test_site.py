@@ -38,7 +38,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_nothing_of_the_site_is_fetched_from_elsewhere(site: Path) -> None:
+def test_the_site_loads_nothing_from_other_servers(site: Path) -> None:
     for page in site.rglob("*.html"):
         text = page.read_text(encoding="utf-8")
         for tag in ("<script src=", '<link rel="stylesheet" type="text/css" href=', "<img src="):
@@ -49,14 +49,14 @@ def test_nothing_of_the_site_is_fetched_from_elsewhere(site: Path) -> None:
     )
 
 
-def test_the_search_puts_decisions_behind_guides(site: Path) -> None:
+def test_the_search_lists_decisions_after_guides(site: Path) -> None:
     order = (site / "_static" / "language_data.js").read_text().split("score:")[1]
     assert "decisions" in order[:90]
     assert "wide.css" in (site / "index.html").read_text()
 
 
 @pytest.mark.parametrize("width", [390, 820, 1030, 1215, 1216, 1320, 1472])
-def test_a_page_is_as_wide_as_its_window(site: Path, browser: Browser, width: int) -> None:
+def test_a_page_uses_the_width_of_its_window(site: Path, browser: Browser, width: int) -> None:
     with browser.new_page(viewport={"width": width, "height": 800}) as page:
         for name in ("guide/friction", "guide/payload", "glossary", "architecture"):
             page.goto((site / f"{name}.html").as_uri())
@@ -64,7 +64,7 @@ def test_a_page_is_as_wide_as_its_window(site: Path, browser: Browser, width: in
             assert cut <= 0, name
 
 
-def test_drawings_are_drawn_and_not_shown_as_text(site: Path) -> None:
+def test_diagrams_are_rendered_and_not_shown_as_text(site: Path) -> None:
     for source in (ROOT / "docs").rglob("*.md"):
         wanted = source.read_text(encoding="utf-8").count("```mermaid")
         page = site / source.relative_to(ROOT / "docs").with_suffix(".html")
@@ -74,7 +74,7 @@ def test_drawings_are_drawn_and_not_shown_as_text(site: Path) -> None:
     assert "acquisition/session/plate_recorder.py" in (site / "architecture.html").read_text()
 
 
-def test_pictures_are_small_and_each_is_shown() -> None:
+def test_pictures_are_small_and_used() -> None:
     taken = {path.name: path for path in (ROOT / "docs" / "pictures").iterdir()}
     pages = "".join(
         page.read_text() for page in (ROOT / "README.md", *(ROOT / "docs").rglob("*.md"))
@@ -83,7 +83,7 @@ def test_pictures_are_small_and_each_is_shown() -> None:
     assert all(path.stat().st_size <= 150_000 for path in taken.values())
 
 
-def test_a_topic_is_a_page_or_says_which_pages_it_may_be(site: Path) -> None:
+def test_a_topic_opens_its_page_or_lists_the_candidates(site: Path) -> None:
     assert docs.find_page(site, None) == site / "index.html"
     assert docs.find_page(site, "payload") == site / "guide" / "payload.html"
     assert docs.find_page(site, "faults") == site / "faults.html"
@@ -94,7 +94,7 @@ def test_a_topic_is_a_page_or_says_which_pages_it_may_be(site: Path) -> None:
         docs.find_page(site, "welding")
 
 
-def test_the_command_says_where_the_page_is(
+def test_the_command_prints_the_address_of_the_page(
     site: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(docs, "SITE", site)
@@ -104,7 +104,7 @@ def test_the_command_says_where_the_page_is(
     assert json.loads(capsys.readouterr().out) == {"page": str(site / "index.html")}
 
 
-def test_an_installation_without_the_site_says_where_to_read(
+def test_an_installation_without_the_site_is_an_error_that_says_where_to_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(docs, "SITE", tmp_path)

@@ -34,7 +34,7 @@ def docstrings() -> list[tuple[str, str]]:
     return found
 
 
-def test_every_section_that_is_cited_is_there() -> None:
+def test_every_cited_section_exists() -> None:
     sections = set(re.findall(r"^#{2,3} (\d+(?:\.\d+)?)\.? ", PAGE, re.MULTILINE))
     cited = [
         (place, number)
@@ -46,7 +46,7 @@ def test_every_section_that_is_cited_is_there() -> None:
     assert [item for item in cited if item[1] not in sections] == []
 
 
-def test_every_equation_of_the_thesis_that_is_cited_is_there() -> None:
+def test_every_cited_equation_of_the_thesis_exists() -> None:
     known = set(re.findall(r"\(((?:[2-6]|[A-D])\.\d+)\)", PAGE))
     for first, last in re.findall(r"\((\w\.\d+)\)\\text\{–\}\((\w\.\d+)\)", PAGE):
         known |= set(_between(first, last))
@@ -60,7 +60,7 @@ def test_every_equation_of_the_thesis_that_is_cited_is_there() -> None:
     assert [item for item in cited if item[1] not in known] == []
 
 
-def test_every_paper_that_is_cited_is_among_the_references() -> None:
+def test_every_cited_paper_is_in_the_references() -> None:
     references = PAGE[PAGE.index("## References") :].splitlines()
     missing = [
         (place, match[0])
@@ -71,7 +71,7 @@ def test_every_paper_that_is_cited_is_among_the_references() -> None:
     assert missing == []
 
 
-def test_every_file_that_the_page_names_is_there() -> None:
+def test_every_file_named_on_the_theory_page_exists() -> None:
     named = re.findall(r"`((?:\w+/)+\w+\.\w+)`", PAGE)
     assert len(named) > 40
     gone = [name for name in named if not (ROOT / name).exists()]
@@ -79,7 +79,7 @@ def test_every_file_that_the_page_names_is_there() -> None:
 
 
 def _numbers(text: str) -> list[str]:
-    """Return the numbers of a citation such as `2.25, 2.26`; of `2.8-2.14` first and last."""
+    """Return the numbers of a citation such as `2.25, 2.26`; for `2.8-2.14` first and last."""
     return re.split(", |-", text)
 
 

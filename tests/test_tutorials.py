@@ -1,4 +1,4 @@
-"""The tutorials' commands do what the tutorials show, in an empty folder, one after the other."""
+"""Commands of the tutorials print what the tutorials show, in an empty folder in sequence."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _RUN = re.compile(r"\b[0-9A-HJKMNP-TV-Z]{26}\b")
 _PATH = re.compile(r"/\S+")
 
 
-def told(line: str) -> str:
-    """Return a line without its numbers, paths, runs' ids and the widths of its columns."""
+def normalised(line: str) -> str:
+    """Return a line without its numbers, paths, ids of runs and column widths."""
     names = _RUN.sub("RUN", _PATH.sub("PATH", line))
     return re.sub(r"\s+", " ", _NUMBER.sub("#", names)).strip()
 
 
 def files_of(page: Path) -> Iterator[tuple[str, str]]:
-    """Give each file that a page has its reader write; a comment at its top is its name."""
+    """Yield each file that a page asks the reader to write; the comment at its top is its name."""
     text = page.read_text(encoding="utf-8")
     for block in re.findall(r"```(?:yaml|xml)\n(.*?)```", text, re.DOTALL):
         named = re.match(r"(?:# |<!-- )([\w.-]+)(?: -->)?\n", block)
@@ -37,9 +37,9 @@ def files_of(page: Path) -> Iterator[tuple[str, str]]:
 
 
 def require_shown(shown: list[str], said: list[str], command: str) -> None:
-    """Compare what a page shows with what a command said; an ellipsis is any lines."""
-    parts = "\n".join(map(told, shown)).split("…\n") if shown else []
-    text = "\n".join(map(told, said)) + "\n"
+    """Compare the output on a page with that of the command; an ellipsis stands for any lines."""
+    parts = "\n".join(map(normalised, shown)).split("…\n") if shown else []
+    text = "\n".join(map(normalised, said)) + "\n"
     at = 0
     for number, part in enumerate(each.rstrip("…").rstrip("\n") for each in parts):
         found = text.find(part, at)
@@ -56,7 +56,7 @@ def require_shown(shown: list[str], said: list[str], command: str) -> None:
     [pytest.param(name, marks=pytest.mark.slow) for name in NAMES[:1]]
     + [pytest.param(name, marks=pytest.mark.long) for name in NAMES[1:]],
 )
-def test_a_tutorial_shows_what_its_commands_say(name: str, tmp_path: Path) -> None:
+def test_a_tutorial_shows_the_output_of_its_commands(name: str, tmp_path: Path) -> None:
     own = Path(sys.executable).parent
     environment = {**os.environ, "PATH": f"{own}:{os.environ['PATH']}", "COLUMNS": "200"}
     page = TUTORIALS / f"{name}.md"
@@ -79,5 +79,5 @@ def test_a_tutorial_shows_what_its_commands_say(name: str, tmp_path: Path) -> No
         require_shown(list(step.shown), done.stdout.splitlines(), step.command)
 
 
-def test_every_tutorial_is_tried() -> None:
+def test_every_tutorial_is_tested() -> None:
     assert {path.stem for path in TUTORIALS.glob("*.md")} == set(NAMES)
