@@ -71,7 +71,6 @@ def test_a_path_that_stops_at_corners_is_split_there() -> None:
     )
 
 
-<<<<<<< HEAD
 def test_a_path_that_turns_back_is_several() -> None:
     """The rows of the motion jump over the pose in which it turns."""
     first, turn = POINTS[:2]
@@ -83,10 +82,7 @@ def test_a_path_that_turns_back_is_several() -> None:
     assert ways[0].rest_s == 0.0
 
 
-def still(rows: np.ndarray) -> MotionSamples:
-=======
 def at_rest(rows: np.ndarray) -> MotionSamples:
->>>>>>> 6862303e (Name tests of drivers, motions and payloads plainly)
     zero = np.zeros_like(rows)
     return MotionSamples(
         ("a", "b", "c"), 0.004, rows, zero, zero, np.full(len(rows), Phase.MAIN, np.uint8)

@@ -52,14 +52,8 @@ HELD: dict[str, tuple[str, ...]] = {
         IMPORT + "test_a_serious_mistake_gives_exit_code_6_and_its_likely_cause",
     ),
     "a load mass in grams or halved": (
-<<<<<<< HEAD
         REAL + "test_a_load_mass_that_needs_an_implausible_drive_gain_is_refused",
-        "tests/config/test_plausible.py"
-        "::test_a_command_s_number_in_another_unit_is_refused_by_its_option",
-=======
-        REAL + "test_a_load_mass_that_no_drive_gain_explains_is_refused",
         "tests/config/test_plausible.py::test_a_number_in_another_unit_is_refused_with_its_option",
->>>>>>> 6862303e (Name tests of drivers, motions and payloads plainly)
     ),
     "a known mass that contradicts": (
         PAYLOAD + "test_the_mass_of_another_payload_fails_the_verdict",
