@@ -25,7 +25,7 @@ def curve_through_positions(time_s: FloatArray, position: FloatArray) -> TimedCu
     from scipy.interpolate import make_interp_spline  # a slow import that few motions need
 
     rest = [(1, np.zeros(position.shape[1])), (2, np.zeros(position.shape[1]))]
-    return make_interp_spline(time_s, position, k=5, bc_type=(rest, rest))  # type: ignore[arg-type, no-any-return]
+    return make_interp_spline(time_s, position, k=5, bc_type=(rest, rest))  # type: ignore[arg-type]
 
 
 def curve_through_velocities(
@@ -66,4 +66,4 @@ def curve_through_velocities(
         v0,
         position[:-1],
     ]
-    return PPoly(np.array(quintic), time_s)  # type: ignore[no-any-return]
+    return PPoly(np.array(quintic), time_s)

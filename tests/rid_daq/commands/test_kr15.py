@@ -250,9 +250,7 @@ def fast_cell(loaded: LoadedCell) -> SimulatedCell:
 def session(
     loaded: LoadedCell, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[tuple[SimulatedCell, list[tuple[RecordOutcome, RunFolder]]]]:
-    """Yield a cell with a cycle of 4 ms, and its runs without and with a payload.
-
-    Drive 5 does not answer the monitor once."""
+    """Yield runs without and with a payload at a cycle of 4 ms; drive 5 is silent once."""
     path = tmp_path_factory.mktemp("runs")
     with fast_cell(loaded) as simulated:
         runs = [record(loaded, simulated.cell, motion(1, 0.1, 2.0), path)]
