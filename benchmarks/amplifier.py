@@ -68,7 +68,7 @@ def rows_of(form: str) -> list[bytes]:
     return [row.rstrip(b"\r") + b"\n" for row in rows] if form == "ascii" else rows
 
 
-def play(pipe: Connection) -> None:
+def run_jobs(pipe: Connection) -> None:
     """Run jobs one after the other until the pipe is closed."""
     rows = {form: rows_of(form) for form in ("ascii", "binary")}
     with contextlib.suppress(EOFError):
@@ -175,11 +175,11 @@ def highest_held(player: Connection, reader: Reader, form: str, seconds: float) 
 
 
 @contextlib.contextmanager
-def played() -> Iterator[Connection]:
+def simulated_device() -> Iterator[Connection]:
     """Start the process that simulates the amplifier."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
-    process = context.Process(target=play, args=(theirs,), daemon=True)
+    process = context.Process(target=run_jobs, args=(theirs,), daemon=True)
     process.start()
     theirs.close()
     try:
@@ -194,7 +194,7 @@ def main() -> int:
     seconds = 3.0 if "--quick" in sys.argv else 20.0
     gc.freeze()
     gc.disable()
-    with played() as player:
+    with simulated_device() as player:
         cost = {
             name: run(player, reader, Job(form, RATE_HZ, seconds, dropping=False))
             for name, reader, form in (

@@ -112,7 +112,7 @@ def begin_motion(client: ServiceClient, key: str) -> tuple[Job, ControlBlock]:
 
 
 @contextlib.contextmanager
-def attacked(target: Target) -> Iterator[None]:
+def run_attackers(target: Target) -> Iterator[None]:
     """Run every attacker, and a busy process on every core."""
     context = multiprocessing.get_context("spawn")
     processes = [context.Process(target=attack, args=(name, target)) for name in ATTACKS]
@@ -176,7 +176,7 @@ def main() -> int:
             job, control = begin_motion(client, key)
             database = folder / STATE_FOLDER / "service.db"
             moved = Pressed()
-            with attacked(Target(port, MOVING_CELL, viewer, database)):
+            with run_attackers(Target(port, MOVING_CELL, viewer, database)):
                 raise_priority()
                 found = press_all(port, presses)
                 began_s = time.monotonic()

@@ -166,7 +166,7 @@ class Refusals:
         return self.refused / self.draws
 
 
-def drawn(estimate: Estimate, values: FloatArray, random: np.random.Generator) -> Estimate:
+def draw_estimate(estimate: Estimate, values: FloatArray, random: np.random.Generator) -> Estimate:
     """Return an estimate of base parameters with a random error of its covariance."""
     sigma, factor = jackknife_metric(estimate)
     return replace(estimate, values=values + sigma * (factor @ random.normal(size=len(sigma))))
@@ -184,7 +184,7 @@ def false_refusals(draws: int) -> dict[str, Refusals]:
             random = np.random.default_rng([seed, number])
             values = estimate.base.from_standard(robot)
             for _ in range(draws // len(NOISES_NM)):
-                counted.add(drawn(estimate, values, random))
+                counted.add(draw_estimate(estimate, values, random))
     return found
 
 
@@ -199,7 +199,7 @@ def power(draws: int) -> Refusals:
             for _ in range(draws):
                 values = base.from_standard(sound_robot(estimate))
                 values[i] = -LEVEL_SIGMAS * sigma[i]
-                found.add(drawn(estimate, values, random), base.names[i])
+                found.add(draw_estimate(estimate, values, random), base.names[i])
     return found
 
 

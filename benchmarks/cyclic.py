@@ -287,7 +287,7 @@ def percentiles(times_s: Times) -> str:
     return f"p50 {p50:.0f}, p99 {p99:.0f} us"
 
 
-def joined(outcomes: list[Outcome]) -> Outcome:
+def join_runs(outcomes: list[Outcome]) -> Outcome:
     """Return several runs of a program as one."""
     return Outcome(
         late_s=np.concatenate([each.late_s for each in outcomes]),
@@ -319,7 +319,7 @@ def main() -> int:
             for _ in range(rounds):
                 for name, program in programs.items():
                     runs[name].append(measure(scenario, name, seconds, program))
-            of = {name: joined([outcome for outcome, _ in own]) for name, own in runs.items()}
+            of = {name: join_runs([outcome for outcome, _ in own]) for name, own in runs.items()}
             second = round(1.0 / scenario.cycle_time_s)
             late_s = {name: calm_p99(outcome.late_s, second) for name, outcome in of.items()}
             for name, outcome in of.items():

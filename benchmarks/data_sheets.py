@@ -31,7 +31,7 @@ from drivers.servo.eds_fit import EdsFit, fit_eds, torque_objects
 
 SERVO_DRIVE = 402
 WORDS: Final = ((0x6040, 0), (0x6041, 0))
-"""Controlword and statusword; a CiA 402 drive has both, whatever its object 1000h says."""
+"""Controlword and statusword; a CiA 402 drive has both, for any value of its object 1000h."""
 MANUFACTURER_INDICES: Final = range(0x2000, 0x6000)
 TORQUES: Final = (0x6077, 0x6078)
 TYPE_BIT, SEVERAL = 1 << 17, 0xFF

@@ -63,7 +63,7 @@ def task() -> ExcitationProblem:
     return replace(problem, criterion=Condition(link_side))
 
 
-def condition(problem: ExcitationProblem, motion: FourierMotion) -> float:
+def condition_number_of(problem: ExcitationProblem, motion: FourierMotion) -> float:
     """Return a motion's condition number by the problem's criterion."""
     points = 40 * max(len(joint.sine) for joint in motion.joints)
     grid = motion.trajectory(problem.robot, PERIOD_S / points)
@@ -81,7 +81,7 @@ def best_draw(problem: ExcitationProblem, seed: int, budget_s: float) -> tuple[f
     for motion in two_harmonic_draws(
         problem.robot, TwoHarmonicOptions(PERIOD_S, limit_fraction=0.9, seed=seed)
     ):
-        best = min(best, condition(problem, motion))
+        best = min(best, condition_number_of(problem, motion))
         count += 1
         if time.monotonic() > until_s:
             break
@@ -112,7 +112,7 @@ def main() -> int:
     if best is not None:
         torque = np.array([joint.limits.torque for joint in problem.robot.joints])
         scaled = replace(problem, expected_noise_nm=torque, criterion=Condition())
-        number = condition(scaled, best.motion)
+        number = condition_number_of(scaled, best.motion)
         print(f"of the same motion by (2.25, 2.26), free of units: {number:.2f}")
 
     work = joblib.delayed(best_draw)

@@ -100,7 +100,7 @@ def at_rate(recording: Recording, rate_hz: int) -> Recording:
     return recording.part(slice(None, None, round(1.0 / (rate_hz * ROW_S))))
 
 
-def measured(recording: Recording, noise: str, random: np.random.Generator) -> Recording:
+def add_noise(recording: Recording, noise: str, random: np.random.Generator) -> Recording:
     """Return a recording with an encoder's steps and torque noise."""
     step = 2.0 * np.pi / 2**BITS
     torque = recording.torque_nm
@@ -127,7 +127,7 @@ def slow_noise(
     return np.asarray(found[start:])
 
 
-def identified(exact: Exact, recording: Recording, band_hz: float = BAND_HZ) -> Estimate:
+def identify_recording(exact: Exact, recording: Recording, band_hz: float = BAND_HZ) -> Estimate:
     """Return the estimate of a recording."""
     return fit_smoothed(exact.arm.robot, [smooth_nonperiodic(recording, band_hz)]).estimate()
 
@@ -139,7 +139,7 @@ def is_friction(estimate: Estimate) -> list[bool]:
 
 def bias_percent(exact: Exact, rate_hz: int, band_hz: float) -> float:
     """Return the largest error of a friction coefficient without noise [%]."""
-    estimate = identified(exact, at_rate(exact.recording, rate_hz), band_hz)
+    estimate = identify_recording(exact, at_rate(exact.recording, rate_hz), band_hz)
     truth, own = exact.arm.truth(estimate.base), is_friction(estimate)
     return float(100.0 * np.abs(estimate.values[own] / truth[own] - 1.0).max())
 
@@ -172,7 +172,7 @@ class Cell:
         }
 
 
-def add_to(cell: Cell, exact: Exact, estimates: Sequence[Estimate]) -> None:
+def count_intervals(cell: Cell, exact: Exact, estimates: Sequence[Estimate]) -> None:
     """Count the intervals that cover the truth, and the estimates with a warning."""
     for estimate in estimates:
         own = np.array(is_friction(estimate))
@@ -207,11 +207,11 @@ def run(plan: Plan) -> tuple[dict[str, float], dict[str, Cell]]:
                 draws = 1 if noise == "encoder alone" else plan.draws
                 seeds = ((exact.seed, number, draw, rate_hz) for draw in range(draws))
                 estimates = [
-                    identified(exact, measured(whole, noise, np.random.default_rng(seed)))
+                    identify_recording(exact, add_noise(whole, noise, np.random.default_rng(seed)))
                     for seed in seeds
                 ]
                 cell = cells.setdefault(key, Cell.empty())
-                add_to(cell, exact, estimates)
+                count_intervals(cell, exact, estimates)
                 if exact.seed % 2 == 0:
                     add_agreement(cell, before[key], estimates)
                 before[key] = estimates

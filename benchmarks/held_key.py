@@ -56,7 +56,7 @@ def ramp_s() -> float:
     return slowest + 2.0 * LOADED.config.cycle_time_s
 
 
-def disturbed(kind: str, chance: random.Random, from_s: float, size_s: float) -> Way:
+def disturbed_link(kind: str, chance: random.Random, from_s: float, size_s: float) -> Way:
     """Return a one-way link that is disturbed from a given time."""
     base_s = chance.uniform(0.0005, 0.03)
 
@@ -84,7 +84,7 @@ def over_link(seed: int) -> Outcome:
     there, back = chance.choice(((True, True), (True, False), (False, True)))
 
     def way(is_disturbed: bool) -> Way:
-        return disturbed(kind if is_disturbed else "", chance, from_s, size_s)
+        return disturbed_link(kind if is_disturbed else "", chance, from_s, size_s)
 
     page = Page(way(there), careless=chance.random() < 0.5)
     with SimulatedJog(page, way(back)) as jog:
@@ -117,7 +117,7 @@ def _hold(jog: SimulatedJog, chance: random.Random, until_s: float, reconnects_s
                 changes_s = now_s + chance.uniform(0.2, 5.0)
         if now_s >= reconnects_s:
             fresh = random.Random(presses)
-            ways = [disturbed("", fresh, 0.0, 0.0) for _ in range(2)]
+            ways = [disturbed_link("", fresh, 0.0, 0.0) for _ in range(2)]
             jog.connect(*ways)
             reconnects_s = math.inf
         jog.tick()
@@ -132,7 +132,7 @@ def _hold(jog: SimulatedJog, chance: random.Random, until_s: float, reconnects_s
     return outcome
 
 
-def lossy(later: int) -> tuple[Way, Way]:
+def lossy_link(later: int) -> tuple[Way, Way]:
     """Return both directions of a link with 20 ms latency and 1 % packet loss."""
     chance = random.Random(1)
     return (
@@ -141,7 +141,7 @@ def lossy(later: int) -> tuple[Way, Way]:
     )
 
 
-def narrow() -> tuple[Way, Way]:
+def narrow_link() -> tuple[Way, Way]:
     """Return both directions of a link that passes 2 kB/s from the page."""
     return NarrowWay(MESSAGE_BYTES / 2000.0), DisturbedWay(lambda sent_s: sent_s + 0.001)
 
@@ -182,8 +182,8 @@ def report(links: int, minutes: float, loopback_s: float) -> bool:
         f"{links} simulated links, {moved} with motion: the latest motion ended"
         f" {-1e3 * late_s:.0f} ms before its limit; {restarts} restarts without a new press"
     )
-    lost, older = (false_releases(minutes, *lossy(later)) for later in (1, 3))
-    filled = false_releases(minutes / 10.0, *narrow())
+    lost, older = (false_releases(minutes, *lossy_link(later)) for later in (1, 3))
+    filled = false_releases(minutes / 10.0, *narrow_link())
     print(
         f"20 ms each way, 1 % of packets lost: {lost:.2f} false releases a minute with TCP as in"
         f" Linux (RFC 8985), {older:.2f} with fast retransmit after three packets; 2 kB/s from the"

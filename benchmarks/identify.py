@@ -88,7 +88,7 @@ def seconds(robot: RobotDescription, signals: SmoothedSignals, rounds: int) -> f
     return min(times)
 
 
-def grown(times: int) -> tuple[float, float]:
+def cost_in_process(times: int) -> tuple[float, float]:
     """Return time [s] and additional memory [MB] for `times` the data, in a separate process."""
     command = [sys.executable, "-m", "benchmarks.identify", "--one", str(times)]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
@@ -96,7 +96,7 @@ def grown(times: int) -> tuple[float, float]:
     return float(spent_s), float(memory_mb)
 
 
-def one(times: int) -> None:
+def print_cost(times: int) -> None:
     """Measure time and memory for `times` the data in this process, and print them."""
     robot = arm()
     signals = recording(robot, SAMPLES * times)
@@ -140,14 +140,14 @@ def main() -> int:
     parser.add_argument("--one", type=int, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.one:
-        one(options.one)
+        print_cost(options.one)
         return 0
     robot = arm()
     signals = recording(robot, SAMPLES)
     value = seconds(robot, signals, 2 if options.quick else 5)
     estimate = fit_smoothed(robot, [signals]).estimate()
     print(f"{SAMPLES} samples, {len(estimate.base)} base parameters: {value:.3f} s")
-    rows = [(k, *grown(k)) for k in ((1, 2, 4) if options.quick else (1, 2, 4, 8))]
+    rows = [(k, *cost_in_process(k)) for k in ((1, 2, 4) if options.quick else (1, 2, 4, 8))]
     for k, spent_s, memory_mb in rows:
         print(f"{k} times the data: {spent_s:.3f} s, {memory_mb:.0f} MB at most beyond the data")
     time_growth = rows[-1][1] / rows[0][1] / rows[-1][0]

@@ -19,7 +19,7 @@ from benchmarks.paths import CIRCLES, FIRST, PATH, SPLINE, JobRunner, circle_tex
 FIRST_BAR, PATH_BAR, OTHERS_BAR = (8.0, 5.0), (10.0, 8.0), (6.0, 4.0)
 
 
-def live(workshop: JobRunner, label: str, text: str) -> dict[str, Any]:
+def compare_live(workshop: JobRunner, label: str, text: str) -> dict[str, Any]:
     """Record a motion without compensation and stream it with; return its tracking errors."""
     motion = Path(workshop.path(f"{label}.yaml"))
     motion.write_text(text)
@@ -40,9 +40,9 @@ def main() -> int:
         for number, (title, own) in enumerate(CIRCLES.items()):
             if quick and number > 0:
                 break
-            found[title] = live(workshop, f"c{number}", circle_text(own, 4))
+            found[title] = compare_live(workshop, f"c{number}", circle_text(own, 4))
         if not quick:
-            found[SPLINE] = live(workshop, "spline", PATH)
+            found[SPLINE] = compare_live(workshop, "spline", PATH)
     holds = True
     for title, motion in found.items():
         bar = {FIRST: FIRST_BAR, SPLINE: PATH_BAR}.get(title, OTHERS_BAR)

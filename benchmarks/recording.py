@@ -45,7 +45,7 @@ class Cost:
         return self.peak_mb["program"]
 
 
-def measured(folder: Path, *arguments: str) -> Cost:
+def run_and_measure(folder: Path, *arguments: str) -> Cost:
     """Run `rid-daq` in a folder; return its time and memory.
 
     Raises:
@@ -100,7 +100,7 @@ def _peak(pid: int) -> tuple[str, float] | None:
     return None
 
 
-def recorded(folder: Path, label: str, seconds: float) -> Cost:
+def record_motion(folder: Path, label: str, seconds: float) -> Cost:
     """Record about `seconds` of the starter's motion."""
     starter = (folder / "motion.yaml").read_text()
     periods = max(2, round(seconds / PERIOD_S))
@@ -108,7 +108,7 @@ def recorded(folder: Path, label: str, seconds: float) -> Cost:
     if count != 1:
         raise RuntimeError("the starter's motion file has no number of periods")
     (folder / f"{label}.yaml").write_text(text)
-    return measured(folder, "record", "cell.yaml", f"{label}.yaml", "--label", label)
+    return run_and_measure(folder, "record", "cell.yaml", f"{label}.yaml", "--label", label)
 
 
 def main() -> int:
@@ -119,11 +119,12 @@ def main() -> int:
     given = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="rid-recording-") as name:
         folder = Path(name)
-        measured(folder, "init", ".")
-        short = recorded(folder, "short", given.short_s)
-        long = recorded(folder, "long", given.long_s)
+        run_and_measure(folder, "init", ".")
+        short = record_motion(folder, "short", given.short_s)
+        long = record_motion(folder, "long", given.long_s)
         reads = {
-            command: measured(folder, command, "long").own_mb for command in ("average", "identify")
+            command: run_and_measure(folder, command, "long").own_mb
+            for command in ("average", "identify")
         }
     time_bar = TIME_BAR_PER_LENGTH * given.long_s / given.short_s
     time_ratio = long.time_s / short.time_s

@@ -150,7 +150,7 @@ def cpu_ms(call: Callable[[], object], rounds: int) -> float:
     return min(spent)
 
 
-def ours(six: SixAxes, seeds: range, rounds: int) -> dict[str, Any]:
+def time_paths(six: SixAxes, seeds: range, rounds: int) -> dict[str, Any]:
     """Time every path and check every row."""
     timer = PathTimer(six.robot, six.torque, six.limits, CYCLE_S, intervals=INTERVALS)
     timer.timed(six.spline(10_000)[0])  # compiles the kernels
@@ -186,7 +186,7 @@ def ours(six: SixAxes, seeds: range, rounds: int) -> dict[str, Any]:
     }
 
 
-def theirs(six: SixAxes, seeds: range, rounds: int) -> dict[str, Any]:
+def time_paths_by_toppra(six: SixAxes, seeds: range, rounds: int) -> dict[str, Any]:
     """Time every path with toppra; return an empty result if it cannot be imported."""
     try:
         import toppra  # type: ignore[import-not-found]  # pyright: ignore[reportMissingImports]
@@ -260,7 +260,7 @@ def main() -> int:
     quick = "--quick" in sys.argv
     seeds, rounds = range(10 if quick else 100), 2 if quick else 5
     six = SixAxes.ur10e()
-    own = ours(six, seeds, rounds)
+    own = time_paths(six, seeds, rounds)
     print(
         f"{own['paths']} paths, {own['rows']} rows: {own['rows_above']} above a limit, largest"
         f" share of a limit {own['peak']:.4f}; time over the optimum: median"
@@ -268,7 +268,7 @@ def main() -> int:
         f" processor time per path: median {own['cpu_ms_median']:.1f} ms, worst"
         f" {own['cpu_ms_worst']:.1f} ms"
     )
-    peer = theirs(six, seeds, rounds)
+    peer = time_paths_by_toppra(six, seeds, rounds)
     for name, values in peer.items():
         print(
             f"toppra, {name}: {values['paths_above']} paths above a torque limit, peak"

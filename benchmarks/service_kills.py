@@ -104,7 +104,7 @@ def program(*words: str, folder: Path) -> Iterator[subprocess.Popen[bytes]]:
             process.wait(PATIENCE_S)
 
 
-def until(condition: Callable[[], bool], patience_s: float = PATIENCE_S) -> bool:
+def wait_until(condition: Callable[[], bool], patience_s: float = PATIENCE_S) -> bool:
     """Wait for a condition; return False after a timeout."""
     end_s = time.monotonic() + patience_s
     while not condition():
@@ -135,7 +135,7 @@ def require_answer(folder: Path, process: subprocess.Popen[bytes]) -> None:
         SystemExit: It has ended, or does not answer within `PATIENCE_S`.
     """
     if (
-        not until(lambda: answers(folder) or process.poll() is not None)
+        not wait_until(lambda: answers(folder) or process.poll() is not None)
         or process.poll() is not None
     ):
         raise SystemExit(f"the service does not answer: {(folder / 'said').read_text()[-2000:]}")
@@ -233,7 +233,7 @@ class Attacker:
         """Wait for the previous service's worker to end, and count the enabled drives."""
         newest = client.ask("GET", "/jobs?limit=1")
         pid = newest[0]["pid"] if newest else None
-        if pid is not None and not until(lambda: not is_worker(pid), REST_S):
+        if pid is not None and not wait_until(lambda: not is_worker(pid), REST_S):
             self.tally.still += 1
         self.tally.enabled += enabled_drives()
 
@@ -262,7 +262,7 @@ class Attacker:
         asking.start()
         if self._chance.random() < ASKING:
             time.sleep(self._chance.uniform(0.0, ASKING_S))
-        elif until(
+        elif wait_until(
             lambda: bool(accepted) and self._is_over(accepted[0]),
             self._chance.uniform(0, self._job_s),
         ):
@@ -333,7 +333,7 @@ def attack(kills: int, seed: int, until_s: float) -> dict[str, Any]:
         os.environ["XDG_RUNTIME_DIR"] = name
         (folder / "motion.yaml").write_text(MOTION)
         with program("mock", CELL, folder=folder):
-            if not until(has_drives):
+            if not wait_until(has_drives):
                 raise SystemExit(
                     f"the drives did not start: {(folder / 'said').read_text()[-2000:]}"
                 )

@@ -47,7 +47,7 @@ LONG_TESTS = [
         "rid_daq",
     )
 ]
-"""Begun first, in this order: what begins last and takes minutes leaves the other workers idle."""
+"""Started first, in this order: a long test that starts last leaves the other workers idle."""
 
 # The same examples in each run, without time limits, so that neither chance nor load decides.
 settings.register_profile(

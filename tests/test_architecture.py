@@ -24,7 +24,7 @@ JAVASCRIPT = r"(?:function {0}|\n  (?:async )?{0})\(.*?\n(?:  )?\}}\n"
 
 
 @pytest.fixture(scope="module")
-def house() -> ModuleType:
+def architecture_page() -> ModuleType:
     spec = importlib.util.spec_from_file_location("architecture", ROOT / "docs/architecture.py")
     assert spec is not None
     assert spec.loader is not None
@@ -70,9 +70,11 @@ def source_of(path: str, function: str) -> str:
     return str(ast.get_source_segment(text, node))
 
 
-def test_the_diagram_agrees_with_the_imports(house: ModuleType) -> None:
+def test_the_diagram_agrees_with_the_imports(architecture_page: ModuleType) -> None:
     page = (ROOT / "docs/architecture.md").read_text()
-    assert page == house.with_drawing(page), "run: .venv/bin/python docs/architecture.py"
+    assert page == architecture_page.with_drawing(page), (
+        "run: .venv/bin/python docs/architecture.py"
+    )
 
 
 @pytest.mark.parametrize("page", PAGES)
@@ -90,12 +92,12 @@ def test_the_page_has_one_walk() -> None:
 
 @pytest.mark.parametrize("walk", walks(), ids=lambda walk: walk[0])
 def test_each_station_is_connected_to_an_earlier_one(
-    house: ModuleType, walk: tuple[str, list[tuple[str, str]]]
+    architecture_page: ModuleType, walk: tuple[str, list[tuple[str, str]]]
 ) -> None:
     """By an import in either direction, or it is declared as another process or a file."""
     title, stations = walk
     modules = {path: path.removesuffix(".py").replace("/", ".") for _, path in stations}
-    imports = {path: house.imported(ROOT / path) for path in modules}
+    imports = {path: architecture_page.imported(ROOT / path) for path in modules}
     lonely = []
     for number, (boundary, path) in enumerate(stations[1:], start=1):
         before = [earlier for _, earlier in stations[:number]]
@@ -110,7 +112,7 @@ def test_each_station_is_connected_to_an_earlier_one(
     )
     counted = re.search(r"(\d+) files", title)
     assert counted is not None
-    assert int(counted[1]) == len(modules), "say in the walk's title how many files it has"
+    assert int(counted[1]) == len(modules), "state the number of files in the walk's title"
 
 
 @pytest.mark.parametrize("path", paths(), ids=lambda path: path[0])

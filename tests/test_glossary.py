@@ -49,7 +49,7 @@ REPLACED = {
     r"nobody can tell": "cannot be estimated",
     r"nobody's name": "an unlinked temporary file",
 }
-"""What was replaced, as a regular expression of whole words, and by what."""
+"""Replaced terms, as regular expressions of whole words, and their replacements."""
 
 
 SITE = ROOT / "rid_daq" / "site"
@@ -70,7 +70,7 @@ def texts() -> dict[Path, str]:
 def test_a_replaced_term_is_not_used(word: str, texts: dict[Path, str]) -> None:
     whole = re.compile(rf"\b(?:{word})\b")
     found = [str(path.relative_to(ROOT)) for path, text in texts.items() if whole.search(text)]
-    assert found == [], f"say '{REPLACED[word]}' (docs/glossary.md)"
+    assert found == [], f"use '{REPLACED[word]}' (docs/glossary.md)"
 
 
 def test_the_glossary_is_in_alphabetical_order() -> None:

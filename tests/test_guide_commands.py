@@ -39,7 +39,7 @@ def root(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Root:
     return Root()
 
 
-def call(root: Root, arguments: list[str]) -> None:
+def check_command(root: Root, arguments: list[str]) -> None:
     """Check a command line; `--help` and similar options end it before the command runs."""
     with root.make_context(PROGRAM, arguments) as context:
         root.invoke(context)
@@ -68,7 +68,7 @@ def test_a_command_on_a_page_is_accepted_by_the_program(page: Path, root: Root) 
     for step in console_steps(page):
         for arguments in program_arguments(step.command):
             try:
-                call(root, arguments)
+                check_command(root, arguments)
             except click.exceptions.Exit:
                 continue
             except (click.ClickException, RidDaqError) as error:
@@ -82,7 +82,7 @@ def test_a_command_in_a_sentence_has_existing_words_and_options(page: Path, root
             continue
         for arguments in program_arguments(text.replace("…", "")):
             try:
-                call(root, arguments)
+                check_command(root, arguments)
             except (click.MissingParameter, click.BadOptionUsage, click.exceptions.Exit):
                 continue  # a sentence may omit values
             except (click.ClickException, RidDaqError) as error:
@@ -124,4 +124,4 @@ def test_a_guide_has_the_required_sections(page: Path) -> None:
 )
 def test_a_mistake_in_a_command_is_detected(root: Root, line: str, error: type[Exception]) -> None:
     with pytest.raises(error):
-        call(root, line.split())
+        check_command(root, line.split())

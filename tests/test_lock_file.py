@@ -16,10 +16,10 @@ GLIBC_2_28 = [
     *(f"manylinux_2_{minor}_x86_64" for minor in range(5, 29)),
     *("manylinux1_x86_64", "manylinux2010_x86_64", "manylinux2014_x86_64"),
 ]
-"""Debian 10, Ubuntu 20.04 and RHEL 8, and all that is newer."""
+"""Debian 10, Ubuntu 20.04, RHEL 8 and later versions."""
 
 
-def needed(minor: int) -> list[dict[str, Any]]:
+def needed_packages(minor: int) -> list[dict[str, Any]]:
     """Return the locked packages that the program needs on one Python version."""
     locked = tomllib.loads((ROOT / "uv.lock").read_text())["package"]
     environment = {
@@ -56,7 +56,7 @@ def test_only_wheels_are_installed(minor: int) -> None:
         *cpython_tags((3, minor), platforms=GLIBC_2_28),
         *compatible_tags((3, minor), interpreter=f"cp3{minor}", platforms=GLIBC_2_28),
     }
-    packages = needed(minor)
+    packages = needed_packages(minor)
     assert len(packages) > 40
     without = [
         f"{package['name']} {package['version']}"

@@ -21,7 +21,7 @@ def house_of_three_files(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(measured_lines, "_sources", lambda: files)
 
 
-def counted(folder: Path, name: str, **files: dict[str, list[int]]) -> None:
+def write_counts(folder: Path, name: str, **files: dict[str, list[int]]) -> None:
     """Write the line counts of one process; `file` and `other` represent two source files."""
     paths = {"file": FILE, "other": OTHER}
     counts = {"files": {paths[word]: lines for word, lines in files.items()}}
@@ -29,13 +29,13 @@ def counted(folder: Path, name: str, **files: dict[str, list[int]]) -> None:
 
 
 def test_a_line_counts_once_for_all_processes(tmp_path: Path) -> None:
-    counted(tmp_path, "1", file={"executed_lines": [1, 2], "missing_lines": [3, 4]})
-    counted(tmp_path, "2", file={"executed_lines": [2, 3], "missing_lines": [1, 4]})
+    write_counts(tmp_path, "1", file={"executed_lines": [1, 2], "missing_lines": [3, 4]})
+    write_counts(tmp_path, "2", file={"executed_lines": [2, 3], "missing_lines": [1, 4]})
     assert added(tmp_path)[FILE] == (3, 4)
 
 
 def test_a_file_that_was_never_imported_counts_with_all_its_lines(tmp_path: Path) -> None:
-    counted(tmp_path, "1", file={"executed_lines": [1, 2], "missing_lines": []})
+    write_counts(tmp_path, "1", file={"executed_lines": [1, 2], "missing_lines": []})
     reached, of = added(tmp_path)[OTHER]
     assert reached == 0
     assert of > 2
@@ -48,7 +48,7 @@ def test_lines_compiled_by_numba_are_not_counted(tmp_path: Path) -> None:
 def test_a_package_below_its_minimum_fails_the_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    counted(tmp_path, "1", file={"executed_lines": [1, 2], "missing_lines": [3, 4]})
+    write_counts(tmp_path, "1", file={"executed_lines": [1, 2], "missing_lines": [3, 4]})
     monkeypatch.setattr(measured_lines, "added", lambda _folder: {FILE: (3, 4), OTHER: (1, 4)})
     monkeypatch.setattr(measured_lines, "FLOORS", {"config": 50.0})
     assert main([str(tmp_path)]) == 0

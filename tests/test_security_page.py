@@ -32,7 +32,7 @@ def test_each_promise_names_its_tests(marked: dict[str, set[str]]) -> None:
     for name, rest in rows:
         named = set(_TEST.findall(rest))
         assert named, f"{name}: names no test"
-        assert named <= marked.get(name, set()), f"{name}: a test is gone, or is not marked so"
+        assert named <= marked.get(name, set()), f"{name}: a test does not exist or lacks the mark"
 
 
 def test_each_marked_promise_occurs_once_on_the_page(marked: dict[str, set[str]]) -> None:

@@ -17,7 +17,7 @@ PACKAGES = (
 SECTION = re.compile(r"theory: (?:sections? )?((?:\d+(?:\.\d+)?(?:, | and )?)+)")
 EQUATIONS = re.compile(r"\(((?:[2-6]|[A-D])\.\d+(?:(?:-|, )(?:[2-6]|[A-D])\.\d+)*)\)")
 PAPER = re.compile(r"([A-Z][a-zé]+)(?:, [A-Z][a-z]+)*(?: and [A-Z]?[a-z]+)?,? \(?((?:19|20)\d\d)\b")
-"""First author and year of a paper, however many authors are named between them."""
+"""First author and year of a paper, with any number of authors in between."""
 
 
 @cache

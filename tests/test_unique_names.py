@@ -11,7 +11,7 @@ from tests.builders.code_lines import PACKAGES
 
 ROOT: Final = Path(__file__).parents[1]
 SHARED: Final = {"main", "run", "EstimationOptions", "ModelOptions"}
-"""Entry points of processes, the functions of operations, and requests named as their result."""
+"""Entry points of processes, functions of operations, requests with the name of their result."""
 API: Final = ROOT / "rid_daq" / "api"
 """Its names are those that users of Python expect; no module of rid-daq imports them."""
 

@@ -83,7 +83,7 @@ def test_a_heartbeat_timeout_above_100_ms_is_refused_for_a_real_cell(
     measured("a heartbeat's time-out above 100 ms on a real cell: refused")
 
 
-def edited(tmp_path: Path, old: str, new: str) -> str:
+def write_edited_cell(tmp_path: Path, old: str, new: str) -> str:
     text = load_cell("ir361").files["cell.yaml"].decode()
     assert old in text
     path = tmp_path / "cell.yaml"
@@ -109,11 +109,11 @@ def test_a_mistake_in_a_cell_is_reported_by_its_key(
     tmp_path: Path, old: str, new: str, code: str, details: tuple[str, ...]
 ) -> None:
     with raises_code(ConfigError, code, *details):
-        load_cell(edited(tmp_path, old, new))
+        load_cell(write_edited_cell(tmp_path, old, new))
 
 
 def test_the_position_points_at_the_key(tmp_path: Path) -> None:
-    path = edited(tmp_path, "cycle_time_ms: 8", "cycle_time_ms: eight")
+    path = write_edited_cell(tmp_path, "cycle_time_ms: 8", "cycle_time_ms: eight")
     lines = Path(path).read_text().splitlines()
     line = next(i for i, text in enumerate(lines, start=1) if text.startswith("cycle_time_ms"))
     with pytest.raises(ConfigError) as caught:

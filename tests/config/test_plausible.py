@@ -31,7 +31,7 @@ def bundled(kind: str, name: str = "ir361") -> str:
     return files("config").joinpath(f"bundled/{kind}/{name}.yaml").read_text()
 
 
-def loaded(folder: Path, kind: str, text: str) -> None:
+def load_file(folder: Path, kind: str, text: str) -> None:
     """Load a file of a kind: a robot, cell, plant, motion or import map."""
     path = folder / f"{kind}.yaml"
     path.write_text(text)
@@ -52,7 +52,7 @@ def loaded(folder: Path, kind: str, text: str) -> None:
 
 def refusal(folder: Path, kind: str, text: str, *values: str) -> str:
     with raises_code(ConfigError, "RID-FILE-VALUE", *values) as caught:
-        loaded(folder, kind, text)
+        load_file(folder, kind, text)
     return str(caught.value)
 
 
@@ -141,7 +141,7 @@ def test_a_value_in_another_unit_is_refused_with_that_unit(
     text = written.get(kind) or bundled(f"{kind}s")
     kind = {"bag": "map", "table": "motion"}.get(kind, kind)
     assert right in text
-    loaded(tmp_path, kind, text)
+    load_file(tmp_path, kind, text)
     message = refusal(tmp_path, kind, text.replace(right, wrong, 1), *values)
     assert re.search(r"\.yaml:\d+:\d+: [a-z]", message)
 
@@ -186,19 +186,19 @@ def test_all_problems_of_a_file_are_reported_at_once(tmp_path: Path) -> None:
 def test_a_key_declared_implausible_on_purpose_is_accepted(tmp_path: Path) -> None:
     text = bundled("robots").replace("torque: 600.0", "torque: 600000.0")
     assert "joints.1.limits.torque" in refusal(tmp_path, "robot", text)
-    loaded(tmp_path, "robot", f"{text}\nimplausible_on_purpose: [joints.1.limits.torque]\n")
+    load_file(tmp_path, "robot", f"{text}\nimplausible_on_purpose: [joints.1.limits.torque]\n")
     assert load_robot(str(tmp_path / "robot.yaml")).joints[1].limits.torque == 600000.0
 
 
 def test_the_unit_of_a_zero_offset_is_that_of_the_map(tmp_path: Path) -> None:
     in_degrees = MAP.replace("columns: 7", "columns: 7\nunits: {position: deg}")
-    loaded(tmp_path, "map", in_degrees.replace("offset: 1.5", "offset: 90.0"))
+    load_file(tmp_path, "map", in_degrees.replace("offset: 1.5", "offset: 90.0"))
     nine_thousand = in_degrees.replace("offset: 1.5", "offset: 9000.0")
     refusal(tmp_path, "map", nine_thousand, "joints.0.zero_offset:", "9000 deg", "0 to", "900 deg")
     motor = MAP.replace("columns: 7", "columns: 7\nside: motor")
-    loaded(tmp_path, "map", motor.replace("offset: 1.5", "offset: 90.0"))
+    load_file(tmp_path, "map", motor.replace("offset: 1.5", "offset: 90.0"))
     meant = "implausible_on_purpose: [joints.0.zero_offset]\n"
-    loaded(tmp_path, "map", MAP.replace("offset: 1.5", "offset: 90.0") + meant)
+    load_file(tmp_path, "map", MAP.replace("offset: 1.5", "offset: 90.0") + meant)
 
 
 def test_a_table_file_is_checked_with_the_same_ranges(tmp_path: Path) -> None:
@@ -207,8 +207,8 @@ def test_a_table_file_is_checked_with_the_same_ranges(tmp_path: Path) -> None:
     with raises_code(
         ConfigError, "RID-TABLE-INVALID", "path.csv: position:", "90 degrees", "1.571 rad"
     ):
-        loaded(tmp_path, "motion", text)
-    loaded(tmp_path, "motion", f"{text}implausible_on_purpose: [position]\n")
+        load_file(tmp_path, "motion", text)
+    load_file(tmp_path, "motion", f"{text}implausible_on_purpose: [position]\n")
 
 
 @pytest.mark.parametrize(
@@ -230,7 +230,7 @@ def test_a_linear_axis_is_checked_in_metres(tmp_path: Path) -> None:
     text = bundled("robots").replace("- name: axis1", "- name: axis1\n    type: prismatic")
     text = text.replace("spring: {joint: axis2, l_m: 0.488, r_m: 0.100}", "")
     text = text.replace("position_max: 2.7", "position_max: 14.0")
-    loaded(tmp_path, "robot", text)
+    load_file(tmp_path, "robot", text)
     millimetres = text.replace("position_max: 14.0", "position_max: 2700.0")
     refusal(tmp_path, "robot", millimetres, "2700 mm", "2.7 m")
 
@@ -268,7 +268,7 @@ cad: [{{mass_kg: {mass}, inertia_kg_m2: [{i}, 0.0, 0.0, {i}, 0.0, {i}]}}]
     ids=["toy servo", "desktop arm", "payload of 1.3 t", "fast wrist"],
 )
 def test_small_large_and_fast_robots_are_plausible(size: dict[str, float], tmp_path: Path) -> None:
-    loaded(tmp_path, "robot", ARM.format(**size))
+    load_file(tmp_path, "robot", ARM.format(**size))
     limits = load_robot(str(tmp_path / "robot.yaml")).joints[0].limits
     assert (limits.velocity, limits.torque) == (size["speed"], size["torque"])
 
@@ -281,7 +281,7 @@ WITHOUT_RANGE = {
     *("time_s", "position"),  # of a table: `derived` states their ranges
     "zero_offset",  # of a map, in the unit of its positions: `derived` states its range
 }
-"""Numbers without a unit, directions and matrices; and what a simulation invents."""
+"""Numbers without a unit, directions, matrices, and values of a simulation."""
 
 
 def numbers(model: type[BaseModel], seen: set[type[BaseModel]]) -> Iterator[tuple[str, Any]]:

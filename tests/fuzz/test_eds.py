@@ -63,7 +63,7 @@ REFUSED = re.compile(r"drive\.eds(:\d+)?: [^\s].*")
 LONGEST_S = 30.0  # processor time: detects an endless loop
 
 
-def changed(data: bytes, chance: random.Random) -> bytes:
+def change_bytes(data: bytes, chance: random.Random) -> bytes:
     """Return a copy with one to five changes."""
     copy = bytearray(data)
     for _ in range(chance.choice((1, 1, 1, 2, 5))):
@@ -114,7 +114,7 @@ def test_sheets_with_random_changes_are_read_or_refused_with_their_line(sheets: 
     chance = random.Random(4)
     counts: Counter[str] = Counter()
     for _ in range(sheets):  # the test's timeout ends a hang
-        counts[outcome(changed(SMALL, chance))] += 1
+        counts[outcome(change_bytes(SMALL, chance))] += 1
     assert counts["read"] > 0.2 * sheets
     assert counts.total() - counts["read"] > 0.2 * sheets
     assert len(counts) > (
@@ -122,12 +122,12 @@ def test_sheets_with_random_changes_are_read_or_refused_with_their_line(sheets: 
     )  # at least this many kinds of faults occurred, and all were reported
 
 
-def test_random_changes_of_the_complete_sheet_of_a_drive() -> None:
+def test_a_complete_sheet_with_random_changes_is_read_or_refused() -> None:
     sheet = drive_eds(
         SimulatedIdentity(5, 4096, Fraction(100), 1500), "drive.eds", datetime(2026, 1, 2)
     )
     data, chance = sheet.encode(), random.Random(9)
-    counts = Counter(outcome(changed(data, chance)) for _ in range(1000))
+    counts = Counter(outcome(change_bytes(data, chance)) for _ in range(1000))
     assert counts["read"] > 100
     assert len(counts) > 30
 
@@ -140,7 +140,7 @@ def test_random_changes_of_the_complete_sheet_of_a_drive() -> None:
         b"\xc2\x85", b"\x0c",
     ],
 )  # fmt: skip
-def test_files_filled_with_one_kind_of_content(piece: bytes) -> None:
+def test_files_filled_with_one_kind_of_content_are_read_or_refused(piece: bytes) -> None:
     whole = piece * (MAX_BYTES // len(piece))
     begun_s = time.process_time()
     for head in (b"", b"[DeviceInfo]\n[1000]\nDataType=9\nDefaultValue="):

@@ -81,7 +81,7 @@ def mutations(data: bytes, count: int, seed: int) -> Iterator[bytes]:
         yield bytes(changed)
 
 
-def survive(read: Callable[[Path], Any], path: Path, data: bytes, count: int) -> int:
+def refusals_of_changed(read: Callable[[Path], Any], path: Path, data: bytes, count: int) -> int:
     """Read text that is no such file, and mutations of a file; return the number of refusals."""
     messages = []
     for changed in (*NOTHING, *mutations(data, count, seed=1)):
@@ -106,9 +106,11 @@ def survive(read: Callable[[Path], Any], path: Path, data: bytes, count: int) ->
         ("maps", "ur10e_31", lambda path: load_import_map(str(path))),
     ],
 )
-def test_yaml_files(kind: str, name: str, read: Callable[[Path], Any], tmp_path: Path) -> None:
+def test_changed_yaml_files_are_read_or_refused(
+    kind: str, name: str, read: Callable[[Path], Any], tmp_path: Path
+) -> None:
     data = (BUNDLED / kind / f"{name}.yaml").read_bytes()
-    assert survive(read, tmp_path / "changed.yaml", data, 60) > 15
+    assert refusals_of_changed(read, tmp_path / "changed.yaml", data, 60) > 15
 
 
 MOTIONS = {
@@ -126,16 +128,16 @@ joints:
 
 
 @pytest.mark.parametrize("kind", MOTIONS)
-def test_motion_files_and_their_plans(kind: str, tmp_path: Path) -> None:
+def test_changed_motion_files_are_planned_or_refused(kind: str, tmp_path: Path) -> None:
     robot = load_robot("ir361")
 
     def read(path: Path) -> None:
         load_motion(path).plan(robot, 0.008)
 
-    assert survive(read, tmp_path / "motion.yaml", MOTIONS[kind], 100) > 25
+    assert refusals_of_changed(read, tmp_path / "motion.yaml", MOTIONS[kind], 100) > 25
 
 
-def test_joint_tables(tmp_path: Path) -> None:
+def test_changed_joint_tables_are_read_or_refused(tmp_path: Path) -> None:
     motion = tmp_path / "motion.yaml"
     motion.write_text("kind: joint_table\nrobot: ir361\nfile: table.csv\n")
     rows = [f"{0.1 * i:.2f},{0.01 * i:.3f},0.0,{-0.01 * i:.3f}" for i in range(60)]
@@ -145,17 +147,20 @@ def test_joint_tables(tmp_path: Path) -> None:
     def read(_path: Path) -> None:
         load_motion(motion).plan(robot, 0.008)
 
-    assert survive(read, tmp_path / "table.csv", table, 100) > 25
+    assert refusals_of_changed(read, tmp_path / "table.csv", table, 100) > 25
 
 
-def test_fault_scripts(tmp_path: Path) -> None:
+def test_changed_fault_scripts_are_read_or_refused(tmp_path: Path) -> None:
     data = b"seed: 3\nbus:\n  - {kind: drop, at_frame: 4, joint: axis1}\n" * 1
     data += b"drives:\n  - {kind: emergency, at_s: 3.0, code: 12}\n"
     cell = load_cell("ir361").config
-    assert survive(lambda path: load_faults(path, cell), tmp_path / "f.yaml", data, 80) > 25
+    assert (
+        refusals_of_changed(lambda path: load_faults(path, cell), tmp_path / "f.yaml", data, 80)
+        > 25
+    )
 
 
-def test_csv_files_of_other_programs(tmp_path: Path) -> None:
+def test_changed_csv_files_are_imported_or_refused(tmp_path: Path) -> None:
     import_map, robot = load_import_map("ur10e_31")
     rng = np.random.default_rng(2)
     width = 31
@@ -166,10 +171,10 @@ def test_csv_files_of_other_programs(tmp_path: Path) -> None:
     def read(path: Path) -> None:
         import_csv(path, import_map, robot)
 
-    assert survive(read, tmp_path / "r.csv", "\n".join(lines).encode(), 60) > 0
+    assert refusals_of_changed(read, tmp_path / "r.csv", "\n".join(lines).encode(), 60) > 0
 
 
-def test_urdf(tmp_path: Path) -> None:
+def test_changed_urdfs_are_read_or_refused(tmp_path: Path) -> None:
     links = "".join(
         f'<link name="l{i}"><inertial><origin xyz="0 0 .1"/><mass value="2"/><inertia ixx="1"'
         ' iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
@@ -183,7 +188,7 @@ def test_urdf(tmp_path: Path) -> None:
     )
     data = f'<?xml version="1.0"?><robot name="r">{links}{joints}</robot>'.encode()
     assert (
-        survive(
+        refusals_of_changed(
             lambda path: starting_robot(InitRequest(folder=path.parent), path),
             tmp_path / "r.urdf",
             data,
@@ -205,19 +210,24 @@ def document(tmp_path: Path) -> Callable[[str, Any], RunFolder]:
     return make
 
 
-def test_result_and_session_files(document: Callable[[str, Any], RunFolder]) -> None:
+def test_changed_result_and_session_files_are_read_or_refused(
+    document: Callable[[str, Any], RunFolder],
+) -> None:
     result = {"schema": "rid-daq result 1", "title": "t", "verdict": {"passed": None}}
     folder = document("result.json", result)
     data = json.dumps(result).encode()
-    assert survive(lambda _: read_result(folder), folder.file("result.json"), data, 200) > 60
+    assert (
+        refusals_of_changed(lambda _: read_result(folder), folder.file("result.json"), data, 200)
+        > 60
+    )
     state = {"schema": "rid-daq payload session 1", "cell": "kr15", "done": {}, "facts": {}}
     folder = document("session.json", state)
     data = json.dumps(state).encode()
     path = folder.file("session.json")
-    assert survive(lambda _: SessionFile.read(folder), path, data, 100) > 50
+    assert refusals_of_changed(lambda _: SessionFile.read(folder), path, data, 100) > 50
 
 
-def test_manifests(tmp_path: Path) -> None:
+def test_changed_manifests_are_read_or_refused(tmp_path: Path) -> None:
     folder = RunFolder.create(tmp_path / "runs", "fuzz")
     folder.write("robot.yaml", b"name: x\n")
     path = folder.path / "manifest.json"
@@ -226,25 +236,27 @@ def test_manifests(tmp_path: Path) -> None:
     def read(_: Path) -> None:
         RunFolder.open(folder.path).verify()
 
-    assert survive(read, path, data, 150) > 50
+    assert refusals_of_changed(read, path, data, 150) > 50
 
 
 @pytest.mark.parametrize("form", LoadFormat)
-def test_load_data_of_controllers(form: LoadFormat, tmp_path: Path) -> None:
+def test_changed_load_data_of_controllers_is_read_or_refused(
+    form: LoadFormat, tmp_path: Path
+) -> None:
     body = PayloadBody(4.2, np.array([0.01, -0.02, 0.1]), np.diag([0.03, 0.04, 0.02]))
     data = load_data(body, form).encode()
 
     def read(path: Path) -> None:
         read_load_data(path.read_text(errors="replace"), form)
 
-    assert survive(read, tmp_path / "load", data, 150) > 10
+    assert refusals_of_changed(read, tmp_path / "load", data, 150) > 10
 
 
 @pytest.mark.parametrize("read", [read_estimate, read_payload, read_loops, read_feedforward])
-def test_models_and_their_use(
+def test_changed_models_are_used_or_refused(
     read: Callable[[Path], Any], tmp_path: Path, json_files: dict[Any, bytes]
 ) -> None:
-    assert survive(read, tmp_path / "changed.json", json_files[read], 200) > 100
+    assert refusals_of_changed(read, tmp_path / "changed.json", json_files[read], 200) > 100
 
 
 @pytest.fixture
@@ -268,7 +280,7 @@ def json_files(tmp_path: Path) -> dict[Any, bytes]:
     return {read: json.dumps(content).encode() for read, content in texts.items()}
 
 
-def test_recordings_with_random_content_and_valid_checksums(tmp_path: Path) -> None:
+def test_recordings_of_random_content_are_read_or_refused(tmp_path: Path) -> None:
     rng = np.random.default_rng(4)
     for number in range(30):
         path = tmp_path / f"{number}.mcap"
@@ -285,7 +297,7 @@ def test_recordings_with_random_content_and_valid_checksums(tmp_path: Path) -> N
                 read(path)
 
 
-def test_recordings_with_random_changes(tmp_path: Path) -> None:
+def test_changed_recordings_are_read_or_refused(tmp_path: Path) -> None:
     path = tmp_path / "whole.mcap"
     rows = np.zeros(300, dtype=row_dtype(2))
     rows["time_s"] = rows["cycle"] = np.arange(300)
@@ -296,4 +308,4 @@ def test_recordings_with_random_changes(tmp_path: Path) -> None:
     def read(changed: Path) -> None:
         examine_journal(changed)
 
-    survive(read, tmp_path / "changed.mcap", data, 300)
+    refusals_of_changed(read, tmp_path / "changed.mcap", data, 300)

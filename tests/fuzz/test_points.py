@@ -31,7 +31,7 @@ WALL = Workspace(planes=(Plane(name="wall", normal=(-1.0, 0.0, 0.0), offset_m=-0
 HELLO = json.dumps({"protocol": PROTOCOL}).encode() + b"\n"
 NESTED = b"[" * CHUNK_BYTES
 GREATEST_BYTES = max(4 + MOST_POINTS * 24, LONGEST_LINE) + 2 * CHUNK_BYTES
-"""What a decoder may keep of three joints' points."""
+"""Largest number of bytes that a decoder may keep for three joints."""
 
 any_bytes = st.binary(max_size=200)
 nasty_lines = st.sampled_from(

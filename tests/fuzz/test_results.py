@@ -36,13 +36,13 @@ def report_of(data: bytes) -> str:
         run.write("result.json", data)
         try:
             result = read_result(run)
-            write_result(run, result.updated(**dict.fromkeys(unchanged(result))))
+            write_result(run, result.updated(**dict.fromkeys(unchanged_sections(result))))
         except RidDaqError as error:
             return str(error)
     return "done"
 
 
-def unchanged(result: Result) -> set[str]:
+def unchanged_sections(result: Result) -> set[str]:
     """Return the names of the sections that equal those of the unchanged result."""
     document: dict[str, Any] = result.model_dump(mode="json", by_alias=True)
     return {name for name in document.keys() - HEAD - {"schema"} if document[name] == WHOLE[name]}

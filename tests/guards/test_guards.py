@@ -42,7 +42,9 @@ def test_each_guard_names_existing_tests() -> None:
             file, _, function = test.partition("::")
             if file not in functions:
                 functions[file] = functions_of(ROOT / file)
-            assert function in functions[file], f"{each.guard} names a test that is gone: {test}"
+            assert function in functions[file], (
+                f"{each.guard} names a test that does not exist: {test}"
+            )
 
 
 def test_each_guard_is_listed_once() -> None:

@@ -67,7 +67,7 @@ def test_a_pose_is_free_if_every_pair_keeps_its_clearance(robot) -> None:
     assert nothing.shortfall(poses)[0] == 0.0
 
 
-def test_the_height_of_a_tool_point_above_a_floor(robot) -> None:
+def test_the_height_of_a_tool_point_above_a_floor_is_computed(robot) -> None:
     bare = robot.model_copy(update={"bodies": ()})
     floor = Workspace(planes=(Plane(name="floor", normal=(0.0, 0.0, 1.0), offset_m=0.0),))
     clearances = Clearances.of(bare, floor)

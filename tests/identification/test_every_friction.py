@@ -66,7 +66,7 @@ def case(function: FrictionFunction) -> Case:
     return Case(robot, model, np.array(values))
 
 
-def renamed(known: Case, function: str) -> Case:
+def with_unknown_function(known: Case, function: str) -> Case:
     """Return the same model with a new function that no backend supports."""
     unknown = cast("FrictionFunction", function)
     terms = tuple(
@@ -83,7 +83,7 @@ def one_sample(known: Case) -> FloatArray:
     return np.array([one(*sample) for sample in zip(Q, V, A, strict=True)])
 
 
-def exported(known: Case) -> FloatArray:
+def exported_torque(known: Case) -> FloatArray:
     written = ModuleType("written")
     text = python_function(ExportModel(known.robot, known.model, known.parameters))
     exec(compile(text, "written", "exec"), written.__dict__)
@@ -99,7 +99,7 @@ BACKENDS: dict[str, Callable[[Case], object]] = {
     "nonlinear slopes": lambda c: nonlinear_slopes(c.model, Q, V, A, c.parameters, WARM),
     "one sample": one_sample,
     "consistency": lambda c: not_negative(c.model, c.robot),
-    "export": exported,
+    "export": exported_torque,
     "straight export": lambda c: ExportModel(c.robot, c.model, c.parameters).omitted_properties(
         armatures=True
     ),
@@ -119,7 +119,7 @@ def test_the_backends_agree(function: FrictionFunction) -> None:
     assert np.abs(expected).max() > 0.1
     found = regressor(own.model, Q, V, A, WARM) @ own.parameters
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(exported(own), expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(exported_torque(own), expected, rtol=1e-9, atol=1e-9)
     if FRICTION_FUNCTIONS[function].kernel is not None:
         np.testing.assert_allclose(one_sample(own), expected, rtol=1e-9, atol=1e-9)
     assert not_negative(own.model, own.robot).shape[1] == len(own.parameters)
@@ -135,5 +135,5 @@ def test_one_sample_refuses_friction_that_needs_a_temperature(function: Friction
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_every_backend_refuses_an_unknown_function(backend: str) -> None:
     with pytest.raises(EstimationError) as refused:
-        BACKENDS[backend](renamed(case("coulomb"), "sticky"))
+        BACKENDS[backend](with_unknown_function(case("coulomb"), "sticky"))
     assert refused.value.refusal == UNKNOWN

@@ -68,21 +68,21 @@ def one_term(name: str) -> OneTerm:
 Triple = tuple[FloatArray, FloatArray, FloatArray]
 
 
-def triple(rows: FloatArray) -> Triple:
+def random_triple(rows: FloatArray) -> Triple:
     q, v, a = rows
     return q, v, a
 
 
 @pytest.fixture
 def motion() -> Triple:
-    return triple(np.random.default_rng(2).uniform(0.2, 2.0, (3, 8, 3)))
+    return random_triple(np.random.default_rng(2).uniform(0.2, 2.0, (3, 8, 3)))
 
 
-def moved(motion: Triple, order: int, joint: int) -> tuple[Triple, Triple]:
+def move_both_ways(motion: Triple, order: int, joint: int) -> tuple[Triple, Triple]:
     ahead, behind = np.array(motion), np.array(motion)
     ahead[order, :, joint] += STEP
     behind[order, :, joint] -= STEP
-    return triple(ahead), triple(behind)
+    return random_triple(ahead), random_triple(behind)
 
 
 @pytest.mark.parametrize("name", TERMS)
@@ -94,7 +94,7 @@ class TestEveryTerm:
         tau = torque(case.model, *motion, case.parameters, case.conditions)
         columns = regressor(case.model, *motion, case.conditions)
         np.testing.assert_allclose(tau, columns @ case.parameters, rtol=1e-12, atol=1e-12)
-        assert np.abs(tau).max() > 0.1, "a term that does nothing shows nothing"
+        assert np.abs(tau).max() > 0.1, "the term has no effect"
 
     def test_the_gradients_equal_the_derivatives_of_torque_and_regressor(
         self, name: str, motion: Triple
@@ -106,7 +106,7 @@ class TestEveryTerm:
         by_weights = regressor_gradient(case.model, *motion, weights, case.conditions)
         for order in range(3):
             for joint in range(3):
-                sides = moved(motion, order, joint)
+                sides = move_both_ways(motion, order, joint)
                 taus = [torque(case.model, *m, case.parameters, case.conditions) for m in sides]
                 slope = (taus[0] - taus[1]) / (2.0 * STEP)
                 np.testing.assert_allclose(by[order][:, :, joint], slope, rtol=1e-6, atol=1e-5)
@@ -128,7 +128,7 @@ class TestEveryTerm:
         for joint in range(3):
             ahead, behind = (
                 (weights * base_wrench(case.model, *m, case.parameters)).sum(axis=1)
-                for m in moved(motion, 0, joint)
+                for m in move_both_ways(motion, 0, joint)
             )
             slope = (ahead - behind) / (2.0 * STEP)
             np.testing.assert_allclose(by[0][:, joint], slope, rtol=1e-5, atol=1e-4)

@@ -10,10 +10,10 @@ from benchmarks.friction_bias import (
     NARROW_HZ,
     QUICK,
     Exact,
+    add_noise,
     bias_percent,
     failures,
-    identified,
-    measured,
+    identify_recording,
     run,
 )
 from benchmarks.simulated_arm import MOTIONS, Kind, SimulatedArm, simulated
@@ -50,10 +50,10 @@ def test_reversals_of_other_joints_cause_no_bias(
 
 
 def test_torques_without_noise_give_a_warning(exact: Exact) -> None:
-    alone = measured(exact.recording, "encoder alone", np.random.default_rng(0))
-    noisy = measured(exact.recording, "white", np.random.default_rng(0))
-    assert noiseless_findings(identified(exact, alone))
-    assert not noiseless_findings(identified(exact, noisy))
+    alone = add_noise(exact.recording, "encoder alone", np.random.default_rng(0))
+    noisy = add_noise(exact.recording, "white", np.random.default_rng(0))
+    assert noiseless_findings(identify_recording(exact, alone))
+    assert not noiseless_findings(identify_recording(exact, noisy))
 
 
 @pytest.mark.slow

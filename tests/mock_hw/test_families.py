@@ -73,12 +73,12 @@ def opened(cell: CellConfig) -> Iterator[tuple[Cell, ObedientCell]]:
         yield open_cell, bus
 
 
-def tried(cell: CellConfig) -> tuple[WatchTrial, ...]:
+def try_all_watches(cell: CellConfig) -> tuple[WatchTrial, ...]:
     with opened(cell) as (open_cell, _):
         return try_watches(open_cell.axes, open_cell.clock, cell)
 
 
-def moves(cell: CellConfig) -> None:
+def move_both_axes(cell: CellConfig) -> None:
     """Move both axes back and forth, and stop during the motion."""
     with opened(cell) as (open_cell, bus):
         axes, clock = open_cell.axes, open_cell.clock
@@ -102,7 +102,7 @@ def moves(cell: CellConfig) -> None:
         assert axes.disable() == ()
 
 
-def only_reports(drive: SimulatedDrive) -> None:
+def make_report_only(drive: SimulatedDrive) -> None:
     """Make a drive send 8130h when this computer is silent, but continue to move."""
     drive.objects[od.ABORT_CONNECTION] = 0
     drive.objects[od.COMMUNICATION_ERROR] = 1
@@ -114,11 +114,11 @@ WITHOUT_REACTIONS = ServoProfile(lacks=("6007h", "605Ah", "605Eh", "1029h"))
 
 def test_a_drive_without_reaction_objects_is_tested_for_its_stop() -> None:
     cell = cell_of(WITHOUT_REACTIONS, ServoProfile())
-    trials = tried(cell)
+    trials = try_all_watches(cell)
     assert all(trial.powered for trial in trials), "its emergency message alone proves no stop"
     assert all(trial.acted_s <= 0.088 for trial in trials)
     assert [trial.how for trial in trials] == ["fault", "switch on disabled"]
-    moves(cell)
+    move_both_axes(cell)
 
 
 def test_the_watchdog_test_runs_before_a_motion_without_a_request() -> None:
@@ -160,7 +160,7 @@ def test_a_drive_that_only_reports_the_silent_computer_is_never_moved(
     """It stays in the exchange; its report can come before the stops of the others."""
     cell = cell_of(ServoProfile(), WITHOUT_REACTIONS.model_copy(update={"commands": commands}))
     with opened(cell) as (open_cell, bus):
-        only_reports(bus.drives[1])
+        make_report_only(bus.drives[1])
         bus.drives[1].clock.rate = rate
         open_cell.axes.bring_up()
         with raises_code(PreflightError, "RID-DRIVE-WATCHDOG", "time"):
@@ -177,7 +177,7 @@ def test_the_reaction_time_is_that_of_the_stop_and_not_of_the_report(
     cell = cell_of(ServoProfile(), WITHOUT_REACTIONS)
     with opened(cell) as (open_cell, bus):
         drive, axes, reports_s = bus.drives[1], open_cell.axes, list[float]()
-        only_reports(drive)
+        make_report_only(drive)
         lose_master, exchange = drive._lose_master, axes.exchange
 
         def reported(code: int) -> None:
@@ -208,8 +208,8 @@ def test_a_drive_with_life_guarding_instead_of_heartbeats_is_moved(
     measured: Callable[[str], None],
 ) -> None:
     cell = cell_of(GUARDED, ServoProfile())
-    moves(cell)
-    trials = tried(cell)
+    move_both_axes(cell)
+    trials = try_all_watches(cell)
     assert all(trial.acted_s <= 0.088 for trial in trials), trials
     assert all(trial.noticed_s <= 0.108 for trial in trials), trials
     assert trials[0].how == "fault"
@@ -296,7 +296,7 @@ def test_a_drive_with_profile_velocity_current_and_vendor_units_is_moved() -> No
         lacks=("608Fh", "6072h", "6076h", "6077h", "60B2h", "60C2h", "6066h"),
     )
     cell = cell_of(other, ServoProfile())
-    moves(cell)
+    move_both_axes(cell)
     with opened(cell) as (open_cell, bus):
         open_cell.axes.bring_up()
         joint_nm = 100.0 * 1e-3 * bus.drives[0].objects[0x6075, 0] * 0.2
@@ -316,8 +316,8 @@ def test_a_drive_with_position_mode_only_is_moved(mode: Mode) -> None:
         deceleration_rad_s2=20.0,
         lacks=("60FFh", "6007h", "605Ah", "605Eh", "6066h", "6072h", "6076h", "6085h", "608Fh"),
     )
-    moves(cell_of(other, ServoProfile()))
-    trials = tried(cell_of(other, ServoProfile()))
+    move_both_axes(cell_of(other, ServoProfile()))
+    trials = try_all_watches(cell_of(other, ServoProfile()))
     assert all(trial.acted_s <= 0.088 for trial in trials)
 
 
@@ -352,15 +352,17 @@ def bundled(name: str) -> ServoProfile:
 
 @pytest.mark.parametrize("name", bundled_names("servos"))
 class TestBundledFamilies:
-    def test_is_brought_up_moved_and_stopped(self, name: str) -> None:
-        moves(cell_of(bundled(name), ServoProfile()))
+    def test_a_bundled_drive_is_brought_up_moved_and_stopped(self, name: str) -> None:
+        move_both_axes(cell_of(bundled(name), ServoProfile()))
 
-    def test_has_watchdogs_that_act(self, name: str) -> None:
-        trials = tried(cell_of(bundled(name), ServoProfile(), trip_watchdog_with_power=True))
+    def test_a_bundled_drive_has_watchdogs_that_act(self, name: str) -> None:
+        trials = try_all_watches(
+            cell_of(bundled(name), ServoProfile(), trip_watchdog_with_power=True)
+        )
         assert all(trial.acted_s <= 0.088 for trial in trials), trials
         assert all(trial.noticed_s <= 0.108 for trial in trials), trials
 
-    def test_lacks_nothing_that_it_needs(self, name: str) -> None:
+    def test_a_bundled_drive_lacks_nothing_that_it_needs(self, name: str) -> None:
         cell = cell_of(bundled(name), ServoProfile())
         identity = SimulatedIdentity(
             1, INCREMENTS, Fraction(100), 1000, cell.servo_of(cell.axes[0])

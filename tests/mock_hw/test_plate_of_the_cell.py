@@ -79,7 +79,7 @@ class Reads:
         return rows, arrivals, events
 
 
-def swing(cell: Cell, amplifier: SerialAmplifier, cycles: int) -> Reads:
+def move_and_rest(cell: Cell, amplifier: SerialAmplifier, cycles: int) -> Reads:
     """Move all axes back and forth, and let them rest at the end."""
     reads = Reads()
     period_s = cell.config.cycle_time_s
@@ -111,7 +111,7 @@ def run(loaded: LoadedCell, cycles: int, cell: CellConfig | None = None, **optio
             open_cell(simulated.cell, loaded.robot) as opened,
         ):
             start = simulated.axes().position
-            reads = swing(opened, amplifier, cycles)
+            reads = move_and_rest(opened, amplifier, cycles)
             end = simulated.axes().position
         return (*reads.joined(), reads.syncs_s, start, end)
 

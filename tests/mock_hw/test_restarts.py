@@ -45,7 +45,7 @@ def rig() -> Iterator[Rig]:
         yield Rig(config, cell, *bus.drives)
 
 
-def once_written_to(drive: SimulatedDrive, act: Callable[[], None]) -> None:
+def act_at_next_write(drive: SimulatedDrive, act: Callable[[], None]) -> None:
     """Call a function once, when a drive is written to next."""
     write = drive._sdo._write
 
@@ -58,7 +58,7 @@ def once_written_to(drive: SimulatedDrive, act: Callable[[], None]) -> None:
 
 
 def test_a_restart_while_another_drive_is_set_up_is_detected(rig: Rig) -> None:
-    once_written_to(rig.elbow, rig.restart_base)
+    act_at_next_write(rig.elbow, rig.restart_base)
     with raises_code(DeviceFaultError, "RID-DRIVE-RESTARTED", "(node 1)"):
         rig.cell.axes.bring_up()
     assert {s.node_id for s in rig.cell.axes.settings()} == {1, 2}, "found drives are reported too"
@@ -71,7 +71,7 @@ def test_a_restart_of_a_drive_that_stores_everything_except_watchdogs_is_detecte
     rig.cell.axes.bring_up()
     rig.base.objects.store()
     rig.base.objects._stored |= {WATCH_ON_COMPUTER: 0, od.ABORT_CONNECTION: 0}
-    once_written_to(rig.elbow, rig.restart_base)
+    act_at_next_write(rig.elbow, rig.restart_base)
     with raises_code(DeviceFaultError, "RID-DRIVE-RESTARTED", "(node 1)"):
         rig.cell.axes.bring_up()
     assert rig.base.objects[WATCH_ON_COMPUTER] == 0
@@ -98,7 +98,7 @@ def test_a_restart_with_an_unread_boot_up_message_is_detected(rig: Rig) -> None:
 
 def test_a_second_boot_up_message_before_setup_is_tolerated(rig: Rig) -> None:
     """Some drives send two boot-up messages, the second slightly later."""
-    once_written_to(
+    act_at_next_write(
         rig.base, lambda: rig.elbow._send(heartbeat_frame(2, NmtState.INITIALISING), 0.001)
     )
     rig.cell.axes.bring_up()

@@ -51,7 +51,9 @@ def test_torque_and_position_in_several_frames_are_those_of_the_axis(name: str) 
         assert answers.torque_raw[0] == round(-0.5 * rated / 0.3 * 1000.0)
         assert answers.position_counts[0] == 12345
         shown = [s.found for s in open_cell.axes.settings() if s.name == "torque"]
-        assert len(shown) == (name == "trinamic_tmcm16xx"), "the rate of what is asked for is said"
+        assert len(shown) == (name == "trinamic_tmcm16xx"), (
+            "the rate of the requested torque is stated"
+        )
 
 
 def test_a_data_sheet_with_other_fixed_pdos_is_refused() -> None:
@@ -77,7 +79,7 @@ def test_a_trace_with_other_settings_gives_no_position() -> None:
         bus.axes[0].counts = 777.0
         open_cell.axes.start()
         open_cell.axes.exchange()
-        assert open_cell.axes.answers.position_counts[0] != 777, "the drive's trace tells others"
+        assert open_cell.axes.answers.position_counts[0] != 777, "the trace contains other signals"
 
 
 def test_a_drive_that_does_not_answer_its_request_counts_as_missing() -> None:

@@ -17,7 +17,7 @@ from rid_daq.app import run
 from tests.builders.certified import estimate_of
 
 
-def exported(
+def export_notes(
     folder: Path, z_m: float, to: LoadFormat, capsys: pytest.CaptureFixture[str]
 ) -> tuple[list[str], str]:
     """Return the notes and the text of load data with their centre of gravity at z_m."""
@@ -38,12 +38,12 @@ def exported(
 def test_a_centre_behind_the_flange_is_reported_with_its_distance(
     to: LoadFormat, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    notes, text = exported(tmp_path, -0.2, to, capsys)
+    notes, text = export_notes(tmp_path, -0.2, to, capsys)
     assert "200 mm behind the flange" in " ".join(notes)
     assert "200 mm behind the flange" in text
     (tmp_path / "load").unlink()
-    assert exported(tmp_path, 0.2, to, capsys)[0] == []
+    assert export_notes(tmp_path, 0.2, to, capsys)[0] == []
 
 
 def test_a_urdf_needs_no_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert exported(tmp_path, -0.2, LoadFormat.URDF, capsys)[0] == []
+    assert export_notes(tmp_path, -0.2, LoadFormat.URDF, capsys)[0] == []

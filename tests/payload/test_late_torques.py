@@ -29,18 +29,20 @@ NARROW = replace(TorqueChannel.none(6), width_s=np.full(6, 0.1))
 OPTIONS = ModelOptions(rotors=False)
 
 
-def late(torque_nm: FloatArray, step_s: float) -> FloatArray:
+def delay_torques(torque_nm: FloatArray, step_s: float) -> FloatArray:
     """Return periodic torques delayed by fractions of a sample."""
     turn = np.exp(-2j * np.pi * np.outer(np.fft.rfftfreq(len(torque_nm), step_s), LATE_S))
     return np.fft.irfft(np.fft.rfft(torque_nm, axis=0) * turn, axis=0)
 
 
-def narrow(torque_nm: FloatArray, step_s: float) -> FloatArray:
+def low_pass_torques(torque_nm: FloatArray, step_s: float) -> FloatArray:
     return NARROW.through(torque_nm, step_s)
 
 
 @pytest.mark.parametrize("periodic", [True, False])
-@pytest.mark.parametrize(("through", "channel"), [(late, LATE), (narrow, NARROW)])
+@pytest.mark.parametrize(
+    ("through", "channel"), [(delay_torques, LATE), (low_pass_torques, NARROW)]
+)
 def test_the_torque_channel_of_a_model_is_applied_to_the_payload(
     lab: SimpleNamespace,
     tmp_path: Path,
@@ -70,4 +72,4 @@ def test_the_torque_channel_of_a_model_is_applied_to_the_payload(
     known = sigmas_off(changed, replace(model, channel=channel))
     unknown = sigmas_off(changed, model)
     assert np.abs(known).max() < 3.0
-    assert np.abs(unknown - sigmas_off(true, model)).max() > 1.0, "there is something to know"
+    assert np.abs(unknown - sigmas_off(true, model)).max() > 1.0, "the channel has an effect"

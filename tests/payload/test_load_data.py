@@ -37,7 +37,7 @@ def last_lines(text: str, mark: str) -> list[str]:
     return [line for line in text.splitlines() if not line.startswith(mark)]
 
 
-def test_kuka_load_data_by_hand() -> None:
+def test_kuka_load_data_agree_with_values_by_hand() -> None:
     # mm; A is the rotation about z: 30 degrees; J are the principal moments in axis order.
     text = load_data(TURNED_ABOUT_Z, LoadFormat.KUKA)
     assert last_lines(text, ";") == [
@@ -89,7 +89,7 @@ def test_kuka_rotates_b_about_y_and_c_about_x() -> None:
     assert "A 0,B 0,C 20},J {X 0.03,Y 0.05,Z 0.06}}" in load_data(about_x, LoadFormat.KUKA)
 
 
-def test_abb_loaddata_by_hand() -> None:
+def test_abb_loaddata_agrees_with_values_by_hand() -> None:
     # A turn of 30 degrees about z is the quaternion [cos 15, 0, 0, sin 15], scalar first:
     # cos 15 = 0.965925826289, sin 15 = 0.258819045103.
     text = load_data(TURNED_ABOUT_Z, LoadFormat.ABB)
@@ -100,7 +100,7 @@ def test_abb_loaddata_by_hand() -> None:
     assert "[mm]" in text
 
 
-def test_fanuc_schedule_by_hand() -> None:
+def test_a_fanuc_schedule_agrees_with_values_by_hand() -> None:
     # cm: 1, -2, 10. One kgf cm s^2 is 9.80665 * 0.01 = 0.0980665 kg m^2:
     # 0.035 / 0.0980665 = 0.356900674, 0.045 / 0.0980665 = 0.458872296, 0.06 / ... = 0.611829728.
     text = load_data(TURNED_ABOUT_Z, LoadFormat.FANUC)
@@ -122,7 +122,7 @@ def test_fanuc_schedule_by_hand() -> None:
     assert "left out" in text
 
 
-def test_universal_robots_call_by_hand() -> None:
+def test_a_universal_robots_call_agrees_with_values_by_hand() -> None:
     # Ixx, Iyy, Izz, Ixy, Ixz, Iyz about the centre of gravity, m and kg m^2.
     text = load_data(TURNED_ABOUT_Z, LoadFormat.UR)
     assert last_lines(text, "#") == [
@@ -131,7 +131,7 @@ def test_universal_robots_call_by_hand() -> None:
     ]
 
 
-def test_franka_column_major_by_hand() -> None:
+def test_franka_values_are_column_major() -> None:
     text = load_data(TURNED_ABOUT_Z, LoadFormat.FRANKA)
     document = json.loads(text)
     assert document["load_mass"] == 4.0
@@ -140,7 +140,7 @@ def test_franka_column_major_by_hand() -> None:
     assert document["load_inertia"] == [0.035, ixy, 0.0, ixy, 0.045, 0.0, 0.0, 0.0, 0.06]
 
 
-def test_staubli_table_by_hand() -> None:
+def test_a_staubli_table_agrees_with_values_by_hand() -> None:
     text = load_data(TURNED_ABOUT_Z, LoadFormat.STAUBLI)
     assert "NOT VERIFIED with a controller" in text
     assert last_lines(text, "//") == [
@@ -157,7 +157,7 @@ def test_staubli_table_by_hand() -> None:
     ]
 
 
-def test_urdf_link_by_hand() -> None:
+def test_a_urdf_link_agrees_with_values_by_hand() -> None:
     text = load_data(TURNED_ABOUT_Z, LoadFormat.URDF)
     assert '<origin xyz="0.01 -0.02 0.1" rpy="0 0 0"/>' in text
     assert '<mass value="4"/>' in text

@@ -16,7 +16,9 @@ from tests.builders.raised_codes import raises_code
 STEP_S = 0.01
 
 
-def recorded(late_s: float, torque_nm: float, *, size: float = 1.0) -> SmoothedSignals:
+def recording_with_late_stamps(
+    late_s: float, torque_nm: float, *, size: float = 1.0
+) -> SmoothedSignals:
     """Return 20 s of two joints with delayed time stamps."""
     time_s = np.arange(0.0, 20.0, STEP_S)
     phase = np.outer(time_s - late_s, [1.1, 1.7])
@@ -37,25 +39,29 @@ def recorded(late_s: float, torque_nm: float, *, size: float = 1.0) -> SmoothedS
 @settings(max_examples=20)
 @given(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
 def test_the_difference_is_the_payloads_torque(first_s: float, second_s: float) -> None:
-    found = torque_difference(recorded(first_s, 5.0), recorded(second_s, 2.0))
+    found = torque_difference(
+        recording_with_late_stamps(first_s, 5.0), recording_with_late_stamps(second_s, 2.0)
+    )
     assert len(found) * STEP_S > 13.9
     np.testing.assert_allclose(found.torque_nm, 3.0, atol=1e-3)
 
 
 def test_another_motion_is_refused_with_the_joint() -> None:
     with raises_code(EstimationError, "RID-PAYLOAD-PROCEDURE", "0.0745 rad", "at two"):
-        torque_difference(recorded(0.0, 0.0), recorded(0.0, 0.0, size=1.1))
+        torque_difference(
+            recording_with_late_stamps(0.0, 0.0), recording_with_late_stamps(0.0, 0.0, size=1.1)
+        )
 
 
 def test_a_recording_with_gaps_is_refused() -> None:
-    whole = recorded(0.0, 0.0)
+    whole = recording_with_late_stamps(0.0, 0.0)
     torn = replace(whole, segment=np.repeat([0, 1], len(whole) // 2))
     with raises_code(EstimationError, "RID-PAYLOAD-PROCEDURE", "run without", "gaps"):
         torque_difference(whole, torn)
 
 
 def test_motions_that_hardly_overlap_are_refused() -> None:
-    first = recorded(0.0, 0.0)
+    first = recording_with_late_stamps(0.0, 0.0)
     rows = slice(0, 300)
     names = ("time_s", "position", "velocity", "acceleration", "torque_nm", "segment")
     short = replace(first, **{name: getattr(first, name)[rows] for name in names})

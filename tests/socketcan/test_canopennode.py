@@ -141,7 +141,7 @@ def test_the_device_receives_our_heartbeat_and_detects_its_loss(device: Device) 
         return time.monotonic() > end_s
 
     device.wait(seen, beat_s=WATCH_S / 10)
-    assert emergencies == [], "our heartbeat was there"
+    assert emergencies == [], "our heartbeat was received"
     device.wait(
         lambda frame: frame.cob_id == emcy_cob_id(DEVICE) and parse_emcy(frame.data).code == 0x8130
     )

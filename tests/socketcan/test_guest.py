@@ -86,7 +86,7 @@ def figures(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 
 @pytest.mark.alone
 @pytest.mark.fault(12)
-def test_the_can_interface_and_drives_on_it(
+def test_the_tests_of_interface_and_drives_pass_in_the_guest(
     figures: dict[str, str], measured: Callable[[str], None]
 ) -> None:
     for fault in ("full queue", "bus-off", "interface down"):
@@ -103,7 +103,7 @@ def test_the_kernels_time_stamps_are_usable_while_the_date_is_set(
 
 @pytest.mark.alone
 @pytest.mark.fault(24)
-def test_a_disk_that_fails_during_a_motion(
+def test_the_tests_of_a_failing_disk_pass_in_the_guest(
     figures: dict[str, str], measured: Callable[[str], None]
 ) -> None:
     measured(f"EIO of a block device that dies: {figures['failing disk']}")
@@ -111,11 +111,11 @@ def test_a_disk_that_fails_during_a_motion(
 
 @pytest.mark.alone
 @pytest.mark.skipif(not CANOPEND, reason="canopend (CANopenNode for Linux) is not installed")
-def test_canopennode_as_a_device_and_as_a_master(tmp_path: Path) -> None:
+def test_canopennode_works_as_a_device_and_as_a_master(tmp_path: Path) -> None:
     assert_passed(boot(tmp_path, "tests/socketcan/test_canopennode.py"))
 
 
 @pytest.mark.alone
 @pytest.mark.long
-def test_the_acceptance_suite(tmp_path: Path) -> None:
+def test_the_acceptance_suite_passes_in_the_guest(tmp_path: Path) -> None:
     assert_passed(boot(tmp_path, "tests/mock_hw/test_bus_acceptance.py", "-k", "socketcan"))

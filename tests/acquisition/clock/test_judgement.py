@@ -25,14 +25,14 @@ def without_velocities(samples: Samples) -> Samples:
     return replace(samples, velocity=np.full_like(samples.velocity, np.nan))
 
 
-def jittered(true_s: FloatArray, seed: int, by_s: float) -> FloatArray:
+def jitter(true_s: FloatArray, seed: int, by_s: float) -> FloatArray:
     return true_s + np.random.default_rng(seed).uniform(-by_s, by_s, len(true_s))
 
 
 class TestSoundClock:
     @FEW
     @given(SEEDS)
-    def test_keeps_its_stamps_to_the_last_bit(self, seed: int) -> None:
+    def test_a_sound_clock_keeps_its_stamps_to_the_last_bit(self, seed: int) -> None:
         stamps = row_times() + 1.7e9
         judged = judge_clock(LoggedArm.of(seed).at(row_times(), stamps, seed))
         assert judged.report.clock is ClockState.CONFIRMED
@@ -41,13 +41,13 @@ class TestSoundClock:
 
     @FEW
     @given(SEEDS)
-    def test_may_have_uneven_stamps_that_are_true(self, seed: int) -> None:
-        stamps = jittered(row_times(), seed, 0.3 * PERIOD_S)
+    def test_a_sound_clock_may_have_uneven_stamps(self, seed: int) -> None:
+        stamps = jitter(row_times(), seed, 0.3 * PERIOD_S)
         judged = judge_clock(LoggedArm.of(seed).at(stamps, stamps, seed))
         assert judged.report.clock is ClockState.CONFIRMED
         np.testing.assert_array_equal(judged.time_s, stamps)
 
-    def test_with_a_long_rest_has_no_repeats(self) -> None:
+    def test_the_clock_of_a_robot_with_a_long_rest_has_no_repeats(self) -> None:
         late = np.clip(row_times() - 5.0, 0.0, 2.0)  # it slows down for 2 s, then rests for 13 s
         samples = LoggedArm.of(3).at(
             np.minimum(row_times(), 5.0) + late - late**2 / 4.0, row_times()
@@ -57,12 +57,12 @@ class TestSoundClock:
         assert judged.report.repeated_rows == 0
         assert judged.report.clock is ClockState.CONFIRMED
 
-    def test_of_a_robot_at_rest_has_no_findings(self) -> None:
+    def test_the_clock_of_a_robot_at_rest_has_no_findings(self) -> None:
         judged = judge_clock(LoggedArm.of(3).at(np.zeros(500), row_times(500)))
         assert judged.report.clock is ClockState.UNVERIFIED
         assert judged.report.findings(("a", "b", "c", "d")) == ()
 
-    def test_with_missing_rows_keeps_its_stamps_and_counts_them(self) -> None:
+    def test_a_clock_with_missing_rows_keeps_its_stamps_and_counts_them(self) -> None:
         stamps = np.delete(row_times(), np.arange(100, 2400, 25))
         judged = judge_clock(LoggedArm.of(4).at(stamps, stamps))
         assert judged.report.missing_rows == 92
@@ -73,7 +73,9 @@ class TestSoundClock:
 class TestRepeatedRows:
     @FEW
     @given(SEEDS, st.floats(0.02, 0.3))
-    def test_are_found_and_the_true_times_recovered(self, seed: int, share: float) -> None:
+    def test_repeated_rows_are_found_and_the_true_times_recovered(
+        self, seed: int, share: float
+    ) -> None:
         repeat = np.random.default_rng(seed).random(2500) < share
         true_s = inserted(row_times(), repeat)
         samples = LoggedArm.of(seed).at(true_s, row_times(len(true_s)), seed)
@@ -86,7 +88,7 @@ class TestRepeatedRows:
         before = time_error(samples.time_s[judged.kept], true_s[judged.kept])
         assert time_error(judged.time_s, true_s[judged.kept]) < 0.1 * before
 
-    def test_are_nine_of_ten_if_a_50_hz_source_is_read_at_500_hz(self) -> None:
+    def test_nine_of_ten_rows_are_repeats_if_a_50_hz_source_is_read_at_500_hz(self) -> None:
         source = np.arange(0.0, 20.0, 0.02)
         seen = source + np.random.default_rng(4).uniform(0.0, 0.012, len(source))
         seen[0] = -1.0
@@ -97,7 +99,7 @@ class TestRepeatedRows:
         assert judged.report.tick_s == pytest.approx(0.02)
         assert time_error(judged.time_s, true_s[judged.kept]) < 1e-6
 
-    def test_instead_of_new_rows_leave_the_other_times_exact(self) -> None:
+    def test_repeats_instead_of_new_rows_leave_the_other_times_exact(self) -> None:
         true_s = row_times()
         stale = np.arange(5, 2500, 9)
         true_s[stale] = true_s[stale - 1]
@@ -105,7 +107,7 @@ class TestRepeatedRows:
         assert judged.report.repeated_rows == len(stale)
         np.testing.assert_allclose(judged.time_s, true_s[judged.kept], atol=1e-6)
 
-    def test_without_velocities_are_removed_and_the_clock_is_unknown(self) -> None:
+    def test_repeats_without_velocities_are_removed_and_the_clock_is_unknown(self) -> None:
         true_s = inserted(row_times(), np.arange(2500) % 10 == 9)
         samples = without_velocities(LoggedArm.of(7).at(true_s, row_times(len(true_s))))
         judged = judge_clock(samples)
@@ -114,12 +116,12 @@ class TestRepeatedRows:
         assert not judged.report.is_known
         np.testing.assert_array_equal(judged.time_s, samples.time_s[judged.kept])
 
-    def test_include_copied_lines(self) -> None:
+    def test_repeated_rows_include_copied_lines(self) -> None:
         judged = judge_clock(LoggedArm.of(8).at(row_times(), row_times()), copies=7)
         assert judged.report.repeated_rows == 7
         assert judged.report.rows == 2507
 
-    def test_with_one_moving_joint_leave_the_clock_unknown_without_a_robot(self) -> None:
+    def test_repeats_with_one_moving_joint_leave_the_clock_unknown_without_a_robot(self) -> None:
         true_s = inserted(row_times(), np.arange(2500) % 10 == 9)
         samples = LoggedArm.of(9, joints=1).at(true_s, row_times(len(true_s)))
         judged = judge_clock(samples)
@@ -130,21 +132,23 @@ class TestRepeatedRows:
 class TestJitteredStamps:
     @FEW
     @given(SEEDS, st.floats(0.15, 0.35))
-    def test_are_replaced_by_times_with_a_tenth_of_the_error(self, seed: int, part: float) -> None:
+    def test_jittered_stamps_are_replaced_by_times_with_a_tenth_of_the_error(
+        self, seed: int, part: float
+    ) -> None:
         true_s = row_times()
-        stamps = jittered(true_s, seed, part * PERIOD_S)
+        stamps = jitter(true_s, seed, part * PERIOD_S)
         judged = judge_clock(LoggedArm.of(seed).at(true_s, stamps, seed))
         assert judged.report.clock is ClockState.REBUILT
         assert time_error(judged.time_s, true_s) < 0.1 * time_error(stamps, true_s)
 
-    def test_with_a_coarse_tick_are_replaced(self) -> None:
+    def test_stamps_with_a_coarse_tick_are_replaced(self) -> None:
         stamps = np.floor(row_times() / 0.005 + 1e-9) * 0.005
         judged = judge_clock(LoggedArm.of(11).at(row_times(), stamps))
         assert judged.report.tick_s == pytest.approx(PERIOD_S, rel=1e-3)
         assert time_error(judged.time_s, row_times()) < 1e-6
 
-    def test_are_unknown_without_velocities(self) -> None:
-        stamps = jittered(row_times(), 12, 0.35 * PERIOD_S)
+    def test_jittered_stamps_without_velocities_leave_the_clock_unknown(self) -> None:
+        stamps = jitter(row_times(), 12, 0.35 * PERIOD_S)
         judged = judge_clock(without_velocities(LoggedArm.of(12).at(row_times(), stamps)))
         assert judged.report.clock is ClockState.UNKNOWN
         assert judged.report.jitter_rms_s == pytest.approx(
@@ -153,15 +157,17 @@ class TestJitteredStamps:
         np.testing.assert_array_equal(judged.time_s, stamps)
 
     @pytest.mark.parametrize("scale", [0.97, 1.03])
-    def test_keep_their_mean_rate_if_the_velocities_are_scaled(self, scale: float) -> None:
-        stamps = jittered(row_times(), 13, 0.3 * PERIOD_S)
+    def test_rebuilt_stamps_keep_their_mean_rate_if_the_velocities_are_scaled(
+        self, scale: float
+    ) -> None:
+        stamps = jitter(row_times(), 13, 0.3 * PERIOD_S)
         samples = LoggedArm.of(13).at(row_times(), stamps)
         judged = judge_clock(replace(samples, velocity=scale * samples.velocity))
         assert judged.report.clock is ClockState.REBUILT
         assert np.ptp(judged.time_s) == pytest.approx(np.ptp(row_times()), rel=1e-3)
 
-    def test_are_not_replaced_if_velocities_are_in_another_unit(self) -> None:
-        stamps = jittered(row_times(), 14, 0.3 * PERIOD_S)
+    def test_stamps_are_not_replaced_if_velocities_are_in_another_unit(self) -> None:
+        stamps = jitter(row_times(), 14, 0.3 * PERIOD_S)
         samples = LoggedArm.of(14).at(row_times(), stamps)
         judged = judge_clock(replace(samples, velocity=57.3 * samples.velocity))
         assert judged.report.clock is ClockState.UNKNOWN
@@ -170,8 +176,10 @@ class TestJitteredStamps:
 
 class TestVelocitiesFromPositions:
     @pytest.mark.parametrize("formula", ["backward", "centred", "filtered"])
-    def test_with_jittered_stamps_rebuild_no_times(self, formula: str) -> None:
-        stamps = jittered(row_times(), 15, 0.3 * PERIOD_S)
+    def test_differentiated_positions_with_jittered_stamps_rebuild_no_times(
+        self, formula: str
+    ) -> None:
+        stamps = jitter(row_times(), 15, 0.3 * PERIOD_S)
         samples = LoggedArm.of(15).at(row_times(), stamps)
         steps = np.diff(samples.position, axis=0) / np.diff(stamps)[:, np.newaxis]
         velocity = np.vstack([steps[:1], steps])
@@ -185,7 +193,7 @@ class TestVelocitiesFromPositions:
         assert "were computed from the positions" in judged.report.doubt
         np.testing.assert_array_equal(judged.time_s, stamps)
 
-    def test_with_repeated_rows_rebuild_no_times(self) -> None:
+    def test_differentiated_positions_with_repeated_rows_rebuild_no_times(self) -> None:
         true_s = inserted(row_times(), np.arange(2500) % 10 == 9)
         samples = LoggedArm.of(16).at(true_s, row_times(len(true_s)))
         velocity = np.gradient(samples.position, samples.time_s, axis=0)
@@ -195,7 +203,7 @@ class TestVelocitiesFromPositions:
 
 
 class TestRepeatedPositions:
-    def test_are_reported_by_joint_and_interpolated(self) -> None:
+    def test_repeated_positions_are_reported_by_joint_and_interpolated(self) -> None:
         samples = LoggedArm.of(17).at(row_times(), row_times())
         position = samples.position.copy()
         position[:, 1] = position[np.arange(2500) // 4 * 4, 1]

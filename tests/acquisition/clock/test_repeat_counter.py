@@ -11,7 +11,7 @@ from config.arrays import FloatArray
 from tests.builders.logged_arm import LoggedArm, row_times
 
 
-def recorded(true_s: FloatArray) -> Recording:
+def recording_at(true_s: FloatArray) -> Recording:
     samples = LoggedArm.of(1).at(true_s, row_times(len(true_s)))
     rows = len(true_s)
     return Recording(
@@ -29,7 +29,7 @@ def recorded(true_s: FloatArray) -> Recording:
 def test_a_row_that_no_drive_updated_is_counted_in_each_part() -> None:
     true_s = row_times()
     true_s[7::50] = true_s[6::50]
-    whole, counter = recorded(true_s), RepeatCounter()
+    whole, counter = recording_at(true_s), RepeatCounter()
     for first in range(0, 2500, 500):
         counter.add(whole.part(slice(first, first + 500)))
     assert counter.report().repeated_rows == 50
@@ -40,6 +40,6 @@ def test_a_row_that_no_drive_updated_is_counted_in_each_part() -> None:
 
 def test_a_sound_recording_has_no_repeats() -> None:
     counter = RepeatCounter()
-    counter.add(recorded(row_times()))
+    counter.add(recording_at(row_times()))
     assert counter.report().repeated_rows == 0
     assert counter.notes() == ()

@@ -21,7 +21,7 @@ class BendingArm(Arm):
         return np.asarray(plain + np.sign(v) * (falling + 0.09 * np.abs(rigid)) + bending)
 
 
-def recorded(kind: str) -> tuple[Arm, Logged]:
+def arm_and_recording(kind: str) -> tuple[Arm, Logged]:
     arm = Arm.of(3, 961)
     bending = BendingArm(arm.robot, arm.model, arm.coulomb, arm.viscous, arm.rotor)
     (found,) = logged(bending, kind, 12.0, 961, ("stamps jitter by 2.5 ms",))
@@ -30,7 +30,7 @@ def recorded(kind: str) -> tuple[Arm, Logged]:
 
 @pytest.mark.parametrize("kind", ["sines", "points"])
 def test_the_true_times_halve_the_error_of_held_out_torques(kind: str) -> None:
-    arm, found = recorded(kind)
+    arm, found = arm_and_recording(kind)
     gain = torque_gain(arm.robot, found.samples, found.true_s, None)
     assert gain is not None
     assert gain[0] > 0.6

@@ -84,7 +84,7 @@ def test_a_key_released_while_its_line_is_planned_moves_nothing(
         desk.meanwhile = lambda: None
         desk.key = "+"
         wait_for(lambda: dead_man.press_count == 1)
-    assert desk.plans == ["+", "+"], "what it means may have changed"
+    assert desk.plans == ["+", "+"], "the meaning of the key may have changed"
 
 
 def test_a_second_press_between_two_reads_is_a_new_press(

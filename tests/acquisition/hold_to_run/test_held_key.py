@@ -124,11 +124,13 @@ def test_a_press_belongs_to_one_sender() -> None:
     assert worker.receive("+", "b") is KeyVerdict.ELSEWHERE
     worker.now_s += 0.15
     assert worker.held_key == "", "the other's message does not keep it"
-    assert worker.receive("+", "b") is KeyVerdict.UNRELEASED, "it was pressed before"
+    assert worker.receive("+", "b") is KeyVerdict.UNRELEASED, (
+        "the key was pressed before the connection changed"
+    )
     worker.receive("", "b")
     assert worker.receive("+", "b") is KeyVerdict.COUNTS
     worker.receive("", "a")
-    assert worker.held_key == "+", "the release of another key"
+    assert worker.held_key == "+", "the release of another sender's key is ignored"
 
 
 @pytest.mark.promise("held-key-one-connection")
@@ -275,4 +277,4 @@ def test_with_late_lost_reordered_or_repeated_messages_a_key_counts_only_near_it
         if counts is not None:
             near = range(now, now - round(CHALLENGE_LIMIT_S * 1000 / STEP_MS), -1)
             assert any(each in held_at for each in near), "held 0.3 s after the release"
-    assert len(set(counted.values())) == len(counted), "a press that was over began again"
+    assert len(set(counted.values())) == len(counted), "a press that had ended counted again"

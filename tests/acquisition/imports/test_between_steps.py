@@ -26,7 +26,7 @@ def rows(time_s: FloatArray, position: FloatArray, velocity: FloatArray) -> Impo
     )
 
 
-def creeping() -> tuple[FloatArray, FloatArray, FloatArray]:
+def creeping_joint() -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return time, position and velocity of a joint that creeps back and forth by a few steps."""
     time_s = np.arange(0.0, 10.0, 0.008)
     position = 3e-4 * np.sin(0.8 * time_s) + 1e-4 * np.sin(3.0 * time_s)
@@ -34,16 +34,16 @@ def creeping() -> tuple[FloatArray, FloatArray, FloatArray]:
     return time_s, position, velocity
 
 
-def rounded(values: FloatArray, step: float, seed: int = 1) -> FloatArray:
+def round_to_steps(values: FloatArray, step: float, seed: int = 1) -> FloatArray:
     """Return values rounded to steps, as from an encoder that flickers between two steps."""
     noise = np.random.default_rng(seed).normal(0.0, 0.1 * step, len(values))
     return np.asarray(step * np.round((values + noise) / step), dtype=np.float64)
 
 
 def test_the_step_of_a_position_is_found_in_any_unit() -> None:
-    time_s, position, velocity = creeping()
+    time_s, position, velocity = creeping_joint()
     for factor in (1.0, np.pi / 180.0, 1.0 / 121.0):
-        seen = rows(time_s, factor * rounded(position, STEP), velocity)
+        seen = rows(time_s, factor * round_to_steps(position, STEP), velocity)
         assert position_steps(seen) == pytest.approx((factor * STEP,))
 
 
@@ -51,8 +51,8 @@ def test_the_step_of_a_position_is_found_in_any_unit() -> None:
 def test_a_creeping_joint_reverses_where_it_did_and_not_where_its_position_flickers(
     offset: float,
 ) -> None:
-    time_s, position, velocity = creeping()
-    seen = rows(time_s, rounded(position, STEP) + offset, rounded(velocity, STEP))
+    time_s, position, velocity = creeping_joint()
+    seen = rows(time_s, round_to_steps(position, STEP) + offset, round_to_steps(velocity, STEP))
     found = refine_between_steps(seen, position_steps(seen))[:, 0] - offset
     assert np.std(found - position) < 0.4 * np.std(seen.position[:, 0] - offset - position)
     true, recorded, refined = (
@@ -72,9 +72,9 @@ def test_a_joint_at_rest_that_flickers_between_two_steps_does_not_move() -> None
 
 
 def test_a_joint_at_rest_before_and_after_a_gap_does_not_move() -> None:
-    time_s, position, velocity = creeping()
+    time_s, position, velocity = creeping_joint()
     rest_s = time_s[-1] + 0.008 * np.arange(1, 501)
-    moving = rounded(position, STEP)
+    moving = round_to_steps(position, STEP)
     seen = rows(
         np.concatenate([time_s, rest_s, rest_s + 10.0]),
         np.concatenate([moving, np.full(500, moving[-1]), np.full(500, moving[-1] + 0.2)]),
@@ -89,7 +89,7 @@ def test_a_joint_at_rest_before_and_after_a_gap_does_not_move() -> None:
 def test_the_steps_of_an_encoder_are_found_in_rounded_numbers(counts: int, digits: int) -> None:
     step = 2.0 * np.pi / counts
     time_s = np.arange(0.0, 20.0, 0.008)
-    position = rounded(0.8 * np.sin(0.6 * time_s), step)
+    position = round_to_steps(0.8 * np.sin(0.6 * time_s), step)
     seen = rows(time_s, np.round(position, digits), 0.48 * np.cos(0.6 * time_s))
     assert position_steps(seen) == pytest.approx((step,), rel=0.01)
 
@@ -103,18 +103,18 @@ def test_a_steady_speed_and_a_jump_are_not_steps() -> None:
 
 
 def test_a_wrong_velocity_moves_no_position_by_more_than_a_step() -> None:
-    time_s, position, velocity = creeping()
-    seen = rows(time_s, rounded(position, STEP), -3.0 * velocity)
+    time_s, position, velocity = creeping_joint()
+    seen = rows(time_s, round_to_steps(position, STEP), -3.0 * velocity)
     found = refine_between_steps(seen, position_steps(seen))
     assert np.abs(found - seen.position).max() <= STEP * (1.0 + 1e-9)
 
 
 def test_positions_without_steps_or_velocity_are_unchanged() -> None:
-    time_s, position, velocity = creeping()
+    time_s, position, velocity = creeping_joint()
     smooth = rows(time_s, position, velocity)
     assert position_steps(smooth) == (None,)
     np.testing.assert_array_equal(refine_between_steps(smooth, (None,)), smooth.position)
-    alone = rows(time_s, rounded(position, STEP), np.full(len(time_s), np.nan))
+    alone = rows(time_s, round_to_steps(position, STEP), np.full(len(time_s), np.nan))
     np.testing.assert_array_equal(
         refine_between_steps(alone, position_steps(alone)), alone.position
     )

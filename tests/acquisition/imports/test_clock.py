@@ -19,7 +19,7 @@ from tests.builders.foreign_tables import as_lines, sound_table, two_joint_map
 TENTH = np.where(np.arange(1200) % 10 == 9, 2, 1)
 
 
-def imported(
+def import_table(
     folder: Path, table: FloatArray, import_map: ImportMap | None = None
 ) -> tuple[Recording, ImportReport]:
     path = folder / "recording.csv"
@@ -27,7 +27,7 @@ def imported(
     return import_csv(path, import_map or two_joint_map())
 
 
-def with_repeats(table: FloatArray) -> FloatArray:
+def repeat_rows(table: FloatArray) -> FloatArray:
     """Return the arm's samples with every tenth row twice, under even stamps."""
     table = np.repeat(table, TENTH, axis=0)
     table[:, 0] = 5.0 + 0.011 * np.arange(len(table))
@@ -49,8 +49,8 @@ def even_table() -> FloatArray:
 
 
 def test_repeated_rows_are_counted_and_removed_and_the_times_rebuilt(tmp_path: Path) -> None:
-    table = with_repeats(even_table())
-    recording, report = imported(tmp_path, table)
+    table = repeat_rows(even_table())
+    recording, report = import_table(tmp_path, table)
     assert report.clock is not None
     assert report.clock.clock is ClockState.REBUILT
     assert report.clock.repeated_rows == 120
@@ -65,7 +65,7 @@ def test_repeated_rows_are_counted_and_removed_and_the_times_rebuilt(tmp_path: P
 def test_a_sound_recording_keeps_its_stamps_and_has_no_finding(tmp_path: Path) -> None:
     table = even_table()
     table[:, 0] = 5.0 + 0.011 * np.arange(1200)
-    recording, report = imported(tmp_path, table)
+    recording, report = import_table(tmp_path, table)
     assert report.clock is not None
     assert report.clock.clock is ClockState.CONFIRMED
     assert report.findings == ()
@@ -77,7 +77,7 @@ def test_a_row_written_twice_with_its_stamp_is_a_repeat_and_not_damage(
 ) -> None:
     table = even_table()
     table[:, 0] = 5.0 + 0.011 * np.arange(1200)
-    recording, report = imported(tmp_path, np.repeat(table, TENTH, axis=0))
+    recording, report = import_table(tmp_path, np.repeat(table, TENTH, axis=0))
     assert report.clock is not None
     assert report.clock.repeated_rows == 120
     assert report.rows_damaged == 0
@@ -87,7 +87,7 @@ def test_a_row_written_twice_with_its_stamp_is_a_repeat_and_not_damage(
 def test_jumps_of_a_source_read_four_times_are_plausible(tmp_path: Path) -> None:
     table = np.repeat(even_table()[:400], 4, axis=0)
     table[:, 0] = 0.011 / 4 * np.arange(len(table))  # 0.035 rad within 2.75 ms
-    _, report = imported(tmp_path, table)
+    _, report = import_table(tmp_path, table)
     assert report.clock is not None
     assert report.clock.repeated_share == pytest.approx(0.75, abs=0.003)
     assert report.rows_damaged == 0
@@ -97,7 +97,7 @@ def test_too_few_updated_rows_are_refused(tmp_path: Path) -> None:
     table = np.repeat(even_table()[:90], 4, axis=0)
     table[:, 0] = 0.011 / 4 * np.arange(len(table))
     with pytest.raises(DataQualityError) as refused:
-        imported(tmp_path, table)
+        import_table(tmp_path, table)
     assert refused.value.refusal == "RID-IMPORT-REPEATED-ROWS"
 
 

@@ -107,18 +107,18 @@ CURRENTS = ({"torque": None, "current": 5}, {"torque": None, "current": 6})
 
 
 class TestMotorSide:
-    def test_is_converted_by_the_robots_gears(self, read: Read) -> None:
+    def test_the_motor_side_is_converted_by_the_robots_gears(self, read: Read) -> None:
         recording, report = read(motor_table(), layout(side="motor"), robot())
         np.testing.assert_allclose(recording.position, table()[:, 1:3], atol=1e-8)
         np.testing.assert_allclose(recording.torque_nm, table()[:, 5:7] * GEARS, atol=1e-6)
         assert report.velocity_ratio == pytest.approx((1.0, 1.0), abs=1e-3)
 
-    def test_is_converted_by_the_maps_gear_if_it_has_one(self, read: Read) -> None:
+    def test_the_motor_side_is_converted_by_the_maps_gear_if_it_has_one(self, read: Read) -> None:
         import_map = layout({}, {"gear_ratio": -40.0}, side="motor")
         recording, _ = read(motor_table(), import_map, robot())
         np.testing.assert_allclose(recording.position, table()[:, 1:3] * [1.0, 0.5], atol=1e-8)
 
-    def test_of_a_coupled_wrist_gives_joint_positions_and_actuator_torques(
+    def test_the_motor_side_of_a_coupled_wrist_becomes_joint_positions_and_actuator_torques(
         self, read: Read
     ) -> None:
         """q = C alpha (5.18); the actuator torque is the motor torque times the gear ratio."""
@@ -129,7 +129,7 @@ class TestMotorSide:
         np.testing.assert_allclose(recording.torque_nm, table()[:, 5:7] * GEARS, atol=1e-6)
         assert report.travel == pytest.approx(np.ptp(recording.position, axis=0).tolist())
 
-    def test_needs_gear_ratios_in_the_robot_or_the_map(self, read: Read) -> None:
+    def test_the_motor_side_needs_gear_ratios_in_the_robot_or_the_map(self, read: Read) -> None:
         with raises_code(ConfigError, "RID-IMPORT-MOTOR-SIDE", "'a'", "gear_ratio"):
             read(motor_table(), layout(side="motor"))
         alone = layout({"gear_ratio": 50.0}, {"gear_ratio": -20.0}, side="motor")
@@ -138,7 +138,7 @@ class TestMotorSide:
 
 
 class TestLinkSide:
-    def test_positions_are_joint_positions_for_any_coupling(self, read: Read) -> None:
+    def test_link_side_positions_are_joint_positions_for_any_coupling(self, read: Read) -> None:
         recording, _ = read(table(), layout(), robot(coupling=COUPLING))
         np.testing.assert_allclose(recording.position, table()[:, 1:3], atol=1e-8)
         np.testing.assert_allclose(recording.torque_nm, table()[:, 5:7], atol=1e-8)
@@ -146,7 +146,7 @@ class TestLinkSide:
 
 class TestCurrents:
     @pytest.mark.parametrize(("side", "constants"), [("link", (60, 30)), ("motor", (60, -30))])
-    def test_use_the_robots_link_side_constant_with_the_motors_sign(
+    def test_currents_use_the_robots_link_side_constant_with_the_motors_sign(
         self, read: Read, side: str, constants: tuple[float, float]
     ) -> None:
         import_map = layout(*CURRENTS, side=side, plausible={"speed": 200.0})
@@ -154,12 +154,14 @@ class TestCurrents:
         recording, _ = read(rows, import_map, robot())
         np.testing.assert_allclose(recording.torque_nm, table()[:, 5:7] * constants, atol=1e-6)
 
-    def test_use_the_maps_constant_first_on_the_side_of_its_columns(self, read: Read) -> None:
+    def test_currents_use_the_maps_constant_first_on_the_side_of_its_columns(
+        self, read: Read
+    ) -> None:
         own = tuple(joint | {"torque_constant_nm_per_a": 0.5} for joint in CURRENTS)
         recording, _ = read(motor_table(), layout(*own, side="motor"), robot())
         np.testing.assert_allclose(recording.torque_nm, table()[:, 5:7] * GEARS / 2, atol=1e-6)
 
-    def test_need_a_constant_in_the_robot_or_the_map(self, read: Read) -> None:
+    def test_currents_need_a_constant_in_the_robot_or_the_map(self, read: Read) -> None:
         bare = [
             joint.model_copy(update={"torque_constant_nm_per_a": None}) for joint in robot().joints
         ]
@@ -171,7 +173,7 @@ class TestCurrents:
 
 class TestTemperatures:
     @pytest.mark.parametrize(("unit", "zero"), [("C", 0.0), ("K", 273.15)])
-    def test_are_converted_to_kelvin(self, read: Read, unit: str, zero: float) -> None:
+    def test_temperatures_are_converted_to_kelvin(self, read: Read, unit: str, zero: float) -> None:
         import_map = layout({"temperature": 7}, {"temperature": 8}, units={"temperature": unit})
         recording, _ = read(table() + zero * WARMTH, import_map)
         assert recording.temperature_k is not None
@@ -179,13 +181,15 @@ class TestTemperatures:
         np.testing.assert_allclose(recording.temperature_k[:, 1] - recording.temperature_k[:, 0], 5)
 
     @pytest.mark.parametrize(("unit", "zero"), [("C", 273.15), ("K", 0.0)])
-    def test_in_the_wrong_unit_are_implausible(self, read: Read, unit: str, zero: float) -> None:
+    def test_temperatures_in_the_wrong_unit_are_implausible(
+        self, read: Read, unit: str, zero: float
+    ) -> None:
         import_map = layout({"temperature": 7}, {"temperature": 8}, units={"temperature": unit})
         names = ("0 of 300", "temperature of a", "223.15 to 473.15")
         with raises_code(DataQualityError, "RID-IMPORT-ROWS", *names):
             read(table() + zero * WARMTH, import_map)
 
-    def test_are_unknown_without_columns(self, read: Read) -> None:
+    def test_temperatures_without_columns_are_unknown(self, read: Read) -> None:
         assert read(table(), layout())[0].temperature_k is None
 
 

@@ -54,7 +54,9 @@ def test_rows_seconds_apart_are_reported_with_the_likely_unit(
 
 
 class TestClock:
-    def test_that_is_a_tenth_too_fast_is_reported_with_its_factor(self, tmp_path: Path) -> None:
+    def test_a_clock_that_is_a_tenth_too_fast_is_reported_with_its_factor(
+        self, tmp_path: Path
+    ) -> None:
         table = sound_table()
         table[:, 0] *= 1.1
         (found,) = report_of(tmp_path, table).findings
@@ -62,7 +64,7 @@ class TestClock:
         assert "Multiply the times by 0.909" in found
 
     @pytest.mark.parametrize("unit", ["ms", "us"])
-    def test_in_another_unit_is_refused(self, tmp_path: Path, unit: str) -> None:
+    def test_a_clock_in_another_unit_is_refused(self, tmp_path: Path, unit: str) -> None:
         table, import_map = sound_table(), two_joint_map(time={"column": 0, "unit": unit})
         names = ("of 400", "plausible.speed", "and time", "row 2: position")
         with raises_code(DataQualityError, "RID-IMPORT-ROWS", *names):
@@ -72,14 +74,16 @@ class TestClock:
         with raises_code(DataQualityError, "RID-IMPORT-UNITS", *names):
             report_of(tmp_path, table)
 
-    def test_has_no_finding_if_one_joint_has_a_wrong_unit_or_gear(self, tmp_path: Path) -> None:
+    def test_the_clock_has_no_finding_if_one_joint_has_a_wrong_unit_or_gear(
+        self, tmp_path: Path
+    ) -> None:
         table = sound_table()
         table[:, 2] *= 1.2
         (found,) = report_of(tmp_path, table).findings
         assert found.startswith("b: its position moves 1.200 times as fast as its velocity column")
 
     @pytest.mark.parametrize("delay_s", [-0.02, 0.02])
-    def test_has_no_finding_for_a_delayed_noisy_velocity(
+    def test_the_clock_has_no_finding_for_a_delayed_noisy_velocity(
         self, tmp_path: Path, delay_s: float
     ) -> None:
         table = sound_table()
@@ -91,7 +95,7 @@ class TestClock:
         assert report_of(tmp_path, table).findings == ()
 
     @pytest.mark.parametrize(("clock", "noise", "told"), [(1.0, 1.0, False), (1.06, 0.1, True)])
-    def test_has_a_finding_if_the_velocity_noise_does_not_explain_the_difference(
+    def test_the_clock_has_a_finding_if_velocity_noise_does_not_explain_the_difference(
         self, tmp_path: Path, clock: float, noise: float, told: bool
     ) -> None:
         table = sound_table(150)
@@ -104,7 +108,7 @@ class TestClock:
 
 
 class TestStuck:
-    def test_torque_is_reported_with_its_rows(self, tmp_path: Path) -> None:
+    def test_a_stuck_torque_is_reported_with_its_rows(self, tmp_path: Path) -> None:
         table = sound_table()
         table[100:, 5] = 1.25
         (found,) = report_of(tmp_path, table).findings
@@ -112,21 +116,21 @@ class TestStuck:
             "a: its torque (column 5) is constant at 2.5 from row 101 to row 400 while"
         )
 
-    def test_position_is_refused_if_its_velocity_changes(self, tmp_path: Path) -> None:
+    def test_a_stuck_position_is_refused_if_its_velocity_changes(self, tmp_path: Path) -> None:
         table = sound_table()
         table[:, 1] = 0.3
         names = ("position of a", "at 0 per", "is 2.23", "stuck")
         with raises_code(DataQualityError, "RID-IMPORT-UNITS", *names):
             report_of(tmp_path, table)
 
-    def test_torque_of_a_joint_at_rest_is_not_reported(self, tmp_path: Path) -> None:
+    def test_a_constant_torque_of_a_joint_at_rest_is_not_reported(self, tmp_path: Path) -> None:
         table = sound_table()
         table[:, [1, 3]], table[:, 5] = 0.0, 1.0
         assert report_of(tmp_path, table).findings == ()
 
 
 class TestPositions:
-    def test_in_degrees_are_refused_by_the_limits(self, tmp_path: Path) -> None:
+    def test_positions_in_degrees_are_refused_by_the_limits(self, tmp_path: Path) -> None:
         table = sound_table()
         table[:, 1:3] *= 180.0 / math.pi
         import_map = without_velocities(plausible={"position": 100.0, "speed": 400.0})
@@ -134,14 +138,14 @@ class TestPositions:
         with raises_code(DataQualityError, "RID-IMPORT-UNITS", *names):
             report_of(tmp_path, table, import_map)
 
-    def test_in_degrees_are_refused_by_the_speed_if_they_are_small(self, tmp_path: Path) -> None:
+    def test_small_positions_in_degrees_are_refused_by_their_speed(self, tmp_path: Path) -> None:
         table = sound_table()
         table[:, 1:3] *= 0.03 * 180.0 / math.pi
         names = ("5.372 per second", "limit is 1:", "(degrees?)")
         with raises_code(DataQualityError, "RID-IMPORT-UNITS", *names):
             report_of(tmp_path, table, without_velocities(), slow_robot())
 
-    def test_of_the_motors_need_the_key_side_motor(self, tmp_path: Path) -> None:
+    def test_motor_positions_need_the_key_side_motor(self, tmp_path: Path) -> None:
         table = sound_table()
         table[:, 1:5] *= 100.0
         import_map = two_joint_map(plausible={"position": 1e3, "speed": 1e3})
@@ -150,7 +154,7 @@ class TestPositions:
         with raises_code(DataQualityError, "RID-IMPORT-ROWS", "400", "`side: motor`"):
             report_of(tmp_path, table)  # with this map nearly every row is implausible
 
-    def test_with_another_zero_need_a_zero_offset(self, tmp_path: Path) -> None:
+    def test_positions_with_another_zero_need_a_zero_offset(self, tmp_path: Path) -> None:
         table = sound_table()
         table[:, 1] += math.pi
         names = ("2.142 to 4.142", "zero_offset", "(3.1 rad")
@@ -160,7 +164,7 @@ class TestPositions:
         joints[0]["zero_offset"] = math.pi
         assert report_of(tmp_path, table, two_joint_map(joints=joints)).findings == ()
 
-    def test_slightly_beyond_the_limits_are_a_finding(self, tmp_path: Path) -> None:
+    def test_positions_slightly_beyond_the_limits_are_a_finding(self, tmp_path: Path) -> None:
         table = sound_table()
         table[:, 1] += 2.1
         (found,) = report_of(tmp_path, table).findings
@@ -168,7 +172,7 @@ class TestPositions:
 
 
 class TestTorques:
-    def test_beyond_the_robots_limits_are_a_finding(self, tmp_path: Path) -> None:
+    def test_torques_beyond_the_robots_limits_are_a_finding(self, tmp_path: Path) -> None:
         table = sound_table()
         table[:, 6] *= 20.0
         (found,) = report_of(tmp_path, table).findings
@@ -176,7 +180,7 @@ class TestTorques:
             "b: its torque reaches 79.99, but the robot file's limit is 50: its torque"
         )
 
-    def test_that_remove_too_many_rows_are_refused_with_the_likely_cause(
+    def test_torques_that_remove_too_many_rows_are_refused_with_the_likely_cause(
         self, tmp_path: Path
     ) -> None:
         table = sound_table()

@@ -33,7 +33,9 @@ def layout(**changes: Any) -> ImportMap:
     return ImportMap.model_validate_json(json.dumps(values | changes))
 
 
-def merged(path: Path, shift_s: float = 0.002, empty: str = "", stop: int = 300) -> Path:
+def write_merged_topics(
+    path: Path, shift_s: float = 0.002, empty: str = "", stop: int = 300
+) -> Path:
     """Write positions and torques in rows of their own, torques `shift_s` later."""
     lines = []
     for row, t in enumerate(T.tolist()):
@@ -48,7 +50,7 @@ def merged(path: Path, shift_s: float = 0.002, empty: str = "", stop: int = 300)
 def test_topics_of_one_file_are_interpolated_at_the_rows_of_the_first_joint(
     tmp_path: Path, empty: str
 ) -> None:
-    path = merged(tmp_path / "r.csv", empty=empty)
+    path = write_merged_topics(tmp_path / "r.csv", empty=empty)
     recording, report = import_csv(path, layout(empty_cells="interpolate"))
     np.testing.assert_array_equal(recording.position[:, 0], q(T))
     np.testing.assert_allclose(recording.torque_nm[1:, 0], tau(T)[1:], atol=4e-4)
@@ -58,7 +60,7 @@ def test_topics_of_one_file_are_interpolated_at_the_rows_of_the_first_joint(
 
 
 def test_rows_beyond_the_other_topic_are_removed(tmp_path: Path) -> None:
-    path = merged(tmp_path / "r.csv", stop=280)
+    path = write_merged_topics(tmp_path / "r.csv", stop=280)
     import_map = layout(empty_cells="interpolate", left_out_limit=0.1)
     recording, report = import_csv(path, import_map)
     assert report.rows_damaged == 20
@@ -68,7 +70,7 @@ def test_rows_beyond_the_other_topic_are_removed(tmp_path: Path) -> None:
 
 
 def test_without_the_merge_key_the_refusal_names_it(tmp_path: Path) -> None:
-    path = merged(tmp_path / "r.csv")
+    path = write_merged_topics(tmp_path / "r.csv")
     with raises_code(DataQualityError, "RID-IMPORT-ROWS", "empty_cells"):
         import_csv(path, layout())
 
@@ -81,7 +83,7 @@ def test_an_empty_column_is_refused_with_its_name(tmp_path: Path) -> None:
 
 
 def test_text_instead_of_a_number_is_not_interpolated(tmp_path: Path) -> None:
-    path = merged(tmp_path / "r.csv")
+    path = write_merged_topics(tmp_path / "r.csv")
     path.write_text(path.read_text().replace("\n", "x\n", 1))
     _, report = import_csv(path, layout(empty_cells="interpolate"))
     assert [(group.first, group.counts) for group in report.damaged] == [
@@ -104,7 +106,7 @@ class TestVelocities:
 
     @pytest.mark.parametrize("text", ["nan", ""])
     @pytest.mark.parametrize("lacking", [300, 200])
-    def test_that_a_source_leaves_empty_are_ignored_and_reported(
+    def test_velocities_that_a_source_leaves_empty_are_ignored_and_reported(
         self, tmp_path: Path, text: str, lacking: int
     ) -> None:
         recording, report = self.read(tmp_path / "r.csv", lacking, text)
@@ -114,7 +116,7 @@ class TestVelocities:
         assert re.findall(r"[\d.]+(?= %)", note) == [f"{lacking / 3:.3g}"]
 
     @pytest.mark.parametrize("text", ["nan", ""])
-    def test_that_are_missing_in_a_few_rows_are_damage(self, tmp_path: Path, text: str) -> None:
+    def test_velocities_missing_in_a_few_rows_are_damage(self, tmp_path: Path, text: str) -> None:
         recording, report = self.read(tmp_path / "r.csv", 3, text)
         assert len(recording.time_s) == 297
         assert report.velocity_ratio[0] == pytest.approx(1.0, abs=1e-2)
@@ -125,14 +127,14 @@ class TestDecimalCommasBetweenCommas:
         numbers = np.column_stack([T, q(T), tau(T)])
         return "".join(row.format(*(f"{x:.12g}".replace(".", ",") for x in r)) for r in numbers)
 
-    def test_are_read_if_they_are_quoted(self, tmp_path: Path) -> None:
+    def test_quoted_decimal_commas_are_read(self, tmp_path: Path) -> None:
         path = tmp_path / "r.csv"
         path.write_text(self.lines('"{}","{}", "{}"\n'))
         recording, report = import_csv(path, layout(decimal=","))
         assert report.rows_damaged == 0
         np.testing.assert_allclose(recording.torque_nm[:, 0], tau(T), atol=1e-11)
 
-    def test_are_refused_without_quotes(self, tmp_path: Path) -> None:
+    def test_decimal_commas_without_quotes_are_refused(self, tmp_path: Path) -> None:
         path = tmp_path / "r.csv"
         path.write_text(self.lines("{},{},{}\n"))
         with raises_code(DataQualityError, "RID-IMPORT-ROWS", "quoted"):

@@ -36,7 +36,9 @@ def write(tmp_path: Path) -> Write:
 
 
 class TestSoundFile:
-    def test_becomes_a_recording_in_si_units_with_its_own_stamps(self, write: Write) -> None:
+    def test_a_sound_file_becomes_a_recording_in_si_units_with_its_own_stamps(
+        self, write: Write
+    ) -> None:
         table = sound_table()
         recording, report = import_csv(write(as_lines(table)), two_joint_map())
         np.testing.assert_allclose(recording.time_s, table[:, 0], atol=1e-6)
@@ -51,7 +53,7 @@ class TestSoundFile:
         assert report.damaged == ()
         assert report.lines()[-1] == "no damaged rows"
 
-    def test_reports_steps_and_agreement_of_velocities(self, write: Write) -> None:
+    def test_the_report_has_steps_and_agreement_of_velocities(self, write: Write) -> None:
         _, report = import_csv(write(as_lines(sound_table())), two_joint_map())
         assert report.step_min_s == pytest.approx(0.010)
         assert report.step_max_s == pytest.approx(0.012)
@@ -67,7 +69,7 @@ class TestSoundFile:
             ("mm", "mm/s", 1e3),
         ],
     )
-    def test_in_other_units_is_the_same_recording(
+    def test_a_file_in_other_units_gives_the_same_recording(
         self, write: Write, position: str, velocity: str, factor: float
     ) -> None:
         table = sound_table()
@@ -84,7 +86,7 @@ class TestSoundFile:
         np.testing.assert_allclose(recording.time_s, table[:, 0] / 1e3, atol=1e-8)
         np.testing.assert_allclose(recording.torque_nm[:, 0], 2e-3 * table[:, 5], atol=1e-5)
 
-    def test_with_motor_side_columns_is_converted_to_the_link_side(self, write: Write) -> None:
+    def test_a_file_of_motor_side_columns_is_converted_to_the_link_side(self, write: Write) -> None:
         table = sound_table()
         motor = table.copy()
         motor[:, [1, 3]] *= -50.0
@@ -98,7 +100,7 @@ class TestSoundFile:
 
     @pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
     @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
-    def test_from_a_spreadsheet_is_read_without_editing(
+    def test_a_file_from_a_spreadsheet_is_read_without_editing(
         self, write: Write, newline: str, encoding: str
     ) -> None:
         lines = [line.replace(".", ",") for line in as_lines(sound_table(), ";")]
@@ -109,14 +111,14 @@ class TestSoundFile:
         assert report.rows_used == ROWS
         np.testing.assert_allclose(recording.position, sound_table()[:, 1:3], atol=1e-6)
 
-    def test_is_read_from_the_row_that_the_map_states(self, write: Write) -> None:
+    def test_a_file_is_read_from_the_row_that_the_map_states(self, write: Write) -> None:
         rows = {"first": 101, "last": 300}
         recording, report = import_csv(write(as_lines(sound_table())), two_joint_map(rows=rows))
         assert report.rows_read == 200
         np.testing.assert_allclose(recording.time_s[[0, -1]], sound_table()[[100, 299], 0])
 
     @pytest.mark.parametrize("rows", [RowRange(first=300, last=401), RowRange(first=401)])
-    def test_is_refused_if_the_rows_of_the_map_are_missing(
+    def test_a_file_without_the_rows_of_the_map_is_refused(
         self, write: Write, rows: RowRange
     ) -> None:
         path = write([*as_lines(sound_table()), "", ""])
@@ -125,7 +127,7 @@ class TestSoundFile:
         with raises_code(ConfigError, "RID-IMPORT-RANGE", "400", "401"):
             import_csv(path, two_joint_map(rows=rows.model_dump()))
 
-    def test_with_a_known_period_can_be_averaged(self, write: Write) -> None:
+    def test_a_file_with_a_known_period_can_be_averaged(self, write: Write) -> None:
         lines = as_lines(sound_table(1200))
         recording, _ = import_csv(write(lines), two_joint_map(period_s=2.0))
         average = average_periods(recording)
@@ -149,24 +151,24 @@ class TestDamagedRows:
         fields[column] = value
         return ",".join(fields)
 
-    def test_with_another_number_of_columns(self, write: Write) -> None:
+    def test_rows_with_another_number_of_columns_are_removed(self, write: Write) -> None:
         found, _ = self.damage(write, {50: "1.0,2.0", 51: "1,2,3,4,5,6,7,8"})
         assert found == [
             "rows 50-51: 2 with a wrong number of columns (row 50: 2 columns instead of 7)"
         ]
 
-    def test_with_another_delimiter_are_reported_with_it(self, write: Write) -> None:
+    def test_rows_with_another_delimiter_are_reported_with_it(self, write: Write) -> None:
         lines = as_lines(sound_table(), ";")
         names = ("0 of 400", "row 1: 1", "`delimiter: ';'`")
         with raises_code(DataQualityError, "RID-IMPORT-ROWS", *names):
             import_csv(write(lines), two_joint_map())
 
-    def test_with_decimal_commas_are_reported_with_them(self, write: Write) -> None:
+    def test_rows_with_decimal_commas_are_reported_with_them(self, write: Write) -> None:
         lines = [line.replace(".", ",") for line in as_lines(sound_table(), ";")]
         with raises_code(DataQualityError, "RID-IMPORT-ROWS", "`decimal: ','`"):
             import_csv(write(lines), two_joint_map(delimiter=";"))
 
-    def test_in_many_places_are_reported_by_one_of_each_kind(self, write: Write) -> None:
+    def test_damage_in_many_places_is_reported_by_one_row_of_each_kind(self, write: Write) -> None:
         table = sound_table()
         table[20::7, 1] = 50.0
         lines = as_lines(table)
@@ -179,40 +181,40 @@ class TestDamagedRows:
         assert len(re.findall(r"row \d", said)) == 3
         assert len(said) < 500
 
-    def test_with_text_instead_of_a_number(self, write: Write) -> None:
+    def test_rows_with_text_instead_of_a_number_are_removed(self, write: Write) -> None:
         found, _ = self.damage(write, {7: self.altered(7, 2, "ERR")})
         assert found == ["row 7: 1 without a number (row 7: column 2 is 'ERR' (position of b))"]
 
     @pytest.mark.parametrize("value", ["nan", "inf", "1e250", "-11.0"])
-    def test_with_an_implausible_value(self, write: Write, value: str) -> None:
+    def test_rows_with_an_implausible_value_are_removed(self, write: Write, value: str) -> None:
         found, _ = self.damage(write, {9: self.altered(9, 1, value)})
         assert len(found) == 1
         assert found[0].startswith("row 9: 1 with an absurd value (row 9: position of a is ")
 
     @pytest.mark.parametrize("value", ["0.0", "3.5", "9.5", "nan", "1e9", "-1e300"])
-    def test_with_a_stamp_out_of_order(self, write: Write, value: str) -> None:
+    def test_rows_with_a_stamp_out_of_order_are_removed(self, write: Write, value: str) -> None:
         found, stamps = self.damage(write, {200: self.altered(200, 0, value)})
         assert len(found) == 1
         assert found[0].startswith("row 200: 1 with a")
         np.testing.assert_allclose(stamps, np.delete(sound_table()[:, 0], 199), atol=1e-6)
 
     @pytest.mark.parametrize("row", [1, 200, ROWS])
-    def test_with_a_position_jump(self, write: Write, row: int) -> None:
+    def test_rows_with_a_position_jump_are_removed(self, write: Write, row: int) -> None:
         found, stamps = self.damage(write, {row: self.altered(row, 2, "9.000")})
         assert len(found) == 1
         assert f"row {row}: 1 whose position jumps (row {row}: position of b is 9." in found[0]
         np.testing.assert_allclose(stamps, np.delete(sound_table()[:, 0], row - 1), atol=1e-6)
 
-    def test_with_a_last_stamp_far_in_the_future(self, write: Write) -> None:
+    def test_a_last_stamp_far_in_the_future_is_removed(self, write: Write) -> None:
         found, _ = self.damage(write, {ROWS: self.altered(ROWS, 0, "1e6")})
         assert found[0].startswith(f"row {ROWS}: 1 with a time stamp out of order")
 
-    def test_with_repeated_stamps_cost_one_row_each(self, write: Write) -> None:
+    def test_repeated_stamps_cost_one_row_each(self, write: Write) -> None:
         twice = self.altered(60, 0, f"{sound_table()[58, 0]:.6f}")
         found, _ = self.damage(write, {60: twice})
         assert found == ["row 60: 1 with a doubled time stamp (row 60: time stamp is 5.65 s)"]
 
-    def test_with_doubled_stamps_keep_the_row_that_was_sampled_then(self, write: Write) -> None:
+    def test_of_doubled_stamps_the_row_sampled_then_is_kept(self, write: Write) -> None:
         table = sound_table()
         table[5::50, 0] = table[4::50, 0]
         recording, report = import_csv(write(as_lines(table)), two_joint_map())
@@ -221,17 +223,17 @@ class TestDamagedRows:
             recording.position, np.delete(table, np.s_[5::50], axis=0)[:, 1:3], atol=1e-6
         )
 
-    def test_in_two_places_are_two_ranges(self, write: Write) -> None:
+    def test_damage_in_two_places_is_two_ranges(self, write: Write) -> None:
         found, _ = self.damage(write, {20: "x", 21: "y", 300: "z"})
         assert [text.split(":")[0] for text in found] == ["rows 20-21", "row 300"]
 
-    def test_with_several_reasons_in_a_row_are_one_range(self) -> None:
+    def test_adjacent_damage_of_several_kinds_is_one_range(self) -> None:
         rows = [DamagedRow(4, "a", "x"), DamagedRow(3, "b", "y"), DamagedRow(5, "a", "z")]
         (found,) = group_damaged(rows)
         assert (found.first, found.last, found.count) == (3, 5, 3)
         assert str(found) == "rows 3-5: 1 b (row 3: y), 2 a (row 4: x)"
 
-    def test_in_many_places_are_counted_but_not_all_listed(self, write: Write) -> None:
+    def test_damage_in_many_places_is_counted_but_not_listed_completely(self, write: Write) -> None:
         lines = as_lines(sound_table())
         lines[::5] = ["x"] * len(lines[::5])
         _, report = import_csv(write(lines), two_joint_map(left_out_limit=0.2))
@@ -239,7 +241,7 @@ class TestDamagedRows:
         assert report.lines()[3] == ("80 damaged rows left out: 80 with a wrong number of columns")
         assert report.lines()[-1].strip() == "... and 60 more ranges"
 
-    def test_do_not_include_the_rows_after_a_pause(self, write: Write) -> None:
+    def test_rows_after_a_pause_are_kept(self, write: Write) -> None:
         table = sound_table()
         table[200:, 0] += 60.0
         _, report = import_csv(write(as_lines(table)), two_joint_map())
@@ -251,7 +253,7 @@ class TestDamagedRows:
         suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
     )
     @given(data=st.data())
-    def test_of_any_content_never_reach_the_recording(
+    def test_damaged_rows_of_any_content_never_reach_the_recording(
         self, write: Write, data: st.DataObject
     ) -> None:
         lines = as_lines(sound_table())
@@ -264,7 +266,7 @@ class TestDamagedRows:
         np.testing.assert_allclose(recording.time_s, sound_table()[kept, 0], atol=1e-6)
         np.testing.assert_allclose(recording.position, sound_table()[kept, 1:3], atol=1e-6)
 
-    def test_do_not_include_the_rows_after_a_clock_jitter(self, write: Write) -> None:
+    def test_rows_after_a_clock_jitter_are_kept(self, write: Write) -> None:
         table = sound_table()
         table[200, 0] = table[199, 0] + 0.0002
         import_map = two_joint_map(plausible={"speed": 3.2})
@@ -275,7 +277,7 @@ class TestDamagedRows:
         assert "row 201: position of" in found
         assert "faster than plausible.speed 3.2" in found
 
-    def test_after_a_lost_encoder_zero_are_not_used(self, write: Write) -> None:
+    def test_a_file_with_a_lost_encoder_zero_is_refused(self, write: Write) -> None:
         table = sound_table()
         table[250:, 1] += 0.7
         names = ("250 of 400", "37.5 %", "--rows", "row 251: position", " 0.7")
@@ -284,18 +286,18 @@ class TestDamagedRows:
 
 
 class TestUnusableFiles:
-    def test_with_more_than_half_the_rows_damaged(self, write: Write) -> None:
+    def test_a_file_with_more_than_half_its_rows_damaged_is_refused(self, write: Write) -> None:
         lines = as_lines(sound_table())
         lines[: ROWS // 2 + 1] = ["rubbish"] * (ROWS // 2 + 1)
         names = ("199 of 400", "row 1: ", "row 201")
         with raises_code(DataQualityError, "RID-IMPORT-ROWS", *names):
             import_csv(write(lines), two_joint_map())
 
-    def test_that_are_too_short(self, write: Write) -> None:
+    def test_a_file_that_is_too_short_is_refused(self, write: Write) -> None:
         with raises_code(DataQualityError, "RID-IMPORT-ROWS", "40", "100"):
             import_csv(write(as_lines(sound_table(40))), two_joint_map())
 
-    def test_with_velocities_of_another_joint(self, write: Write) -> None:
+    def test_a_file_with_velocities_of_another_joint_is_refused(self, write: Write) -> None:
         joints = [joint.model_dump(exclude_none=True) for joint in two_joint_map().joints]
         joints[0]["velocity"], joints[1]["velocity"] = 4, 3
         names = ("a (column 1)", "velocity column 4", "2.23", "1.1")
@@ -303,11 +305,11 @@ class TestUnusableFiles:
             import_csv(write(as_lines(sound_table())), two_joint_map(joints=joints))
 
     @pytest.mark.parametrize("content", [b"", b"\n\n\n", b"\x00\xff" * 5000, b"\xff\xfe\x00"])
-    def test_that_are_not_recordings(self, write: Write, content: bytes) -> None:
+    def test_a_file_that_is_not_a_recording_is_refused(self, write: Write, content: bytes) -> None:
         with raises_code(DataQualityError, "RID-IMPORT-ROWS", "recording.csv: ", "only 0"):
             import_csv(write(content), two_joint_map())
 
-    def test_that_do_not_exist(self, tmp_path: Path) -> None:
+    def test_a_missing_file_is_an_error(self, tmp_path: Path) -> None:
         with raises_code(ConfigError, "RID-FILE-READ"):
             import_csv(tmp_path / "none.csv", two_joint_map())
 
@@ -316,6 +318,8 @@ class TestUnusableFiles:
         suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
     )
     @given(content=st.binary(max_size=2000))
-    def test_of_any_bytes_raise_one_of_our_errors(self, write: Write, content: bytes) -> None:
+    def test_a_file_of_any_bytes_raises_one_of_our_errors(
+        self, write: Write, content: bytes
+    ) -> None:
         with pytest.raises(RidDaqError):
             import_csv(write(content), two_joint_map())

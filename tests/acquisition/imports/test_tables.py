@@ -81,7 +81,7 @@ def test_with_decimal_commas_a_point_as_thousands_separator_is_damage(
 class TestTwoFiles:
     MAP = '"columns": 2, "time": {"column": 0}, "further_files": [{"columns": 2}]'
 
-    def test_with_the_same_rows_are_one_recording(self, tmp_path: Path) -> None:
+    def test_two_files_with_the_same_rows_are_one_recording(self, tmp_path: Path) -> None:
         positions = save(tmp_path / "q.csv", T, POSITION)
         torques = save(tmp_path / "tau.csv", T, TORQUE)
         recording, report = import_csv(positions, layout(self.MAP, 3), further=[torques])
@@ -89,7 +89,7 @@ class TestTwoFiles:
         np.testing.assert_allclose(recording.torque_nm[:, 0], TORQUE, atol=1e-9)
         assert report.findings == ()
 
-    def test_with_different_stamps_are_interpolated_at_those_of_the_first(
+    def test_a_second_file_with_other_stamps_is_interpolated_at_those_of_the_first(
         self, tmp_path: Path
     ) -> None:
         own = np.arange(0.0, 3.0, 0.002)
@@ -102,14 +102,14 @@ class TestTwoFiles:
         np.testing.assert_allclose(recording.torque_nm[:, 0], TORQUE, atol=1e-4)
         assert report.findings[0].startswith("tau.csv: 1 of 1501 rows cannot be read")
 
-    def test_that_do_not_overlap_are_refused(self, tmp_path: Path) -> None:
+    def test_two_files_that_do_not_overlap_are_refused(self, tmp_path: Path) -> None:
         positions = save(tmp_path / "q.csv", T, POSITION)
         torques = save(tmp_path / "tau.csv", T + 1.5, TORQUE)
         names = ("150 of 300", "tau.csv", "clocks")
         with raises_code(DataQualityError, "RID-IMPORT-ROWS", *names):
             import_csv(positions, layout(self.MAP, 3), further=[torques])
 
-    def test_must_both_be_named(self, tmp_path: Path) -> None:
+    def test_two_files_must_both_be_named(self, tmp_path: Path) -> None:
         positions = save(tmp_path / "q.csv", T, POSITION)
         with raises_code(ConfigError, "RID-IMPORT-FILES"):
             import_csv(positions, layout(self.MAP, 3))

@@ -15,7 +15,7 @@ from config.errors import RecordingError
 CHUNKS = 400
 
 
-def written(output: io.BytesIO, *, as_bytes: bool) -> int:
+def write_chunks(output: io.BytesIO, *, as_bytes: bool) -> int:
     """Write a file of many chunks and return the memory that the writer keeps [bytes]."""
     writer = Writer(output, chunk_size=64, compression=CompressionType.NONE)
     if as_bytes:
@@ -33,7 +33,7 @@ def written(output: io.BytesIO, *, as_bytes: bool) -> int:
     return held
 
 
-def whole(*, as_bytes: bool) -> bytes:
+def complete_file(*, as_bytes: bool) -> bytes:
     output = io.BytesIO()
     writer = Writer(output, chunk_size=64, compression=CompressionType.NONE)
     if as_bytes:
@@ -48,15 +48,17 @@ def whole(*, as_bytes: bool) -> bytes:
 
 
 def test_the_file_is_identical_to_that_of_the_library() -> None:
-    assert whole(as_bytes=True) == whole(as_bytes=False)
-    summary = make_reader(io.BytesIO(whole(as_bytes=True))).get_summary()
+    assert complete_file(as_bytes=True) == complete_file(as_bytes=False)
+    summary = make_reader(io.BytesIO(complete_file(as_bytes=True))).get_summary()
     assert summary is not None
     assert len(summary.chunk_indexes) >= CHUNKS
 
 
 def test_the_library_still_needs_more_memory() -> None:
     """If this fails, the library limits its index itself: delete `mcap_chunks.py`."""
-    assert written(io.BytesIO(), as_bytes=False) > 3 * written(io.BytesIO(), as_bytes=True)
+    assert write_chunks(io.BytesIO(), as_bytes=False) > 3 * write_chunks(
+        io.BytesIO(), as_bytes=True
+    )
 
 
 def test_a_writer_without_an_index_list_is_refused() -> None:

@@ -31,7 +31,7 @@ def motion(**changes: object) -> FourierMotion:
 
 
 class TestTrajectory:
-    def test_is_the_sum_of_2_30(self) -> None:
+    def test_the_trajectory_is_the_sum_of_2_30(self) -> None:
         trajectory = motion().trajectory(ROBOT, 0.008)
         t = np.array([0.0, 1.234, 9.9])
         w = 2.0 * np.pi / 10.0
@@ -48,7 +48,7 @@ class TestTrajectory:
         np.testing.assert_allclose(trajectory.velocity(t)[:, 1], speed2, atol=1e-14)
         np.testing.assert_allclose(trajectory.acceleration(t)[:, 2], acceleration3, atol=1e-14)
 
-    def test_repeats_after_its_period(self) -> None:
+    def test_the_trajectory_repeats_after_its_period(self) -> None:
         trajectory = motion().trajectory(ROBOT, 0.008)
         assert trajectory.samples_per_period == 1250
         assert trajectory.harmonics == 3
@@ -57,7 +57,7 @@ class TestTrajectory:
             trajectory.position(t + trajectory.period_s), trajectory.position(t), atol=1e-12
         )
 
-    def test_is_in_the_robots_joint_order(self) -> None:
+    def test_the_trajectory_is_in_the_robots_joint_order(self) -> None:
         given_order = motion()
         shuffled = motion(joints=given_order.joints[::-1])
         a = given_order.trajectory(ROBOT, 0.008)
@@ -65,25 +65,25 @@ class TestTrajectory:
         np.testing.assert_array_equal(a.offset, b.offset)
         np.testing.assert_array_equal(a.sine, b.sine)
 
-    def test_is_immutable(self) -> None:
+    def test_a_trajectory_is_immutable(self) -> None:
         trajectory = motion().trajectory(ROBOT, 0.008)
         assert not trajectory.sine.flags.writeable
 
-    def test_refuses_a_missing_joint_by_name(self) -> None:
+    def test_a_missing_joint_is_refused_with_its_name(self) -> None:
         with raises_code(ConfigError, "RID-MOTION-JOINTS", "axis1", "axis2", "'ir361'", "axis3"):
             motion(joints=motion().joints[:2]).trajectory(ROBOT, 0.008)
 
-    def test_refuses_harmonics_beyond_half_the_sampling_rate(self) -> None:
+    def test_harmonics_beyond_half_the_sampling_rate_are_refused(self) -> None:
         with raises_code(ConfigError, "RID-MOTION-BAND"):
             motion(period_s=0.6).trajectory(ROBOT, 0.1)
 
 
 class TestSamplesOfPeriod:
-    def test_suggests_the_nearest_valid_periods(self) -> None:
+    def test_the_nearest_valid_periods_are_suggested(self) -> None:
         with raises_code(ConfigError, "RID-MOTION-PERIOD", "1250.375", "10", "10.008"):
             samples_of_period(10.003, 0.008)
 
-    def test_refuses_a_period_of_a_few_cycles(self) -> None:
+    def test_a_period_of_a_few_cycles_is_refused(self) -> None:
         with raises_code(ConfigError, "RID-MOTION-PERIOD"):
             samples_of_period(0.024, 0.008)
 
@@ -91,7 +91,7 @@ class TestSamplesOfPeriod:
         samples=st.integers(4, 1_000_000),
         cycle_ms=st.integers(1, 100),
     )
-    def test_accepts_every_whole_number_of_cycles(self, samples: int, cycle_ms: int) -> None:
+    def test_every_whole_number_of_cycles_is_accepted(self, samples: int, cycle_ms: int) -> None:
         sample_period_s = cycle_ms / 1000.0
         period_s = float(f"{samples * sample_period_s:.9g}")  # as a user enters it
         assert samples_of_period(period_s, sample_period_s) == samples

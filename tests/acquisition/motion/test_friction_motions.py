@@ -22,7 +22,7 @@ CYCLE_S = 0.008
 IR361 = load_robot("ir361")
 
 
-def steady(*joints: SpeedRuns, **more: Any) -> ConstantVelocityMotion:
+def constant_speeds(*joints: SpeedRuns, **more: Any) -> ConstantVelocityMotion:
     return ConstantVelocityMotion(
         kind="constant_velocity", robot="ir361", pose=(0.1, -0.2, 0.3), joints=joints, **more
     )
@@ -44,7 +44,7 @@ WAVES = ReversedMotion(
 
 
 def test_every_speed_is_constant_in_both_directions_over_the_same_range() -> None:
-    motion = steady(LIFT, TURN, repeats=2, longest_run_s=4.0)
+    motion = constant_speeds(LIFT, TURN, repeats=2, longest_run_s=4.0)
     samples = motion.plan(IR361, CYCLE_S)
     _, runs = motion.runs(IR361, CYCLE_S)
     assert [(run.joint, run.speed) for run in runs] == [
@@ -70,7 +70,7 @@ def test_every_speed_is_constant_in_both_directions_over_the_same_range() -> Non
 
 
 def test_a_kind_lists_the_ranges_of_its_joints_if_they_differ() -> None:
-    heading, rows = steady(LIFT, TURN).joint_table()
+    heading, rows = constant_speeds(LIFT, TURN).joint_table()
     assert heading == ("axis", "from", "to", "speeds")
     assert rows[0] == ("axis2", "-1.000", "0.600", "0.1, 0.5, 1")
     assert [row[0] for row in rows] == ["axis2", "axis1"]
@@ -85,7 +85,7 @@ def test_velocity_and_acceleration_are_the_derivatives_of_the_path(
     speed: float, dwell_s: float, fraction: float, cycle_s: float
 ) -> None:
     spec = SpeedRuns(joint="axis1", low=-2.5, high=2.5, speeds=(speed,))
-    motion = steady(spec, dwell_s=dwell_s, acceleration_fraction=fraction)
+    motion = constant_speeds(spec, dwell_s=dwell_s, acceleration_fraction=fraction)
     try:
         samples = motion.plan(IR361, cycle_s)
     except ConfigError as error:
@@ -122,7 +122,7 @@ def test_the_return_path_is_the_forward_path_reversed() -> None:
     assert samples.samples_per_period is None
 
 
-@pytest.mark.parametrize("motion", [steady(LIFT)])
+@pytest.mark.parametrize("motion", [constant_speeds(LIFT)])
 def test_a_motion_file_is_read_back_equal(motion: ConstantVelocityMotion) -> None:
     again = validate(parse_yaml(to_yaml(motion).encode(), "m.yaml"), ConstantVelocityMotion)
     assert again == motion
@@ -132,32 +132,32 @@ def test_a_motion_file_is_read_back_equal(motion: ConstantVelocityMotion) -> Non
     ("motion", "code", "details"),
     [
         (
-            steady(SpeedRuns(joint="axis9", low=0, high=1, speeds=(1.0,))),
+            constant_speeds(SpeedRuns(joint="axis9", low=0, high=1, speeds=(1.0,))),
             "RID-MOTION-JOINTS",
             ("'axis9'",),
         ),
         (
-            steady(LIFT).model_copy(update={"pose": (0.0,)}),
+            constant_speeds(LIFT).model_copy(update={"pose": (0.0,)}),
             "RID-MOTION-JOINTS",
             ("pose", "1 values", "3 joints"),
         ),
         (
-            steady(SpeedRuns(joint="axis2", low=0.0, high=0.3, speeds=(1.5,))),
+            constant_speeds(SpeedRuns(joint="axis2", low=0.0, high=0.3, speeds=(1.5,))),
             "RID-MOTION-STROKE",
             ("'axis2'", "1.5 per", " 0 s ", "0 and 0.3"),
         ),
         (
-            steady(SpeedRuns(joint="axis2", low=-3.0, high=0.3, speeds=(1.5,))),
+            constant_speeds(SpeedRuns(joint="axis2", low=-3.0, high=0.3, speeds=(1.5,))),
             "RID-MOTION-LIMIT",
             ("position of joint", "'axis2'", "-3 rad", "-1.4"),
         ),
         (
-            steady(SpeedRuns(joint="axis1", low=-2.6, high=2.6, speeds=(2.7,))),
+            constant_speeds(SpeedRuns(joint="axis1", low=-2.6, high=2.6, speeds=(2.7,))),
             "RID-MOTION-LIMIT",
             ("velocity of joint", "'axis1'", "2.7 rad/s", "2.6"),
         ),
         (
-            steady(LIFT, repeats=100, longest_run_s=600.0),
+            constant_speeds(LIFT, repeats=100, longest_run_s=600.0),
             "RID-MOTION-LONG",
             ("360120 s", "14400 s"),
         ),

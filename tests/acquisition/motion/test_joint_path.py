@@ -38,7 +38,7 @@ def table(rows: int = 201) -> list[tuple[float, float, float, float]]:
     return list(zip(0.3 * share, 2.0 * x, 0.5 * share, -0.4 * share, strict=True))
 
 
-def written(folder: Path, lines: list[str]) -> Path:
+def write_motion(folder: Path, lines: list[str]) -> Path:
     (folder / "path.csv").write_text("\n".join(lines) + "\n")
     motion = folder / "motion.yaml"
     motion.write_text("kind: joint_table\nrobot: ir361\nfile: path.csv\n")
@@ -72,7 +72,7 @@ def test_a_curve_passes_its_poses_within_the_given_fraction_of_the_limits(fracti
 
 
 def test_a_table_in_a_csv_file_is_followed_and_stored_in_the_motion(tmp_path: Path) -> None:
-    motion = load_motion(written(tmp_path, csv(table())))
+    motion = load_motion(write_motion(tmp_path, csv(table())))
     assert isinstance(motion, JointTableMotion)
     samples = motion.plan(ROBOT, T)
     main = samples.position[samples.phase == Phase.MAIN]
@@ -119,7 +119,7 @@ def test_an_invalid_table_is_refused_with_its_row(
     tmp_path: Path, lines: list[str], code: str, details: tuple[str, ...]
 ) -> None:
     with raises_code(ConfigError, code, *details):
-        load_motion(written(tmp_path, lines)).plan(ROBOT, T)
+        load_motion(write_motion(tmp_path, lines)).plan(ROBOT, T)
 
 
 def test_a_table_that_accelerates_constantly_from_rest_is_accepted(tmp_path: Path) -> None:
@@ -127,7 +127,7 @@ def test_a_table_that_accelerates_constantly_from_rest_is_accepted(tmp_path: Pat
     t = np.linspace(0.0, 2.0, 21)
     ramp = np.where(t < 1.0, 0.5 * t**2, 1.0 - 0.5 * (2.0 - t) ** 2)
     rows = [(0.0, time, place, 0.4) for time, place in zip(t.tolist(), ramp.tolist(), strict=True)]
-    samples = load_motion(written(tmp_path, csv(rows))).plan(ROBOT, T)
+    samples = load_motion(write_motion(tmp_path, csv(rows))).plan(ROBOT, T)
     verify_limits(samples, ROBOT)
     main = samples.position[samples.phase == Phase.MAIN]
     np.testing.assert_allclose(
@@ -135,15 +135,15 @@ def test_a_table_that_accelerates_constantly_from_rest_is_accepted(tmp_path: Pat
     )
 
 
-def test_a_repeated_row_is_left_out(tmp_path: Path) -> None:
+def test_a_repeated_row_is_skipped(tmp_path: Path) -> None:
     rows = csv(table())
-    once = load_motion(written(tmp_path, rows)).plan(ROBOT, T)
-    twice = load_motion(written(tmp_path, [*rows[:2], *rows[1:], rows[-1]])).plan(ROBOT, T)
+    once = load_motion(write_motion(tmp_path, rows)).plan(ROBOT, T)
+    twice = load_motion(write_motion(tmp_path, [*rows[:2], *rows[1:], rows[-1]])).plan(ROBOT, T)
     np.testing.assert_array_equal(once.position, twice.position)
 
 
 PLANNED_S = np.array([0.0, 0.4, 0.7, 0.9, 1.2, 1.6, 2.0])
-"""Times of a planner's few rows."""
+"""Times of the few rows of a planner."""
 
 
 def planned_rows() -> tuple[FloatArray, FloatArray]:
@@ -158,7 +158,7 @@ def planned_rows() -> tuple[FloatArray, FloatArray]:
 def planned_csv(folder: Path, names: str, velocity: FloatArray) -> Path:
     position, _ = planned_rows()
     rows = np.column_stack([PLANNED_S, position, velocity])
-    return written(folder, [names, *(",".join(map(repr, row)) for row in rows.tolist())])
+    return write_motion(folder, [names, *(",".join(map(repr, row)) for row in rows.tolist())])
 
 
 def moveit_json(folder: Path, stamp: Callable[[float], object], key: str = "file.json") -> Path:
@@ -245,7 +245,7 @@ def test_velocities_that_contradict_the_positions_are_refused(
 
 
 def test_a_missing_or_empty_table_is_refused(tmp_path: Path) -> None:
-    motion = written(tmp_path, [])
+    motion = write_motion(tmp_path, [])
     with raises_code(ConfigError, "RID-TABLE-INVALID"):
         load_motion(motion)
     (tmp_path / "path.csv").unlink()

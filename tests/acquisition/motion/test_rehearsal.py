@@ -28,7 +28,9 @@ def test_a_rehearsal_follows_the_same_path_at_the_reduced_speed(
         assert low - 1e-3 < path.min() < low + 1e-3
         assert high - 1e-3 < path.max() < high + 1e-3
     step = np.diff(slow.position, axis=0) / slow.sample_period_s
-    assert np.abs(step).max() <= np.abs(slow.velocity).max() * 1.01, "no gap where periods are out"
+    assert np.abs(step).max() <= np.abs(slow.velocity).max() * 1.01, (
+        "no jump at the removed periods"
+    )
     assert slow.samples_per_period is None
 
 

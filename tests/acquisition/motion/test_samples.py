@@ -64,11 +64,11 @@ def largest_mismatch(samples: MotionSamples) -> tuple[float, float]:
 class TestFourierPlan:
     samples = fourier(periods=3, transient_periods=2).plan(ROBOT, T).whole()
 
-    def test_starts_and_ends_at_rest(self) -> None:
+    def test_a_fourier_plan_starts_and_ends_at_rest(self) -> None:
         for values in (self.samples.velocity, self.samples.acceleration):
             np.testing.assert_array_equal(values[[0, -1]], 0.0)
 
-    def test_has_run_in_transient_main_and_run_out(self) -> None:
+    def test_a_fourier_plan_has_run_in_transient_main_and_run_out(self) -> None:
         phase = self.samples.phase
         changes = phase[np.flatnonzero(np.diff(phase, prepend=99))]
         assert changes.tolist() == [Phase.RUN_IN, Phase.TRANSIENT, Phase.MAIN, Phase.RUN_OUT]
@@ -78,11 +78,11 @@ class TestFourierPlan:
         assert self.samples.samples_per_period == 1250
         assert self.samples.periods == 3
 
-    def test_repeats_its_main_periods_bit_for_bit(self) -> None:
+    def test_main_periods_are_equal_bit_for_bit(self) -> None:
         main = self.samples.position[self.samples.phase == Phase.MAIN].reshape(3, 1250, -1)
         np.testing.assert_array_equal(main[0], main[2])
 
-    def test_stores_its_main_period_once(self) -> None:
+    def test_a_fourier_plan_stores_its_main_period_once(self) -> None:
         planned = fourier(periods=3, transient_periods=2).plan(ROBOT, T)
         assert len(planned) == len(self.samples)
         assert planned.period_ends == self.samples.period_ends
@@ -91,7 +91,7 @@ class TestFourierPlan:
         for name in ("position", "velocity", "acceleration", "phase"):
             np.testing.assert_array_equal(getattr(planned, name)[rows], getattr(self.samples, name))
 
-    def test_stores_as_many_rows_for_an_hour_as_for_a_minute(self) -> None:
+    def test_a_fourier_plan_stores_as_many_rows_for_an_hour_as_for_a_minute(self) -> None:
         hour, minute = (fourier(periods=count).plan(ROBOT, T) for count in (360, 6))
         assert len(hour.position) == len(minute.position)
         assert len(hour) - len(minute) == 354 * 1250
@@ -103,13 +103,13 @@ class TestFourierPlan:
         assert velocity < 1e-3
         assert acceleration < 1e-2
 
-    def test_lengthens_the_ramp_until_the_limits_hold(self) -> None:
+    def test_the_ramp_is_lengthened_until_the_limits_are_kept(self) -> None:
         samples = fourier(amplitude=0.5, periods=1, ramp_s=0.05).plan(ROBOT, T)
         ramp_s = np.count_nonzero(samples.phase == Phase.RUN_IN) * T
         assert 0.1 < ramp_s < 4.0
         verify_limits(samples, ROBOT)
 
-    def test_beyond_a_limit_is_refused_with_joint_value_and_limit(self) -> None:
+    def test_a_period_beyond_a_limit_is_refused_with_joint_value_and_limit(self) -> None:
         names = ("position of joint", "'axis2'", "1.59753 rad", "is 1;")
         with raises_code(ConfigError, "RID-MOTION-LIMIT", *names):
             fourier(amplitude=2.0).plan(ROBOT, T)
@@ -121,7 +121,7 @@ class TestFourierPlan:
         ramp_s=st.floats(0.01, 5.0),
         transient=st.integers(0, 2),
     )
-    def test_is_within_limits_or_refused(
+    def test_a_fourier_plan_is_within_limits_or_refused(
         self, amplitude: float, harmonics: int, ramp_s: float, transient: int
     ) -> None:
         motion = fourier(
@@ -140,7 +140,7 @@ class TestFourierPlan:
 
 
 class TestMultipointPlan:
-    def test_is_at_rest_at_every_pose(self) -> None:
+    def test_a_multipoint_plan_is_at_rest_at_every_pose(self) -> None:
         motion = multipoint(points=20)
         samples = motion.plan(ROBOT, T)
         for pose in motion.poses(ROBOT):
@@ -151,12 +151,12 @@ class TestMultipointPlan:
         assert samples.samples_per_period is None
         assert 20.0 < samples.duration_s < 60.0
 
-    def test_depends_on_the_seed_alone(self) -> None:
+    def test_a_multipoint_plan_depends_on_the_seed_alone(self) -> None:
         one, same, other = (multipoint(seed=s).plan(ROBOT, T) for s in (4, 4, 5))
         np.testing.assert_array_equal(one.position, same.position)
         assert len(other) != len(one) or (other.position != one.position).any()
 
-    def test_uses_its_fraction_of_range_and_speed(self) -> None:
+    def test_a_multipoint_plan_uses_its_fraction_of_range_and_speed(self) -> None:
         samples = multipoint(range_fraction=0.5, speed_fraction=0.4).plan(ROBOT, T)
         for column, joint in enumerate(ROBOT.joints):
             limits = joint.limits
@@ -166,14 +166,14 @@ class TestMultipointPlan:
             assert np.abs(samples.velocity[:, column]).max() <= 0.4 * limits.velocity
             assert np.abs(samples.acceleration[:, column]).max() <= 0.4 * limits.acceleration
 
-    def test_is_smooth(self) -> None:
+    def test_a_multipoint_plan_is_smooth(self) -> None:
         velocity, acceleration = largest_mismatch(multipoint().plan(ROBOT, T))
         assert velocity < 0.02
         assert acceleration < 0.6  # quintic: the acceleration has corners at the poses
 
 
 class TestApproach:
-    def test_goes_slowly_from_pose_to_pose(self) -> None:
+    def test_the_approach_is_slow(self) -> None:
         start, end = np.array([0.0, 0.5, -1.0]), np.array([1.0, -1.0, 2.0])
         samples = approach(start, end, ROBOT, T)
         np.testing.assert_array_equal(samples.position[[0, -1]], [start, end])
@@ -182,12 +182,12 @@ class TestApproach:
         speed_use = np.abs(samples.velocity).max(axis=0) / [j.limits.velocity for j in ROBOT.joints]
         assert speed_use.max() <= 0.3
 
-    def test_to_the_present_pose_has_two_rows(self) -> None:
+    def test_an_approach_to_the_present_pose_has_two_rows(self) -> None:
         samples = approach(np.zeros(3), np.zeros(3), ROBOT, T)
         assert len(samples) == 2
         np.testing.assert_array_equal(samples.velocity, 0.0)
 
-    def test_from_outside_the_limits_is_refused(self) -> None:
+    def test_an_approach_from_outside_the_limits_is_refused(self) -> None:
         with raises_code(ConfigError, "RID-MOTION-LIMIT", "'axis2'", "1.2"):
             approach(np.array([0.0, 1.2, 0.0]), np.zeros(3), ROBOT, T)
 
@@ -209,7 +209,7 @@ class TestVerifyLimits:
             "phase": np.zeros(rows, dtype=np.uint8),
         }
 
-    def test_finds_a_peak_between_the_samples(self) -> None:
+    def test_a_peak_between_the_samples_is_found(self) -> None:
         rows = self.at_rest()
         rows["position"][:, 1] = 0.9999
         rows["velocity"][4, 1] = 0.4  # overshoots 1.0 between row 4 and row 5
@@ -218,13 +218,13 @@ class TestVerifyLimits:
         with raises_code(ConfigError, "RID-MOTION-LIMIT", "'axis2'", "1.00"):
             verify_limits(samples, ROBOT)
 
-    def test_treats_a_position_step_as_a_speed(self) -> None:
+    def test_a_position_step_is_treated_as_a_speed(self) -> None:
         rows = self.at_rest()
         rows["position"][5:, 0] = 0.1
         with raises_code(ConfigError, "RID-MOTION-LIMIT", "'axis1'"):
             verify_limits(MotionSamples(ROBOT.joint_names, T, **rows), ROBOT)
 
-    def test_checks_every_row_of_a_long_motion(self) -> None:
+    def test_every_row_of_a_long_motion_is_checked(self) -> None:
         rows = self.at_rest(25_000)
         rows["velocity"][[10_000, 24_998], [2, 2]] = [3.1, -3.3]
         upper = ("velocity of joint", "'axis3'", "3.1 rad/s", "80 s", "is 3;")
@@ -232,19 +232,19 @@ class TestVerifyLimits:
         with raises_code(ConfigError, "RID-MOTION-LIMIT", *upper, *lower):
             verify_limits(MotionSamples(ROBOT.joint_names, T, **rows), ROBOT)
 
-    def test_refuses_a_motion_of_another_robot(self) -> None:
+    def test_a_motion_of_another_robot_is_refused(self) -> None:
         samples = MotionSamples(("x", "y", "z"), T, **self.at_rest())
         with raises_code(ConfigError, "RID-MOTION-JOINTS"):
             verify_limits(samples, ROBOT)
 
 
 class TestMotionSamples:
-    def test_is_immutable(self) -> None:
+    def test_motion_samples_are_immutable(self) -> None:
         samples = MotionSamples(ROBOT.joint_names, T, **TestVerifyLimits.at_rest())
         assert not samples.position.flags.writeable
 
     @pytest.mark.parametrize("name", ["position", "velocity", "acceleration"])
-    def test_refuses_values_that_are_not_finite(
+    def test_samples_that_are_not_finite_are_refused(
         self, name: Literal["position", "velocity", "acceleration"]
     ) -> None:
         rows = TestVerifyLimits.at_rest()
@@ -252,13 +252,13 @@ class TestMotionSamples:
         with raises_code(ConfigError, "RID-API-ARGUMENT", f"motion {name} ", "(3, 1)"):
             MotionSamples(ROBOT.joint_names, T, **rows)
 
-    def test_refuses_inconsistent_shapes(self) -> None:
+    def test_samples_of_inconsistent_shapes_are_refused(self) -> None:
         rows = TestVerifyLimits.at_rest()
         rows["velocity"] = rows["velocity"][1:]
         with raises_code(ConfigError, "RID-API-ARGUMENT", "velocity", "(10, 3)", "(9, 3)"):
             MotionSamples(ROBOT.joint_names, T, **rows)
 
-    def test_refuses_a_wrong_number_of_periods(self) -> None:
+    def test_a_wrong_number_of_periods_is_refused(self) -> None:
         rows = TestVerifyLimits.at_rest()
         rows["phase"][:] = Phase.MAIN
         with raises_code(ConfigError, "RID-API-ARGUMENT", "10"):

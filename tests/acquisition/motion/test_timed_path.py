@@ -22,16 +22,16 @@ WAY = {
     "speed": tuple(30.0 * TAU**2 * (1.0 - TAU) ** 2),
     "acceleration": tuple(60.0 * TAU * (1.0 - TAU) * (1.0 - 2.0 * TAU)),
 }
-"""A way of axis 1 by 0.1 rad, slow enough for every limit."""
+"""A move of axis 1 by 0.1 rad, slow enough for every limit."""
 
 
-def timed(**changes: object) -> TimedPathMotion:
+def timed_path(**changes: object) -> TimedPathMotion:
     document = {"kind": "timed_path", "robot": "ir361", "cycle_time_s": T, "ways": (WAY | changes,)}
     return TimedPathMotion.model_validate(document)
 
 
 def test_a_timed_path_runs_from_rest_to_rest() -> None:
-    samples = timed().plan(ROBOT, T)
+    samples = timed_path().plan(ROBOT, T)
     np.testing.assert_allclose(samples.position[[0, -1], 0], [0.0, 0.1], atol=1e-12)
     assert samples.velocity[:, 0].max() == pytest.approx(0.1 * 30.0 / 16.0, rel=1e-3)
     assert not samples.velocity[[0, -1]].any()
@@ -39,19 +39,19 @@ def test_a_timed_path_runs_from_rest_to_rest() -> None:
 
 def test_another_cycle_time_is_refused() -> None:
     with raises_code(ConfigError, "RID-MOTION-CYCLE", "8 ms", "4 ms"):
-        timed().plan(ROBOT, 0.004)
+        timed_path().plan(ROBOT, 0.004)
 
 
 def test_poses_of_another_number_of_joints_are_refused() -> None:
     points = ((0.0, 0.0), (0.05, 0.0), (0.1, 0.0))
     with raises_code(ConfigError, "RID-MOTION-JOINTS", "part 1", "3 joints"):
-        timed(points=points).plan(ROBOT, T)
+        timed_path(points=points).plan(ROBOT, T)
 
 
 def test_a_path_beyond_a_limit_is_refused() -> None:
     points = ((0.0, 0.0, 0.0), (0.0, 0.6, 0.0), (0.0, 1.2, 0.0))
     with raises_code(ConfigError, "RID-MOTION-LIMIT", "'axis2'", "1.2 rad"):
-        timed(points=points).plan(ROBOT, T)
+        timed_path(points=points).plan(ROBOT, T)
 
 
 @pytest.mark.parametrize(

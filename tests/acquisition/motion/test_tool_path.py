@@ -39,11 +39,11 @@ def path(*segments: Segment, **changes: object) -> PathMotion:
     return PathMotion.model_validate(fields | changes)
 
 
-def tool(samples: MotionSamples) -> FloatArray:
+def tool_points(samples: MotionSamples) -> FloatArray:
     return forward(CHAIN, samples.position)
 
 
-def rates(points: FloatArray) -> tuple[float, float, float]:
+def largest_rates(points: FloatArray) -> tuple[float, float, float]:
     """Return the largest speed, acceleration and jerk of the tool point by differences."""
     found = []
     for _ in range(3):
@@ -52,18 +52,18 @@ def rates(points: FloatArray) -> tuple[float, float, float]:
     return found[0], found[1], found[2]
 
 
-def away_from(points: FloatArray, others: FloatArray) -> float:
+def largest_distance(points: FloatArray, others: FloatArray) -> float:
     """Return the largest distance of a point from the nearest of the others."""
     return max(float(np.linalg.norm(others - p, axis=1).min()) for p in points)
 
 
 def test_a_line_is_straight_and_within_its_speed_acceleration_and_jerk() -> None:
     samples = path(LINE).plan(ROBOT, T)
-    points = tool(samples)
+    points = tool_points(samples)
     np.testing.assert_allclose(points[0], START, atol=1e-9)
     np.testing.assert_allclose(points[-1], CORNER, atol=1e-9)
     np.testing.assert_allclose(points[:, [0, 2]], np.tile([0.6, -1.7], (len(points), 1)), atol=1e-9)
-    speed, acceleration, jerk = rates(points)
+    speed, acceleration, jerk = largest_rates(points)
     assert speed == pytest.approx(0.4, rel=1e-6)
     assert 2.0 < acceleration <= 4.0 * 1.001
     assert jerk <= 80.0 * 1.001
@@ -88,10 +88,10 @@ def test_velocity_and_acceleration_are_the_positions_own() -> None:
 
 def test_the_tool_point_passes_through_every_segment() -> None:
     motion = path(LINE, BEND, ARC, SPLINE)
-    points = tool(motion.plan(ROBOT, T))
+    points = tool_points(motion.plan(ROBOT, T))
     for point in ((0.6, 0.1, -1.7), (0.8, 0.1, -1.7), (0.8, -0.1, -1.7)):  # stops
-        assert away_from(np.array([point]), points) < 1e-9
-    assert away_from(np.array(THROUGH), points) < 2e-3  # one cycle at 0.4 m/s
+        assert largest_distance(np.array([point]), points) < 1e-9
+    assert largest_distance(np.array(THROUGH), points) < 2e-3  # one cycle at 0.4 m/s
     arc = points[(points[:, 0] > 0.8001) & (abs(points[:, 2] + 1.7) < 1e-6)]
     assert len(arc) > 50
     np.testing.assert_allclose(np.linalg.norm(arc - [0.8, 0.0, -1.7], axis=1), 0.1, atol=1e-8)
@@ -101,7 +101,7 @@ def test_a_blended_corner_is_driven_without_a_stop_within_all_limits() -> None:
     stopping = path(LINE, BEND).plan(ROBOT, T)
     blending = path(LINE, BEND, blend_m=0.05).plan(ROBOT, T)
     assert blending.duration_s < stopping.duration_s - 0.2
-    points = tool(blending)
+    points = tool_points(blending)
     corner = np.array(CORNER)
     # the quintic passes the corner at 3/16 of its length, along the bisector
     assert np.linalg.norm(points - corner, axis=1).min() == pytest.approx(
@@ -113,7 +113,7 @@ def test_a_blended_corner_is_driven_without_a_stop_within_all_limits() -> None:
     main = points[blending.phase == Phase.MAIN]
     speeds = np.linalg.norm(np.diff(main, axis=0), axis=1) / T
     assert speeds[30:-30].min() > 0.1
-    speed, acceleration, _ = rates(points)
+    speed, acceleration, _ = largest_rates(points)
     assert speed <= 0.4 * 1.0001
     assert acceleration <= 4.0 * np.sqrt(2.0)  # along and across
 
@@ -139,10 +139,10 @@ def test_tangential_segments_need_neither_blend_nor_stop() -> None:
 def test_a_circle_segment_ends_where_it_starts() -> None:
     turn: Segment = {"kind": "circle", "centre_m": (0.7, -0.2, -1.7), "turns": -1.0}
     samples = path(turn).plan(ROBOT, T)
-    points = tool(samples)
+    points = tool_points(samples)
     np.testing.assert_allclose(points[-1], START, atol=1e-9)
     np.testing.assert_allclose(np.linalg.norm(points - [0.7, -0.2, -1.7], axis=1), 0.1, atol=1e-9)
-    assert rates(points)[1] <= 4.0 * np.sqrt(2.0)
+    assert largest_rates(points)[1] <= 4.0 * np.sqrt(2.0)
 
 
 @pytest.mark.parametrize("speed", [0.5, 5.0])
@@ -162,7 +162,7 @@ def test_every_limit_holds_at_any_requested_speed(seed: int, speed: float) -> No
     ]
     if speed > 1.0:
         assert max(used.max(), gained.max()) > 0.6
-    assert rates(tool(samples))[0] <= speed * 1.0001
+    assert largest_rates(tool_points(samples))[0] <= speed * 1.0001
 
 
 def test_a_robot_with_six_axes_keeps_its_orientation_along_a_path() -> None:

@@ -35,7 +35,7 @@ def geometry() -> PlateGeometry:
     return PlateGeometry.from_config(LOADED.config.plate)
 
 
-def about(axis: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
+def rotation_about(axis: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
     """Return the rotation about an axis by Rodrigues' formula."""
     x, y, z = axis
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -53,7 +53,7 @@ def measure(turn: ZeroTurn, noise_n: float = 0.3, seed: int = 0) -> PlateOffset:
     middle = 0.5 * (turn.first[0] + turn.second[0])
     wrench = np.zeros((len(samples), 6))
     for k, angle in enumerate(samples.position[:, 0]):
-        wrench[k, 3:] = about(turn.axis, angle - middle) @ MOMENT
+        wrench[k, 3:] = rotation_about(turn.axis, angle - middle) @ MOMENT
     end_s = time_s[reading >= 0].max()
     channels = OFFSET + np.outer(time_s - end_s, DRIFT) + geometry().channels(wrench)
     channels += noise_n * random.standard_normal(channels.shape)
@@ -82,7 +82,7 @@ def test_half_a_turn_separates_offset_and_moment_exactly_without_noise() -> None
     found = measure(turn, noise_n=0.0)
     np.testing.assert_allclose(found.offset_n, OFFSET, atol=1e-9)
     np.testing.assert_allclose(found.drift_n_s, DRIFT, atol=1e-11)
-    expected = about(turn.axis, -math.pi / 2) @ MOMENT
+    expected = rotation_about(turn.axis, -math.pi / 2) @ MOMENT
     np.testing.assert_allclose(found.gravity, [0, 0, 0, *expected], atol=1e-8)
 
 
@@ -92,7 +92,7 @@ def test_a_smaller_turn_separates_them_by_the_same_equations(limit: float) -> No
     assert turn.turn_rad == pytest.approx(2 * limit - 0.04)
     found = measure(turn, noise_n=0.0)
     np.testing.assert_allclose(found.offset_n, OFFSET, atol=1e-8)
-    expected = about(turn.axis, -turn.turn_rad / 2) @ MOMENT
+    expected = rotation_about(turn.axis, -turn.turn_rad / 2) @ MOMENT
     np.testing.assert_allclose(found.gravity[3:], expected, atol=1e-8)
 
 

@@ -48,21 +48,21 @@ def recording() -> Recording:
     )
 
 
-def without(recording: Recording, gone: list[int]) -> Recording:
+def remove_rows(recording: Recording, gone: list[int]) -> Recording:
     keep = np.delete(np.arange(len(recording)), gone)
     columns = ("time_s", "position", "torque_nm", "valid", "phase", "sample_index")
     more = ("temperature_k", "answered")
     return replace(recording, **{name: getattr(recording, name)[keep] for name in columns + more})
 
 
-def in_parts(recording: Recording, rows: int) -> Iterator[Recording]:
+def split_rows(recording: Recording, rows: int) -> Iterator[Recording]:
     for first in range(0, len(recording), rows):
         yield recording.part(slice(first, first + rows))
 
 
-def averaged(recording: Recording, rows: int) -> PeriodAverage:
+def average_parts(recording: Recording, rows: int) -> PeriodAverage:
     cutter = PeriodCutter()
-    for part in in_parts(recording, rows):
+    for part in split_rows(recording, rows):
         cutter.add(part)
     return average_table(cutter.table())
 
@@ -74,8 +74,8 @@ def averaged(recording: Recording, rows: int) -> PeriodAverage:
 def test_the_average_of_parts_equals_that_of_the_whole_bit_by_bit(
     recording: Recording, rows: int, gone: list[int]
 ) -> None:
-    whole = average_periods(without(recording, gone))
-    parts = averaged(without(recording, gone), rows)
+    whole = average_periods(remove_rows(recording, gone))
+    parts = average_parts(remove_rows(recording, gone), rows)
     for field in fields(whole):
         one, other = getattr(whole, field.name), getattr(parts, field.name)
         if isinstance(one, np.ndarray):

@@ -54,7 +54,7 @@ def record(periods: int = 8, seed: int = 0, noise: float = 1.0) -> Recording:
     )
 
 
-def without(recording: Recording, rows: np.ndarray) -> Recording:
+def remove_rows(recording: Recording, rows: np.ndarray) -> Recording:
     """Return the recording without these rows."""
     keep = np.ones(len(recording), dtype=bool)
     keep[rows] = False
@@ -70,14 +70,14 @@ def without(recording: Recording, rows: np.ndarray) -> Recording:
     )
 
 
-def invalid(recording: Recording, rows: np.ndarray) -> Recording:
+def invalidate_rows(recording: Recording, rows: np.ndarray) -> Recording:
     """Return the recording with these rows repeated from before and marked invalid."""
     valid = recording.valid.copy()
     valid[rows] = False
     return replace(recording, valid=valid)
 
 
-def unanswered(recording: Recording, rows: np.ndarray, joint: int) -> Recording:
+def drop_answers(recording: Recording, rows: np.ndarray, joint: int) -> Recording:
     """Return the recording with a joint's values repeated from before in these rows."""
     answered = np.array(recording.joint_valid)
     answered[rows, joint] = False
@@ -92,7 +92,7 @@ def unanswered(recording: Recording, rows: np.ndarray, joint: int) -> Recording:
     )
 
 
-def knocked(recording: Recording, period: int, size: float, rows: int) -> Recording:
+def add_collision(recording: Recording, period: int, size: float, rows: int) -> Recording:
     start = RUN_IN + K * (1 + period) + 50
     torque = recording.torque_nm.copy()
     torque[start : start + rows, 1] += size
@@ -162,7 +162,7 @@ class TestLostRows:
         recording = record(noise=1e-6)
         inner = np.arange(main_row(0) + 1, main_row(8) - 1)
         rows = np.random.default_rng(seed).choice(inner[::5], lost, replace=False)
-        damaged = without(recording, rows) if erase else invalid(recording, rows)
+        damaged = remove_rows(recording, rows) if erase else invalidate_rows(recording, rows)
         average = average_periods(damaged)
         np.testing.assert_allclose(average.position, one_period()[:, :2], atol=1e-6)
         assert average.missing_samples == lost
@@ -172,24 +172,26 @@ class TestLostRows:
         recording = record(noise=0.0)
         position = recording.position.copy()
         position[main_row(2, 77)] = 1e6
-        damaged = invalid(replace(recording, position=position), np.array([main_row(2, 77)]))
+        damaged = invalidate_rows(
+            replace(recording, position=position), np.array([main_row(2, 77)])
+        )
         np.testing.assert_allclose(
             average_periods(damaged).position, one_period()[:, :2], atol=1e-12
         )
 
     def test_a_lost_first_row_of_the_main_phase_is_reconstructed(self) -> None:
-        average = average_periods(without(record(noise=0.0), np.array([main_row(0)])))
+        average = average_periods(remove_rows(record(noise=0.0), np.array([main_row(0)])))
         np.testing.assert_allclose(average.position, one_period()[:, :2], atol=1e-12)
         assert average.missing_samples == 1
 
     def test_an_ambiguous_start_is_refused(self) -> None:
         gone = np.array([main_row(0) - 1, main_row(0), main_row(8) - 1, main_row(8)])
         with raises_code(DataQualityError, "RID-RECORDING-ROWS-LOST"):
-            average_periods(without(record(), gone))
+            average_periods(remove_rows(record(), gone))
 
     def test_a_gap_rejects_its_period(self) -> None:
         gap = np.arange(main_row(3, 100), main_row(3, 104))
-        average = average_periods(invalid(record(), gap))
+        average = average_periods(invalidate_rows(record(), gap))
         assert [period.index for period in average.rejected] == [3]
         assert "4 of 200 samples missing, 4 in sequence" in average.rejected[0].reason
         assert average.periods_kept == 7
@@ -197,10 +199,10 @@ class TestLostRows:
     def test_more_than_two_percent_of_all_rows_is_refused(self) -> None:
         rows = np.arange(main_row(0, 3), main_row(8), 40)
         with raises_code(DataQualityError, "RID-RECORDING-ROWS-LOST", "40", "1600"):
-            average_periods(invalid(record(), rows))
+            average_periods(invalidate_rows(record(), rows))
 
     def test_a_stopped_run_keeps_its_complete_periods(self) -> None:
-        stopped = without(record(), np.arange(main_row(5, 120), main_row(8) + 20))
+        stopped = remove_rows(record(), np.arange(main_row(5, 120), main_row(8) + 20))
         average = average_periods(stopped)
         assert average.periods_kept == 5
         assert average.rejected[0].index == 5
@@ -217,7 +219,7 @@ class TestLostAnswers:
         for joint in range(2):
             for period in range(8):
                 rows = main_row(period) + rng.choice(np.arange(1, K - 1), 3, replace=False)
-                recording = unanswered(recording, rows, joint)
+                recording = drop_answers(recording, rows, joint)
         average = average_periods(recording)
         assert average.rejected == ()
         assert 24 < average.missing_samples <= 48
@@ -225,7 +227,7 @@ class TestLostAnswers:
         np.testing.assert_allclose(average.torque_nm, one_period()[:, 2:], atol=1e-5)
 
     def test_a_period_with_too_many_lost_answers_of_a_joint_is_rejected(self) -> None:
-        damaged = unanswered(record(), main_row(3) + np.arange(7, 57, 10), 1)
+        damaged = drop_answers(record(), main_row(3) + np.arange(7, 57, 10), 1)
         average = average_periods(damaged)
         assert [period.index for period in average.rejected] == [3]
         assert average.rejected[0].reason == (
@@ -235,19 +237,19 @@ class TestLostAnswers:
     def test_more_than_two_percent_of_a_joints_answers_is_refused(self) -> None:
         recording = record()
         for period, lost in enumerate((8, 4, 9, 7, 8, 0, 4, 9)):
-            recording = unanswered(recording, main_row(period) + 5 * np.arange(1, lost + 1), 0)
+            recording = drop_answers(recording, main_row(period) + 5 * np.arange(1, lost + 1), 0)
         with raises_code(DataQualityError, "RID-RECORDING-ROWS-LOST", "'a'", "49", "1600"):
             average_periods(recording)
 
     def test_contradictory_rows_and_answers_are_refused(self) -> None:
-        damaged = unanswered(record(), np.array([50]), 0)
+        damaged = drop_answers(record(), np.array([50]), 0)
         with raises_code(RecordingError, "RID-API-ARGUMENT"):
             replace(damaged, valid=np.ones(len(damaged), dtype=bool))
 
 
 class TestOutOfFamily:
     def test_a_collision_rejects_its_period_and_names_the_joint(self) -> None:
-        average = average_periods(knocked(record(), period=5, size=1.5, rows=10))
+        average = average_periods(add_collision(record(), period=5, size=1.5, rows=10))
         assert [period.index for period in average.rejected] == [5]
         assert "torque of joint 'b' differs" in average.rejected[0].reason
         np.testing.assert_allclose(average.torque_nm[:, 1], one_period()[:, 3], atol=0.25)
@@ -288,7 +290,7 @@ class TestOutOfFamily:
     def test_too_many_bad_periods_are_refused_with_all_reasons(self) -> None:
         recording = record(periods=16)
         for period in range(0, 12, 2):
-            recording = knocked(recording, period, 3.0 + period, 10)
+            recording = add_collision(recording, period, 3.0 + period, 10)
         with raises_code(DataQualityError, "RID-RECORDING-PERIODS", "11"):
             average_periods(recording)
         assert average_periods(recording, rejected_limit=6).periods_kept == 10
@@ -299,15 +301,15 @@ class TestRefusals:
         with raises_code(DataQualityError, "RID-RECORDING-PERIODS"):
             average_periods(record(periods=1))
 
-    def test_a_recording_that_is_not_periodic(self) -> None:
+    def test_a_recording_that_is_not_periodic_is_refused(self) -> None:
         with raises_code(DataQualityError, "RID-RECORDING-NOT-PERIODIC"):
             average_periods(replace(record(), samples_per_period=None))
 
-    def test_a_recording_that_ended_before_the_main_periods(self) -> None:
+    def test_a_recording_that_ended_before_the_main_periods_is_refused(self) -> None:
         with raises_code(DataQualityError, "RID-RECORDING-PERIODS"):
-            average_periods(without(record(), np.arange(main_row(0), main_row(8) + 20)))
+            average_periods(remove_rows(record(), np.arange(main_row(0), main_row(8) + 20)))
 
-    def test_an_average_of_one_period(self) -> None:
+    def test_an_average_of_one_period_is_refused(self) -> None:
         average = average_periods(record())
         with raises_code(DataQualityError, "RID-RECORDING-PERIODS"):
             replace(average, periods_kept=1)
@@ -322,6 +324,6 @@ def test_temperature_is_the_mean_over_the_accepted_periods() -> None:
     assert average_periods(recording).temperature_k is None
     assert average_periods(warm).temperature_k == pytest.approx([302.0, 310.0])
 
-    average = average_periods(knocked(warm, period=4, size=50.0, rows=10))
+    average = average_periods(add_collision(warm, period=4, size=50.0, rows=10))
     assert [rejected.index for rejected in average.rejected] == [4]
     assert average.temperature_k == pytest.approx([301.5, 310.0])

@@ -71,14 +71,16 @@ def stream(first_s: float, last_s: float, number: int = 0, seed: int = 0) -> NDA
     return rows
 
 
-def of(rows: NDArray[Any], events: NDArray[Any] | None = None, **amplifier: Any) -> PlateRows:
+def plate_rows(
+    rows: NDArray[Any], events: NDArray[Any] | None = None, **amplifier: Any
+) -> PlateRows:
     none = np.zeros(0, dtype=EVENT_DTYPE)
     damage = JournalDamage(True, (), 0)
     return PlateRows(header(**amplifier), rows, none if events is None else events, damage)
 
 
 def test_plate_rows_are_resampled_at_the_recordings_times(recording: Recording) -> None:
-    measured = with_plate(recording, of(stream(0.0, 23.0))).reaction
+    measured = with_plate(recording, plate_rows(stream(0.0, 23.0))).reaction
     assert measured is not None
     assert measured.valid.all()
     assert measured.clock is not None
@@ -89,7 +91,7 @@ def test_plate_rows_are_resampled_at_the_recordings_times(recording: Recording) 
 
 def test_a_stream_after_a_lost_connection_has_its_own_clock(recording: Recording) -> None:
     rows = np.concatenate([stream(0.0, 9.0), stream(12.0, 23.0, 1)])
-    measured = with_plate(recording, of(rows)).reaction
+    measured = with_plate(recording, plate_rows(rows)).reaction
     assert measured is not None
     at = recording.time_s - to_sync(np.zeros(1))[0]
     assert not measured.valid[(at > 9.0) & (at < 12.0)].any()
@@ -103,7 +105,7 @@ def test_rows_with_overload_or_reset_are_invalid(recording: Recording) -> None:
     rows = stream(0.0, 23.0)
     rows["status"][9000:9010] |= 1 << 4
     rows["status"][20000:20010] = 0
-    measured = with_plate(recording, of(rows)).reaction
+    measured = with_plate(recording, plate_rows(rows)).reaction
     assert measured is not None
     fz1, others = ~measured.valid[:, 4], ~np.delete(measured.valid, 4, axis=1)
     assert fz1.sum() > others[:, 0].sum() > 0
@@ -119,11 +121,11 @@ def test_a_wired_trigger_gives_the_best_clock(recording: Recording) -> None:
     edges = np.zeros(SAMPLES, dtype=EVENT_DTYPE)
     edges["kind"] = PROFILE.events.trigger
     edges["device_s"] = (recording.time_s - 699.003) / (1.0 + 1e-4)
-    clock = stream_clock(recording, of(rows, edges, trigger=True), 0)
+    clock = stream_clock(recording, plate_rows(rows, edges, trigger=True), 0)
     assert clock.method == "edges"
     found = clock.to_sync(rows["device_s"])
     np.testing.assert_allclose(found, to_sync(rows["device_s"]), atol=2e-6)
-    assert stream_clock(recording, of(rows, edges), 0).method == "arrivals"
+    assert stream_clock(recording, plate_rows(rows, edges), 0).method == "arrivals"
 
 
 def test_marks_are_used_if_they_are_more_accurate(recording: Recording) -> None:
@@ -135,17 +137,17 @@ def test_marks_are_used_if_they_are_more_accurate(recording: Recording) -> None:
     marks["device_s"] = np.arange(23.0)
     marks["asked_s"] = to_sync(marks["device_s"]) - 0.0002
     marks["arrival_s"] = to_sync(marks["device_s"]) + 0.0003
-    clock = stream_clock(recording, of(rows, marks), 0)
+    clock = stream_clock(recording, plate_rows(rows, marks), 0)
     assert clock.method == "marks"
     assert np.abs(clock.to_sync(rows["device_s"]) - to_sync(rows["device_s"])).max() < 1e-4
     simulated = replace(
-        of(rows, marks), header=header().model_copy(update={"simulated_time": True})
+        plate_rows(rows, marks), header=header().model_copy(update={"simulated_time": True})
     )
     assert stream_clock(recording, simulated, 0).method == "arrivals"
 
 
 def test_a_plate_without_enough_rows_is_refused(recording: Recording) -> None:
     with raises_code(DataQualityError, "RID-PLATE-CLOCK", "used"):
-        with_plate(recording, of(stream(0.0, 0.0)))
+        with_plate(recording, plate_rows(stream(0.0, 0.0)))
     with raises_code(DataQualityError, "RID-PLATE-CLOCK"):
-        with_plate(recording, of(stream(0.0, 0.01)))
+        with_plate(recording, plate_rows(stream(0.0, 0.01)))

@@ -31,7 +31,9 @@ def layout(columns: int = 31) -> ImportMap:
 
 class TestImport:
     @pytest.mark.parametrize("name", SOUND)
-    def test_of_undamaged_files_uses_every_row(self, real_robot: Path, name: str) -> None:
+    def test_the_import_of_undamaged_files_uses_every_row(
+        self, real_robot: Path, name: str
+    ) -> None:
         recording, report = import_csv(real_robot / f"{name}.csv", layout(), load_robot("ur10e"))
         assert report.damaged == ()
         assert report.findings == ()
@@ -41,7 +43,9 @@ class TestImport:
         moving = [ratio for ratio in report.velocity_ratio if ratio is not None]
         assert moving == pytest.approx([1.0] * len(moving), abs=0.005)
 
-    def test_of_the_damaged_file_reports_rows_2_to_20_and_no_others(self, real_robot: Path) -> None:
+    def test_the_import_of_the_damaged_file_reports_rows_2_to_20_and_no_others(
+        self, real_robot: Path
+    ) -> None:
         recording, report = import_csv(real_robot / "ur-19_09_27-11_32_02.csv", layout(19))
         (damaged,) = report.damaged
         assert (damaged.first, damaged.last) == (2, 20)
@@ -55,7 +59,7 @@ class TestImport:
 
 class TestSmoothing:
     @pytest.mark.parametrize("name", ["ur-20_02_12-50sec_12harm", "ur-20_01_17-ptp_10_points"])
-    def test_velocity_agrees_with_the_robots_own_velocity(
+    def test_the_smoothed_velocity_agrees_with_the_robots_own_velocity(
         self, real_robot: Path, name: str
     ) -> None:
         path = real_robot / f"{name}.csv"
@@ -66,7 +70,7 @@ class TestSmoothing:
             reported = np.interp(smooth.time_s, raw[:, 0], raw[:, 7 + joint])
             assert np.std(smooth.velocity[:, joint] - reported) < 0.02 * np.std(reported)
 
-    def test_of_the_damaged_file_puts_no_rows_into_its_gap(self, real_robot: Path) -> None:
+    def test_smoothing_the_damaged_file_puts_no_rows_into_its_gap(self, real_robot: Path) -> None:
         recording, _ = import_csv(real_robot / "ur-19_09_27-11_32_02.csv", layout(19))
         smooth = smooth_nonperiodic(recording, 9.4)
         assert smooth.time_s.min() > 0.727  # the first sound part starts at row 21
@@ -75,7 +79,7 @@ class TestSmoothing:
 
 class TestPeriods:
     @pytest.mark.parametrize(("number", "first", "last"), [(2, 387, 5805), (4, 414, 5991)])
-    def test_of_one_joint_repeat_to_0_03_mrad(
+    def test_the_periods_of_one_joint_repeat_to_0_03_mrad(
         self, real_robot: Path, number: int, first: int, last: int
     ) -> None:
         import_map = layout().model_copy(

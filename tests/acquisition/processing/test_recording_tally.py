@@ -67,7 +67,7 @@ def test_positions_speeds_torques_and_losses_are_those_of_the_valid_rows(
         assert lost == 371 - len(np.unique(recording.sample_index[answered]))
 
 
-def ended_early(recording: Recording) -> Recording:
+def end_early(recording: Recording) -> Recording:
     """Return the recording stopped after 3 periods of 50: the motion continues at the seventh."""
     whole = replace(
         recording, answered=np.ones((ROWS, 2), dtype=np.bool_), valid=np.ones(ROWS, dtype=np.bool_)
@@ -84,7 +84,7 @@ def ended_early(recording: Recording) -> Recording:
 
 @pytest.mark.parametrize("size", [7, 170, 250])
 def test_rows_skipped_by_an_early_end_are_not_lost(recording: Recording, size: int) -> None:
-    early = ended_early(recording)
+    early = end_early(recording)
     tally = RecordingTally(early.part(slice(0, size)))
     for first in range(size, len(early), size):
         tally.add(early.part(slice(first, first + size)))

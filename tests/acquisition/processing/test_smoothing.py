@@ -22,7 +22,9 @@ def truth(t: np.ndarray) -> np.ndarray:
     return np.stack([np.sin(W * t) + 0.3 * np.sin(2.3 * W * t), 0.5 * np.cos(W * t)], axis=1)
 
 
-def uneven(duration_s: float = 12.0, seed: int = 0, noise: float = 0.0) -> Recording:
+def recording_with_uneven_stamps(
+    duration_s: float = 12.0, seed: int = 0, noise: float = 0.0
+) -> Recording:
     """Return stamps with steps of 8, 10 and 12 ms."""
     rng = np.random.default_rng(seed)
     t = 100.0 + np.cumsum(rng.choice([0.008, 0.010, 0.012], round(duration_s / 0.01)))
@@ -52,20 +54,20 @@ def part(recording: Recording, keep: np.ndarray) -> Recording:
 
 
 class TestLowPass:
-    def test_is_3_db_down_at_its_cut_off_without_phase(self) -> None:
+    def test_the_low_pass_is_3_db_down_at_its_cut_off_without_phase(self) -> None:
         t = np.arange(4000) * 0.01
         x = np.sin(2 * np.pi * 9.4 * t)[:, np.newaxis]
         y = low_pass(x, 0.01, 9.4)[500:-500]
         np.testing.assert_allclose(y, np.sqrt(0.5) * x[500:-500], atol=2e-3)
 
-    def test_passes_frequencies_well_below(self) -> None:
+    def test_the_low_pass_passes_frequencies_well_below(self) -> None:
         t = np.arange(2000) * 0.01
         x = np.sin(2 * np.pi * 2.0 * t)[:, np.newaxis]
         np.testing.assert_allclose(low_pass(x, 0.01, 9.4)[200:-200], x[200:-200], atol=1e-3)
 
     @pytest.mark.parametrize("shape", [(1, 2), (2, 3), (9, 1), (400,), (900, 70), (300, 4, 5)])
     @pytest.mark.parametrize("order", ["C", "F"])
-    def test_is_a_forward_backward_butterworth_filter_of_order_4(
+    def test_the_low_pass_is_a_forward_backward_butterworth_filter_of_order_4(
         self, shape: tuple[int, ...], order: Literal["C", "F"]
     ) -> None:
         x = np.asarray(np.cumsum(np.random.default_rng(1).normal(size=shape), axis=0), order=order)
@@ -76,14 +78,14 @@ class TestLowPass:
         np.testing.assert_allclose(low_pass(x, 0.01, 3.0), expected, atol=1e-10)
         np.testing.assert_array_equal(x, before)
 
-    def test_refuses_a_cut_off_above_the_nyquist_frequency(self) -> None:
+    def test_a_cut_off_above_the_nyquist_frequency_is_refused(self) -> None:
         with raises_code(ConfigError, "RID-RECORDING-CUTOFF", "45"):
             low_pass(np.zeros((100, 1)), 0.01, 49.0)
 
 
 class TestSmoothing:
-    def test_estimates_the_derivatives_of_the_motion(self) -> None:
-        smooth = smooth_nonperiodic(uneven(), 9.4)
+    def test_smoothing_estimates_the_derivatives_of_the_motion(self) -> None:
+        smooth = smooth_nonperiodic(recording_with_uneven_stamps(), 9.4)
         t = smooth.time_s
         h = 1e-4
         velocity = (truth(t + h) - truth(t - h)) / (2 * h)
@@ -93,36 +95,36 @@ class TestSmoothing:
         np.testing.assert_allclose(smooth.acceleration, acceleration, atol=0.05)
         np.testing.assert_allclose(smooth.torque_nm, 10.0 * truth(t), atol=2e-3)
 
-    def test_is_uniform_and_reports_its_cut_off(self) -> None:
-        smooth = smooth_nonperiodic(uneven(), 9.4)
+    def test_a_smoothed_recording_is_uniform_and_has_its_cut_off(self) -> None:
+        smooth = smooth_nonperiodic(recording_with_uneven_stamps(), 9.4)
         np.testing.assert_allclose(np.diff(smooth.time_s), smooth.sample_period_s, rtol=1e-6)
         assert smooth.sample_period_s == pytest.approx(0.01)
         assert smooth.cutoff_hz == 9.4
         assert (smooth.segment == 0).all()
 
-    def test_reduces_noise(self) -> None:
-        smooth = smooth_nonperiodic(uneven(duration_s=40.0, noise=1.0), 5.0)
+    def test_smoothing_reduces_noise(self) -> None:
+        smooth = smooth_nonperiodic(recording_with_uneven_stamps(duration_s=40.0, noise=1.0), 5.0)
         error = smooth.torque_nm - 10.0 * truth(smooth.time_s)
         assert error.std() < 0.4
 
-    def test_splits_at_a_gap_and_leaves_it_empty(self) -> None:
-        recording = uneven()
+    def test_smoothing_splits_at_a_gap_and_leaves_it_empty(self) -> None:
+        recording = recording_with_uneven_stamps()
         gap = (recording.time_s > 104.0) & (recording.time_s < 105.0)
         smooth = smooth_nonperiodic(part(recording, ~gap), 9.4)
         assert set(smooth.segment.tolist()) == {0, 1}
         assert not ((smooth.time_s > 104.0) & (smooth.time_s < 105.0)).any()
         np.testing.assert_allclose(smooth.position, truth(smooth.time_s), atol=5e-4)
 
-    def test_ignores_invalid_rows(self) -> None:
-        recording = uneven()
+    def test_smoothing_ignores_invalid_rows(self) -> None:
+        recording = recording_with_uneven_stamps()
         position, valid = recording.position.copy(), recording.valid.copy()
         position[500] = 1e3
         valid[500] = False
         smooth = smooth_nonperiodic(replace(recording, position=position, valid=valid), 9.4)
         np.testing.assert_allclose(smooth.position, truth(smooth.time_s), atol=5e-4)
 
-    def test_refuses_parts_that_are_too_short(self) -> None:
-        recording = uneven(duration_s=4.0)
+    def test_parts_that_are_too_short_are_refused(self) -> None:
+        recording = recording_with_uneven_stamps(duration_s=4.0)
         shreds = np.arange(len(recording)) % 30 < 20
         with raises_code(DataQualityError, "RID-RECORDING-CUTOFF"):
             smooth_nonperiodic(part(recording, shreds), 9.4)
@@ -131,8 +133,8 @@ class TestSmoothing:
 
 
 class TestResamplePeriods:
-    def test_puts_whole_periods_on_a_uniform_grid(self) -> None:
-        recording = resample_periods(uneven(duration_s=13.0), 4.0)
+    def test_whole_periods_are_resampled_on_a_uniform_grid(self) -> None:
+        recording = resample_periods(recording_with_uneven_stamps(duration_s=13.0), 4.0)
         assert recording.samples_per_period == 400
         assert recording.sample_period_s == pytest.approx(0.01)
         assert len(recording) == 3 * 400
@@ -140,49 +142,52 @@ class TestResamplePeriods:
         np.testing.assert_allclose(recording.position, truth(recording.time_s), atol=1e-6)
         assert recording.valid.all()
 
-    def test_marks_the_rows_of_a_gap(self) -> None:
-        recording = uneven(duration_s=13.0)
+    def test_the_rows_of_a_gap_are_marked(self) -> None:
+        recording = recording_with_uneven_stamps(duration_s=13.0)
         gap = (recording.time_s > 104.0) & (recording.time_s < 104.2)
         resampled = resample_periods(part(recording, ~gap), 4.0)
         inside = (resampled.time_s > 104.0) & (resampled.time_s < 104.2)
         assert not resampled.valid[inside].any()
         assert resampled.valid[~inside].sum() > len(resampled) - 25
 
-    def test_refuses_less_than_two_periods(self) -> None:
+    def test_less_than_two_periods_are_refused(self) -> None:
         with raises_code(DataQualityError, "RID-IMPORT-RANGE"):
-            resample_periods(uneven(duration_s=13.0), 8.0)
+            resample_periods(recording_with_uneven_stamps(duration_s=13.0), 8.0)
 
 
 class TestTemperature:
     @staticmethod
     def warming() -> Recording:
-        recording = uneven(duration_s=13.0)
+        recording = recording_with_uneven_stamps(duration_s=13.0)
         warmth = 300.0 + 0.5 * (recording.time_s - 100.0)
         return replace(recording, temperature_k=np.stack([warmth, warmth + 5.0], axis=1))
 
-    def test_follows_its_stamps_without_overshoot(self) -> None:
+    def test_temperature_follows_its_stamps_without_overshoot(self) -> None:
         smooth = smooth_nonperiodic(self.warming(), 9.4)
         expected = 300.0 + 0.5 * (smooth.time_s - 100.0)
         assert smooth.temperature_k is not None
         np.testing.assert_allclose(smooth.temperature_k[:, 0], expected, atol=1e-9)
         np.testing.assert_allclose(smooth.temperature_k[:, 1], expected + 5.0, atol=1e-9)
 
-        recording = uneven()
+        recording = recording_with_uneven_stamps()
         step = np.where(recording.time_s < 106.0, 300.0, 301.0)[:, np.newaxis] * np.ones(2)
         smooth = smooth_nonperiodic(replace(recording, temperature_k=step), 9.4)
         assert smooth.temperature_k is not None
         assert smooth.temperature_k.min() == 300.0
         assert smooth.temperature_k.max() == 301.0
 
-    def test_is_resampled_with_the_periods(self) -> None:
+    def test_temperature_is_resampled_with_the_periods(self) -> None:
         resampled = resample_periods(self.warming(), 4.0)
         expected = 300.0 + 0.5 * (resampled.time_s - 100.0)
         assert resampled.temperature_k is not None
         np.testing.assert_allclose(resampled.temperature_k[:, 0], expected, atol=1e-9)
 
-    def test_is_unknown_if_it_was_not_recorded(self) -> None:
-        assert smooth_nonperiodic(uneven(), 9.4).temperature_k is None
-        assert resample_periods(uneven(duration_s=13.0), 4.0).temperature_k is None
+    def test_temperature_is_unknown_if_it_was_not_recorded(self) -> None:
+        assert smooth_nonperiodic(recording_with_uneven_stamps(), 9.4).temperature_k is None
+        assert (
+            resample_periods(recording_with_uneven_stamps(duration_s=13.0), 4.0).temperature_k
+            is None
+        )
 
 
 def test_a_cut_off_too_high_for_the_sampling_period_is_refused_in_seconds() -> None:

@@ -54,11 +54,11 @@ def recording(
     )
 
 
-def everywhere() -> NDArray[np.bool_]:
+def all_valid() -> NDArray[np.bool_]:
     return np.ones((K * PERIODS, 8), dtype=np.bool_)
 
 
-def varying(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def vary(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return values - values.mean(axis=0)
 
 
@@ -94,7 +94,7 @@ def test_drift_is_estimated_over_whole_periods_and_removed() -> None:
     found = drifting.drift_n_s - plain.drift_n_s
     np.testing.assert_allclose(found, 0.05 * np.arange(-3.0, 5.0), atol=1e-9)
     assert (np.abs(plain.drift_n_s) < 4.0 * plain.drift_sigma_n_s).all()
-    np.testing.assert_allclose(varying(drifting.channels_n), varying(plain.channels_n), atol=1e-9)
+    np.testing.assert_allclose(vary(drifting.channels_n), vary(plain.channels_n), atol=1e-9)
 
 
 def test_a_zero_jump_is_not_drift() -> None:
@@ -107,12 +107,12 @@ def test_a_zero_jump_is_not_drift() -> None:
     assert jumped.reaction is not None
     assert before.reaction is not None
     np.testing.assert_allclose(
-        varying(jumped.reaction.channels_n), varying(before.reaction.channels_n), atol=0.02
+        vary(jumped.reaction.channels_n), vary(before.reaction.channels_n), atol=0.02
     )
 
 
 def test_a_period_with_an_overload_is_excluded_from_the_average() -> None:
-    valid = everywhere()
+    valid = all_valid()
     valid[3 * K + 10 : 3 * K + 30, 4] = False
     average = average_periods(recording(valid=valid))
     assert [(p.index, p.reason.split(":")[0]) for p in average.rejected] == [
@@ -123,7 +123,7 @@ def test_a_period_with_an_overload_is_excluded_from_the_average() -> None:
 
 
 def test_a_repeatedly_overloaded_channel_is_excluded_instead() -> None:
-    valid = everywhere()
+    valid = all_valid()
     for period in range(PERIODS):
         valid[period * K + 10 : period * K + 30, 4] = False
     average = average_periods(recording(valid=valid))
@@ -135,13 +135,13 @@ def test_a_repeatedly_overloaded_channel_is_excluded_instead() -> None:
 
 
 def test_the_torques_are_kept_if_the_plate_fails() -> None:
-    valid = everywhere()
+    valid = all_valid()
     valid[:, :6] = False
     assert average_periods(recording(valid=valid)).reaction is None
 
 
 def test_single_rows_without_the_plate_are_excluded_from_its_mean() -> None:
-    valid = everywhere()
+    valid = all_valid()
     valid[5 * K + 7] = False
     plain = recording()
     assert plain.reaction is not None
@@ -180,14 +180,14 @@ def test_a_plate_of_another_length_is_refused() -> None:
 
 
 def test_too_few_valid_periods_at_one_sample_are_reported() -> None:
-    valid = everywhere()
+    valid = all_valid()
     for period in range(PERIODS - 1):
         valid[period * K + 7, 3] = False
     with raises_code(DataQualityError, "RID-RECORDING-PERIODS", "fy23"):
         average_periods(recording(valid=valid))
 
 
-def drifting(*parts: tuple[int, int, float], limit_n_s: float = 0.5) -> Recording:
+def recording_with_drift(*parts: tuple[int, int, float], limit_n_s: float = 0.5) -> Recording:
     """Return a recording with drift of channel fz1 in parts: (first sample, last sample, N/s)."""
     plain = recording(noise_n=0.05)
     assert plain.reaction is not None
@@ -200,7 +200,9 @@ def drifting(*parts: tuple[int, int, float], limit_n_s: float = 0.5) -> Recordin
 
 def test_a_period_of_drift_is_excluded_and_named() -> None:
     """Row 29 of the faults: drift beyond the limit marks exactly the periods in which it occurs."""
-    average = average_periods(drifting((3 * K, 4 * K, 0.6), (7 * K + 40, 7 * K + 60, -12.0)))
+    average = average_periods(
+        recording_with_drift((3 * K, 4 * K, 0.6), (7 * K + 40, 7 * K + 60, -12.0))
+    )
     assert [p.index for p in average.rejected] == [3, 7]
     for period, rate in zip(average.rejected, (0.6, -0.96), strict=True):
         words = period.reason.removeprefix("channel fz1 of the force plate drifted by ")
@@ -213,17 +215,17 @@ def test_a_period_of_drift_is_excluded_and_named() -> None:
 def test_a_jump_rejects_only_its_own_period(at: int, into: float) -> None:
     """Row 29 of the faults, at any place in the run; no period follows the last one."""
     first = at * K + int(into * K)
-    average = average_periods(drifting((first, first + 1, 2.0 / CYCLE_S)))
+    average = average_periods(recording_with_drift((first, first + 1, 2.0 / CYCLE_S)))
     assert [p.index for p in average.rejected] == [at]
 
 
 def test_drift_within_the_limit_rejects_nothing() -> None:
-    assert average_periods(drifting((0, PERIODS * K, 0.45))).rejected == ()
+    assert average_periods(recording_with_drift((0, PERIODS * K, 0.45))).rejected == ()
 
 
 def test_a_channel_that_drifts_permanently_is_excluded_instead() -> None:
     """Row 29 of the faults: the other channels and the torques are kept."""
-    average = average_periods(drifting((0, PERIODS * K, 0.6)))
+    average = average_periods(recording_with_drift((0, PERIODS * K, 0.6)))
     assert average.rejected == ()
     assert average.reaction is not None
     assert average.reaction.left_out == ("fz1",)

@@ -25,7 +25,7 @@ def fields(rows: int = 5) -> dict[str, Any]:
     }
 
 
-def test_keeps_its_own_read_only_copies() -> None:
+def test_a_recording_keeps_its_own_read_only_copies() -> None:
     given = fields()
     recording = Recording(**given)
     given["position"][0, 0] = 9.0
@@ -34,7 +34,7 @@ def test_keeps_its_own_read_only_copies() -> None:
     assert not recording.torque_nm.flags.writeable
 
 
-def test_names_the_row_at_which_time_does_not_increase() -> None:
+def test_the_row_at_which_time_does_not_increase_is_named() -> None:
     given = fields()
     given["time_s"][3] = given["time_s"][2]
     with raises_code(RecordingError, "RID-RECORDING-CLOCK", "0.020000"):
@@ -42,7 +42,7 @@ def test_names_the_row_at_which_time_does_not_increase() -> None:
 
 
 @pytest.mark.parametrize("name", ["time_s", "position", "torque_nm"])
-def test_refuses_values_that_are_not_finite(name: str) -> None:
+def test_a_recording_of_values_that_are_not_finite_is_refused(name: str) -> None:
     given = fields()
     given[name].flat[1] = np.inf
     with raises_code(RecordingError, "RID-API-ARGUMENT", f"{name} ", "1"):
@@ -60,12 +60,14 @@ def test_refuses_values_that_are_not_finite(name: str) -> None:
         ({"joint_names": ()}, ("no joints",)),
     ],
 )
-def test_refuses_inconsistent_shapes(change: dict[str, Any], details: tuple[str, ...]) -> None:
+def test_a_recording_of_inconsistent_shapes_is_refused(
+    change: dict[str, Any], details: tuple[str, ...]
+) -> None:
     with raises_code(RecordingError, "RID-API-ARGUMENT", *details):
         Recording(**(fields() | change))
 
 
-def test_stores_the_drives_temperatures_if_they_are_known() -> None:
+def test_a_recording_stores_the_drives_temperatures_if_they_are_known() -> None:
     assert Recording(**fields()).temperature_k is None
     warm = np.full((5, 2), 310.0)
     assert Recording(**(fields() | {"temperature_k": warm})).temperature_k is not None

@@ -74,7 +74,7 @@ Play = Callable[[int, int], Disk]
 
 
 @pytest.fixture
-def play(monkeypatch: pytest.MonkeyPatch) -> Play:
+def fail_disk(monkeypatch: pytest.MonkeyPatch) -> Play:
     """Return a function that makes the disk fail."""
 
     def begin(room: int, error: int) -> Disk:
@@ -138,11 +138,11 @@ def bench(cell: CellConfig, robot: RobotDescription, axes: Any, clock: Any) -> B
 def test_a_full_disk_stops_the_motion_and_the_reserved_room_completes_the_file(
     bench: Bench,
     motion: MotionSamples,
-    play: Play,
+    fail_disk: Play,
     tmp_path: Path,
     measured: Callable[[str], None],
 ) -> None:
-    disk = play(60_000, errno.ENOSPC)
+    disk = fail_disk(60_000, errno.ENOSPC)
     reason = bench.run(motion, tmp_path / "r.mcap")
     assert reason is not None
     assert reason.code is StopCode.RECORDER
@@ -162,11 +162,11 @@ def test_a_full_disk_stops_the_motion_and_the_reserved_room_completes_the_file(
 def test_a_failing_disk_stops_the_motion_and_the_written_rows_are_kept(
     bench: Bench,
     motion: MotionSamples,
-    play: Play,
+    fail_disk: Play,
     tmp_path: Path,
     measured: Callable[[str], None],
 ) -> None:
-    disk = play(60_000, errno.EIO)
+    disk = fail_disk(60_000, errno.EIO)
     reason = bench.run(motion, tmp_path / "r.mcap")
     assert reason is not None
     assert reason.code is StopCode.RECORDER

@@ -71,7 +71,7 @@ def test_the_file_contains_every_frame_on_the_bus(
     there = frames(can.CanutilsLogReader(log))[:count]
     assert [frame[:2] for frame in recorded] == [frame[:2] for frame in there]
     apart_us = np.array([a[2] - b[2] for a, b in zip(recorded, there, strict=True)])
-    assert np.ptp(apart_us) <= 2, "both round"
+    assert np.ptp(apart_us) <= 2, "both are rounded"
     rows = read_journal(outcome.path).rows
     identifiers = [frame[0] for frame in recorded]
     assert identifiers.count(SYNC_COB_ID) >= len(rows)

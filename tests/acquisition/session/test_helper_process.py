@@ -11,25 +11,25 @@ from acquisition.session.helper_process import HelperProcess, start_all
 from config.process.termination import leave_terminal
 
 
-def leave() -> None:
+def end_normally() -> None:
     leave_terminal()
 
 
-def hang() -> None:
+def hang_forever() -> None:
     leave_terminal()
     signal.pause()
 
 
-def die() -> None:
+def kill_self() -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
 @pytest.mark.parametrize(
     ("main", "patience_s", "notes"),
     [
-        (leave, 120.0, []),
-        (die, 120.0, ["the helper died (exit code -9); nothing is lost"]),
-        (hang, 0.1, ["the helper did not finish and was killed; nothing is lost"]),
+        (end_normally, 120.0, []),
+        (kill_self, 120.0, ["the helper died (exit code -9); nothing is lost"]),
+        (hang_forever, 0.1, ["the helper did not finish and was killed; nothing is lost"]),
     ],
 )
 def test_an_abnormal_end_is_reported(main: object, patience_s: float, notes: list[str]) -> None:
@@ -45,4 +45,4 @@ def test_an_abnormal_end_is_reported(main: object, patience_s: float, notes: lis
 
 
 def test_a_process_that_was_never_started_ends_without_a_note() -> None:
-    assert HelperProcess("helper", leave, (), patience_s=120.0).end() == []
+    assert HelperProcess("helper", end_normally, (), patience_s=120.0).end() == []

@@ -80,7 +80,7 @@ def record(
     return outcome, recording, read_plate_journal(run.file(PLATE_RECORDING))
 
 
-def averaged(recording: Recording, rows: PlateRows) -> PeriodAverage:
+def average_of(recording: Recording, rows: PlateRows) -> PeriodAverage:
     return average_periods(with_plate(recording, rows))
 
 
@@ -114,15 +114,15 @@ def test_row_28_overloads_are_flagged_and_saturated_samples_are_not_averaged(
     saturated = np.abs(rows.rows["counts"][:, 4].astype(int)) >= 0.95 * full
     assert saturated.sum() > 300
     assert rows.overload[saturated, 4].all()
-    average = averaged(recording, rows)
+    average = average_of(recording, rows)
     named = [p for p in average.rejected if "fz1" in p.reason]
     assert 3 in {p.index for p in named}
     assert average.reaction is not None
-    good = averaged(healthy[1], healthy[2]).reaction
+    good = average_of(healthy[1], healthy[2]).reaction
     assert good is not None
     off = np.abs(average.reaction.channels_n - good.channels_n)
     level = off.mean(axis=0)
-    assert (off - level).max() < 2.0, "5000 N in one sample of seven would show by 700 N"
+    assert (off - level).max() < 2.0, "a saturated sample among seven would add 700 N"
     measured(f"{saturated.sum()} saturated samples, all flagged, 0 averaged")
 
 
@@ -147,7 +147,7 @@ def test_row_29_exactly_the_periods_with_drift_beyond_the_limit_are_excluded(
     fault = AmplifierFault(kind="drift", row=begin, count=1, duration_s=2 * PERIOD_S, channel=6)
     outcome, recording, rows = record(loaded, tmp_path, fault)
     assert outcome.stop is None
-    average = averaged(recording, rows)
+    average = average_of(recording, rows)
     assert [p.index for p in average.rejected] == [2, 3]
     for period, rate in zip(average.rejected, (0.7, 1.0), strict=True):
         words = period.reason.split()
@@ -157,7 +157,7 @@ def test_row_29_exactly_the_periods_with_drift_beyond_the_limit_are_excluded(
 
 
 def test_row_29_the_simulated_plates_own_drift_rejects_no_period(healthy: Healthy) -> None:
-    average = averaged(healthy[1], healthy[2])
+    average = average_of(healthy[1], healthy[2])
     assert average.rejected == ()
     assert average.reaction is not None
     assert average.reaction.left_out == ()
@@ -184,12 +184,12 @@ def test_row_30_corrupted_bytes_lose_at_most_two_more_rows_than_they_hit(
         near = [k for k in lost if at - 2 <= k <= at + rows_hit + 2]
         assert len(near) <= rows_hit + 2
     assert len(lost) <= sum(hit.values()) + 2 * len(hit)
-    average = averaged(recording, rows)
+    average = average_of(recording, rows)
     assert average.periods_kept >= PERIODS - 5
     by_number = dict(zip(healthy[2].sequence.tolist(), healthy[2].rows["counts"], strict=True))
     both = zip(rows.sequence.tolist(), rows.rows["counts"], strict=True)
     same = [np.array_equal(by_number[k], counts) for k, counts in both if k in by_number]
-    assert all(same), "a row that came is the row that was sent"
+    assert all(same), "received rows equal sent rows"
     measured(f"{len(lost)} rows lost, including {sum(hit.values())} hit; 0 wrong")
 
 

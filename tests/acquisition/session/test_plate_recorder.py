@@ -46,7 +46,7 @@ def patience(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("acquisition.session.plate_recorder.RETRY_PATIENCE_S", 60.0)
 
 
-def ready(served: Any) -> None:
+def prepare_amplifier(served: Any) -> None:
     with open_amplifier(served.plate.amplifier, served.profile) as amplifier:
         amplifier.connect()
         amplifier.configure()
@@ -62,8 +62,8 @@ def record(served: Any, path: Path, *, parent: int | None = None) -> PlateBlock:
     return block
 
 
-def recorded(served: Any, tmp_path: Path) -> tuple[PlateRows, PlateBlock]:
-    ready(served)
+def record_rows(served: Any, tmp_path: Path) -> tuple[PlateRows, PlateBlock]:
+    prepare_amplifier(served)
     block = record(served, tmp_path / "plate.mcap")
     assert block.error is None
     assert block.state is PlateState.FINISHED
@@ -74,7 +74,7 @@ def recorded(served: Any, tmp_path: Path) -> tuple[PlateRows, PlateBlock]:
 def test_every_row_is_recorded_with_its_times(
     serve_amplifier: Serve, tmp_path: Path, form: str
 ) -> None:
-    rows, block = recorded(serve_amplifier(format=form, baud_rate=921600), tmp_path)
+    rows, block = record_rows(serve_amplifier(format=form, baud_rate=921600), tmp_path)
     assert rows.sequence.tolist() == list(range(ROWS))
     assert np.allclose(np.diff(rows.device_s), 0.001, atol=2e-6)
     assert np.all(np.diff(rows.arrival_s) >= 0.0)
@@ -93,14 +93,14 @@ def test_the_same_seed_gives_the_same_file(serve_amplifier: Serve, tmp_path: Pat
     rows = []
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
-        rows.append(recorded(serve_amplifier(), tmp_path / name)[0].rows)
+        rows.append(record_rows(serve_amplifier(), tmp_path / name)[0].rows)
     assert rows[0].tobytes() == rows[1].tobytes()
 
 
 def test_corrupted_bytes_lose_only_the_rows_that_they_hit_and_are_counted(
     serve_amplifier: Serve, tmp_path: Path
 ) -> None:
-    clean, _ = recorded(serve_amplifier(), tmp_path)
+    clean, _ = record_rows(serve_amplifier(), tmp_path)
     faults = (
         AmplifierFault(kind="garbage", row=100, count=300),
         AmplifierFault(kind="nuls", row=200, count=5000),
@@ -110,7 +110,7 @@ def test_corrupted_bytes_lose_only_the_rows_that_they_hit_and_are_counted(
         AmplifierFault(kind="bad_checksum", row=600, count=3),
     )
     (tmp_path / "dirty").mkdir()
-    dirty, block = recorded(serve_amplifier(*faults), tmp_path / "dirty")
+    dirty, block = record_rows(serve_amplifier(*faults), tmp_path / "dirty")
     lost = {300, 400, 401, *range(500, 507), 600, 601, 602}
     assert sorted(set(range(ROWS)) - set(dirty.sequence.tolist())) == sorted(lost)
     assert dirty.rows["counts"].tolist() == clean.rows["counts"][dirty.sequence].tolist()
@@ -121,7 +121,7 @@ def test_corrupted_bytes_lose_only_the_rows_that_they_hit_and_are_counted(
 
 def test_every_overloaded_row_is_flagged(serve_amplifier: Serve, tmp_path: Path) -> None:
     fault = AmplifierFault(kind="overload", row=500, duration_s=0.1, channel=5)
-    rows, block = recorded(serve_amplifier(fault), tmp_path)
+    rows, block = record_rows(serve_amplifier(fault), tmp_path)
     full = np.abs(rows.rows["counts"].astype(int)) >= 32767
     assert full[:, 5].any()
     assert not full[:, [0, 1, 2, 3, 4, 6, 7]].any()
@@ -137,7 +137,7 @@ def test_after_a_replug_the_recording_continues_as_a_new_stream(
     served = serve_amplifier(AmplifierFault(kind="unplug", row=5000, duration_s=0.2))
     # more than the system buffers; the buffer is lost when the plate is unplugged
     served.stream_s = 6.0
-    rows, block = recorded(served, tmp_path)
+    rows, block = record_rows(served, tmp_path)
     assert np.unique(rows.stream).tolist() == [0, 1]
     assert [int(event["kind"]) for event in rows.events if event["kind"] > 255] == [
         LINE_LOST,
@@ -153,7 +153,7 @@ def test_a_line_that_stays_disconnected_is_an_error(
     monkeypatch.setattr("acquisition.session.plate_recorder.RETRY_PATIENCE_S", 0.05)
     served = serve_amplifier(AmplifierFault(kind="unplug", row=5000, duration_s=1e5))
     served.stream_s = 6.0
-    ready(served)
+    prepare_amplifier(served)
     block = record(served, tmp_path / "plate.mcap")
     assert isinstance(block.error, TransportError)
     assert block.error.refusal == "RID-AMPLIFIER-SILENT"
@@ -164,7 +164,7 @@ def test_an_incomplete_file_is_an_error(
 ) -> None:
     monkeypatch.setattr(PlateJournalWriter, "trouble", "was deleted")
     served = serve_amplifier()
-    ready(served)
+    prepare_amplifier(served)
     block = record(served, tmp_path / "plate.mcap")
     assert isinstance(block.error, RecordingError)
     assert block.error.refusal == "RID-RECORDING-LOST"
@@ -186,7 +186,7 @@ def test_an_amplifier_with_another_range_is_refused_with_its_name(
     serve_amplifier: Serve, tmp_path: Path
 ) -> None:
     served = serve_amplifier()
-    ready(served)
+    prepare_amplifier(served)
     other = served.plate.amplifier.model_copy(
         update={"range_n": (2500.0, *served.plate.amplifier.range_n[1:])}
     )
@@ -207,7 +207,7 @@ def test_a_missing_port_is_an_error(serve_amplifier: Serve, tmp_path: Path) -> N
 
 def test_an_orphaned_recorder_ends(serve_amplifier: Serve, tmp_path: Path) -> None:
     served = serve_amplifier()
-    ready(served)
+    prepare_amplifier(served)
     block = record(served, tmp_path / "plate.mcap", parent=-1)
     assert block.state is PlateState.FINISHED
     assert read_plate_journal(tmp_path / "plate.mcap").damage.finished
@@ -215,7 +215,7 @@ def test_an_orphaned_recorder_ends(serve_amplifier: Serve, tmp_path: Path) -> No
 
 def test_a_run_is_never_overwritten(serve_amplifier: Serve, tmp_path: Path) -> None:
     served = serve_amplifier()
-    ready(served)
+    prepare_amplifier(served)
     (tmp_path / "plate.mcap").write_bytes(b"x")
     block = record(served, tmp_path / "plate.mcap")
     assert isinstance(block.error, RecordingError)
@@ -223,7 +223,7 @@ def test_a_run_is_never_overwritten(serve_amplifier: Serve, tmp_path: Path) -> N
 
 def test_the_recorder_runs_as_a_separate_process(serve_amplifier: Serve, tmp_path: Path) -> None:
     served = serve_amplifier()
-    ready(served)
+    prepare_amplifier(served)
     block = PlateBlock.create()
     served.on_end = block.request_stop
     path = tmp_path / "plate.mcap"
@@ -244,7 +244,7 @@ def header(served: Any) -> PlateHeader:
     return PlateHeader(plate=served.plate, profile=served.profile, run_id="01J")
 
 
-def some(rows: int, events: int, first: int) -> PlateRead:
+def plate_read(rows: int, events: int, first: int) -> PlateRead:
     read = np.zeros(rows, dtype=PLATE_ROW)
     read["sequence"] = first + np.arange(rows)
     read["ticks"] = 1000 * read["sequence"]
@@ -258,7 +258,7 @@ def write(path: Path, head: PlateHeader, *, finish: bool) -> None:
     with PlateJournalWriter(path, head) as writer:
         for first in range(0, 600, 12):
             writer.asked(first, 0.25)
-            writer.append(some(12, 1, first), 0)
+            writer.append(plate_read(12, 1, first), 0)
             writer.flush()
         if not finish:
             writer.abandon()

@@ -126,7 +126,7 @@ def assert_at_rest(simulated: SimulatedCell) -> None:
 def wait_for(condition: Callable[[], bool]) -> None:
     until_s = time.monotonic() + PATIENCE_S
     while not condition():
-        assert time.monotonic() < until_s, "it did not happen"
+        assert time.monotonic() < until_s, "the condition was not met in time"
         os.sched_yield()
 
 

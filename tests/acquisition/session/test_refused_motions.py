@@ -41,7 +41,7 @@ def samples() -> MotionSamples:
 
 
 @pytest.fixture
-def attempt(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Try:
+def try_to_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Try:
     """Return a function that records a motion; the test fails if a process is about to start."""
 
     def begun(*_: object) -> None:
@@ -60,12 +60,14 @@ def attempt(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Try:
     return call
 
 
-def test_a_motion_of_another_cycle_time_is_refused(attempt: Try, samples: MotionSamples) -> None:
+def test_a_motion_of_another_cycle_time_is_refused(
+    try_to_record: Try, samples: MotionSamples
+) -> None:
     with raises_code(ConfigError, "RID-MOTION-CYCLE"):
-        attempt(replace(samples, sample_period_s=0.5 * T))
+        try_to_record(replace(samples, sample_period_s=0.5 * T))
 
 
-def test_a_motion_beyond_the_limits_is_refused(attempt: Try, samples: MotionSamples) -> None:
+def test_a_motion_beyond_the_limits_is_refused(try_to_record: Try, samples: MotionSamples) -> None:
     far = replace(
         samples,
         position=20.0 * samples.position,
@@ -73,38 +75,38 @@ def test_a_motion_beyond_the_limits_is_refused(attempt: Try, samples: MotionSamp
         acceleration=20.0 * samples.acceleration,
     )
     with raises_code(PreflightError, "RID-MOTION-LIMIT"):
-        attempt(far)
+        try_to_record(far)
 
 
 def test_a_motion_too_fast_for_a_motor_of_a_coupled_wrist_is_refused(
-    attempt: Try, samples: MotionSamples
+    try_to_record: Try, samples: MotionSamples
 ) -> None:
     """Each joint is within its limits, but the motor speed alpha3' = q3' + 50 q2' is not."""
     coupling = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -50.0, 1.0))
     with raises_code(PreflightError, "RID-MOTION-LIMIT", "motor", "axis3"):
-        attempt(samples, robot=ROBOT.model_copy(update={"coupling": coupling}))
+        try_to_record(samples, robot=ROBOT.model_copy(update={"coupling": coupling}))
 
 
 def test_a_feedforward_beyond_the_speed_limit_is_refused(
-    attempt: Try, samples: MotionSamples
+    try_to_record: Try, samples: MotionSamples
 ) -> None:
     fastest = max(joint.limits.velocity for joint in ROBOT.joints)
     with raises_code(PreflightError, "RID-MOTION-LIMIT"):
-        attempt(replace(samples, feedforward=np.full_like(samples.velocity, 1.01 * fastest)))
+        try_to_record(replace(samples, feedforward=np.full_like(samples.velocity, 1.01 * fastest)))
 
 
 def test_a_sum_of_motion_and_feedforward_beyond_the_limits_is_refused(
-    attempt: Try, samples: MotionSamples
+    try_to_record: Try, samples: MotionSamples
 ) -> None:
     """The sum is within the speed limits, but it begins with a step."""
     ahead = samples.velocity.copy()
     ahead[0] = 0.3 * np.array([joint.limits.velocity for joint in ROBOT.joints])
     with raises_code(PreflightError, "RID-MOTION-COMMAND"):
-        attempt(replace(samples, feedforward=ahead))
+        try_to_record(replace(samples, feedforward=ahead))
 
 
 def test_a_motion_that_comes_too_close_to_a_wall_is_refused(
-    attempt: Try, samples: MotionSamples
+    try_to_record: Try, samples: MotionSamples
 ) -> None:
     """The wall is at the point of the path that is farthest from the start."""
     chain = Chain.from_description(ROBOT)
@@ -116,12 +118,12 @@ def test_a_motion_that_comes_too_close_to_a_wall_is_refused(
     workspace = Workspace(planes=(wall,), clearance_m=0.001)
     cell = LOADED.config.model_copy(update={"workspace": workspace})
     with raises_code(PreflightError, "RID-MOTION-COLLISION"):
-        attempt(samples, cell)
+        try_to_record(samples, cell)
 
 
 def test_a_disk_with_too_little_room_is_refused(
-    attempt: Try, samples: MotionSamples, monkeypatch: pytest.MonkeyPatch
+    try_to_record: Try, samples: MotionSamples, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("acquisition.session.record.FREE_BYTES", 1 << 60)
     with raises_code(RecordingError, "RID-SYSTEM-DISK-FULL"):
-        attempt(samples)
+        try_to_record(samples)

@@ -88,7 +88,7 @@ class Damaged:
 
 
 @pytest.fixture
-def damaged(tmp_path: Path, rows: np.ndarray) -> Damaged:
+def repairer(tmp_path: Path, rows: np.ndarray) -> Damaged:
     return Damaged(tmp_path, rows)
 
 
@@ -103,9 +103,9 @@ def read_only(path: Path, data: bytes) -> int:
 
 @pytest.mark.fault(25)
 def test_a_truncated_file_gives_every_row_before_the_cut(
-    damaged: Damaged, whole: bytes, tmp_path: Path, measured: Callable[[str], None]
+    repairer: Damaged, whole: bytes, tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
-    ends = [whole.index(row.tobytes()) + row.nbytes for row in damaged.rows]
+    ends = [whole.index(row.tobytes()) + row.nbytes for row in repairer.rows]
     cuts = random.Random(3).sample(range(len(whole)), CUTS)
     there = kept = 0
     for number, cut in enumerate(cuts):
@@ -113,7 +113,7 @@ def test_a_truncated_file_gives_every_row_before_the_cut(
         if number % 25:
             found = read_only(tmp_path / "cut.mcap", whole[:cut])
         else:
-            found, _ = damaged.repair(whole[:cut])
+            found, _ = repairer.repair(whole[:cut])
         assert found <= written
         there, kept = there + written, kept + found
     assert kept >= 0.99 * there
@@ -122,13 +122,13 @@ def test_a_truncated_file_gives_every_row_before_the_cut(
 
 @pytest.mark.fault(25)
 def test_a_flipped_bit_changes_no_number_and_hides_no_loss(
-    damaged: Damaged, whole: bytes, measured: Callable[[str], None]
+    repairer: Damaged, whole: bytes, measured: Callable[[str], None]
 ) -> None:
     fewest = ROWS
     for bit in random.Random(4).sample(range(8 * len(whole)), FLIPS):
         data = bytearray(whole)
         data[bit // 8] ^= 1 << bit % 8
-        kept, _ = damaged.repair(bytes(data))
+        kept, _ = repairer.repair(bytes(data))
         fewest = min(fewest, kept)
     assert fewest >= 0.99 * ROWS
     measured(f"at least {fewest / ROWS:.2%} of the rows read after a flipped bit, 0 wrong")
@@ -195,7 +195,7 @@ def test_a_file_of_the_drive_monitor_is_repaired(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def unheaded(tmp_path: Path, whole: bytes) -> Path:
+def file_without_header(tmp_path: Path, whole: bytes) -> Path:
     """A file with both copies of its header damaged."""
     data = bytearray(whole)
     at = whole.index(b"axis1")
@@ -206,10 +206,12 @@ def unheaded(tmp_path: Path, whole: bytes) -> Path:
     return path
 
 
-def test_rows_without_a_header_are_refused_and_no_file_is_written(unheaded: Path) -> None:
-    target = unheaded.with_name("new.mcap")
+def test_rows_without_a_header_are_refused_and_no_file_is_written(
+    file_without_header: Path,
+) -> None:
+    target = file_without_header.with_name("new.mcap")
     with raises_code(RecordingError, "RID-RECORDING-FOREIGN"):
-        repair_journal(unheaded, target)
+        repair_journal(file_without_header, target)
     assert not target.exists()
 
 

@@ -38,7 +38,7 @@ def trajectory(seed: int = 0, harmonics: int = 5) -> FourierTrajectory:
 class TestDifferentiation:
     @settings(max_examples=20)
     @given(seed=st.integers(0, 10_000), harmonics=st.integers(1, 40))
-    def test_of_a_fourier_series_is_exact(self, seed: int, harmonics: int) -> None:
+    def test_differentiation_of_a_fourier_series_is_exact(self, seed: int, harmonics: int) -> None:
         truth = trajectory(seed, harmonics)
         t = truth.sample_times_s
         q, v, a = differentiate_on_bins(truth.position(t), T, harmonics)
@@ -49,7 +49,7 @@ class TestDifferentiation:
         ):
             np.testing.assert_allclose(found, exact, atol=1e-10 * np.abs(exact).max())
 
-    def test_on_a_finer_grid_gives_the_same_signal(self) -> None:
+    def test_a_finer_grid_gives_the_same_signal(self) -> None:
         truth = trajectory()
         q, v, a = differentiate_on_bins(truth.position(truth.sample_times_s), T, 5, oversampling=4)
         t = np.arange(4 * K) * T / 4
@@ -57,7 +57,7 @@ class TestDifferentiation:
         np.testing.assert_allclose(v, truth.velocity(t), atol=1e-11)
         np.testing.assert_allclose(a, truth.acceleration(t), atol=1e-10)
 
-    def test_removes_frequencies_above_the_harmonics(self) -> None:
+    def test_differentiation_removes_frequencies_above_the_harmonics(self) -> None:
         truth = trajectory(harmonics=6)
         only_5 = FourierTrajectory(
             truth.joint_names, T, K, truth.offset, truth.sine[:5], truth.cosine[:5]
@@ -66,13 +66,13 @@ class TestDifferentiation:
         q, _, _ = differentiate_on_bins(truth.position(t), T, 5)
         np.testing.assert_allclose(q, only_5.position(t), atol=1e-12)
 
-    def test_of_an_odd_number_of_samples_is_exact(self) -> None:
+    def test_differentiation_of_an_odd_number_of_samples_is_exact(self) -> None:
         t = np.arange(2499) * 0.012
         w = 2 * np.pi / (2499 * 0.012)
         _, v, _ = differentiate_on_bins(np.sin(20 * w * t)[:, np.newaxis], 0.012, 25)
         np.testing.assert_allclose(v[:, 0], 20 * w * np.cos(20 * w * t), atol=1e-9)
 
-    def test_refuses_harmonics_beyond_half_the_samples(self) -> None:
+    def test_harmonics_beyond_half_the_samples_are_refused(self) -> None:
         with raises_code(ConfigError, "RID-MOTION-BAND", "10"):
             differentiate_on_bins(np.zeros((10, 1)), T, 5)
 
@@ -90,12 +90,12 @@ class TestBins:
 class TestFilter:
     butterworth = ButterworthFilter(order=8, cutoff_hz=40.0)
 
-    def test_has_a_gain_of_0_7071_at_its_cut_off_and_1_at_zero(self) -> None:
+    def test_the_filter_has_a_gain_of_0_7071_at_its_cut_off_and_1_at_zero(self) -> None:
         response = filter_response(self.butterworth, np.array([0.0, 40.0]))
         np.testing.assert_allclose(np.abs(response), [1.0, np.sqrt(0.5)], rtol=1e-12)
 
     @pytest.mark.parametrize("order", [1, 2, 5, 8])
-    def test_is_the_analog_filter_that_scipy_computes(self, order: int) -> None:
+    def test_the_filter_is_the_analog_filter_that_scipy_computes(self, order: int) -> None:
         f = np.linspace(0.0, 100.0, 57)
         b, a = signal.butter(order, 2 * np.pi * 40.0, analog=True)
         _, expected = signal.freqs(b, a, 2 * np.pi * f)

@@ -89,7 +89,7 @@ class TestArrivals:
 
 
 class TestMarks:
-    def test_bound_the_clock_although_the_two_delays_differ(self) -> None:
+    def test_marks_bound_the_clock_although_the_two_delays_differ(self) -> None:
         random = np.random.default_rng(1)
         device = np.linspace(0.0, LENGTH_S, 60)
         true = on_sync(device)
@@ -99,20 +99,20 @@ class TestMarks:
         assert error.max() < 0.4e-3
         assert (error < 2.0 * clock.sigma_s(device)).all()
 
-    def test_that_no_linear_clock_fits_are_refused(self) -> None:
+    def test_marks_that_no_linear_clock_fits_are_refused(self) -> None:
         device = np.linspace(0.0, 10.0, 20)
         true = device + 0.01 * (device > 5.0)
         with raises_code(DataQualityError, "RID-PLATE-CLOCK"):
             clock_from_marks(true - 0.001, device, true + 0.001)
 
-    def test_with_an_answer_before_the_request_are_refused(self) -> None:
+    def test_a_mark_with_an_answer_before_the_request_is_refused(self) -> None:
         device = np.arange(5.0)
         with raises_code(DataQualityError, "RID-PLATE-CLOCK"):
             clock_from_marks(device + 0.1, device, device)
 
 
 class TestEdges:
-    def test_give_the_clock_within_microseconds(self) -> None:
+    def test_edges_give_the_clock_within_microseconds(self) -> None:
         random = np.random.default_rng(2)
         device = device_time(125.0)
         late = np.abs(random.normal(0.0, 20e-6, len(device)))
@@ -122,7 +122,7 @@ class TestEdges:
         assert np.abs(error - error.mean()).max() < 5e-6
         assert np.abs(error).max() < 30e-6  # the mean delay is that of SYNC
 
-    def test_are_matched_by_a_coarse_clock(self) -> None:
+    def test_edges_are_matched_by_a_coarse_clock(self) -> None:
         sync = on_sync(device_time(125.0))
         device = np.delete(device_time(125.0), [5, 6, 900])
         device = np.sort(np.append(device, 31.4165))  # a glitch
@@ -131,6 +131,6 @@ class TestEdges:
         assert len(edges) == len(device) - 1
         np.testing.assert_allclose(on_sync(device[edges]), sync[cycles], atol=1e-9)
 
-    def test_too_few_are_refused(self) -> None:
+    def test_too_few_edges_are_refused(self) -> None:
         with raises_code(DataQualityError, "RID-PLATE-CLOCK"):
             clock_from_edges(np.arange(2.0), np.arange(2.0))

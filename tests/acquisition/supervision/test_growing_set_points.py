@@ -16,7 +16,7 @@ def watch(cell: CellConfig, robot: RobotDescription) -> Watch:
     return at_speed(cell, robot)
 
 
-def speeding_up(quantity: str) -> Fault:
+def accelerating_set_point(quantity: str) -> Fault:
     """Increase a set-point's velocity, or its feedforward, by 0.11 rad/s in each cycle."""
 
     def fault(cycle: Cycle) -> None:
@@ -36,7 +36,7 @@ def test_a_set_point_that_becomes_too_fast_gradually_is_not_sent(
     watch: Watch, quantity: str
 ) -> None:
     """No step is too large, and the measured velocity is within its limit."""
-    fault = speeding_up(quantity)
+    fault = accelerating_set_point(quantity)
 
     def fault_and_delay(cycle: Cycle) -> None:
         fault(cycle)

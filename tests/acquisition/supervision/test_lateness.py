@@ -25,7 +25,9 @@ T = 0.008
     ],
     ids=["in time", "now and then", "three in a row", "two in a row", "very late", "no number"],
 )
-def test_late_cycles(cell: CellConfig, late_by: list[float], stops_in: int | None) -> None:
+def test_late_cycles_stop_the_motion_if_they_are_too_many_or_too_late(
+    cell: CellConfig, late_by: list[float], stops_in: int | None
+) -> None:
     lateness = Lateness(cell)
     reasons = [lateness.judge(periods * T) for periods in late_by]
     stops = [number for number, reason in enumerate(reasons, 1) if reason is not None]

@@ -19,7 +19,7 @@ def encoders(robot: RobotDescription) -> StuckEncoders:
     return StuckEncoders(RULES, robot)
 
 
-def stops_in(
+def cycle_of_stop(
     encoders: StuckEncoders,
     command: float,
     *,
@@ -41,23 +41,25 @@ def stops_in(
 def test_a_joint_that_does_not_follow_a_fast_command_is_stuck(
     encoders: StuckEncoders, sign: float
 ) -> None:
-    assert stops_in(encoders, sign * FAST) == CYCLES
+    assert cycle_of_stop(encoders, sign * FAST) == CYCLES
 
 
 def test_a_joint_that_does_not_follow_a_slow_command_can_be_in_stiction(
     encoders: StuckEncoders,
 ) -> None:
-    assert stops_in(encoders, SLOW) is None
+    assert cycle_of_stop(encoders, SLOW) is None
 
 
 def test_a_slow_command_with_rising_torque_is_a_stuck_encoder(
     encoders: StuckEncoders, robot: RobotDescription
 ) -> None:
     strain_nm = RULES.stuck_encoder_torque_fraction * robot.joints[1].limits.torque
-    assert stops_in(encoders, SLOW, rising_nm=1.01 * strain_nm) == CYCLES
+    assert cycle_of_stop(encoders, SLOW, rising_nm=1.01 * strain_nm) == CYCLES
 
 
-def braked(encoders: StuckEncoders, strain_nm: float, after_nm: float) -> int | None:
+def cycle_of_stop_after_braking(
+    encoders: StuckEncoders, strain_nm: float, after_nm: float
+) -> int | None:
     """Return the cycle in which a joint that stopped abruptly counts as stuck.
 
     The drive's filter delays the braking torque by some cycles.
@@ -78,30 +80,30 @@ def test_the_end_of_hard_braking_is_not_a_stuck_encoder(
 ) -> None:
     """The joint stops abruptly and sticks while the loop settles."""
     strain_nm = RULES.stuck_encoder_torque_fraction * robot.joints[1].limits.torque
-    assert braked(encoders, strain_nm, 0.0) is None
+    assert cycle_of_stop_after_braking(encoders, strain_nm, 0.0) is None
 
 
 def test_rising_torque_after_braking_is_a_stuck_encoder(
     encoders: StuckEncoders, robot: RobotDescription
 ) -> None:
     strain_nm = RULES.stuck_encoder_torque_fraction * robot.joints[1].limits.torque
-    assert braked(encoders, strain_nm, 0.2 * strain_nm) == 5 + 6 + CYCLES - 1
+    assert cycle_of_stop_after_braking(encoders, strain_nm, 0.2 * strain_nm) == 5 + 6 + CYCLES - 1
 
 
 def test_a_joint_without_a_command_is_never_stuck(encoders: StuckEncoders) -> None:
-    assert stops_in(encoders, 0.0, rising_nm=100.0) is None
+    assert cycle_of_stop(encoders, 0.0, rising_nm=100.0) is None
 
 
 @pytest.mark.parametrize(("share", "stuck"), [(0.99, True), (1.01, False)])
 def test_a_joint_is_stuck_below_a_fraction_of_the_commanded_speed(
     encoders: StuckEncoders, share: float, stuck: bool
 ) -> None:
-    found = stops_in(encoders, FAST, velocity=share * STUCK_FRACTION * FAST)
+    found = cycle_of_stop(encoders, FAST, velocity=share * STUCK_FRACTION * FAST)
     assert (found is not None) is stuck
 
 
 def test_skipped_cycles_are_counted(encoders: StuckEncoders) -> None:
-    assert stops_in(encoders, FAST, periods=CYCLES) == 1
+    assert cycle_of_stop(encoders, FAST, periods=CYCLES) == 1
 
 
 def test_a_movement_restarts_the_count(encoders: StuckEncoders) -> None:

@@ -290,8 +290,10 @@ def test_after_a_long_pause_the_stop_is_the_first_action(
     assert len(bench.axes.sent) == sent_before
     assert bench.axes.stopped_at == sent_before
     gaps = np.diff(bench.axes.sync_times_s)
-    assert gaps.min() > 0.9 * T, "no catching up"
-    assert bench.rows()["lateness_s"].max() == pytest.approx(0.2), "what stopped it is on record"
+    assert gaps.min() > 0.9 * T, "skipped cycles are not repeated"
+    assert bench.rows()["lateness_s"].max() == pytest.approx(0.2), (
+        "the reason of the stop is recorded"
+    )
 
 
 def test_a_lost_bus_ends_the_motion_and_the_clean_up_continues(

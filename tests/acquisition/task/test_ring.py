@@ -125,5 +125,5 @@ def test_another_program_reads_the_newest_rows_and_cannot_change_them() -> None:
         told, _ = program.communicate("\n", timeout=120.0)
     assert told == "4 5\n"
     rows = np.frombuffer(ring.latest(2), dtype=row_dtype(2))
-    assert rows["cycle"].tolist() == [3, 4], "the last rows are kept by who looks at them"
+    assert rows["cycle"].tolist() == [3, 4], "the reader keeps the last rows"
     assert Ring.of_process(program.pid) is None

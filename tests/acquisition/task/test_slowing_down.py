@@ -13,7 +13,9 @@ from acquisition.task.stop_sequence import LOOK_S, OBEY_S, SLACK, DecelerationCh
 DECELERATION = 10.0
 
 
-def first_found(speed: Callable[[float], float], period_s: float, until_s: float) -> float | None:
+def time_of_detection(
+    speed: Callable[[float], float], period_s: float, until_s: float
+) -> float | None:
     """Return the time at which an axis is found too fast [s], or None."""
     position, time_s = 0.0, 0.0
     slowing = DecelerationCheck([DECELERATION], period_s, [position], time_s)
@@ -39,7 +41,7 @@ def test_an_axis_that_brakes_as_set_is_not_reported(
     def speed(time_s: float) -> float:
         return max(0.0, begins_at - share * DECELERATION * max(0.0, time_s - lag_s))
 
-    assert first_found(speed, period_s, begins_at / (share * DECELERATION) + 0.5) is None
+    assert time_of_detection(speed, period_s, begins_at / (share * DECELERATION) + 0.5) is None
 
 
 @given(
@@ -53,7 +55,7 @@ def test_an_axis_that_does_not_brake_is_reported_within_three_checks(
     def speed(time_s: float) -> float:
         return begins_at - share * DECELERATION * time_s
 
-    found_s = first_found(speed, period_s, 2.0)
+    found_s = time_of_detection(speed, period_s, 2.0)
     look_s = max(period_s, LOOK_S + period_s)
     gone_s = (begins_at - SLACK) / DECELERATION / max(share, 1e-9)
     if gone_s > OBEY_S + 3.0 * look_s:

@@ -24,7 +24,7 @@ STATED = 2.0
 """Deceleration of drives without a settable 6085h [rad/s²]; the cell's others have 12."""
 
 
-def stating_cell() -> tuple[CellConfig, RobotDescription]:
+def cell_with_stated_deceleration() -> tuple[CellConfig, RobotDescription]:
     """Return a cell whose one drive has its own deceleration, and its robot."""
     cell, robot = one_axis(deceleration=12.0, velocity=2.0, acceleration=6.0, limit=3.0)
     ramp = round(STATED * INCREMENTS * GEAR / (2.0 * math.pi))
@@ -59,7 +59,7 @@ def wrist() -> tuple[CellConfig, RobotDescription]:
     )
 
 
-@pytest.mark.parametrize("make", [wrist, stating_cell])
+@pytest.mark.parametrize("make", [wrist, cell_with_stated_deceleration])
 def test_axes_that_obey_their_quick_stop_keep_power_until_they_are_at_rest(make: Make) -> None:
     cell, robot = make()
     outcome = Outcome(cell, robot, INCREMENTS, rows_until(cell, robot, 1.0), 1)
@@ -73,7 +73,7 @@ def test_axes_that_obey_their_quick_stop_keep_power_until_they_are_at_rest(make:
 
 
 def test_the_wait_for_rest_lasts_as_long_as_the_ramp_of_the_slowest_drive() -> None:
-    cell, robot = stating_cell()
+    cell, robot = cell_with_stated_deceleration()
     bus = ObedientCell(cell, robot, INCREMENTS)
     with Cell(cell, robot, CanLink(bus)) as opened:
         opened.axes.bring_up()

@@ -36,7 +36,7 @@ def robot_with(*stiffness: float | None) -> RobotDescription:
     return CELL.robot.model_copy(update={"joints": joints})
 
 
-def bent_arm() -> Plant:
+def elastic_arm() -> Plant:
     """Return the bundled plant with elastic gears."""
     assert CELL.plant is not None
     unmodelled = CELL.plant.unmodelled
@@ -92,7 +92,7 @@ def driven_circle(plant: Plant) -> tuple[Recording, FloatArray]:
 
 
 def test_the_estimate_has_the_size_of_the_true_deflection() -> None:
-    recording, joints = driven_circle(bent_arm())
+    recording, joints = driven_circle(elastic_arm())
     chain = Chain.from_description(CELL.robot)
     main = recording.phase == Phase.MAIN
     motors, torques = recording.position[main], recording.torque_nm[main]
@@ -108,7 +108,7 @@ def test_the_estimate_has_the_size_of_the_true_deflection() -> None:
 
 def test_a_model_gives_the_torques_through_the_gears() -> None:
     """Axis 3 has a rotor parameter; the rotors of the others are part of the link inertias."""
-    recording, joints = driven_circle(bent_arm())
+    recording, joints = driven_circle(elastic_arm())
     main = recording.phase == Phase.MAIN
     true = (recording.position - joints)[main]
     found = deflection(robot_with(*STIFFNESS), *transmitted_torques(known(CELL, {}), recording))
@@ -121,7 +121,7 @@ def test_a_model_gives_the_torques_through_the_gears() -> None:
 
 
 def test_a_recording_that_is_too_short_for_torques_by_a_model_is_refused() -> None:
-    recording, _ = driven_circle(bent_arm())
+    recording, _ = driven_circle(elastic_arm())
     phase = np.full(len(recording.phase), Phase.APPROACH, dtype=np.uint8)
     phase[:10] = Phase.MAIN
     with raises_code(DataQualityError, "RID-RECORDING-SHORT"):

@@ -180,7 +180,7 @@ class TestCompensation:
 
 
 class TestInverseFilter:
-    def test_it_inverts_the_controller(self) -> None:
+    def test_the_inverse_filter_inverts_the_controller(self) -> None:
         """Compare with python-control's simulation of K_p (1 + 1 / (T_i s))."""
         step_s, gain, integral_s = 1e-3, 300.0, 0.1
         times = np.arange(2000) * step_s

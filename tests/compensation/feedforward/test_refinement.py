@@ -63,7 +63,7 @@ SPLINE = PathMotion.model_validate(
         ),
     }
 )
-"""Lines and a spline; nothing is tuned by it."""
+"""Lines and a spline, which are not used for tuning."""
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ SHARE = 0.02
 FREQUENCY_HZ = np.linspace(0.5, 20.0, 4000)
 
 
-def fitted(resonance_hz: float | None = None) -> AxisMechanics:
+def fit_mechanics(resonance_hz: float | None = None) -> AxisMechanics:
     """Return the fit of an inertia, or of one with a spring, measured with noise of `SHARE`."""
     s = 2j * np.pi * FREQUENCY_HZ
     truth = 1.0 / (s * INERTIA + DAMPING)
@@ -39,11 +39,11 @@ def fitted(resonance_hz: float | None = None) -> AxisMechanics:
 
 
 def test_the_residual_of_a_rigid_axis_is_that_of_the_noise() -> None:
-    axis = fitted()
+    axis = fit_mechanics()
     assert axis.inertia == pytest.approx(INERTIA, rel=1e-3)
     assert axis.misfit == pytest.approx(axis.noise, rel=0.05)
 
 
 def test_the_residual_of_an_elastic_axis_is_far_larger() -> None:
-    axis = fitted(resonance_hz=15.0)
+    axis = fit_mechanics(resonance_hz=15.0)
     assert axis.misfit > 10.0 * axis.noise

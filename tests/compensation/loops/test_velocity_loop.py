@@ -300,7 +300,9 @@ def test_one_realisation_estimates_its_distortion_from_the_empty_lines(
     recording = drive(motion.plan(cell.robot, cell.config.cycle_time_s))
     for response in frequency_responses(recording, motion, cell.robot):
         assert np.isfinite(response.variance).all()
-        assert (response.variance > response.variance_noise).all(), "the arm distorts"
+        assert (response.variance > response.variance_noise).all(), (
+            "the arm has nonlinear distortion"
+        )
     found = measure_loops(recording, motion, cell.robot, cell.config.position_gain_per_s)
     for axis, loop in zip(cell.plant.axes, found.loops, strict=True):
         assert abs(loop.gain - axis.velocity_gain_nm_s) < 2.0 * loop.sigma["gain"]

@@ -38,12 +38,12 @@ REST_ROWS = 40
 AT_ONCE = slice(20, -5)  # the compensation has its full strength by then
 
 
-def counted(position: Points) -> NDArray[np.int32]:
+def encoder_counts(position: Points) -> NDArray[np.int32]:
     """Return positions as counts of an encoder with a resolution of one microradian."""
     return np.rint(1e6 * position).astype(np.int32)
 
 
-def watched(points: Points, seen: Points) -> PointSource:
+def source_after_approach(points: Points, seen: Points) -> PointSource:
     """Return a source that received the robot's positions on the way to the path's start."""
     ring = PointRing.create(3, len(points))
     ring.write(points)
@@ -52,11 +52,11 @@ def watched(points: Points, seen: Points) -> PointSource:
     source.prepare()
     source.begin(False, seen[0])
     for position in seen:
-        source.watch(position, counted(position))
+        source.watch(position, encoder_counts(position))
     return source
 
 
-def rested() -> tuple[Points, Points, Points]:
+def path_with_rests() -> tuple[Points, Points, Points]:
     """Return q, v, a of a path that rests before its start and once in the middle."""
     samples = planned()
     still = np.zeros((REST_ROWS, 3))
@@ -80,18 +80,18 @@ def expected(q: Points, v: Points, a: Points, seen: Points) -> Points:
 @pytest.mark.parametrize("way", [-1.0, 1.0])
 def test_the_speeds_match_friction_along_approach_and_path(way: float) -> None:
     """A pause on the path does not change the hysteresis state."""
-    q, v, a = rested()
+    q, v, a = path_with_rests()
     seen = START + way * np.linspace(0.02, 0.0, 30)[:, np.newaxis] * [1.0, -1.0, 1.0]
-    found = arrays(drive(watched(q, seen)))[2][1 : len(q) + 1]
+    found = arrays(drive(source_after_approach(q, seen)))[2][1 : len(q) + 1]
     difference = np.abs(found - expected(q, v, a, seen))[AT_ONCE]
     assert np.median(difference) < 1e-5
     assert difference.max() < 2e-3
     other = np.abs(found - expected(q, v, a, 2.0 * START - seen))[AT_ONCE]
-    assert other.max() > 0.02, "coming from the other side would have been another matter"
+    assert other.max() > 0.02, "an approach from the other side gives other speeds"
 
 
 def test_without_earlier_positions_the_hysteresis_starts_unloaded() -> None:
-    q, v, a = rested()
+    q, v, a = path_with_rests()
     found = arrays(drive(source_of(REMEMBERING, q)))[2][1 : len(q) + 1]
     difference = np.abs(found - expected(q, v, a, START[np.newaxis]))[AT_ONCE]
     assert difference.max() < 2e-3
@@ -99,18 +99,20 @@ def test_without_earlier_positions_the_hysteresis_starts_unloaded() -> None:
 
 def test_joints_that_settle_before_the_path_change_the_state_and_get_no_torque() -> None:
     """The settling reverses joints while the path rests."""
-    q, v, a = rested()
+    q, v, a = path_with_rests()
     seen = START + np.linspace(0.02, 0.0, 30)[:, np.newaxis] * [1.0, 1.0, 1.0]
     settling = START - np.outer(np.linspace(0.0, 1.0, 20), DISTANCES)
     leaves = int(np.argmax((q != q[0]).any(axis=1)))
-    source, points = watched(q, seen), []
+    source, points = source_after_approach(q, seen), []
     for row, position in enumerate(settling):
         points.append(source.at(row))
-        source.watch(position, counted(position))
+        source.watch(position, encoder_counts(position))
     assert max(abs(x) for p in points if p is not None for x in p.feedforward) < 1e-9
     for row in range(len(settling), len(q)):
         if row >= leaves:
-            source.watch(START + 1.0, counted(START + 1.0))  # ignored after the start of the path
+            source.watch(
+                START + 1.0, encoder_counts(START + 1.0)
+            )  # ignored after the start of the path
         points.append(source.at(row))
     found = np.array([p.feedforward for p in points if p is not None])[1:]
     whole = np.concatenate([seen, settling])
@@ -123,8 +125,8 @@ def test_a_flickering_last_digit_does_not_reverse_a_joint() -> None:
     axes = REMEMBERING.axes.copy()
     axes[PRESLIDING + 1] = 0.5
     forward, count = replace(REMEMBERING, axes=axes), 2e-5
-    ring = PointRing.create(3, len(rested()[0]))
-    ring.write(rested()[0])
+    ring = PointRing.create(3, len(path_with_rests()[0]))
+    ring.write(path_with_rests()[0])
     ring.end()
     source = PointSource(forward, ring, prefill_patience_s=0.0)
     source.prepare()
@@ -143,7 +145,7 @@ def test_after_a_stop_the_hysteresis_state_follows_the_actual_positions() -> Non
     held_limits(points)
     assert source.stop is not None
     memory = Memory.along(presliding_of_model(remembering()[0]), arrays(points)[0])
-    assert 0.1 < abs(memory.direction[-1, 1]) < 0.9, "two joints have just turned back"
+    assert 0.1 < abs(memory.direction[-1, 1]) < 0.9, "two joints have just reversed"
     assert 0.1 < abs(memory.direction[-1, 2]) < 0.9
     np.testing.assert_allclose(source._found[:, DIRECTION], memory.direction[-1], atol=1e-9)
 
@@ -152,7 +154,7 @@ def test_a_model_without_presliding_ignores_positions() -> None:
     forward = replace(REMEMBERING, axes=REMEMBERING.axes.copy())
     forward.axes[PRESLIDING] = 0.0
     forward.axes.setflags(write=False)
-    q = rested()[0]
+    q = path_with_rests()[0]
     ring = PointRing.create(3, len(q))
     ring.write(q)
     ring.end()
@@ -160,5 +162,5 @@ def test_a_model_without_presliding_ignores_positions() -> None:
     source.prepare()
     source.begin(False, START)
     before = source._memory.copy()
-    source.watch(START + 0.1, counted(START + 0.1))
+    source.watch(START + 0.1, encoder_counts(START + 0.1))
     np.testing.assert_array_equal(source._memory, before)

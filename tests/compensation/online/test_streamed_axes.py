@@ -74,7 +74,7 @@ def test_no_axis_leaves_its_limits_and_all_come_to_rest(
             speeds.append(plant.velocity)
             torques.append(plant.torque)
         row += 1
-        assert row < 5000, "it never came to rest"
+        assert row < 5000, "the axes did not come to rest"
     changes = np.abs(np.diff(speeds, axis=0)) / (ACCELERATION * T)
     assert (np.abs(speeds) / SPEED).max() <= FOLLOWING
     assert (np.abs(torques) / TORQUE).max() <= 1.0

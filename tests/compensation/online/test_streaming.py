@@ -45,7 +45,7 @@ def gate() -> PointGate:
     return PointGate(ROBOT, Workspace(), 0.008)
 
 
-def drain(ring: PointRing, count: int) -> Points:
+def take_points(ring: PointRing, count: int) -> Points:
     """Take points out of the ring as the stage does."""
     read = ring.taken
     count = min(count, ring.written - read)
@@ -64,8 +64,8 @@ class TestRing:
         for write, read in steps:
             sent += ring.write(path[sent : sent + write])
             assert 0 <= ring.room <= capacity
-            got.append(drain(ring, read))
-        got.append(drain(ring, capacity))
+            got.append(take_points(ring, read))
+        got.append(take_points(ring, capacity))
         np.testing.assert_array_equal(np.concatenate(got), path[:sent])
 
     def test_the_first_end_or_failure_is_kept(self) -> None:
@@ -120,7 +120,7 @@ class TestIterator:
     def test_points_are_accepted_one_by_one_and_in_blocks(self) -> None:
         path, ring = path_of(7), PointRing.create(3, 10)
         feed(ring, gate(), [path[0], path[1:4], path[4], path[5:]])
-        np.testing.assert_array_equal(drain(ring, 10), path)
+        np.testing.assert_array_equal(take_points(ring, 10), path)
         assert ring.ended
 
     def test_a_full_ring_blocks_the_iterator(self) -> None:
@@ -138,7 +138,7 @@ class TestIterator:
             assert asked <= 21
             got: list[Points] = []
             while not ring.ended or ring.room < 20:
-                got.append(drain(ring, 7))
+                got.append(take_points(ring, 7))
         np.testing.assert_array_equal(np.concatenate(got), path)
 
     def test_an_iterator_that_raises_fails_the_stream_after_its_points(self) -> None:
@@ -220,7 +220,7 @@ def client(path: Path) -> socket.socket:
     return connection
 
 
-def until(condition: Callable[[], bool]) -> None:
+def wait_until(condition: Callable[[], bool]) -> None:
     waiting = threading.Event()
     for _ in range(3000):
         if condition():
@@ -252,18 +252,18 @@ class TestSocket:
 
         sender = threading.Thread(target=lambda: heard.append(guide_client()(str(path), points_of)))
         sender.start()
-        until(lambda: ring.room == 0)
+        wait_until(lambda: ring.room == 0)
         got: list[Points] = []
 
         def take() -> bool:
             ended = ring.ended
-            got.append(drain(ring, 50))
+            got.append(take_points(ring, 50))
             return ended
 
-        until(take)
+        wait_until(take)
         np.testing.assert_array_equal(np.concatenate(got), points)
         assert said == [json.loads(greeting(ROBOT.joint_names, 0.008, 64))]
-        assert not heard, "only when the motion is over"
+        assert not heard, "the outcome is sent after the motion"
 
     @pytest.mark.parametrize(
         ("data", "hang_up", "text"),
@@ -285,18 +285,18 @@ class TestSocket:
             connection.sendall(data + good)
             if hang_up:
                 connection.close()
-            until(lambda: bool(ring.failed))
+            wait_until(lambda: bool(ring.failed))
         assert ring.failed is PointsFailed.LOST
-        assert ring.written == (5 if good else 0), "what came before counts"
+        assert ring.written == (5 if good else 0), "points before the failure are kept"
         assert re.search(text, ring.failure)
 
     def test_a_second_client_is_refused(self, served: tuple[Path, PointRing]) -> None:
         path, ring = served
         with client(path) as first:
             first.recv(10)
-            until(lambda: refused(path))
+            wait_until(lambda: is_refused(path))
             first.sendall(HELLO + struct.pack("<I", 0))
-            until(lambda: ring.ended)
+            wait_until(lambda: ring.ended)
 
     @pytest.mark.fault(46)
     def test_a_second_session_is_refused_without_effect_on_the_first(
@@ -316,11 +316,11 @@ class TestSocket:
         second_is_refused()  # while the first one waits
         with client(path) as first:
             first.recv(500)
-            until(lambda: refused(path))
+            wait_until(lambda: is_refused(path))
             second_is_refused()  # during service: the socket no longer listens
             first.sendall(HELLO + struct.pack("<I", 40) + points.tobytes() + struct.pack("<I", 0))
-            until(lambda: ring.ended)
-        np.testing.assert_array_equal(drain(ring, 50), points)
+            wait_until(lambda: ring.ended)
+        np.testing.assert_array_equal(take_points(ring, 50), points)
         measured("refused while the first waits and while it is served; its points: 0 changed")
 
     def test_the_socket_of_a_killed_session_is_reused(self, tmp_path: Path) -> None:
@@ -354,7 +354,7 @@ with listening(Path({str(path)!r})):
             with socket.socket(socket.AF_UNIX) as other:
                 other.bind(str(path))
             with listening(path):
-                assert not refused(path)
+                assert not is_refused(path)
             with socket.socket(socket.AF_UNIX) as other:
                 other.bind(str(path))
                 other.listen()
@@ -363,7 +363,7 @@ with listening(Path({str(path)!r})):
                     listening(path),
                 ):
                     pass
-                assert not refused(path)
+                assert not is_refused(path)
 
     def test_a_socket_path_that_is_too_long_is_refused(self) -> None:
         with (
@@ -373,7 +373,7 @@ with listening(Path({str(path)!r})):
             pass
 
 
-def refused(path: Path) -> bool:
+def is_refused(path: Path) -> bool:
     try:
         client(path).close()
     except OSError:

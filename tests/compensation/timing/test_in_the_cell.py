@@ -35,7 +35,7 @@ PICK_AND_PLACE = (
 MECHANICS = 3.0
 """Mechanical limit of the acceleration, as a multiple of the robot file's pose-independent one."""
 RATE = 40.0
-"""Torque limits a second: what the velocity loops follow."""
+"""Torque rate that the velocity loops can follow [torque limits per second]."""
 
 Drive = Callable[..., Recording]
 
@@ -108,7 +108,7 @@ def pick_and_place(cell: LoadedCell, speed_fraction: float) -> MotionSamples:
     return motion.plan(cell.robot, cell.config.cycle_time_s)
 
 
-def driven(
+def drive_timed(
     drive: Drive,
     samples: MotionSamples,
     model: Estimate,
@@ -134,13 +134,13 @@ def test_a_timed_pick_and_place_keeps_its_torque_limits_and_its_path(
     assert timed.moving_s < trapezoid_s(way.curve, model, limits, cycle_s)
 
     samples = timed.motion.plan(robot, cycle_s)
-    recorded = driven(drive, samples, model, loops)
+    recorded = drive_timed(drive, samples, model, loops)
     reached = np.abs(recorded.torque_nm).max(axis=0) / limits.torque
     assert (reached <= 1.02).all()
     assert reached.max() > 0.95
 
     fast_m, slow_m = (
-        tool_error_m(robot, motion.position, driven(drive, motion, model, loops).position)[
+        tool_error_m(robot, motion.position, drive_timed(drive, motion, model, loops).position)[
             motion.phase == Phase.MAIN
         ]
         for motion in (samples, pick_and_place(cell, 0.5))
@@ -177,7 +177,7 @@ def test_the_base_reaction_stays_within_its_limit(
     assert timed.moving_s > free.moving_s
     samples = timed.motion.plan(robot, cell.config.cycle_time_s)
     felt = np.zeros((len(samples), 6))
-    driven(drive, samples, model, loops, wrench=felt)
+    drive_timed(drive, samples, model, loops, wrench=felt)
     share = np.abs(felt).max(axis=0) / allowed
     assert (share[3:] <= 1.02).all()
     assert (share[:3] <= 1.05).all()

@@ -72,7 +72,7 @@ def points(cell: LoadedCell) -> MotionSamples:
     return planned(cell, kind="joint_path", robot="ir361", points=POINTS)
 
 
-def within(timed: TimedMotion, cell: LoadedCell, model: Estimate) -> MotionSamples:
+def plan_within_limits(timed: TimedMotion, cell: LoadedCell, model: Estimate) -> MotionSamples:
     """Plan the written motion as `record` does, and compare it with robot and model."""
     again = MotionFile.model_validate_json(timed.motion.model_dump_json()).root
     assert again == timed.motion
@@ -90,7 +90,7 @@ def test_a_timed_motion_is_faster_and_keeps_its_path(
     samples = points(cell)
     timed = retime_path(samples, cell.robot, model, limits)
     assert timed.shorter > 0.2
-    found = within(timed, cell, model)
+    found = plan_within_limits(timed, cell, model)
     gap = np.linalg.norm(samples.position[:, np.newaxis] - found.position, axis=2).min(axis=1)
     fastest = limits.speed.max() * cell.config.cycle_time_s
     assert gap.max() < fastest
@@ -104,7 +104,7 @@ def test_tool_paths_are_timed(
     timed = retime_path(planned(cell, **keys), cell.robot, model, limits)
     assert len(timed.ways) == (2 if keys is LINES else 1)
     assert timed.shorter > 0.0
-    within(timed, cell, model)
+    plan_within_limits(timed, cell, model)
 
 
 def test_a_margin_for_the_uncertainty_stays_unused(

@@ -65,13 +65,13 @@ def timer_of(robot: RobotDescription, cycle_s: float = 0.002, **own: float) -> P
     return PathTimer(robot, torque_of(robot, **own), TimingLimits.of_robot(robot), cycle_s)
 
 
-def scanned(timer: PathTimer, curve: JointCurve, intervals: int = 1000) -> SpeedOverPath:
+def scan_curve(timer: PathTimer, curve: JointCurve, intervals: int = 1000) -> SpeedOverPath:
     dynamics = PathDynamics.of(curve, timer.robot, timer.torque, intervals)
     rows = PathRows.of(dynamics, timer.limits)
     return fastest(rows, rows.bounds)
 
 
-def straight(*poses: tuple[float, ...]) -> JointCurve:
+def straight_curve(*poses: tuple[float, ...]) -> JointCurve:
     points = np.array(poses, dtype=float)
     return JointCurve.through(points, np.ones(points.shape[1]))
 
@@ -79,7 +79,7 @@ def straight(*poses: tuple[float, ...]) -> JointCurve:
 def test_a_mass_accelerates_half_the_way_and_brakes_the_other_half() -> None:
     """T = 2 sqrt(d m / F)."""
     timer = timer_of(arm(axis("slide", "prismatic", 20.0)))
-    found = scanned(timer, straight((0.0,), (1.5,)))
+    found = scan_curve(timer, straight_curve((0.0,), (1.5,)))
     assert found.time_s[-1] == pytest.approx(2.0 * math.sqrt(1.5 * MASS / 20.0), rel=1e-6)
 
 
@@ -87,7 +87,7 @@ def test_coulomb_friction_moves_the_switching_point() -> None:
     """The mass accelerates with F - f and brakes with F + f."""
     robot = arm(axis("slide", "prismatic", 20.0, friction=("coulomb",)))
     timer = timer_of(robot, fc_slide=5.0)
-    found = scanned(timer, straight((0.0,), (1.5,)))
+    found = scan_curve(timer, straight_curve((0.0,), (1.5,)))
     up, down = 15.0 / MASS, 25.0 / MASS
     fastest_m_s = math.sqrt(2.0 * 1.5 * up * down / (up + down))
     assert found.time_s[-1] == pytest.approx(fastest_m_s * (1.0 / up + 1.0 / down), rel=2e-3)
@@ -97,7 +97,7 @@ def test_viscous_friction_limits_the_speed_exactly() -> None:
     """m dv/dt = F - c v while the speed grows; v = F / c is never exceeded."""
     robot = arm(axis("slide", "prismatic", 20.0, friction=("viscous",)))
     timer = timer_of(robot, fv_slide=10.0)
-    found = scanned(timer, straight((0.0,), (5.5,)))
+    found = scan_curve(timer, straight_curve((0.0,), (5.5,)))
     half = len(found.x) // 2
     middle_s, speed = found.time_s[half], np.sqrt(found.x[half]) * 5.5 / found.length[-1]
     assert speed == pytest.approx(2.0 * (1.0 - math.exp(-10.0 * middle_s / MASS)), rel=2e-3)
@@ -109,7 +109,7 @@ def test_a_pendulum_swings_with_its_full_torque() -> None:
     torque, inertia, weight = 20.0, MASS * ARM**2, MASS * ARM * 9.81
     timer = timer_of(arm(axis("swing", torque=torque)))
     begin, end = -1.2, 1.0
-    found = scanned(timer, straight((begin,), (end,)))
+    found = scan_curve(timer, straight_curve((begin,), (end,)))
 
     def lift(q: float) -> float:  # the angle is measured from the horizontal
         return weight * (math.sin(q) - math.sin(begin))
@@ -129,13 +129,15 @@ def test_a_pendulum_swings_with_its_full_torque() -> None:
 def test_gravity_beyond_a_torque_limit_is_refused_with_joint_and_pose() -> None:
     timer = timer_of(arm(axis("shoulder", torque=9.0)))
     with raises_code(LimitError, "RID-TIMING-NOT-FEASIBLE", "9.8"):
-        timer.timed(straight((-1.4,), (1.4,)))
+        timer.timed(straight_curve((-1.4,), (1.4,)))
 
 
 def zero_inertia_path() -> tuple[PathTimer, JointCurve]:
     """Return a path on which joint 2 turns against joint 1 and cancels its inertia."""
     robot = arm(axis("one", torque=60.0), axis("two", torque=25.0))
-    return timer_of(robot), straight((-0.8, 1.2), (0.0, 0.0), (0.2, -1.5), (0.9, -2.2), (1.2, -1.0))
+    return timer_of(robot), straight_curve(
+        (-0.8, 1.2), (0.0, 0.0), (0.2, -1.5), (0.9, -2.2), (1.2, -1.0)
+    )
 
 
 def test_zero_inertia_points_are_passed_within_the_limits() -> None:
@@ -145,7 +147,7 @@ def test_zero_inertia_points_are_passed_within_the_limits() -> None:
     assert (np.sign(inertia).min(axis=0) < np.sign(inertia).max(axis=0)).any()
     timed = timer.timed(curve)
     assert (np.abs(timed.torque) <= timer.limits.torque).all()
-    best = scanned(timer, curve, 20_000).time_s[-1]
+    best = scan_curve(timer, curve, 20_000).time_s[-1]
     assert (len(timed.torque) - 1) * timer.cycle_s <= 1.01 * best
 
 
@@ -167,7 +169,7 @@ def test_the_speed_touches_a_limit_everywhere() -> None:
 
 def test_a_path_may_start_and_end_in_motion() -> None:
     timer = timer_of(arm(axis("slide", "prismatic", 20.0)))
-    curve = straight((0.0,), (1.5,))
+    curve = straight_curve((0.0,), (1.5,))
     timed = timer.timed(curve, ends=(1.0, 2.0))
     assert timed.path.velocity[0, 0] == pytest.approx(1.0, rel=3e-3)
     assert timed.path.velocity[-1, 0] == pytest.approx(2.0, rel=3e-3)
@@ -195,7 +197,7 @@ def test_a_tiny_motion_is_timed_and_a_joint_at_rest_is_ignored() -> None:
     robot = arm(axis("one", torque=60.0), axis("two", torque=25.0, friction=("coulomb",)))
     timer = timer_of(robot, fc_two=3.0)
     for way in (1e-6, 1e-3, 1.0):
-        timed = timer.timed(straight((0.0, 0.3), (way, 0.3 + 1e-14)))
+        timed = timer.timed(straight_curve((0.0, 0.3), (way, 0.3 + 1e-14)))
         assert (np.abs(timed.torque) <= timer.limits.torque).all()
         assert timed.path.position[-1, 0] == pytest.approx(way)
         assert np.isfinite(timed.path.acceleration).all()
@@ -272,22 +274,26 @@ def test_no_row_exceeds_a_limit_for_any_friction_and_gears(
 
 
 @pytest.fixture(scope="module")
-def six() -> SixAxes:
+def six_axes() -> SixAxes:
     return SixAxes.ur10e()
 
 
-def test_pinocchio_and_separate_friction_find_no_row_above_a_limit(six: SixAxes) -> None:
-    timer = PathTimer(six.robot, six.torque, six.limits, 0.004)
+def test_pinocchio_and_separate_friction_find_no_row_above_a_limit(six_axes: SixAxes) -> None:
+    timer = PathTimer(six_axes.robot, six_axes.torque, six_axes.limits, 0.004)
     for seed in range(3):
-        timed = timer.timed(six.spline(seed)[0])
-        shares = six.judged(timed.path)
-        np.testing.assert_allclose(shares, np.abs(timed.torque) / six.limits.torque, atol=1e-9)
+        timed = timer.timed(six_axes.spline(seed)[0])
+        shares = six_axes.judged(timed.path)
+        np.testing.assert_allclose(shares, np.abs(timed.torque) / six_axes.limits.torque, atol=1e-9)
         assert shares.max() <= 1.0
         assert shares.max() > 0.99
 
 
-def test_velocity_and_acceleration_are_the_derivatives_of_the_positions(six: SixAxes) -> None:
-    path = PathTimer(six.robot, six.torque, six.limits, 0.001).timed(six.spline(3)[0]).path
+def test_velocity_and_acceleration_are_the_derivatives_of_the_positions(six_axes: SixAxes) -> None:
+    path = (
+        PathTimer(six_axes.robot, six_axes.torque, six_axes.limits, 0.001)
+        .timed(six_axes.spline(3)[0])
+        .path
+    )
     rates: tuple[tuple[FloatArray, FloatArray, float], ...] = (
         (path.position, path.velocity, 2e-4),
         (path.velocity, path.acceleration, 0.2),

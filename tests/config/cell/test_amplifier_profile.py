@@ -36,7 +36,7 @@ def test_every_bundled_profile_loads() -> None:
         assert load_bundled_or_path(name, "profiles", kind).name == name
 
 
-def changed(old: str, new: str) -> str:
+def replace_text(old: str, new: str) -> str:
     text = PROFILE.model_dump_json()
     assert old in text
     with pytest.raises(ValidationError) as caught:
@@ -46,16 +46,16 @@ def changed(old: str, new: str) -> str:
 
 
 def test_mistakes_in_a_profile_are_named() -> None:
-    assert "commands: ID" in changed('"text":"RG"', '"text":"ID"')
-    assert "`source`" in changed('"verified":false', '"verified":true')
-    assert "'{sequence:oct4}" in changed("{sequence:hex4}", "{sequence:oct4}")
-    assert "sequence, time, status, counts, checksum" in changed("{sequence:hex4},", "")
-    assert "hex8" in changed("{time:hex8}", "{time:hex4}")
-    assert "dec6" in changed("{counts:dec6}", "{counts:hex4}")
-    assert "u4" in changed("{time:u4}", "{time:u2}")
-    assert repr(b"\xa5\x5a") in changed("A5C3", "A55A")
-    assert "ascii: '{sequence:hex4}" in changed("#{sequence", "{sequence")
-    assert "fromhex" in changed("A55A", "row")
+    assert "commands: ID" in replace_text('"text":"RG"', '"text":"ID"')
+    assert "`source`" in replace_text('"verified":false', '"verified":true')
+    assert "'{sequence:oct4}" in replace_text("{sequence:hex4}", "{sequence:oct4}")
+    assert "sequence, time, status, counts, checksum" in replace_text("{sequence:hex4},", "")
+    assert "hex8" in replace_text("{time:hex8}", "{time:hex4}")
+    assert "dec6" in replace_text("{counts:dec6}", "{counts:hex4}")
+    assert "u4" in replace_text("{time:u4}", "{time:u2}")
+    assert repr(b"\xa5\x5a") in replace_text("A5C3", "A55A")
+    assert "ascii: '{sequence:hex4}" in replace_text("#{sequence", "{sequence")
+    assert "fromhex" in replace_text("A55A", "row")
 
 
 @pytest.mark.parametrize(

@@ -36,7 +36,7 @@ def cell_with(tmp_path: Path, plate: str) -> str:
     return str(path)
 
 
-def refused(tmp_path: Path, old: str, new: str, key: str, *details: str) -> None:
+def assert_refused(tmp_path: Path, old: str, new: str, key: str, *details: str) -> None:
     assert old in PLATE
     path = cell_with(tmp_path, PLATE.replace(old, new))
     line = line_of(Path(path), key.rpartition(".")[2])
@@ -62,28 +62,28 @@ def test_full_scale_equals_the_range(tmp_path: Path) -> None:
 
 def test_seven_channels_are_refused(tmp_path: Path) -> None:
     seven = ("[-7.5, -7.5, -7.5, -7.5,", "[-7.5, -7.5, -7.5,")
-    refused(tmp_path, *seven, "plate.amplifier.sensitivity_pc_n", "8 items", "7")
+    assert_refused(tmp_path, *seven, "plate.amplifier.sensitivity_pc_n", "8 items", "7")
 
 
 def test_millimetres_are_recognised(tmp_path: Path) -> None:
-    refused(tmp_path, "a_m: 0.12", "a_m: 120.0", "plate.a_m", "120 mm", "0.12 m")
+    assert_refused(tmp_path, "a_m: 0.12", "a_m: 120.0", "plate.a_m", "120 mm", "0.12 m")
 
 
 def test_a_sensor_plane_above_the_surface_is_refused(tmp_path: Path) -> None:
-    refused(tmp_path, "-0.054", "0.054", "plate.az0_m")
+    assert_refused(tmp_path, "-0.054", "0.054", "plate.az0_m")
 
 
 def test_a_low_pass_too_weak_against_aliasing_is_refused(tmp_path: Path) -> None:
     low_pass = ("low_pass_hz: 300.0", "low_pass_hz: 600.0")
-    refused(tmp_path, *low_pass, "plate.amplifier", "low_pass_hz", "600", "500 Hz")
+    assert_refused(tmp_path, *low_pass, "plate.amplifier", "low_pass_hz", "600", "500 Hz")
 
 
 def test_a_dead_sensor_is_named(tmp_path: Path) -> None:
     dead = ("[-7.5, -7.5, -7.5,", "[-7.5, -7.5, 0.0,")
-    refused(tmp_path, *dead, "plate.amplifier", "sensitivity_pc_n", "fy14")
+    assert_refused(tmp_path, *dead, "plate.amplifier", "sensitivity_pc_n", "fy14")
 
 
 def test_crosstalk_that_cannot_be_inverted_is_refused(tmp_path: Path) -> None:
     rows = ", ".join(["[1, 0, 0, 0, 0, 0, 0, 0]"] * 8).replace("1", "1.0").replace(" 0", " 0.0")
     crosstalk = ("  amplifier:", f"  sensitivity: [{rows}]\n  amplifier:")
-    refused(tmp_path, *crosstalk, "plate", "sensitivity")
+    assert_refused(tmp_path, *crosstalk, "plate", "sensitivity")

@@ -24,7 +24,7 @@ def nothing_approved() -> Iterator[None]:
     approve_files({})
 
 
-def approved(path: Path) -> Path:
+def approve_file(path: Path) -> Path:
     approve_files({str(path): hashlib.sha256(path.read_bytes()).hexdigest()})
     return path
 
@@ -32,7 +32,7 @@ def approved(path: Path) -> Path:
 def test_an_approved_file_is_read(tmp_path: Path) -> None:
     path = tmp_path / "a.yaml"
     path.write_bytes(b"a: 1\n")
-    approved(path)
+    approve_file(path)
     (tmp_path / "other").write_bytes(b"anything")
     assert read_file(path, 100) == b"a: 1\n"
     assert read_file(tmp_path / "other", 100) == b"anything"
@@ -46,7 +46,7 @@ def test_changed_bytes_are_refused_under_any_path_of_the_file(
     path = tmp_path / "a.yaml"
     (tmp_path / "x").mkdir()
     path.write_bytes(b"a: 1\n")
-    approved(path)
+    approve_file(path)
     path.write_bytes(b"a: 2\n")
     with pytest.raises(ConfigError) as caught:
         read_file(Path("x/../a.yaml") if relative else path, 100)
@@ -58,7 +58,7 @@ def test_a_link_to_another_file_since_the_approval_is_refused(tmp_path: Path) ->
     (tmp_path / "two").write_bytes(b"2")
     link = tmp_path / "link"
     link.symlink_to("one")
-    approved(link)
+    approve_file(link)
     link.unlink()
     link.symlink_to("two")
     with pytest.raises(ConfigError) as caught:
@@ -90,7 +90,7 @@ def test_motions_tables_and_models_are_checked(tmp_path: Path, name: str) -> Non
     (tmp_path / "motion.yaml").write_text("kind: joint_table\nrobot: ir361\nfile: rows.csv\n")
     (tmp_path / "rows.csv").write_text("time_s,axis1\n0,0\n0.5,0\n1,0\n")
     (tmp_path / "model.json").write_text("{}")
-    path = approved(tmp_path / name)
+    path = approve_file(tmp_path / name)
     path.write_bytes(path.read_bytes() + b" ")
     read = read_estimate if name == "model.json" else load_motion
     with pytest.raises(ConfigError) as caught:

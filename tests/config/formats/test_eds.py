@@ -13,21 +13,21 @@ from config.formats.eds_object import DataType, EdsObject, EdsValue, parse_value
 from tests.builders.data_sheet import SHEET, read
 
 
-def only(keys: str, section: str = "[6077]") -> EdsObject:
+def read_object(keys: str, section: str = "[6077]") -> EdsObject:
     """Return the object that a section describes, in an otherwise empty sheet."""
     (item,) = read(f"[DeviceInfo]\n{section}\n{keys}\n").objects
     return item
 
 
 class TestContentOfASheet:
-    def test_the_identity_of_the_device(self) -> None:
+    def test_the_identity_of_the_device_is_read(self) -> None:
         sheet = read(SHEET)
         assert (sheet.vendor, sheet.product, sheet.revision) == (0xFB, 1617, 0x0170_0000)
         assert (sheet.vendor_name, sheet.product_name) == ("A vendor", "A drive")
         assert sheet.sha256 == hashlib.sha256(SHEET.encode()).hexdigest()
         assert sheet.node_id is None
 
-    def test_its_objects_by_address(self) -> None:
+    def test_objects_are_read_by_address(self) -> None:
         sheet = read(SHEET)
         addresses = [(item.index, item.subindex) for item in sheet.objects]
         assert addresses == [(0x1000, 0), (0x1018, 0), (0x1018, 1), (0x1400, 1), (0x6077, 0)]
@@ -42,7 +42,7 @@ class TestContentOfASheet:
         assert not torque.writable
         assert sheet.get(0x6078, 0) is None
 
-    def test_identifiers_relative_to_the_node_id(self) -> None:
+    def test_identifiers_relative_to_the_node_id_are_computed(self) -> None:
         identifier = read(SHEET).get(0x1400, 1)
         assert identifier is not None
         assert identifier.default == EdsValue(0x200, adds_node_id=True)
@@ -52,12 +52,14 @@ class TestContentOfASheet:
         "text",
         ["$NODEID+0x200", "$NodeId + 0x200", "0x200+$NODEID", "$NODEID+512", "$NODEID+01000"],
     )
-    def test_spelling_variants_of_the_node_id(self, text: str) -> None:
-        item = only(f"DataType=7\nDefaultValue={text}")
+    def test_spelling_variants_of_the_node_id_are_accepted(self, text: str) -> None:
+        item = read_object(f"DataType=7\nDefaultValue={text}")
         assert item.default == EdsValue(0x200, adds_node_id=True)
 
-    def test_an_identifier_equal_to_the_node_id(self) -> None:
-        assert only("DataType=5\nDefaultValue=$NODEID").default == EdsValue(0, adds_node_id=True)
+    def test_an_identifier_can_be_the_node_id(self) -> None:
+        assert read_object("DataType=5\nDefaultValue=$NODEID").default == EdsValue(
+            0, adds_node_id=True
+        )
 
     @pytest.mark.parametrize(
         ("access", "writable", "receivable", "sendable"),
@@ -74,9 +76,9 @@ class TestContentOfASheet:
     def test_access_decides_which_pdos_may_contain_an_object(
         self, access: str, writable: bool, receivable: bool, sendable: bool
     ) -> None:
-        item = only(f"DataType=7\nAccessType={access}\nPDOMapping=1")
+        item = read_object(f"DataType=7\nAccessType={access}\nPDOMapping=1")
         assert (item.writable, item.receivable, item.sendable) == (writable, receivable, sendable)
-        item = only(f"DataType=7\nAccessType={access}\nPDOMapping=0")
+        item = read_object(f"DataType=7\nAccessType={access}\nPDOMapping=0")
         assert (item.receivable, item.sendable) == (False, False)
 
     @pytest.mark.parametrize(
@@ -100,7 +102,9 @@ class TestContentOfASheet:
             (0x0F, "anything", "anything"),
         ],
     )
-    def test_values_by_their_type(self, data_type: int, text: str, value: float | str) -> None:
+    def test_values_are_read_by_their_type(
+        self, data_type: int, text: str, value: float | str
+    ) -> None:
         assert parse_value(text, data_type) == EdsValue(value)
 
     @pytest.mark.parametrize(
@@ -115,10 +119,10 @@ class TestContentOfASheet:
             ("-2147483648", "0xFFFFFFFF", (-(2**31), 2**32 - 1)),
         ],
     )
-    def test_limits(self, low: str, high: str, limits: tuple[float, float]) -> None:
-        assert only(f"DataType=3\nLowLimit={low}\nHighLimit={high}").limits == limits
+    def test_limits_are_read(self, low: str, high: str, limits: tuple[float, float]) -> None:
+        assert read_object(f"DataType=3\nLowLimit={low}\nHighLimit={high}").limits == limits
 
-    def test_a_configured_device(self) -> None:
+    def test_a_configured_device_has_values_and_a_node_id(self) -> None:
         text = SHEET.replace(
             "DefaultValue=0x00020192", "DefaultValue=0x00020192\nParameterValue=0x192"
         )
@@ -126,7 +130,7 @@ class TestContentOfASheet:
         assert sheet.node_id == 5
         assert sheet.objects[0].value == EdsValue(0x192)
 
-    def test_an_array_in_compact_notation(self) -> None:
+    def test_an_array_in_compact_notation_is_expanded(self) -> None:
         sheet = read(
             "[DeviceInfo]\n[1003]\nParameterName=Error field\nObjectType=8\nDataType=7\n"
             "AccessType=ro\nCompactSubObj=3\n[1003Name]\nNrOfEntries=1\n2=the middle one\n"
@@ -138,7 +142,7 @@ class TestContentOfASheet:
         assert [item.access for item in (first, second, third)] == ["ro"] * 3
         assert (first.value, third.value) == (None, EdsValue(0x8130))
 
-    def test_an_element_of_a_compact_array_with_its_own_section(self) -> None:
+    def test_an_element_of_a_compact_array_can_have_its_own_section(self) -> None:
         sheet = read(
             "[DeviceInfo]\n[1016]\nDataType=7\nAccessType=rw\nCompactSubObj=2\n"
             "[1016sub2]\nDataType=7\nAccessType=ro\n"
@@ -146,7 +150,7 @@ class TestContentOfASheet:
         assert [item.access for item in sheet.objects] == ["ro", "rw", "ro"]
 
     def test_a_domain_has_no_length(self) -> None:
-        item = only("ObjectType=0x2\nAccessType=wo")
+        item = read_object("ObjectType=0x2\nAccessType=wo")
         assert (item.data_type, item.bits) == (DataType.DOMAIN, None)
 
 
@@ -178,7 +182,9 @@ class TestVendorVariants:
             lambda text: text[text.index("[1000]") :] + text[: text.index("[1000]")],
         ],
     )  # fmt: skip
-    def test_the_same_device_in_another_spelling(self, change: Callable[[str], str]) -> None:
+    def test_the_same_device_in_another_spelling_is_read_equal(
+        self, change: Callable[[str], str]
+    ) -> None:
         def content_of(sheet: ElectronicDataSheet) -> object:
             return (sheet.vendor, sheet.product, sheet.revision), [
                 dataclasses.replace(item, name=item.name.lower(), line=0) for item in sheet.objects
@@ -202,7 +208,7 @@ class TestVendorVariants:
         assert sheet.objects == (EdsObject(0x2000, 0, "", 4),)
 
     def test_vendor_specific_types_have_no_length(self) -> None:
-        item = only("DataType=0x0040\nAccessType=rw\nDefaultValue=anything\nLowLimit=low")
+        item = read_object("DataType=0x0040\nAccessType=rw\nDefaultValue=anything\nLowLimit=low")
         assert (item.data_type, item.bits, item.low) == (0x40, None, None)
         assert item.default == EdsValue("anything")
 

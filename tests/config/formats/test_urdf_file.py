@@ -37,7 +37,7 @@ ARM = f"""<?xml version="1.0"?>
 """
 
 
-def made(*changes: tuple[str, str]) -> UrdfRobot:
+def robot_with(*changes: tuple[str, str]) -> UrdfRobot:
     """Return the robot of the arm's URDF after replacements of text."""
     text = ARM
     for old, new in changes:
@@ -52,7 +52,7 @@ def position(text: str) -> str:
 
 
 def test_a_valid_arm_is_read_completely() -> None:
-    robot = made()
+    robot = robot_with()
     limits = robot.robot.joints[1].limits
     assert (limits.position_min, limits.position_max) == (-1.4, 1.2)
     assert (limits.velocity, limits.torque, limits.acceleration) == (2.5, 50.0, 7.0)
@@ -78,7 +78,7 @@ LISTS = ['xyz="0.4 0 0"', 'rpy="1.5708 0 0"', 'xyz="0 0 1"', 'xyz="0.1 0 0"']
 def test_an_unreadable_number_is_refused_with_its_line(number: str, wrong: str) -> None:
     key, _, _ = number.partition("=")
     with raises_code(ConfigError, "RID-FILE-NUMBER", position(number)):
-        made((number, f'{key}="{wrong}"'))
+        robot_with((number, f'{key}="{wrong}"'))
 
 
 @pytest.mark.parametrize(
@@ -88,14 +88,14 @@ def test_an_unreadable_number_is_refused_with_its_line(number: str, wrong: str) 
 def test_an_unreadable_list_is_refused_with_its_line(numbers: str, wrong: str) -> None:
     key, _, _ = numbers.partition("=")
     with raises_code(ConfigError, "RID-FILE-NUMBER", position(numbers)):
-        made((numbers, f'{key}="{wrong}"'))
+        robot_with((numbers, f'{key}="{wrong}"'))
 
 
 @pytest.mark.parametrize("key", ["lower", "upper", "velocity", "effort"])
 def test_nan_is_refused_as_any_limit(key: str) -> None:
     old = next(number for number in NUMBERS if number.startswith(f"{key}="))
     with pytest.raises(ConfigError) as refused:
-        made((old, f'{key}="nan"'))
+        robot_with((old, f'{key}="nan"'))
     assert refused.value.refusal == "RID-FILE-NUMBER"
 
 
@@ -117,7 +117,7 @@ def test_nan_is_refused_as_any_limit(key: str) -> None:
 def test_impossible_values_are_refused_with_file_and_line(old: str, new: str, code: str) -> None:
     where = JOINT if old in AT_THE_JOINT and code != "RID-FILE-NUMBER" else old
     with raises_code(ConfigError, code, position(where)):
-        made((old, new))
+        robot_with((old, new))
 
 
 @pytest.mark.parametrize(
@@ -132,12 +132,12 @@ def test_impossible_values_are_refused_with_file_and_line(old: str, new: str, co
     ],
 )
 def test_unread_elements_are_listed(old: str, new: str, named: str) -> None:
-    assert any(named in note for note in made((old, new)).notes)
-    assert not any(named in note for note in made().notes)
+    assert any(named in note for note in robot_with((old, new)).notes)
+    assert not any(named in note for note in robot_with().notes)
 
 
 def test_a_motor_opposite_to_its_joint_has_direction_minus_1_and_a_positive_ratio() -> None:
-    robot = made(("<mechanicalReduction>50", "<mechanicalReduction>-50"))
+    robot = robot_with(("<mechanicalReduction>50", "<mechanicalReduction>-50"))
     assert robot.robot.joints[1].gear_ratio == 50.0
     assert [motor.direction for motor in robot.motors] == [1, -1]
     assert any("direction -1" in note for note in robot.notes)
@@ -154,15 +154,15 @@ def finger(joint: str, inertial: str = INERTIAL) -> str:
 def test_a_link_with_mass_that_follows_a_joint_of_the_arm_is_refused() -> None:
     mimic = '<mimic joint="j2" multiplier="-1" offset="1.2"/>'
     with raises_code(ConfigError, "RID-URDF-MIMIC", position("</robot>"), "'jf'", "'j2'"):
-        made(("</robot>", finger(mimic)))
-    light = made(("</robot>", finger(mimic, "")))
+        robot_with(("</robot>", finger(mimic)))
+    light = robot_with(("</robot>", finger(mimic, "")))
     assert any("'jf' (mimics 'j2') is held at 1.2" in note for note in light.notes)
 
 
 @pytest.mark.parametrize(("leader", "named"), [("jf", "itself"), ("nobody", "'nobody'")])
 def test_a_mimic_joint_of_itself_or_of_a_missing_joint_is_refused(leader: str, named: str) -> None:
     with raises_code(ConfigError, "RID-URDF-STRUCTURE", position("</robot>"), "'jf'", named):
-        made(("</robot>", finger(f'<mimic joint="{leader}"/>')))
+        robot_with(("</robot>", finger(f'<mimic joint="{leader}"/>')))
 
 
 def test_a_joint_outside_the_arm_is_fixed_within_its_limits() -> None:
@@ -181,7 +181,7 @@ def test_a_joint_outside_the_arm_is_fixed_within_its_limits() -> None:
 
 
 def test_friction_beyond_the_motors_torque_is_not_simulated_and_reported() -> None:
-    robot = made(('friction="2.5"', 'friction="2500"'))
+    robot = robot_with(('friction="2.5"', 'friction="2500"'))
     assert robot.motors[1].coulomb is None
     assert any("friction of j2" in note and "invents" in note for note in robot.notes)
 
@@ -212,4 +212,4 @@ def test_joint_names_equal_in_their_first_32_characters_are_refused() -> None:
         ('name="j2" type', f'name="{long}2" type'),
     )
     with raises_code(ConfigError, "RID-URDF-NAME", f"{long}1", f"{long}2"):
-        made(first, second, (TRANSMISSION, ""))
+        robot_with(first, second, (TRANSMISSION, ""))

@@ -55,7 +55,7 @@ def test_processes_started_meanwhile_do_not_inherit_the_lock(tmp_path: Path) -> 
             [sys.executable, "-c", "input()"], stdin=subprocess.PIPE, close_fds=False
         )
     with child, held_file(path):
-        assert file_holder(path) == os.getpid(), "free while the process lived"
+        assert file_holder(path) == os.getpid(), "the lock was free while the process ran"
         child.communicate(b"\n")
 
 
@@ -71,7 +71,7 @@ def test_a_file_removed_by_its_holder_at_the_last_moment_is_not_locked(
 
     monkeypatch.setattr(fcntl, "flock", removed_first)
     with held_file(path):
-        assert file_holder(path) == os.getpid(), "what is held is what the path leads to"
+        assert file_holder(path) == os.getpid(), "the locked file is the one at the path"
 
 
 def test_other_users_can_lock_the_file_with_any_umask(tmp_path: Path) -> None:

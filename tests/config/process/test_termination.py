@@ -36,7 +36,7 @@ def test_five_signals_are_five_requests_and_no_exception(number: signal.Signals)
 def test_signals_stay_ignored_while_data_is_being_written() -> None:
     with signals_handled(lambda: None, then_ignored=True):
         pass
-    assert signal.getsignal(signal.SIGINT) is not signal.SIG_IGN, "none came"
+    assert signal.getsignal(signal.SIGINT) is not signal.SIG_IGN, "no signal was handled"
     with signals_handled(lambda: None, then_ignored=True):
         os.kill(os.getpid(), signal.SIGTERM)
     assert {signal.getsignal(number) for number in TERMINATION} == {signal.SIG_IGN}
@@ -118,7 +118,9 @@ def test_a_started_process_is_registered_before_a_signal_is_handled(
         other.submit(int).result()  # it runs and handles signals
         with pytest.raises(KeyboardInterrupt):
             start_something()
-    assert told == ["noted", signal.SIGHUP], "heard, though the other one raised an exception"
+    assert told == ["noted", signal.SIGHUP], (
+        "handled although the other program raised an exception"
+    )
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     assert not signal.pthread_sigmask(signal.SIG_BLOCK, ())
 

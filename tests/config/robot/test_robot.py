@@ -32,14 +32,14 @@ def read(addition: str = "", *, joint: str = "") -> RobotDescription:
     return validate(parse_yaml(text.encode(), "robot.yaml"), RobotDescription)
 
 
-def refused(where: str, *details: str, addition: str = "", joint: str = "") -> None:
+def assert_refused(where: str, *details: str, addition: str = "", joint: str = "") -> None:
     with raises_code(ConfigError, "RID-FILE-VALUE", *details) as caught:
         read(addition, joint=joint)
     assert str(caught.value).startswith(f"robot.yaml:{where}: ")
 
 
 class TestFriction:
-    def test_offers_all_terms(self) -> None:
+    def test_every_friction_term_can_be_selected(self) -> None:
         terms = "asymmetric, viscous, cubic, cube_root, stribeck, temperature, load"
         starts = "stribeck_velocity: 0.1\n    reference_temperature_k: 300.0"
         robot = read(joint=f"friction: [{terms}]\n    {starts}")
@@ -49,65 +49,67 @@ class TestFriction:
     @pytest.mark.parametrize("twice", ["coulomb", "offset"])
     def test_asymmetric_replaces_coulomb_and_offset(self, twice: str) -> None:
         terms = f"friction: [asymmetric, {twice}]"
-        refused("6:5: joints.0", "friction", "asymmetric", twice, joint=terms)
+        assert_refused("6:5: joints.0", "friction", "asymmetric", twice, joint=terms)
 
-    def test_refuses_a_repeated_term(self) -> None:
-        refused("6:5: joints.0", "friction", "twice", joint="friction: [viscous, viscous]")
+    def test_a_repeated_friction_term_is_refused(self) -> None:
+        assert_refused("6:5: joints.0", "friction", "twice", joint="friction: [viscous, viscous]")
 
-    def test_lists_the_known_terms(self) -> None:
+    def test_an_unknown_friction_term_is_refused_with_the_known_ones(self) -> None:
         terms = "friction: [coulomb, stribek]"
-        refused("8:25: joints.0.friction.1", "'stribeck'", "'stribek'", joint=terms)
+        assert_refused("8:25: joints.0.friction.1", "'stribeck'", "'stribek'", joint=terms)
 
 
 class TestDrive:
     def test_armature_and_rotor_exclude_each_other(self) -> None:
         both = "armature: true\n    rotor: {link: 0, axis: [0.0, 0.0, 1.0]}"
-        refused("6:5: joints.0", "armature", "rotor", joint=both)
+        assert_refused("6:5: joints.0", "armature", "rotor", joint=both)
 
     def test_efficiency_and_load_friction_exclude_each_other(self) -> None:
         both = "efficiency: 0.8\n    friction: [coulomb, load]"
-        refused("6:5: joints.0", "efficiency", "load", joint=both)
+        assert_refused("6:5: joints.0", "efficiency", "load", joint=both)
 
     @pytest.mark.parametrize("efficiency", ["0.0", "1.1", "true"])
     def test_efficiency_is_a_fraction(self, efficiency: str) -> None:
-        refused("8:5: joints.0.efficiency", joint=f"efficiency: {efficiency}")
+        assert_refused("8:5: joints.0.efficiency", joint=f"efficiency: {efficiency}")
 
 
 class TestSpring:
-    def test_of_a_physical_kind_needs_its_distances(self) -> None:
-        refused("11:1: spring", "l_m", "r_m", addition="spring: {joint: a, l_m: 0.4}")
+    def test_a_physical_spring_needs_its_distances(self) -> None:
+        assert_refused("11:1: spring", "l_m", "r_m", addition="spring: {joint: a, l_m: 0.4}")
         assert read("spring: {joint: a, l_m: 0.4, r_m: 0.1}").spring is not None
 
-    def test_as_a_fourier_series_needs_no_distances(self) -> None:
+    def test_a_spring_as_a_fourier_series_needs_no_distances(self) -> None:
         spring = read("spring: {joint: b, form: fourier}").spring
         assert spring is not None
         assert spring.form == "fourier"
 
-    def test_belongs_to_an_existing_joint(self) -> None:
+    def test_a_spring_on_a_missing_joint_is_refused(self) -> None:
         nowhere = "spring: {joint: c, form: fourier}"
-        refused("1:1", "spring.joint 'c'", " a, b", addition=nowhere)
+        assert_refused("1:1", "spring.joint 'c'", " a, b", addition=nowhere)
 
 
 class TestCoupling:
-    def test_is_a_matrix_of_joints_by_actuators(self) -> None:
+    def test_a_coupling_is_a_matrix_of_joints_by_actuators(self) -> None:
         assert read("coupling: [[1.0, 0.0], [-0.2, 1.0]]").coupling == ((1.0, 0.0), (-0.2, 1.0))
 
     @pytest.mark.parametrize("matrix", ["[[1.0, 0.0]]", "[[1.0, 0.0], [1.0]]"])
-    def test_has_a_row_and_a_column_for_each_joint(self, matrix: str) -> None:
-        refused("11:1: coupling", "2 rows", "2 numbers", addition=f"coupling: {matrix}")
+    def test_a_coupling_has_a_row_and_a_column_for_each_joint(self, matrix: str) -> None:
+        assert_refused("11:1: coupling", "2 rows", "2 numbers", addition=f"coupling: {matrix}")
 
-    def test_must_be_invertible(self) -> None:
-        refused("11:1: coupling", "q = C alpha", addition="coupling: [[1.0, 1.0], [1.0, 1.0]]")
+    def test_a_coupling_must_be_invertible(self) -> None:
+        assert_refused(
+            "11:1: coupling", "q = C alpha", addition="coupling: [[1.0, 1.0], [1.0, 1.0]]"
+        )
 
 
 class TestDrawings:
-    def test_state_mass_centre_and_inertia_of_every_link(self) -> None:
+    def test_cad_data_have_an_uncertainty_for_each_link(self) -> None:
         robot = read("cad: [{mass_kg: 3.0}, {mass_kg: 2.0, uncertainty: 0.3}]")
         assert robot.cad is not None
         assert [link.uncertainty for link in robot.cad] == [0.1, 0.3]
 
-    def test_must_cover_every_link(self) -> None:
-        refused("11:1: cad", "1 links", "2 joints", addition="cad: [{mass_kg: 3.0}]")
+    def test_cad_data_must_cover_every_link(self) -> None:
+        assert_refused("11:1: cad", "1 links", "2 joints", addition="cad: [{mass_kg: 3.0}]")
 
     @pytest.mark.parametrize(
         ("inertia", "moments"),
@@ -117,11 +119,11 @@ class TestDrawings:
         ],
         ids=["triangle", "negative"],
     )
-    def test_with_an_impossible_inertia_are_refused(self, inertia: str, moments: str) -> None:
+    def test_an_impossible_inertia_is_refused(self, inertia: str, moments: str) -> None:
         links = f"cad: [{{mass_kg: 3.0}}, {{mass_kg: 3.0, inertia_kg_m2: [{inertia}]}}]"
-        refused("11:23: cad.1", "inertia_kg_m2", moments, addition=links)
+        assert_refused("11:23: cad.1", "inertia_kg_m2", moments, addition=links)
 
-    def test_of_a_thin_rod_are_accepted(self) -> None:
+    def test_the_inertia_of_a_thin_rod_is_accepted(self) -> None:
         inertia = "inertia_kg_m2: [0.0, 0.0, 0.0, 0.1, 0.0, 0.1]"
         robot = read(f"cad: [{{mass_kg: 1.0, {inertia}}}, {{mass_kg: 1.0}}]")
         assert robot.cad is not None
@@ -132,14 +134,14 @@ class TestCalibration:
     OFFSETS = (KinematicRow(theta_rad=0.01, d_m=-0.002), KinematicRow(beta_rad=0.003, a_m=0.001))
     NOMINAL = (KinematicRow(theta_rad=1.0, d_m=0.5), KinematicRow(alpha_rad=1.5, a_m=0.4))
 
-    def test_is_added_row_by_row(self) -> None:
+    def test_calibration_offsets_are_added_row_by_row(self) -> None:
         table = Kinematics(convention="modified_dh", rows=self.NOMINAL, calibration=self.OFFSETS)
         assert table.modified_rows() == (
             KinematicRow(theta_rad=1.01, d_m=0.498),
             KinematicRow(alpha_rad=1.5, beta_rad=0.003, a_m=0.401),
         )
 
-    def test_has_a_row_for_each_joint_and_hayatis_angle_only_in_the_modified_convention(
+    def test_calibration_has_a_row_per_joint_and_hayatis_angle_in_modified_dh_only(
         self,
     ) -> None:
         rows = "kinematics:\n  convention: standard_dh\n  rows: [{}, {}]\n  calibration: "
@@ -165,7 +167,7 @@ def test_a_written_robot_is_read_back_equal(name: str) -> None:
 class TestRoundedAngles:
     ROWS = (KinematicRow(theta_rad=-1.5708, d_m=0.5), KinematicRow(alpha_rad=1.57, a_m=0.4))
 
-    def test_become_exact_multiples_of_15_degrees_and_are_named(self) -> None:
+    def test_rounded_angles_become_exact_multiples_of_15_degrees_and_are_named(self) -> None:
         table = Kinematics(convention="modified_dh", rows=self.ROWS)
         first, second = table.modified_rows()
         assert first.theta_rad == -np.pi / 2
@@ -175,14 +177,14 @@ class TestRoundedAngles:
         assert "kinematics.rows.1.alpha_rad" in note
         assert table.rows == self.ROWS  # the file itself is unchanged
 
-    def test_are_not_calibration_offsets_or_hayati_angles(self) -> None:
+    def test_calibration_offsets_and_hayati_angles_are_not_rounded(self) -> None:
         offsets = (KinematicRow(alpha_rad=0.0005), KinematicRow(theta_rad=0.001))
         rows = (KinematicRow(beta_rad=0.785), KinematicRow())
         table = Kinematics(convention="modified_dh", rows=rows, calibration=offsets)
         first, second = table.modified_rows()
         assert (first.alpha_rad, first.beta_rad, second.theta_rad) == (0.0005, 0.785, 0.001)
 
-    def test_of_a_calibrated_robot_are_unchanged_and_named(self) -> None:
+    def test_angles_of_a_calibrated_robot_are_unchanged_and_named(self) -> None:
         rows = (KinematicRow(), KinematicRow(alpha_rad=1.5702964))
         table = Kinematics(convention="standard_dh", rows=rows)
         assert table.calibrated_rows == rows

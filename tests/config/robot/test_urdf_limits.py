@@ -20,14 +20,14 @@ def joint(kind: str, limits: dict[str, float]) -> UrdfJoint:
     return UrdfJoint("lift", "r:1", kind, "a", "b", np.eye(4), np.eye(3)[2], limits, None)
 
 
-def found(
+def limits_of(
     one: UrdfJoint, defaults: LimitDefaults | None = None, size: JointSize = SIZE
 ) -> FoundLimits:
     return limits_of_urdf([one], [size], defaults or LimitDefaults())[0]
 
 
 def test_valid_limits_are_used_and_only_the_acceleration_is_reported() -> None:
-    whole = found(joint("revolute", WHOLE))
+    whole = limits_of(joint("revolute", WHOLE))
     limits, taken = whole.limits, whole.replaced
     assert (limits.position_min, limits.position_max, limits.torque) == (-2.0, 2.5, 50.0)
     assert [str(one) for one in taken] == [
@@ -66,7 +66,7 @@ def test_valid_limits_are_used_and_only_the_acceleration_is_reported() -> None:
 def test_invalid_limits_are_replaced_and_reported(
     kind: str, limits: dict[str, float], key: str, expected: float, told: str
 ) -> None:
-    one = found(joint(kind, WHOLE | limits))
+    one = limits_of(joint(kind, WHOLE | limits))
     assert getattr(one.limits, key) == pytest.approx(expected)
     assert any(told in str(taken) for taken in one.replaced)
 
@@ -94,7 +94,7 @@ def test_impossible_limits_are_refused_and_never_widened(
     kind: str, limits: dict[str, float]
 ) -> None:
     with pytest.raises(ConfigError) as refused:
-        found(joint(kind, WHOLE | limits))
+        limits_of(joint(kind, WHOLE | limits))
     assert refused.value.refusal == "RID-URDF-LIMIT"
     assert str(refused.value).startswith("r:1: ")
 
@@ -104,29 +104,29 @@ def test_impossible_limits_are_refused_and_never_widened(
     [({"lower": -1.5}, (-1.5, 0.0)), ({"upper": 1.5}, (0.0, 1.5))],
 )
 def test_a_missing_bound_is_zero(limits: dict[str, float], expected: tuple[float, float]) -> None:
-    one = found(joint("revolute", {"velocity": 2.0, "effort": 50.0} | limits))
+    one = limits_of(joint("revolute", {"velocity": 2.0, "effort": 50.0} | limits))
     assert (one.limits.position_min, one.limits.position_max) == expected
     assert any(taken.key == "position" for taken in one.replaced)
 
 
 def test_the_smaller_of_two_stated_accelerations_is_used() -> None:
-    one = found(joint("revolute", WHOLE | {"acceleration": 4.0, "deceleration": 3.0}))
+    one = limits_of(joint("revolute", WHOLE | {"acceleration": 4.0, "deceleration": 3.0}))
     assert one.limits.acceleration == 3.0
 
 
 def test_zero_limits_that_lock_a_joint_are_replaced_by_a_given_range() -> None:
     locked = joint("revolute", WHOLE | {"lower": 0.0, "upper": 0.0})
-    assert found(locked, LimitDefaults(position=(1.0,))).limits.position_max == 1.0
+    assert limits_of(locked, LimitDefaults(position=(1.0,))).limits.position_max == 1.0
 
 
 def test_options_replace_missing_limits_only() -> None:
     defaults = LimitDefaults(position=(1.0,), velocity=(1.5,), acceleration=(3.0,), torque=(70.0,))
-    bare, whole = (found(joint("revolute", x), defaults).limits for x in ({}, WHOLE))
+    bare, whole = (limits_of(joint("revolute", x), defaults).limits for x in ({}, WHOLE))
     assert (bare.position_min, bare.position_max) == (-1.0, 1.0)
     assert (bare.velocity, bare.acceleration, bare.torque) == (1.5, 3.0, 70.0)
     assert (whole.position_max, whole.velocity, whole.torque) == (2.5, 2.0, 50.0)
     with raises_code(ConfigError, "RID-OPTION-COUNT", "--effort"):
-        found(joint("revolute", WHOLE), LimitDefaults(torque=(1.0, 2.0)))
+        limits_of(joint("revolute", WHOLE), LimitDefaults(torque=(1.0, 2.0)))
 
 
 def test_dimensions_are_those_of_the_stretched_arm() -> None:

@@ -10,7 +10,7 @@ from config.robot.robot import LinkCad
 from config.robot.urdf_robot import UrdfRobot, robot_of_urdf
 
 
-def made(inertial: str, second: str = "") -> UrdfRobot:
+def robot_with(inertial: str, second: str = "") -> UrdfRobot:
     joints = "".join(
         f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
         '<origin xyz="0.4 0 0.1"/><axis xyz="0 0 1"/>'
@@ -39,7 +39,7 @@ def moments(link: LinkCad) -> np.ndarray:
 
 
 def test_a_small_violation_of_the_triangle_inequality_is_repaired_by_a_small_change() -> None:
-    robot = made(inertial(3.0, 0.010, 0.020, 0.03024), SOUND)
+    robot = robot_with(inertial(3.0, 0.010, 0.020, 0.03024), SOUND)
     assert robot.robot.cad is not None
     repaired = moments(robot.robot.cad[0])
     np.testing.assert_allclose(repaired, [0.01008, 0.02008, 0.03016], atol=1e-5)  # least squares
@@ -56,7 +56,7 @@ def test_a_small_violation_of_the_triangle_inequality_is_repaired_by_a_small_cha
 def test_a_large_violation_is_repaired_and_marked_less_certain(
     stated: tuple[float, float, float],
 ) -> None:
-    robot = made(inertial(4.0, *stated), SOUND)
+    robot = robot_with(inertial(4.0, *stated), SOUND)
     assert robot.robot.cad is not None
     repaired = moments(robot.robot.cad[0])
     assert repaired[0] >= 0.0
@@ -67,21 +67,23 @@ def test_a_large_violation_is_repaired_and_marked_less_certain(
 
 
 def test_products_of_inertia_are_included() -> None:
-    robot = made(inertial(1.0, 0.01, 0.01, 0.015, xy=0.02), SOUND)  # moments -0.01, 0.015, 0.03
+    robot = robot_with(
+        inertial(1.0, 0.01, 0.01, 0.015, xy=0.02), SOUND
+    )  # moments -0.01, 0.015, 0.03
     assert robot.robot.cad is not None
     assert moments(robot.robot.cad[0])[0] >= 0.0
     assert any("principal moments -0.01, 0.015, 0.03" in note for note in robot.notes)
 
 
 def test_valid_inertias_are_unchanged() -> None:
-    robot = made(inertial(1.0, 0.01, 0.02, 0.03), SOUND)  # flat: exactly on the limit
+    robot = robot_with(inertial(1.0, 0.01, 0.02, 0.03), SOUND)  # flat: exactly on the limit
     assert robot.robot.cad is not None
     np.testing.assert_allclose(moments(robot.robot.cad[0]), [0.01, 0.02, 0.03], rtol=1e-12)
     assert not any("impossible" in note for note in robot.notes)
 
 
 def test_an_inertia_in_another_unit_counts_as_unknown() -> None:
-    robot = made(inertial(2.0, 2e4, 2e4, 3e4), SOUND)  # kg mm²
+    robot = robot_with(inertial(2.0, 2e4, 2e4, 3e4), SOUND)  # kg mm²
     assert any("a unit other than kg m²?" in note for note in robot.notes)
     assert robot.robot.cad is not None
     assert robot.robot.cad[0].unknown_inertia_kg_m2 is not None
@@ -92,7 +94,7 @@ def test_an_inertia_in_another_unit_counts_as_unknown() -> None:
     ["", "<inertial/>", '<inertial><mass value="0"/></inertial>'],
 )
 def test_a_moving_link_without_mass_is_a_guess_and_the_others_are_unchanged(nothing: str) -> None:
-    robot = made(nothing, SOUND)
+    robot = robot_with(nothing, SOUND)
     assert robot.robot.cad is not None
     guess, sound = robot.robot.cad
     assert guess.uncertainty is None
@@ -106,7 +108,7 @@ def test_a_moving_link_without_mass_is_a_guess_and_the_others_are_unchanged(noth
 
 
 def test_one_inertia_that_is_nan_counts_as_unknown_and_the_link_keeps_its_mass() -> None:
-    robot = made(inertial(2.0, float("nan"), 0.02, 0.03), SOUND)
+    robot = robot_with(inertial(2.0, float("nan"), 0.02, 0.03), SOUND)
     assert robot.robot.cad is not None
     assert robot.robot.cad[0].mass_kg == 2.0
     assert robot.robot.cad[0].unknown_inertia_kg_m2 is not None

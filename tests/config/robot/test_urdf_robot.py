@@ -26,7 +26,7 @@ from tests.builders.raised_codes import raises_code
 LIMIT = '<limit lower="-2" upper="2" effort="50" velocity="2"/>'
 
 
-def words(values) -> str:
+def xml_numbers(values) -> str:
     return " ".join(f"{value:.17g}" for value in values)
 
 
@@ -38,7 +38,8 @@ def link(name: str, rng: np.random.Generator | None = None) -> str:
     xx, xy, xz, yy, yz, zz = inertia[np.triu_indices(3)]
     return (
         f'<link name="{name}"><inertial>'
-        f'<origin xyz="{words(rng.normal(0, 0.3, 3))}" rpy="{words(rng.uniform(-3, 3, 3))}"/>'
+        f'<origin xyz="{xml_numbers(rng.normal(0, 0.3, 3))}" '
+        f'rpy="{xml_numbers(rng.uniform(-3, 3, 3))}"/>'
         f'<mass value="{rng.uniform(0.5, 9.0)}"/>'
         f'<inertia ixx="{xx}" ixy="{xy}" ixz="{xz}" iyy="{yy}" iyz="{yz}" izz="{zz}"/>'
         "</inertial></link>"
@@ -76,9 +77,11 @@ def chain(joints: list[tuple[str, str, str, str, int]]) -> tuple[bytes, str]:
     for i, (kind, axis, place, turn, seed) in enumerate(joints, start=1):
         rng = np.random.default_rng(seed)
         chosen = {
-            "axis": {"skew": words(rng.normal(0, 1, 3)), "near": "1e-4 -2e-4 1"}.get(axis, axis),
-            "xyz": words(rng.normal(0, 0.4, 3)) if place == "skew" else place,
-            "rpy": words(rng.uniform(-3, 3, 3)) if turn == "skew" else turn,
+            "axis": {"skew": xml_numbers(rng.normal(0, 1, 3)), "near": "1e-4 -2e-4 1"}.get(
+                axis, axis
+            ),
+            "xyz": xml_numbers(rng.normal(0, 0.4, 3)) if place == "skew" else place,
+            "rpy": xml_numbers(rng.uniform(-3, 3, 3)) if turn == "skew" else turn,
         }
         parts += [link(f"l{i}", rng), joint(f"j{i}", kind, f"l{i - 1}", f"l{i}", **chosen)]
     return robot(*parts), f"l{len(joints)}"

@@ -25,7 +25,7 @@ def test_the_script_in_the_guide_loads(tmp_path: Path) -> None:
     last = lines.index("", first)
     script = load(tmp_path, "\n".join(line[4:] for line in lines[first:last]))
     assert len(script.bus) == 3
-    assert script.drives[0].code == 0x4310, "decimal: YAML here has no other numbers"
+    assert script.drives[0].code == 0x4310, "the number must be decimal"
     assert script.registers[0].kind == "late"
     assert script.amplifier[0].count == 3
     assert script.drives[2].clock_rate == 0.5

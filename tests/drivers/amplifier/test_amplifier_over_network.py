@@ -80,7 +80,9 @@ class DeviceServer:
 
 
 @pytest.fixture
-def behind(serve_amplifier: Serve) -> Iterator[Callable[[str], tuple[Any, DeviceServer]]]:
+def amplifier_behind_server(
+    serve_amplifier: Serve,
+) -> Iterator[Callable[[str], tuple[Any, DeviceServer]]]:
     servers: list[DeviceServer] = []
 
     def serve(scheme: str) -> tuple[Any, DeviceServer]:
@@ -106,9 +108,9 @@ def patience(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("scheme", ["rfc2217", "socket"])
 def test_settings_and_rows_are_read_over_the_network(
-    behind: Callable[[str], tuple[Any, DeviceServer]], scheme: str
+    amplifier_behind_server: Callable[[str], tuple[Any, DeviceServer]], scheme: str
 ) -> None:
-    served, _ = behind(scheme)
+    served, _ = amplifier_behind_server(scheme)
     until_s = time.monotonic() + 120.0
     with open_amplifier(served.plate.amplifier, served.profile) as amplifier:
         assert amplifier.connect().startswith("rid-daq,simulated")
@@ -126,9 +128,9 @@ def test_settings_and_rows_are_read_over_the_network(
 
 @pytest.mark.parametrize("scheme", ["rfc2217", "socket"])
 def test_a_lost_device_server_is_an_error_of_the_line(
-    behind: Callable[[str], tuple[Any, DeviceServer]], scheme: str
+    amplifier_behind_server: Callable[[str], tuple[Any, DeviceServer]], scheme: str
 ) -> None:
-    served, server = behind(scheme)
+    served, server = amplifier_behind_server(scheme)
     until_s = time.monotonic() + 120.0
     with open_amplifier(served.plate.amplifier, served.profile) as amplifier:
         amplifier.connect()

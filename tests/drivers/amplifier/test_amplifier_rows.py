@@ -38,7 +38,7 @@ def read_rows(amplifier: SerialAmplifier, count: int) -> list[PlateRead]:
     return reads
 
 
-def test_the_transcript_of_a_session(plug: Plug) -> None:
+def test_a_session_sends_the_transcripts_commands(plug: Plug) -> None:
     device = plug(rows=rows("binary", range(3)))
     script = device.script
     with open_amplifier(device.config, PROFILE) as amplifier:

@@ -238,7 +238,7 @@ def test_an_event_near_the_overflow_has_the_time_of_its_row(form: str) -> None:
 
 
 @form
-def test_after_stopped_the_line_is_text_again(form: str) -> None:
+def test_after_the_stopped_event_the_line_is_text_again(form: str) -> None:
     parser = stream(form)
     block = parser.feed(row(form, 0) + event(form, EVENTS.stopped, 1) + b"\rOK\r")
     assert len(block.rows) == 1

@@ -41,7 +41,7 @@ def test_no_frame_is_longer_than_the_worst_case(frame: Frame) -> None:
     assert unstuffed <= frame_bits(frame) <= worst_bits(len(frame.data))
 
 
-def test_known_frame_lengths() -> None:
+def test_known_frames_have_their_known_length() -> None:
     assert frame_bits(SYNC) == 51
     assert worst_bits(8) == 135
     assert typical_bits(8) == 119

@@ -34,7 +34,7 @@ from tests.builders.raised_codes import raises_code
 class TestIdentifiers:
     """CiA 301, 7.3.3, table 42: the predefined connection set."""
 
-    def test_pdo_identifiers(self) -> None:
+    def test_pdo_identifiers_follow_the_predefined_connection_set(self) -> None:
         assert [tpdo_cob_id(3, n) for n in (1, 2, 3, 4)] == [0x183, 0x283, 0x383, 0x483]
         assert [rpdo_cob_id(3, n) for n in (1, 2, 3, 4)] == [0x203, 0x303, 0x403, 0x503]
 
@@ -82,7 +82,7 @@ class TestHeartbeat:
         assert heartbeat_frame(2, NmtState.INITIALISING) == Frame(0x702, b"\x00")
         assert heartbeat_frame(127, NmtState.OPERATIONAL) == Frame(0x77F, b"\x05")
 
-    def test_consumer_heartbeat_entry(self) -> None:
+    def test_the_consumer_heartbeat_entry_has_node_id_and_time(self) -> None:
         # CiA 301, 7.5.2.17, figure 64: node id in bits 16-23, time in bits 0-15
         assert consumer_entry(127, 80) == 0x007F_0050
         assert parse_consumer_entry(0x007F_0050) == (127, 0.08)
@@ -92,7 +92,7 @@ class TestHeartbeat:
     def test_the_producer_never_sends_missed_heartbeats_later(self) -> None:
         producer = HeartbeatProducer(0.025)
         assert [producer.due(t) for t in (1.0, 1.024, 1.025)] == [True, False, True]
-        assert producer.due(2.0), "one beat after a long pause"
+        assert producer.due(2.0), "one heartbeat after a long pause"
         assert not producer.due(2.001), "and no more"
 
     def test_the_consumer_starts_with_the_first_heartbeat(self) -> None:
@@ -120,7 +120,7 @@ class TestHeartbeat:
 
 
 class TestEmergency:
-    def test_following_error_frame(self) -> None:
+    def test_a_following_error_frame_is_encoded_and_decoded(self) -> None:
         # CiA 301, 7.2.7.3: error code, error register, five bytes of the manufacturer
         emergency = Emergency(0x8611, 0x21, b"\1\2\3\4\5")
         frame = Frame(0x083, bytes.fromhex("11 86 21 01 02 03 04 05"))

@@ -91,22 +91,26 @@ def remote(network: canopen.Network, device: OurDevice) -> canopen.RemoteNode:
 
 
 class TestCanopenAsClient:
-    def test_reads(self, remote: canopen.RemoteNode) -> None:
+    def test_canopen_reads_from_our_server(self, remote: canopen.RemoteNode) -> None:
         assert remote.sdo.upload(0x1000, 0) == b"\x92\x01\x02\x00"
         assert remote.sdo.upload(0x1008, 0) == b"rid-daq test drive"
 
     @pytest.mark.parametrize("size", [1, 2, 3, 4, 5, 7, 8, 14, 100])
-    def test_writes(self, remote: canopen.RemoteNode, device: OurDevice, size: int) -> None:
+    def test_canopen_writes_to_our_server(
+        self, remote: canopen.RemoteNode, device: OurDevice, size: int
+    ) -> None:
         data = bytes(range(size))
         remote.sdo.download(0x2000, 1, data)
         assert device.objects[0x2000, 1] == data
         assert remote.sdo.upload(0x2000, 1) == data
 
-    def test_forced_segments(self, remote: canopen.RemoteNode, device: OurDevice) -> None:
+    def test_canopen_writes_in_segments_to_our_server(
+        self, remote: canopen.RemoteNode, device: OurDevice
+    ) -> None:
         remote.sdo.download(0x2000, 1, b"\x01\x02", force_segment=True)
         assert device.objects[0x2000, 1] == b"\x01\x02"
 
-    def test_aborts(self, remote: canopen.RemoteNode) -> None:
+    def test_canopen_receives_our_abort_codes(self, remote: canopen.RemoteNode) -> None:
         with pytest.raises(canopen.SdoAbortedError) as unknown:
             remote.sdo.upload(0x3000, 0)
         with pytest.raises(canopen.SdoAbortedError) as read_only:
@@ -160,17 +164,17 @@ class TestCanopenAsServer:
         with open_can(CanBusConfig(interface="virtual", channel=CHANNEL)) as link:
             yield SdoPort(link, NODE, no_others, timeout_s=30.0)
 
-    def test_reads(self, port: SdoPort) -> None:
+    def test_our_client_reads_from_canopen(self, port: SdoPort) -> None:
         assert port.read_int(0x1000, 0) == 0x0002_0192
         assert port.read(0x1008, 0) == b"a drive made by the canopen package"
 
-    def test_writes(self, port: SdoPort, local: canopen.LocalNode) -> None:
+    def test_our_client_writes_to_canopen(self, port: SdoPort, local: canopen.LocalNode) -> None:
         port.write(0x6060, 0, b"\x09")
         assert local.get_data(0x6060, 0) == b"\x09"
         port.write(0x1008, 0, b"a new and much longer name")
         assert port.read(0x1008, 0) == b"a new and much longer name"
 
-    def test_aborts(self, port: SdoPort) -> None:
+    def test_our_client_receives_canopens_abort_codes(self, port: SdoPort) -> None:
         with raises_code(SdoAbort, "RID-DRIVE-REFUSED") as caught:
             port.read(0x3000, 0)
         assert caught.value.code == SdoCode.NO_OBJECT

@@ -65,11 +65,13 @@ def run(client: SdoClient, server: SdoServer, frame: Frame | None) -> None:
 
 
 class TestServerTranscripts:
-    def test_expedited_upload(self, server: SdoServer) -> None:
+    def test_an_expedited_upload_follows_its_transcript(self, server: SdoServer) -> None:
         # 7.2.4.3.5: ccs 2; scs 2, n 0, e 1, s 1
         assert ask(server, "40 00 10 00 00 00 00 00") == "43 00 10 00 92 01 02 00"
 
-    def test_expedited_download_of_two_bytes(self, server: SdoServer, store: Store) -> None:
+    def test_an_expedited_download_of_two_bytes_follows_its_transcript(
+        self, server: SdoServer, store: Store
+    ) -> None:
         # 7.2.4.3.3: ccs 1, n 2, e 1, s 1; scs 3
         assert ask(server, "2b 40 60 00 06 00 00 00") == "60 40 60 00 00 00 00 00"
         assert store.writes == [(0x6040, 0, b"\x06\x00")]
@@ -80,7 +82,9 @@ class TestServerTranscripts:
         assert ask(server, "22 40 60 00 06 00 00 00") == "60 40 60 00 00 00 00 00"
         assert store.writes == [(0x6040, 0, b"\x06\x00\x00\x00")]
 
-    def test_segmented_upload(self, server: SdoServer, store: Store) -> None:
+    def test_a_segmented_upload_follows_its_transcript(
+        self, server: SdoServer, store: Store
+    ) -> None:
         # 7.2.4.3.5 and 7.2.4.3.6; the text is that of the canopen package's own transcript
         store.objects[0x1008, 0] = b"Tiny Node - Mega Domains !"
         assert ask(server, "40 08 10 00 00 00 00 00") == "41 08 10 00 1a 00 00 00"
@@ -89,19 +93,23 @@ class TestServerTranscripts:
         assert ask(server, "60 00 00 00 00 00 00 00") == "00 67 61 20 44 6f 6d 61"
         assert ask(server, "70 00 00 00 00 00 00 00") == "15 69 6e 73 20 21 00 00"
 
-    def test_segmented_download(self, server: SdoServer, store: Store) -> None:
+    def test_a_segmented_download_follows_its_transcript(
+        self, server: SdoServer, store: Store
+    ) -> None:
         # 7.2.4.3.3 and 7.2.4.3.4
         assert ask(server, "21 00 20 00 0d 00 00 00") == "60 00 20 00 00 00 00 00"
         assert ask(server, "00 41 20 6c 6f 6e 67 20") == "20 00 00 00 00 00 00 00"
         assert ask(server, "13 73 74 72 69 6e 67 00") == "30 00 00 00 00 00 00 00"
         assert store.writes == [(0x2000, 0, b"A long string")]
 
-    def test_refusals(self, server: SdoServer) -> None:
+    def test_invalid_requests_are_refused_with_their_abort_code(self, server: SdoServer) -> None:
         # 7.2.4.3.17 with table 22
         assert ask(server, "40 00 30 07 00 00 00 00") == "80 00 30 07 00 00 02 06"
         assert ask(server, "2f 00 10 00 01 00 00 00") == "80 00 10 00 02 00 01 06"
 
-    def test_a_toggle_that_does_not_alternate(self, server: SdoServer, store: Store) -> None:
+    def test_a_toggle_bit_that_does_not_alternate_is_refused(
+        self, server: SdoServer, store: Store
+    ) -> None:
         ask(server, "21 00 20 00 0d 00 00 00")
         assert ask(server, "10 41 20 6c 6f 6e 67 20") == "80 00 20 00 00 00 03 05"
         assert ask(server, "00 41 20 6c 6f 6e 67 20") == "80 41 20 6c 01 00 04 05"

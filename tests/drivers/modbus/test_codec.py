@@ -68,7 +68,9 @@ class TestWordValues:
             ("float32", (0xC2F7, 0x0000), -123.5),
         ],
     )
-    def test_types(self, kind: Any, words: tuple[int, ...], value: float) -> None:
+    def test_words_are_decoded_by_their_type(
+        self, kind: Any, words: tuple[int, ...], value: float
+    ) -> None:
         drive = profile(rated_torque_nm=Register(address=10, type=kind))
         read = RegisterRead("holding", 10, len(words), ("rated_torque_nm",))
         assert decode(drive, read, words)["rated_torque_nm"] == pytest.approx(value)
@@ -117,22 +119,22 @@ class TestWordValues:
 
 
 class TestInvalidProfiles:
-    def test_overlapping_registers(self) -> None:
+    def test_overlapping_registers_are_refused(self) -> None:
         with raises_invalid("", "rated_torque_nm", "rated_current_a", "register 11"):
             profile(
                 rated_torque_nm=Register(address=10, type="uint32"),
                 rated_current_a=Register(address=11, type="uint16"),
             )
 
-    def test_no_temperature(self) -> None:
+    def test_a_profile_without_temperature_is_refused(self) -> None:
         only = {"rated_torque_nm": Register(address=1, type="uint16")}
         with raises_invalid("", "motor_temperature_k"):
             DriveProfile(name="test", registers=only)  # type: ignore[arg-type]
 
-    def test_a_scale_of_zero(self) -> None:
+    def test_a_scale_of_zero_is_refused(self) -> None:
         with raises_invalid("", "scale", "0"):
             Register(address=1, type="uint16", scale=0.0)
 
-    def test_infinite_numbers(self) -> None:
+    def test_infinite_numbers_are_refused(self) -> None:
         with pytest.raises(ValidationError):
             Register(address=1, type="uint16", scale=math.inf)

@@ -33,35 +33,35 @@ def answer(state: str = "ERROR-ACTIVE", restart_ms: int = 0, bitrate: int = 1_00
     return json.dumps([link])
 
 
-def red(interface: CanInterface | None) -> list[str]:
+def red_properties(interface: CanInterface | None) -> list[str]:
     return [line.what for line in interface_lines(CELL, interface) if line.verdict == "red"]
 
 
 def test_an_interface_with_the_settings_of_the_cell_file_is_ok() -> None:
-    assert red(CanInterface.parse(answer())) == []
+    assert red_properties(CanInterface.parse(answer())) == []
 
 
 @pytest.mark.parametrize("state", ["ERROR-WARNING", "ERROR-PASSIVE", "BUS-OFF", "STOPPED"])
 def test_every_state_except_error_active_is_red(state: str) -> None:
-    assert red(CanInterface.parse(answer(state))) == ["state"]
+    assert red_properties(CanInterface.parse(answer(state))) == ["state"]
 
 
 def test_another_bit_rate_and_an_automatic_restart_are_red() -> None:
     found = CanInterface.parse(answer(bitrate=500_000, restart_ms=100))
-    assert red(found) == ["bit rate", "restart after bus-off (restart-ms)"]
+    assert red_properties(found) == ["bit rate", "restart after bus-off (restart-ms)"]
 
 
 def test_properties_that_a_virtual_interface_lacks_are_shown() -> None:
     link = {"ifname": "vcan0", "flags": ["NOARP", "UP"], "linkinfo": {"info_kind": "vcan"}}
     found = CanInterface.parse(json.dumps([link]))
     assert found == CanInterface(up=True)
-    assert red(found) == []
+    assert red_properties(found) == []
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[]", "[1]", "[{}, {}]", '[{"linkinfo": 3}]', "nan"])
 def test_an_unreadable_answer_is_red(text: str) -> None:
     assert CanInterface.parse(text) is None
-    assert red(None) == ["interface"]
+    assert red_properties(None) == ["interface"]
 
 
 def test_the_kernels_settings_are_read_with_ip(

@@ -31,7 +31,7 @@ class Computer:
         self.now += duration_s + next(self._waking_s, 0.0)
 
 
-def late_s(waking_s: list[float]) -> list[float]:
+def lateness_s(waking_s: list[float]) -> list[float]:
     """Return the lateness of cycles on a computer with these wake-up delays."""
     computer = Computer(waking_s)
     clock = MonotonicClock(computer.now_s, computer.sleep)
@@ -45,12 +45,12 @@ def late_s(waking_s: list[float]) -> list[float]:
 
 @given(st.lists(st.floats(0.0, 0.0009), max_size=300))
 def test_a_sleep_never_ends_early(waking_s: list[float]) -> None:
-    assert all(late >= 0.0 for late in late_s(waking_s))
+    assert all(late >= 0.0 for late in lateness_s(waking_s))
 
 
 def test_the_usual_wake_up_delay_is_compensated() -> None:
     waking_s = [17e-6 + 1e-6 * (k % 5) for k in range(1000)]
-    found = late_s(waking_s)
+    found = lateness_s(waking_s)
     assert found[0] > 17e-6
     assert max(found[300:]) < 5e-6
 
@@ -58,7 +58,7 @@ def test_the_usual_wake_up_delay_is_compensated() -> None:
 def test_a_stall_does_not_change_the_compensation() -> None:
     waking_s = [20e-6] * 1000
     waking_s[500] = 900e-6
-    found = late_s(waking_s)
+    found = lateness_s(waking_s)
     assert found[500] > 800e-6
     assert max(found[300:500] + found[501:]) < 3e-6
 

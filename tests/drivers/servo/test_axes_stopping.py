@@ -28,7 +28,7 @@ class TestStopping:
         for node in (1, 2, 3):
             assert bench.commands(node) == [(0x0002, 0)]
         bench.drives[1].state = PowerState.OPERATION_ENABLED
-        assert not bench.cycle((0.5, 0.5, 0.5)), "power that comes back moves nothing"
+        assert not bench.cycle((0.5, 0.5, 0.5)), "power that returns moves nothing"
         with raises_code(DriverError, "RID-INTERNAL-ERROR"):
             axes.enable()
 
@@ -46,7 +46,7 @@ class TestStopping:
         bench.bus.sent.clear()
         axes.quick_stop()
         assert [frame.cob_id for _, frame in bench.bus.sent] == [0x201, 0x202, 0x203]
-        assert not axes.command(np.full(3, 0.5)), "before any drive has said that it stops"
+        assert not axes.command(np.full(3, 0.5)), "although no drive has confirmed the stop"
         assert not bench.cycle((0.5, 0.5, 0.5))
 
     def test_a_quick_stop_is_sent_to_every_axis_even_on_a_failing_bus(
@@ -78,7 +78,7 @@ class TestStopping:
         for drive in bench.drives:
             drive.quick_stop_syncs = 10**6
         bench.cycle((0.5, 0.5, 0.5))
-        assert axes.halt(), "they stand still, under power: 605Ah = 5 or 6"
+        assert axes.halt(), "they are at rest with power: 605Ah = 5 or 6"
 
     def test_halt_ends_its_wait_for_a_silent_drive(self, bench: Bench) -> None:
         axes = bench.enabled()

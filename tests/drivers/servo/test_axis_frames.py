@@ -64,7 +64,7 @@ class Watch:
         self.short.append((axis, data_bytes))
 
 
-def joined(profile: ServoProfile, *batches: Sequence[Arrival]) -> tuple[list[Arrival], Watch]:
+def join_frames(profile: ServoProfile, *batches: Sequence[Arrival]) -> tuple[list[Arrival], Watch]:
     """Return the answers of one drive in a cycle with its SYNC at 1 s."""
     bus, watch = Bus(*batches), Watch()
     frames = [AxisFrames.of_profile(1, profile)]
@@ -76,11 +76,11 @@ def joined(profile: ServoProfile, *batches: Sequence[Arrival]) -> tuple[list[Arr
     return told, watch
 
 
-def status(time_s: float, word: int = 0x27) -> Arrival:
+def status_frame(time_s: float, word: int = 0x27) -> Arrival:
     return Arrival(STATUS, struct.pack("<H", word), time_s)
 
 
-def trace(time_s: float, counts: int = -70_000, current: int = -5) -> Arrival:
+def trace_frame(time_s: float, counts: int = -70_000, current: int = -5) -> Arrival:
     return Arrival(TRACE, struct.pack("<ii", counts, current), time_s)
 
 
@@ -89,45 +89,49 @@ ANSWER_DATA = ANSWER.pack(0x27, -70_000, -5)
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
 def test_parts_in_any_order_are_one_answer_with_the_oldest_time(order: tuple[int, int]) -> None:
-    parts = [status(1.001 + 0.001 * order[0]), trace(1.001 + 0.001 * order[1])]
+    parts = [status_frame(1.001 + 0.001 * order[0]), trace_frame(1.001 + 0.001 * order[1])]
     parts.sort(key=lambda part: part.time_s)
-    told, _ = joined(FIXED, [parts[0]], [parts[1]])
+    told, _ = join_frames(FIXED, [parts[0]], [parts[1]])
     assert told == [Arrival(STATUS, ANSWER_DATA, 1.001)]
 
 
 def test_a_part_alone_is_not_an_answer() -> None:
-    assert joined(FIXED, [status(1.001)])[0] == []
-    assert joined(FIXED, [trace(1.001)])[0] == []
+    assert join_frames(FIXED, [status_frame(1.001)])[0] == []
+    assert join_frames(FIXED, [trace_frame(1.001)])[0] == []
 
 
 def test_a_16_bit_current_may_lack_its_upper_half() -> None:
     short = Arrival(TRACE, struct.pack("<ih", -70_000, -5), 1.001)
-    assert [each.data for each in joined(FIXED, [status(1.001), short])[0]] == [ANSWER_DATA]
+    assert [each.data for each in join_frames(FIXED, [status_frame(1.001), short])[0]] == [
+        ANSWER_DATA
+    ]
 
 
 def test_a_part_that_is_too_short_is_reported_and_not_used() -> None:
-    told, watch = joined(FIXED, [status(1.001), Arrival(TRACE, bytes(5), 1.001)])
+    told, watch = join_frames(FIXED, [status_frame(1.001), Arrival(TRACE, bytes(5), 1.001)])
     assert (told, watch.short) == ([], [(0, 5)])
 
 
 def test_a_part_from_before_sync_is_not_joined_with_a_later_one() -> None:
-    assert joined(FIXED, [status(0.999), trace(1.001)])[0] == []
-    late = joined(FIXED, [status(0.998), trace(0.999), status(1.001), trace(1.001)])[0]
+    assert join_frames(FIXED, [status_frame(0.999), trace_frame(1.001)])[0] == []
+    late = join_frames(
+        FIXED, [status_frame(0.998), trace_frame(0.999), status_frame(1.001), trace_frame(1.001)]
+    )[0]
     assert [each.time_s for each in late] == [0.998, 1.001]
 
 
 @pytest.mark.parametrize("after", [False, True])
 def test_a_repeated_part_gives_a_second_answer(after: bool) -> None:
-    again = status(1.0005, word=0x1627)
-    batch = [status(1.0), trace(1.001)]
+    again = status_frame(1.0005, word=0x1627)
+    batch = [status_frame(1.0), trace_frame(1.001)]
     batch.insert(2 if after else 1, again)
-    told = joined(FIXED, batch)[0]
+    told = join_frames(FIXED, batch)[0]
     assert [ANSWER.unpack(each.data)[0] for each in told] == [0x27, 0x1627]
 
 
 def test_other_frames_are_returned_unchanged() -> None:
     other = Arrival(0x701, b"\x05", 1.001)
-    assert joined(FIXED, [other])[0] == [other]
+    assert join_frames(FIXED, [other])[0] == [other]
 
 
 def sdo_answer(data: bytes, time_s: float = 1.002) -> Arrival:
@@ -142,7 +146,7 @@ def test_a_requested_torque_is_joined_with_the_position() -> None:
     joiner = AnswerJoiner(cast(CanLink, Bus()), [1], frames, cast(DriveWatch, Watch()))
     assert joiner.questions == [(0x601, b"\x40\x77\x60\0\0\0\0\0")]
     answer = sdo_answer(b"\x43\x77\x60\0" + struct.pack("<i", -5))
-    assert [each.data for each in joined(ASKED, [POSITION, answer])[0]] == [ANSWER_DATA]
+    assert [each.data for each in join_frames(ASKED, [POSITION, answer])[0]] == [ANSWER_DATA]
 
 
 @pytest.mark.parametrize(
@@ -157,12 +161,12 @@ def test_a_requested_torque_is_joined_with_the_position() -> None:
     ],
 )
 def test_an_answer_other_than_the_torque_is_not_joined(data: bytes) -> None:
-    told = joined(ASKED, [POSITION, sdo_answer(data)])[0]
+    told = join_frames(ASKED, [POSITION, sdo_answer(data)])[0]
     assert [each for each in told if each.cob_id == 0x181] == []
 
 
 def test_endless_parts_are_not_joined() -> None:
-    told, _ = joined(FIXED, *([status(1.001)] for _ in range(3000)))
+    told, _ = join_frames(FIXED, *([status_frame(1.001)] for _ in range(3000)))
     assert told == []
 
 
@@ -184,9 +188,11 @@ arrivals = st.builds(
 def test_any_frames_become_answers_at_most_once_or_are_returned_unchanged(
     strange: list[Arrival], profile: ServoProfile
 ) -> None:
-    told, watch = joined(profile, strange)
+    told, watch = join_frames(profile, strange)
     answers = [each for each in told if each.cob_id == STATUS]
     assert len(told) + len(watch.short) <= len(strange)
     assert all(len(each.data) == ANSWER.size for each in answers)
     stamps = {each.time_s for each in strange}
-    assert all(each.time_s in stamps for each in answers), "no answer is of a time of its own"
+    assert all(each.time_s in stamps for each in answers), (
+        "an answer has the time of one of its parts"
+    )

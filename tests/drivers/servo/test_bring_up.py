@@ -227,7 +227,7 @@ class TestMissingDevices:
         bench.drives[1].mute = True
         with raises_code(DeviceTimeoutError, "RID-DRIVE-SILENT"):
             bench.axes.bring_up()
-        assert bench.bus.sent_to(0x601) == [], "no other drive is asked anything"
+        assert bench.bus.sent_to(0x601) == [], "no other drive gets a request"
 
     def test_a_drive_that_becomes_silent_is_reported(self, bench: Bench) -> None:
         drive = bench.drives[1]

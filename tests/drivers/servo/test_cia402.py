@@ -43,7 +43,7 @@ W = ControlWord
         (0x0238, S.FAULT),
     ],
 )
-def test_statuswords(statusword: int, state: PowerState) -> None:
+def test_status_words_are_decoded_to_their_state(statusword: int, state: PowerState) -> None:
     assert state_of(statusword) is state
 
 
@@ -98,7 +98,9 @@ def test_a_fault_is_never_reset_during_enabling() -> None:
         (S.FAULT, W.ENABLE_OPERATION, S.FAULT),
     ],
 )
-def test_transitions(state: PowerState, word: int, after: PowerState) -> None:
+def test_transitions_are_those_of_the_standard(
+    state: PowerState, word: int, after: PowerState
+) -> None:
     assert after_controlword(state, word, 0) is after
 
 
@@ -116,12 +118,12 @@ def units(
     return AxisUnits.of_motor(motor, ServoProfile(velocity_unit=unit), gear_ratio, direction, 1000)
 
 
-def test_one_revolution_of_a_joint() -> None:
+def test_one_revolution_of_a_joint_is_converted_to_counts() -> None:
     assert units().position(1000 + 409_600) == pytest.approx(2 * math.pi, rel=1e-15)
     assert units(direction=-1).position(1000 + 409_600) == pytest.approx(-2 * math.pi)
 
 
-def test_the_rated_torque_on_the_joint_side() -> None:
+def test_the_rated_torque_is_converted_to_the_joint_side() -> None:
     # 6077h counts 0.1 % of 6076h: 1000 is 2 N m at the motor, 200 N m with a gear of 100
     assert units().torque_nm(1000) == pytest.approx(200.0)
     assert units(direction=-1).torque_nm(1000) == pytest.approx(-200.0)
@@ -131,7 +133,9 @@ def test_the_rated_torque_on_the_joint_side() -> None:
     ("unit", "value"),
     [("increments_per_s", 65190), ("rpm", 955), ("0.1rpm", 9549)],
 )
-def test_one_radian_per_second_in_the_vendors_unit(unit: VelocityUnit, value: int) -> None:
+def test_one_radian_per_second_is_converted_to_the_vendors_unit(
+    unit: VelocityUnit, value: int
+) -> None:
     assert round(units(unit).velocity_units_per_rad_s) == value
     assert round(units(unit, direction=-1).velocity_units_per_rad_s) == -value
 

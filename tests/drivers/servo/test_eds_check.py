@@ -26,7 +26,7 @@ PROFILE = {
 }  # fmt: skip
 
 
-def found(
+def findings_on(
     cell: CellConfig,
     objects: dict[str, str | None] | None = None,
     more: str = "",
@@ -48,20 +48,20 @@ def found(
 
 
 def test_a_complete_sheet_has_no_findings(cell: CellConfig) -> None:
-    assert found(cell) == ()
-    assert found(cell.model_copy(update={"exchange": "trimmed"})) == ()
+    assert findings_on(cell) == ()
+    assert findings_on(cell.model_copy(update={"exchange": "trimmed"})) == ()
 
 
 def test_objects_that_a_drive_may_lack_may_be_missing(cell: CellConfig) -> None:
-    assert found(cell, {"1029sub1": None, "1401sub1": None, "1601sub0": None}) == ()
-    assert found(cell, {"1005": None, "6502": None, "60B2": None, "6066": None}) == ()
+    assert findings_on(cell, {"1029sub1": None, "1401sub1": None, "1601sub0": None}) == ()
+    assert findings_on(cell, {"1005": None, "6502": None, "60B2": None, "6066": None}) == ()
 
 
 @pytest.mark.parametrize("title", ["6007", "605A", "605E"])
 def test_a_missing_reaction_object_is_left_to_the_test_on_the_drive(
     cell: CellConfig, title: str
 ) -> None:
-    (finding,) = found(cell, {title: None})
+    (finding,) = findings_on(cell, {title: None})
     assert (finding.found, finding.verdict) == (
         "not in the EDS: the trial of the watches decides",
         "shown",
@@ -70,15 +70,15 @@ def test_a_missing_reaction_object_is_left_to_the_test_on_the_drive(
 
 def test_a_read_only_object_may_have_the_required_value(cell: CellConfig) -> None:
     read_only = "2 ro 0\nDefaultValue="
-    assert found(cell, {"60C2sub2": read_only + "-3"}) == ()
-    (finding,) = found(cell, {"60C2sub2": read_only + "-2"})
+    assert findings_on(cell, {"60C2sub2": read_only + "-3"}) == ()
+    (finding,) = findings_on(cell, {"60C2sub2": read_only + "-2"})
     assert (finding.found, finding.verdict) == ("AccessType ro", "red")
 
 
 def test_a_mode_missing_in_the_list_of_the_sheet_is_red(cell: CellConfig) -> None:
-    assert found(cell, {"6502": "7 ro 0\nDefaultValue=0"}) == ()
-    assert found(cell, {"6502": "7 ro 0\nDefaultValue=0x165"}) == ()
-    (finding,) = found(cell, {"6502": "7 ro 0\nDefaultValue=0x65"})
+    assert findings_on(cell, {"6502": "7 ro 0\nDefaultValue=0"}) == ()
+    assert findings_on(cell, {"6502": "7 ro 0\nDefaultValue=0x165"}) == ()
+    (finding,) = findings_on(cell, {"6502": "7 ro 0\nDefaultValue=0x65"})
     assert finding.found == "65h does not list it"
     assert finding.verdict == "red"
 
@@ -113,7 +113,7 @@ def test_missing_objects_are_reported_with_index_and_name(
     required: str,
     is_found: str,
 ) -> None:
-    (finding,) = found(cell, {title: said})
+    (finding,) = findings_on(cell, {title: said})
     assert (finding.object_name, finding.required) == (address, required)
     assert finding.found.startswith(is_found.replace("LINE", str(finding.line + 5)))
     assert name in finding.name
@@ -135,19 +135,19 @@ def test_missing_objects_are_reported_with_index_and_name(
 def test_limits_are_shown_without_a_verdict(
     cell: CellConfig, title: str, said: str, address: str, required: str, is_found: str
 ) -> None:
-    (finding,) = found(cell, {title: said})
+    (finding,) = findings_on(cell, {title: said})
     assert (finding.object_name, finding.required, finding.found) == (address, required, is_found)
     assert finding.verdict == "shown"
 
 
 def test_limits_that_depend_on_the_encoder_are_left_to_the_drive(cell: CellConfig) -> None:
-    assert found(cell, {"6065": "7 rw 0 0 1", "6085": "7 rw 0 0 1"}) == ()
+    assert findings_on(cell, {"6065": "7 rw 0 0 1", "6085": "7 rw 0 0 1"}) == ()
 
 
 def test_the_trimmed_exchange_needs_the_second_pdos(cell: CellConfig) -> None:
     trimmed = cell.model_copy(update={"exchange": "trimmed"})
     changed = {"60B2": None, "1401sub2": None, "1801sub5": "7 rw 0", "1601sub1": "7 const 0"}
-    assert [finding.object_name for finding in found(trimmed, changed)] == [
+    assert [finding.object_name for finding in findings_on(trimmed, changed)] == [
         "1601h:01", "1401h:02", "1801h:05",
     ]  # fmt: skip
 
@@ -156,7 +156,7 @@ def test_a_drive_that_may_lack_the_watchdog_may_lack_it_in_its_sheet(cell: CellC
     safety = cell.drive_safety.model_copy(
         update={"allow_drive_without_watchdog": (cell.axes[0].node_id,)}
     )
-    findings = found(
+    findings = findings_on(
         cell.model_copy(update={"drive_safety": safety}),
         {"1016sub1": None, "6007": None, "1017": None},
     )
@@ -166,7 +166,7 @@ def test_a_drive_that_may_lack_the_watchdog_may_lack_it_in_its_sheet(cell: CellC
 
 
 def test_a_dcf_of_another_node_is_red(cell: CellConfig) -> None:
-    (finding,) = found(cell, more="[DeviceComissioning]\nNodeID=77\n")
+    (finding,) = findings_on(cell, more="[DeviceComissioning]\nNodeID=77\n")
     assert (finding.name, finding.found) == ("node id", "77")
     node = cell.axes[0].node_id
-    assert found(cell, more=f"[DeviceComissioning]\nNodeID={node}\n") == ()
+    assert findings_on(cell, more=f"[DeviceComissioning]\nNodeID={node}\n") == ()

@@ -48,7 +48,9 @@ def test_a_sheet_states_its_device_type(
     assert kind_of(sheet(objects, device_type)) == kind
 
 
-def lacks(cell: CellConfig, objects: dict[str, str | None]) -> tuple[EdsFit, dict[str, bool]]:
+def fit_and_missing(
+    cell: CellConfig, objects: dict[str, str | None]
+) -> tuple[EdsFit, dict[str, bool]]:
     """Return the fit of a sheet, and for each missing object True if it protects people."""
     fit = fit_eds(sheet(objects), cell, cell.axes[0], {})
     return fit, {each.object_name: fit.protects(each) for each in fit.findings}
@@ -57,30 +59,30 @@ def lacks(cell: CellConfig, objects: dict[str, str | None]) -> tuple[EdsFit, dic
 def test_the_heartbeat_consumer_protects_people_and_an_answer_does_not(
     cell: CellConfig,
 ) -> None:
-    fit, missing = lacks(cell, {"1016sub1": None, "6041": "6 ro 0"})
+    fit, missing = fit_and_missing(cell, {"1016sub1": None, "6041": "6 ro 0"})
     assert missing == {"1016h:01": True, "6041h:00": True}
-    fit, missing = lacks(cell, {"1016sub1": None, "100C": "6 rw 0"})
+    fit, missing = fit_and_missing(cell, {"1016sub1": None, "100C": "6 rw 0"})
     assert missing == {"1016h:01": True}
-    fit, missing = lacks(cell, {"6064": "4 ro 0"})
+    fit, missing = fit_and_missing(cell, {"6064": "4 ro 0"})
     assert missing == {"6064h:00": False}
     assert not fit.concerns_safety
 
 
 def test_life_guarding_replaces_the_heartbeat_consumer(cell: CellConfig) -> None:
     guarding: dict[str, str | None] = {"100C": "6 rw 0", "100D": "5 rw 0"}
-    fit, missing = lacks(cell, {"1016sub1": None, "1017": None, **guarding})
+    fit, missing = fit_and_missing(cell, {"1016sub1": None, "1017": None, **guarding})
     assert missing == {}
     assert fit.keys == {"watch": "life_guarding"}
-    fit, missing = lacks(cell, {"1016sub1": None, **guarding, "100D": "5 const 0"})
+    fit, missing = fit_and_missing(cell, {"1016sub1": None, **guarding, "100D": "5 const 0"})
     assert missing == {"100Dh:00": True}
 
 
 def test_a_read_only_object_may_have_another_size(cell: CellConfig) -> None:
-    assert lacks(cell, {"60B2": "4 ro 1"})[0].accepted
+    assert fit_and_missing(cell, {"60B2": "4 ro 1"})[0].accepted
 
 
 def test_the_profile_deceleration_protects_nobody(cell: CellConfig) -> None:
     ramp = {"6083": "7 rw 0", "6084": "7 ro 0", "60C2sub1": None, "60C2sub2": None}
-    fit, missing = lacks(cell, ramp)
+    fit, missing = fit_and_missing(cell, ramp)
     assert fit.mode == "profile_velocity"
     assert missing == {"6084h:00": False}

@@ -51,7 +51,7 @@ def cell_with(bits: ReferencedBits | None, zero_counts: int | None = None) -> Ce
     )
 
 
-def brought_up(
+def bring_up(
     cell: CellConfig, *, homed: bool = True
 ) -> tuple[list[DriveSetting], PreflightError | None]:
     """Bring up the drives; return the reference findings and the refusal."""
@@ -68,7 +68,7 @@ def brought_up(
 
 @pytest.mark.parametrize("bits", [STATUS_BIT, STATE_NUMBER])
 def test_a_referenced_drive_is_accepted(bits: ReferencedBits) -> None:
-    (first, _), refused = brought_up(cell_with(bits, zero_counts=500))
+    (first, _), refused = bring_up(cell_with(bits, zero_counts=500))
     assert refused is None
     assert (first.object_name, first.verdict) == (bits.object, "ok")
     assert first.found.startswith("referenced, by the drive")
@@ -78,7 +78,7 @@ def test_a_referenced_drive_is_accepted(bits: ReferencedBits) -> None:
 def test_an_unreferenced_drive_is_refused_even_with_a_stated_zero(
     bits: ReferencedBits,
 ) -> None:
-    (first, second), refused = brought_up(cell_with(bits, zero_counts=500), homed=False)
+    (first, second), refused = bring_up(cell_with(bits, zero_counts=500), homed=False)
     assert refused is not None
     assert refused.refusal == first.code == NOT_REFERENCED == "RID-DRIVE-NOT-REFERENCED"
     assert first.verdict == "red"
@@ -87,7 +87,7 @@ def test_an_unreferenced_drive_is_refused_even_with_a_stated_zero(
 
 
 def test_without_such_bits_the_cell_file_can_state_the_zero() -> None:
-    (first, second), refused = brought_up(cell_with(None, zero_counts=0), homed=False)
+    (first, second), refused = bring_up(cell_with(None, zero_counts=0), homed=False)
     assert refused is None
     assert first.found == "zero stated in the cell file (position_zero_counts 0)"
     assert second.found.startswith("not known")
@@ -98,7 +98,7 @@ def test_an_object_that_the_drive_lacks_is_refused() -> None:
     cell = cell_with(STATE_NUMBER)
     profile = ServoProfile(referenced=STATE_NUMBER, lacks=("2040h",))
     axis = cell.axes[0].model_copy(update={"servo": profile})
-    (first, _), refused = brought_up(cell.model_copy(update={"axes": (axis, cell.axes[1])}))
+    (first, _), refused = bring_up(cell.model_copy(update={"axes": (axis, cell.axes[1])}))
     assert refused is not None
     assert first.found == "not in this drive"
     assert "referenced" in first.next_action

@@ -41,7 +41,9 @@ def test_answers_after_the_last_expected_one_belong_to_the_same_cycle(bench: Ben
     for cycle in range(1, 4):
         bench.arrives(Frame(0x182, struct.pack("<Hih", 0x1027, 77, 0)), 0.004)
         bench.cycle(STILL)
-        assert axes.answers.received.tolist() == [True, cycle == 1, True], "then it waits for both"
+        assert axes.answers.received.tolist() == [True, cycle == 1, True], (
+            "then the exchange waits for both answers"
+        )
     bench.cycle(STILL)
     assert axes.answers.second_answers.tolist() == [0, 3, 0]
     assert axes.cyclic.contradictions.tolist() == [0, 3, 0]
@@ -52,5 +54,5 @@ def test_a_second_answer_without_power_ends_the_motion(bench: Bench) -> None:
     axes = bench.enabled()
     bench.cycle(STILL)
     bench.arrives(Frame(0x181, struct.pack("<Hih", 0x0250, 1000, 0)), 200e-6)
-    assert not bench.cycle(STILL), "no velocity is sent any more"
+    assert not bench.cycle(STILL), "no further velocity is sent"
     assert axes.cyclic.contradictions.tolist() == [1, 0, 0]

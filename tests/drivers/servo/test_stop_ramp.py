@@ -39,7 +39,7 @@ def setting(bench: Bench, name: str, joint: str = "base") -> Any:
     return found
 
 
-def test_duration_and_distance_of_a_ramp() -> None:
+def test_duration_and_distance_of_a_ramp_are_computed() -> None:
     ramp = StopRamp(velocity=2.0, deceleration=4.0)
     assert ramp.time_s == 0.5
     assert ramp.distance == 0.5

@@ -33,7 +33,7 @@ def units_of(bench: Bench) -> list[AxisUnits]:
     return known
 
 
-def commanded(bench: Bench) -> list[float]:
+def last_commands(bench: Bench) -> list[float]:
     """Return the last velocity commands of the drives, in rad/s of their own joints."""
     last: dict[int, Frame] = {frame.cob_id: frame for _, frame in bench.bus.sent}
     units = units_of(bench)
@@ -78,5 +78,5 @@ def test_joint_velocities_are_converted_to_motor_velocities(bench: Bench) -> Non
     bench.enabled()
     bench.cycle(np.array([0.1, 0.0, 0.0]))
     np.testing.assert_allclose(
-        commanded(bench), np.linalg.solve(np.array(COUPLING), [0.1, 0.0, 0.0]), atol=1e-3
+        last_commands(bench), np.linalg.solve(np.array(COUPLING), [0.1, 0.0, 0.0]), atol=1e-3
     )

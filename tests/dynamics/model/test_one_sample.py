@@ -19,7 +19,7 @@ from tests.builders.raised_codes import raises_code
 Motions = Callable[[int, int], np.ndarray]
 
 
-def same(model: RobotModel, motion: np.ndarray, seed: int) -> None:
+def assert_same_torque(model: RobotModel, motion: np.ndarray, seed: int) -> None:
     rng = np.random.default_rng(seed)
     theta = rng.standard_normal(len(model.parameter_names))
     one = SampleTorque.of(model, theta)
@@ -38,7 +38,7 @@ def same(model: RobotModel, motion: np.ndarray, seed: int) -> None:
 def test_the_torque_of_bundled_robots_agrees(name: str, random_motion: Motions) -> None:
     """They have rotors on links, a spring and a coupled wrist."""
     robot = load_robot(name)
-    same(RobotModel.from_description(robot), random_motion(len(robot.joints), 3), 4)
+    assert_same_torque(RobotModel.from_description(robot), random_motion(len(robot.joints), 3), 4)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -47,7 +47,7 @@ def test_the_torque_of_any_chain_agrees(
 ) -> None:
     """The chains have revolute and prismatic joints, and rotors on any link."""
     robot = random_arm(1 + seed, seed)
-    same(RobotModel.from_description(robot), random_motion(1 + seed, seed), seed)
+    assert_same_torque(RobotModel.from_description(robot), random_motion(1 + seed, seed), seed)
 
 
 @pytest.mark.parametrize("smoothing", [0.0, 0.05])
@@ -63,10 +63,10 @@ def test_every_kind_of_friction_and_loss_agrees(
     )
     robot = ir361.model_copy(update={"joints": joints})
     model = RobotModel.from_description(robot, sign_smoothing_rad_s=smoothing)
-    same(model, random_motion(3, 7), 8)
+    assert_same_torque(model, random_motion(3, 7), 8)
     motion = random_motion(3, 9)
     motion[1, :4] = 0.0  # at rest
-    same(model, motion, 10)
+    assert_same_torque(model, motion, 10)
 
 
 def test_a_spring_as_a_fourier_series_agrees(
@@ -75,7 +75,7 @@ def test_a_spring_as_a_fourier_series_agrees(
     assert ir361.spring is not None
     spring = ir361.spring.model_copy(update={"form": "fourier"})
     robot = ir361.model_copy(update={"spring": spring})
-    same(RobotModel.from_description(robot), random_motion(3, 1), 2)
+    assert_same_torque(RobotModel.from_description(robot), random_motion(3, 1), 2)
 
 
 def test_temperature_dependent_friction_is_refused(ir361: RobotDescription) -> None:

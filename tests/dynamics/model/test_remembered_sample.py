@@ -34,7 +34,7 @@ def arm(ir361: RobotDescription) -> RobotDescription:
     return ir361.model_copy(update={"joints": joints})
 
 
-def way() -> tuple[FloatArray, FloatArray, FloatArray]:
+def path_with_reversals() -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return q, v, a of a path with distant and close reversals, and with rest."""
     t = np.linspace(0.0, 6.0, 400)[:, np.newaxis]
     q = 0.3 * np.sin(t * [1.0, 1.7, 2.3]) + 0.04 * np.sin(t * [9.0, 7.0, 8.0])
@@ -51,7 +51,7 @@ def test_the_torques_step_by_step_equal_those_of_the_whole_path(
     """The joints have every kind of friction and loss, with presliding and without."""
     model = RobotModel.from_description(arm(ir361), sign_smoothing_rad_s=smoothing)
     theta = np.random.default_rng(1).uniform(0.5, 2.0, len(model.parameter_names))
-    q, v, a = way()
+    q, v, a = path_with_reversals()
     conditions = with_presliding_history(model, q)
     load = load_torque(model, q, v, a, theta, conditions)
     expected = torque(model, q, v, a, theta, Conditions(load_nm=load, memory=conditions.memory))
@@ -63,5 +63,5 @@ def test_the_torques_step_by_step_equal_those_of_the_whole_path(
         hysteretic_torque(one.arrays, q[row], v[row], a[row], found, out)
         np.testing.assert_allclose(out, expected[row], rtol=1e-9, atol=1e-9)
     by_speed = torque(model, q, v, a, theta, Conditions(load_nm=load))
-    assert np.abs(by_speed - expected)[:, 0].max() > 1.0, "memory makes a difference here"
+    assert np.abs(by_speed - expected)[:, 0].max() > 1.0, "presliding has an effect on this path"
     np.testing.assert_allclose(one(q[7], v[7], a[7]), by_speed[7], rtol=1e-9, atol=1e-9)

@@ -26,7 +26,7 @@ PINOCCHIO_ORDER = [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]
 STEP = 1e-4
 
 
-def coupled(robot, seed: int):
+def with_coupling(robot, seed: int):
     """Return the robot with motors that move their own joint and, slightly, all others."""
     n = len(robot.joints)
     matrix = np.eye(n) + np.random.default_rng(seed).uniform(-0.4, 0.4, (n, n))
@@ -58,7 +58,7 @@ def test_coupled_rotors_agree_with_separate_bodies(
     n, seed, random_arm, judge, random_links, random_motion
 ) -> None:
     """Pinocchio's rotors spin at mu alpha. relative to the links that carry them."""
-    robot = coupled(random_arm(n, 20 * n + seed), seed)
+    robot = with_coupling(random_arm(n, 20 * n + seed), seed)
     links, polar = random_links(n, seed), np.random.default_rng(seed).uniform(0.01, 0.2, n)
     bodies, lumped = real_rotors(robot, links, polar)
     reference = judge(robot, links, bodies)
@@ -75,7 +75,7 @@ def test_the_base_wrench_of_coupled_rotors_agrees_with_bodies(
     random_arm, judge, random_links, random_motion
 ) -> None:
     """All rotors are on moving links, so that the base carries none of them directly."""
-    robot = coupled(random_arm(4, 5, "RRPR"), 5)
+    robot = with_coupling(random_arm(4, 5, "RRPR"), 5)
     joints = [
         joint.model_copy(update={"rotor": joint.rotor.model_copy(update={"link": max(i, 1)})})
         for i, joint in enumerate(robot.joints)
@@ -95,7 +95,7 @@ def test_torques_obey_lagranges_equations_in_the_actuators_coordinates(
     random_arm, judge, random_links
 ) -> None:
     """d/dt dL/d(alpha.) - dL/d(alpha), L from Pinocchio's energies, by central differences."""
-    robot = coupled(random_arm(3, 8, "RPR"), 8)
+    robot = with_coupling(random_arm(3, 8, "RPR"), 8)
     matrix = np.array(robot.coupling)
     links, polar = random_links(3, 8), np.array([0.02, 0.05, 0.03])
     bodies, lumped = real_rotors(robot, links, polar)
@@ -184,7 +184,7 @@ class TestWristOfTheThesis:
 
 def test_the_mass_matrix_contains_all_bodies(random_arm, judge, random_links) -> None:
     """The reference is Pinocchio's torque for a unit acceleration of each joint from rest."""
-    robot = coupled(random_arm(4, 9, "RRPR"), 9)
+    robot = with_coupling(random_arm(4, 9, "RRPR"), 9)
     links, polar = random_links(4, 9), np.array([0.1, 0.02, 0.05, 0.03])
     bodies, lumped = real_rotors(robot, links, polar)
     reference = judge(robot, links, bodies)

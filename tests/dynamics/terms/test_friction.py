@@ -103,14 +103,14 @@ def friction_torque(robot, coefficients, speed, conditions=None, **options) -> n
 
 
 class TestAsymmetric:
-    def test_has_a_coefficient_for_each_direction(self, ir361) -> None:
+    def test_asymmetric_friction_has_a_coefficient_for_each_direction(self, ir361) -> None:
         robot = one_axis(ir361, "asymmetric", "viscous")
         tau = friction_torque(robot, [5.0, 3.0, 2.0], [2.0, 0.0, -2.0])
         np.testing.assert_allclose(tau, [5.0 + 4.0, 0.0, -3.0 - 4.0])
         names = RobotModel.from_description(robot).parameter_names[30:]
         assert names == ("fcp_axis1", "fcn_axis1", "fv_axis1")
 
-    def test_equals_coulomb_friction_with_an_offset(self, ir361) -> None:
+    def test_asymmetric_friction_equals_coulomb_friction_with_an_offset(self, ir361) -> None:
         """As derived in theory, section 4, with and without smoothing."""
         speed = np.array([-1.0, -0.01, -1e-3, 1e-3, 0.02, 1.0])
         for smoothing in (0.0, 0.02):
@@ -123,7 +123,7 @@ class TestAsymmetric:
                 asymmetric, friction_torque(robot, [4.0, 1.0], speed, **options)
             )
 
-    def test_is_continuous_through_zero_if_smoothed(self, ir361) -> None:
+    def test_smoothed_asymmetric_friction_is_continuous_through_zero(self, ir361) -> None:
         speed = [-1e-9, 0.0, 1e-9]
         tau = friction_torque(
             one_axis(ir361, "asymmetric"), [5.0, 3.0], speed, sign_smoothing_rad_s=0.01
@@ -134,7 +134,7 @@ class TestAsymmetric:
 class TestStribeck:
     SPEED = np.array([-0.6, -0.2, -0.01, 0.0, 0.01, 0.2, 0.6])
 
-    def test_falls_to_1_over_e_at_its_speed(self, ir361) -> None:
+    def test_stribeck_friction_falls_to_1_over_e_at_its_speed(self, ir361) -> None:
         """(2.10)"""
         robot = one_axis(ir361, "coulomb", "stribeck")
         tau = friction_torque(robot, [10.0, 4.0], self.SPEED)
@@ -142,7 +142,9 @@ class TestStribeck:
         np.testing.assert_allclose(tau, np.sign(v) * (10.0 + 4.0 * np.exp(-np.abs(v) / 0.2)))
         assert tau[5] == pytest.approx(10.0 + 4.0 / np.e)
 
-    def test_its_speed_is_a_nonlinear_parameter_with_the_files_start_value(self, ir361) -> None:
+    def test_the_stribeck_speed_is_a_nonlinear_parameter_with_the_files_start_value(
+        self, ir361
+    ) -> None:
         model = RobotModel.from_description(one_axis(ir361, "stribeck"))
         assert model.nonlinear_names == ("vs_axis1",)
         assert model.nonlinear_units == ("rad/s",)
@@ -154,7 +156,7 @@ class TestStribeck:
         assert column == pytest.approx(np.exp(-3.0))
         np.testing.assert_array_equal(model.nonlinear_values, [0.2])
 
-    def test_each_joint_has_its_own_speed(self, ir361) -> None:
+    def test_each_joint_has_its_own_stribeck_speed(self, ir361) -> None:
         joints = [
             joint.model_copy(update={"friction": ("stribeck",), "stribeck_velocity": speed})
             for joint, speed in zip(ir361.joints, (0.1, 0.2, 0.4), strict=True)
@@ -175,7 +177,7 @@ class TestTemperature:
         first = first.model_copy(update={"reference_temperature_k": 300.0})
         return robot.model_copy(update={"joints": (first, *others)})
 
-    def test_changes_friction_in_proportion_to_the_temperature_rise(self, ir361) -> None:
+    def test_friction_changes_in_proportion_to_the_temperature_rise(self, ir361) -> None:
         warm = np.full((3, 3), 1.0) * np.array([[300.0], [310.0], [290.0]])
         speed = np.array([2.0, -2.0, 2.0])
         coefficients = fc, fv, fc_t, fv_t = [5.0, 3.0, -0.02, -0.1]
@@ -186,7 +188,7 @@ class TestTemperature:
         expected = (fc + fc_t * delta) * np.sign(speed) + (fv + fv_t * delta) * speed
         np.testing.assert_allclose(tau, expected)
 
-    def test_can_be_constant_for_the_whole_motion(self, ir361) -> None:
+    def test_the_temperature_can_be_constant_for_the_whole_motion(self, ir361) -> None:
         coefficients, speed = [5.0, 3.0, -0.02, -0.1], np.array([2.0, -2.0])
         mean = Conditions(temperature_k=np.array([310.0, 0.0, 0.0]))
         row = Conditions(temperature_k=np.full((2, 3), 310.0))
@@ -195,7 +197,7 @@ class TestTemperature:
             friction_torque(self.robot(ir361), coefficients, speed, row),
         )
 
-    def test_is_required(self, ir361) -> None:
+    def test_temperature_dependent_friction_requires_the_temperature(self, ir361) -> None:
         with raises_code(EstimationError, "RID-MODEL-TEMPERATURE", "fcT_axis1"):
             friction_torque(self.robot(ir361), np.ones(4), [1.0])
         wrong = Conditions(temperature_k=np.full((4, 3), 300.0))

@@ -89,7 +89,7 @@ def test_a_known_state_depends_on_the_motion_alone(path: FloatArray, seed: int) 
 def test_a_joint_slides_fully_one_distance_after_rest_and_two_after_a_reversal() -> None:
     from_rest = direction(D * np.array([0.0, 0.2, 0.5, 1.0, 2.0]))[:, DIRECTION]
     assert np.all(np.diff(from_rest[:4]) > 0.0)
-    assert from_rest[2] > 0.7, "most of the force is there after half of the way"
+    assert from_rest[2] > 0.7, "most of the force builds up over half of the distance"
     np.testing.assert_allclose(from_rest[3:], 1.0, atol=0.01)
     turned = direction(D * np.array([0.0, 2.0, 1.0, 0.1, 0.0]))[:, DIRECTION]
     assert turned[2] > -0.6

@@ -75,14 +75,14 @@ class TestAppendixD:
     def ratios(self, ir361):
         return [joint.gear_ratio for joint in ir361.joints]
 
-    def test_torque_of_actuator_2(self, column, motion, ratios) -> None:
+    def test_torque_of_actuator_2_agrees_with_appendix_d(self, column, motion, ratios) -> None:
         """(D.29), with the rotor's lumped part I_M e e^T, part of Izz2, added back."""
         _, mu2, mu3 = ratios
         _, a2, a3 = motion[2].T
         np.testing.assert_allclose((column("Im2") + column("Izz2"))[:, 1], (1 + mu2) ** 2 * a2)
         np.testing.assert_allclose((column("Im3") + column("Izz2"))[:, 1], a2 - mu3 * a3)
 
-    def test_torque_of_actuator_3(self, column, motion, ratios) -> None:
+    def test_torque_of_actuator_3_agrees_with_appendix_d(self, column, motion, ratios) -> None:
         *_, mu3 = ratios
         _, a2, a3 = motion[2].T
         np.testing.assert_allclose(column("Im3")[:, 2], mu3**2 * a3 - mu3 * a2)

@@ -51,7 +51,7 @@ def test_the_stiffness_column_is_collinear_with_the_gravity_of_link_2(model) -> 
     assert ratio[0] < 0.0  # the spring pushes up, gravity pulls down
 
 
-def test_names_and_units(ir361) -> None:
+def test_physical_parameters_have_names_and_units(ir361) -> None:
     spring = Spring.from_description(ir361)
     assert spring.parameter_names == ("k_spring", "P0_spring")
     assert spring.parameter_units == ("N/m", "N")
@@ -93,7 +93,7 @@ class TestFourierForm:
         assert not phi[:, [0, 2]].any()
         return phi[:, 1]
 
-    def test_is_a_series_of_cosines_and_sines(self, model) -> None:
+    def test_the_fourier_form_is_a_series_of_cosines_and_sines(self, model) -> None:
         q2 = np.linspace(-3.0, 3.0, 25)
         coefficients = a1, b1, a2, b2, a3, b3 = np.random.default_rng(0).standard_normal(6)
         expected = (
@@ -113,7 +113,7 @@ class TestFourierForm:
         fit = columns @ np.linalg.lstsq(columns, tau, rcond=None)[0]
         assert np.abs(fit - tau).max() < 5e-3 * np.abs(tau).max()
 
-    def test_names_and_units(self, model) -> None:
+    def test_fourier_parameters_have_names_and_units(self, model) -> None:
         names = model.parameter_names[model.parameter_groups["spring"]]
         assert " ".join(names) == ("A1_spring B1_spring A2_spring B2_spring A3_spring B3_spring")
         assert set(model.parameter_units[model.parameter_groups["spring"]]) == {"N m"}

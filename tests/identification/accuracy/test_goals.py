@@ -102,15 +102,15 @@ def test_torque_is_judged_over_a_motion(model, estimate) -> None:
 class TestAdvice:
     goal = Goal("fc_axis1", 0.1, False, "fc_axis1<0.1Nm")
 
-    def test_recommends_more_periods_if_noise_dominates(self) -> None:
+    def test_more_periods_are_recommended_if_noise_dominates(self) -> None:
         state = GoalState(self.goal, sigma=0.2, limit=0.1, noise=0.2, unit="N m")
         assert "about 16 periods in total" in state.sentence(4)
 
-    def test_recommends_another_model_if_its_error_dominates(self) -> None:
+    def test_another_model_is_recommended_if_its_error_dominates(self) -> None:
         state = GoalState(self.goal, sigma=0.2, limit=0.1, noise=0.01, unit="N m")
         assert "more periods do not reduce" in state.sentence(4)
 
-    def test_recommends_nothing_if_the_goal_is_reached(self) -> None:
+    def test_nothing_is_recommended_if_the_goal_is_reached(self) -> None:
         state = GoalState(self.goal, sigma=0.05, limit=0.1, noise=0.01, unit="N m")
         assert state.sentence(4).endswith("reached")
         assert replace(state, sigma=0.3).reached is False

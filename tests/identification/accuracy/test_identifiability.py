@@ -16,7 +16,7 @@ from rid_daq.report.sections.estimate import EstimateSection
 from tests.builders.remembering_arm import iwan, motion, recording, with_presliding
 
 
-def measured(
+def estimate_from_sines(
     amplitude: tuple[float, float, float],
     robot: RobotDescription | None = None,
     true: dict[str, float] | None = None,
@@ -49,13 +49,15 @@ def measured(
 
 
 @pytest.fixture(scope="module")
-def shy() -> Estimate:
+def estimate_of_small_motion() -> Estimate:
     """Estimate from a motion in which the third axis hardly moves."""
-    return measured((0.3, 0.3, 0.02))
+    return estimate_from_sines((0.3, 0.3, 0.02))
 
 
-def test_weak_parameters_name_the_joint_that_hardly_moved(shy: Estimate) -> None:
-    found = weak_parameters(shy)
+def test_weak_parameters_name_the_joint_that_hardly_moved(
+    estimate_of_small_motion: Estimate,
+) -> None:
+    found = weak_parameters(estimate_of_small_motion)
     assert found
     of_link_3 = [weak for weak in found if weak.expression.split()[0].endswith("3")]
     assert of_link_3
@@ -63,21 +65,27 @@ def test_weak_parameters_name_the_joint_that_hardly_moved(shy: Estimate) -> None
     assert max(weak.gain for weak in found) > 2.0
 
 
-def test_weak_parameters_are_not_distinguishable_from_zero(shy: Estimate) -> None:
-    for weak in weak_parameters(shy, most=100):
+def test_weak_parameters_are_not_distinguishable_from_zero(
+    estimate_of_small_motion: Estimate,
+) -> None:
+    for weak in weak_parameters(estimate_of_small_motion, most=100):
         assert abs(weak.value) < 2.0 * weak.sigma
-        assert weak.expression in shy.base.expressions
+        assert weak.expression in estimate_of_small_motion.base.expressions
 
 
-def test_the_sentence_names_the_motion_to_add(shy: Estimate) -> None:
-    weak = next(weak for weak in weak_parameters(shy) if weak.motion)
+def test_the_sentence_names_the_motion_to_add(estimate_of_small_motion: Estimate) -> None:
+    weak = next(weak for weak in weak_parameters(estimate_of_small_motion) if weak.motion)
     assert weak.motion in weak.sentence
     assert "poorly determined" in weak.sentence
 
 
-def test_a_motion_of_all_joints_leaves_fewer_weak_parameters(shy: Estimate) -> None:
-    lively = measured((0.4, 0.4, 0.4))
-    assert len(weak_parameters(lively, most=100)) < len(weak_parameters(shy, most=100))
+def test_a_motion_of_all_joints_leaves_fewer_weak_parameters(
+    estimate_of_small_motion: Estimate,
+) -> None:
+    lively = estimate_from_sines((0.4, 0.4, 0.4))
+    assert len(weak_parameters(lively, most=100)) < len(
+        weak_parameters(estimate_of_small_motion, most=100)
+    )
 
 
 def test_a_presliding_share_at_its_bound_is_reported_with_the_term_to_remove() -> None:
@@ -105,7 +113,7 @@ def stribeck(start_rad_s: float) -> RobotDescription:
 @pytest.mark.parametrize("start_rad_s", [0.1, 0.4, 10.0])
 def test_a_start_value_that_the_data_do_not_change_is_not_an_estimate(start_rad_s: float) -> None:
     # No Stribeck friction: the data do not determine the final speed.
-    estimate = measured((0.4, 0.4, 0.4), stribeck(start_rad_s), {"fs_axis2": 0.0})
+    estimate = estimate_from_sines((0.4, 0.4, 0.4), stribeck(start_rad_s), {"fs_axis2": 0.0})
     assert estimate.nonlinear_unseen == ("vs_axis2",)
     assert [each.split()[0] for each in unseen_findings(estimate)] == ["vs_axis2"]
     entry = next(e for e in EstimateSection.of(estimate).parameters if e.name == "vs_axis2")
@@ -113,7 +121,7 @@ def test_a_start_value_that_the_data_do_not_change_is_not_an_estimate(start_rad_
 
 
 def test_a_stribeck_speed_determined_by_the_data_is_an_estimate() -> None:
-    estimate = measured((0.4, 0.4, 0.4), stribeck(0.1), {"fs_axis2": 300.0})
+    estimate = estimate_from_sines((0.4, 0.4, 0.4), stribeck(0.1), {"fs_axis2": 300.0})
     assert estimate.nonlinear_unseen == ()
     assert unseen_findings(estimate) == ()
     (speed,), (sigma,) = estimate.model.nonlinear_values, estimate.nonlinear_sigma

@@ -112,7 +112,7 @@ def problem(arm: KnownArm) -> ExcitationProblem:
 
 
 class TestDesign:
-    def test_keeps_the_limits_of_the_base(self, problem: ExcitationProblem) -> None:
+    def test_a_design_keeps_the_limits_of_the_base(self, problem: ExcitationProblem) -> None:
         free = refine_start(problem, 1, 0.008, iterations=60)
         limited = replace(problem, base_limits=LIMITS)
         assert "Mz on the base" in " ".join(check_motion(limited, free.motion, 0.008).broken)
@@ -122,7 +122,9 @@ class TestDesign:
         assert uses["Mz on the base"].used <= 60.0
         assert held.check.objective < 3.0 * free.check.objective
 
-    def test_has_an_exact_gradient(self, problem: ExcitationProblem) -> None:
+    def test_the_design_problem_with_a_base_limit_has_an_exact_gradient(
+        self, problem: ExcitationProblem
+    ) -> None:
         limited = replace(problem, base_limits=LIMITS / 10.0)
         x, shifts = limited.start(3), limited.no_shifts()
         _, gradient = limited.value(x, 10.0, shifts)
@@ -130,6 +132,6 @@ class TestDesign:
         change = limited.value(x + step, 10.0, shifts)[0] - limited.value(x - step, 10.0, shifts)[0]
         assert 2.0 * gradient @ step == pytest.approx(change, rel=1e-5)
 
-    def test_needs_parameters(self, problem: ExcitationProblem) -> None:
+    def test_a_base_limit_needs_parameters(self, problem: ExcitationProblem) -> None:
         with raises_code(ConfigError, "RID-ROBOT-CAD"):
             replace(problem, parameters=None, base_limits=LIMITS)

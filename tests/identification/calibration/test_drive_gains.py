@@ -32,7 +32,7 @@ LOAD = {"mL": 15.0, "sxL": 3.0, "IzzL": 1.5, "IxxL": 1.0, "IyyL": 1.2}
 STEP_S = 0.01
 
 
-def measured(arm: KnownArm, payload: bool, seed: int) -> SmoothedSignals:
+def simulate_run(arm: KnownArm, payload: bool, seed: int) -> SmoothedSignals:
     """Return 30 s of a run: torques divided by gains, with noise and an unmodelled ripple."""
     trajectory = arm.motion.trajectory(arm.robot, STEP_S)
     times = np.arange(3000, dtype=np.float64) * STEP_S
@@ -63,7 +63,7 @@ def measured(arm: KnownArm, payload: bool, seed: int) -> SmoothedSignals:
 
 @pytest.fixture(scope="module")
 def loaded(arm: KnownArm) -> tuple[Estimate, tuple[TimeRun, ...]]:
-    signals = [measured(arm, False, 1), measured(arm, True, 2)]
+    signals = [simulate_run(arm, False, 1), simulate_run(arm, True, 2)]
     carried = [False, True]
     estimate = fit_smoothed(
         arm.robot, signals, EstimationOptions(model=OPTIONS), payload=carried
@@ -71,7 +71,7 @@ def loaded(arm: KnownArm) -> tuple[Estimate, tuple[TimeRun, ...]]:
     return estimate, time_runs(estimate.model, signals, carried)
 
 
-def usual_equations(
+def noise_weighted_equations(
     estimate: Estimate, runs: tuple[TimeRun, ...]
 ) -> tuple[NDArray[np.float64], int]:
     """Return the rows [-tau_j ...
@@ -104,11 +104,11 @@ def test_least_squares_and_total_least_squares_have_larger_errors(
     """The data are the same; both methods follow Gautier and Briot (2014)."""
     estimate, runs = loaded
     ours = np.abs(drive_gains(estimate, runs, LOAD["mL"], 0.01).values - TRUE_GAINS).max()
-    equations, mass = usual_equations(estimate, runs)
+    equations, mass = noise_weighted_equations(estimate, runs)
     others = [k for k in range(equations.shape[1]) if k != mass]
     rhs = -equations[:, mass] * LOAD["mL"]
     least_squares = np.linalg.lstsq(equations[:, others], rhs, rcond=None)[0][:3]
-    assert np.all(least_squares < TRUE_GAINS), "noise among the regressors makes them small"
+    assert np.all(least_squares < TRUE_GAINS), "noise in the regressors biases the gains downwards"
     last = np.linalg.svd(equations, full_matrices=False)[2][-1]
     total = last[:3] / last[mass] * LOAD["mL"]
     for peer in (least_squares, total):

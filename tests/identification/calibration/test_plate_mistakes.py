@@ -62,7 +62,7 @@ def fit(average: PeriodAverage, arm: KnownArm) -> Fit:
 
 
 @pytest.fixture(scope="module")
-def described(average: PeriodAverage, arm: KnownArm) -> Described:
+def find_mistake(average: PeriodAverage, arm: KnownArm) -> Described:
     """Find the mistake from equations before delays are estimated: a fit may refuse its delay."""
 
     def found(kind: ModelKind, channels: Channels = _as_they_are, **stated: object) -> PlateMistake:
@@ -99,9 +99,9 @@ def test_a_correct_plate_is_graded_good_without_a_finding(fit: Fit, kind: ModelK
     ],
 )
 def test_a_wrong_size_position_or_rotation_is_found_with_its_value(
-    described: Described, kind: ModelKind, stated: dict[str, Any], found: PlateKind, right: Any
+    find_mistake: Described, kind: ModelKind, stated: dict[str, Any], found: PlateKind, right: Any
 ) -> None:
-    mistake = described(kind, **stated)
+    mistake = find_mistake(kind, **stated)
     assert (mistake.kind, mistake.key) == (found, next(iter(stated)))
     assert mistake.right == pytest.approx(right, abs=0.01)
 
@@ -121,18 +121,18 @@ def test_a_wrong_height_that_this_motion_does_not_show_is_not_named(
 @pytest.mark.parametrize("channel", [0, 2, 3, 5])
 @pytest.mark.parametrize("factor", [1.2, 0.8, -1.0])
 def test_a_wrong_channel_sensitivity_is_found(
-    described: Described, channel: int, factor: float
+    find_mistake: Described, channel: int, factor: float
 ) -> None:
-    mistake = described("external", _times((channel,), factor))
+    mistake = find_mistake("external", _times((channel,), factor))
     assert mistake.kind is PlateKind.SENSITIVITY
     assert mistake.right == pytest.approx((1.0 / factor,), rel=0.03)
 
 
 @pytest.mark.parametrize("channels", [(0, 1), (0, 1, 2, 3), (4, 5, 6, 7), (0, 6, 7)])
 def test_several_reversed_channels_are_found(
-    described: Described, channels: tuple[int, ...]
+    find_mistake: Described, channels: tuple[int, ...]
 ) -> None:
-    mistake = described("external", _times(channels, -1.0))
+    mistake = find_mistake("external", _times(channels, -1.0))
     assert mistake.right == (-1.0,) * len(channels)
     assert all(CHANNEL_NAMES[channel] in mistake.sentence for channel in channels)
 
@@ -140,9 +140,9 @@ def test_several_reversed_channels_are_found(
 @pytest.mark.parametrize("kind", ["external", "combined"])
 @pytest.mark.parametrize("factor", [-1.0, 1e-4])
 def test_a_common_factor_of_all_channels_is_found_by_the_arms_weight(
-    described: Described, kind: ModelKind, factor: float
+    find_mistake: Described, kind: ModelKind, factor: float
 ) -> None:
-    mistake = described(kind, _times(tuple(range(8)), factor))
+    mistake = find_mistake(kind, _times(tuple(range(8)), factor))
     assert (mistake.kind, len(mistake.right)) == (PlateKind.SENSITIVITY, 8)
     assert mistake.times_better == 1.0
     assert mistake.right[0] == -1.0 if factor < 0.0 else 0.3 < mistake.right[0] * factor < 3.0
@@ -159,8 +159,10 @@ def test_a_common_factor_of_all_channels_is_found_by_the_arms_weight(
         (0, 4, 2, 3, 1, 5, 6, 7),
     ],
 )
-def test_channels_in_another_order_are_found(described: Described, order: tuple[int, ...]) -> None:
-    mistake = described("external", lambda values: values[:, list(order)])
+def test_channels_in_another_order_are_found(
+    find_mistake: Described, order: tuple[int, ...]
+) -> None:
+    mistake = find_mistake("external", lambda values: values[:, list(order)])
     moved = [i for i, other in enumerate(order) if i != other]
     assert (mistake.kind, mistake.stated) == (PlateKind.ORDER, tuple(moved))
     assert mistake.right == tuple(order[i] for i in moved)

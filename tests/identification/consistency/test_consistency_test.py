@@ -24,7 +24,7 @@ def estimate() -> Estimate:
     return replace(noisy, values=noisy.base.from_standard(sound_robot(noisy)))
 
 
-def judged(estimate: Estimate) -> JudgedParameters:
+def judged_parameters(estimate: Estimate) -> JudgedParameters:
     base = estimate.base
     return JudgedParameters(
         base.names, base.expressions, estimate.values, *jackknife_metric(estimate)
@@ -54,14 +54,14 @@ def test_one_parameter_at_minus_five_sigma_of_52_is_rejected_and_named(
 def test_a_parameter_of_either_sign_is_no_violation(estimate: Estimate) -> None:
     for name in ("Ixy2", "sx3", "Iyz6"):
         assert name not in [each.name for each in check_consistency(estimate).violations]
-    one_sign = cannot_be_negative(judged(estimate), cone(estimate))
+    one_sign = cannot_be_negative(judged_parameters(estimate), cone(estimate))
     either = [n for n, one in zip(estimate.base.names, one_sign, strict=True) if not one]
     assert {"Ixy2", "sx2", "Iyz6", "Ixx5", "sy6"} <= set(either)
     assert {"Izz1", "Izz6", "Im3", "fv_joint6"}.isdisjoint(either)
 
 
 def test_every_tested_parameter_is_positive_for_possible_robots(estimate: Estimate) -> None:
-    one_sign = cannot_be_negative(judged(estimate), cone(estimate))
+    one_sign = cannot_be_negative(judged_parameters(estimate), cone(estimate))
     base, random = estimate.base, np.random.default_rng(1)
     for _ in range(20):
         robot = sound_robot(estimate, random)

@@ -33,7 +33,7 @@ def runs_of(signals: list[SmoothedSignals]) -> tuple[TimeRun, ...]:
     return tuple(TimeRun(part, Conditions(temperature_k=None)) for part in signals)
 
 
-def measured(
+def estimate_and_runs(
     arm: KnownArm,
     measure: Measure,
     seed: int = 0,
@@ -59,12 +59,12 @@ def test_the_intervals_of_each_cross_check_cover_the_truth(
 ) -> None:
     errors = []
     for seed in range(seeds):
-        estimate, runs = measured(arm, measure, seed, noise_nm=2.0)
+        estimate, runs = estimate_and_runs(arm, measure, seed, noise_nm=2.0)
         other = check_method(method, estimate, runs)
         assert other.agrees, other.sentence
         errors.append((other.values - arm.base) / other.sigma)
     assert np.mean(np.abs(errors) < 2.0) >= 0.85
-    assert np.sqrt(np.mean(np.square(errors))) > 0.25, "not bought with width"
+    assert np.sqrt(np.mean(np.square(errors))) > 0.25, "the intervals are not too wide"
 
 
 def test_the_energy_check_needs_no_accelerations(arm: KnownArm, measure: Measure) -> None:
@@ -73,7 +73,7 @@ def test_the_energy_check_needs_no_accelerations(arm: KnownArm, measure: Measure
     def damped(part: SmoothedSignals) -> SmoothedSignals:
         return replace(part, acceleration=0.9 * part.acceleration)
 
-    estimate, runs = measured(arm, measure, change=damped)
+    estimate, runs = estimate_and_runs(arm, measure, change=damped)
     energies = check_method(CrossMethod.ENERGY, estimate, runs)
     assert not energies.agrees
     assert "accelerations" in energies.sentence
@@ -91,7 +91,7 @@ def test_the_single_joint_check_detects_a_wrong_torque_constant(
     def scaled(part: SmoothedSignals) -> SmoothedSignals:
         return replace(part, torque_nm=part.torque_nm * [1.0, 1.0, 1.15])
 
-    estimate, runs = measured(arm, measure, change=scaled)
+    estimate, runs = estimate_and_runs(arm, measure, change=scaled)
     other = check_method(CrossMethod.LINK_BY_LINK, estimate, runs)
     assert not other.agrees
     assert "torque constants" in other.sentence
@@ -126,7 +126,7 @@ def test_a_delayed_torque_gives_no_false_alarm(late_s: float) -> None:
 
 
 def test_a_diverging_simulation_gives_no_verdict(arm: KnownArm, measure: Measure) -> None:
-    estimate, runs = measured(arm, measure)
+    estimate, runs = estimate_and_runs(arm, measure)
     weightless = replace(estimate, values=1e-4 * estimate.values)
     kalman = check_method(CrossMethod.KALMAN, weightless, runs)
     assert kalman.agrees is None

@@ -24,7 +24,7 @@ MASS_KG = 5.0
 WEIGHT_NM = MASS_KG * 9.81 * REACH_M
 
 
-def swing(torque_nm: float, low: float = -3.0, high: float = 3.0) -> RobotDescription:
+def swinging_arm(torque_nm: float, low: float = -3.0, high: float = 3.0) -> RobotDescription:
     """Return a heavy arm that swings about a horizontal axis, and a hand that turns.
 
     The arm is horizontal at zero and hangs at -pi / 2.
@@ -63,7 +63,7 @@ def problem(robot: RobotDescription) -> ExcitationProblem:
 
 
 def test_a_weak_arm_starts_and_moves_where_its_motor_can_hold_it() -> None:
-    robot = swing(0.3 * WEIGHT_NM)
+    robot = swinging_arm(0.3 * WEIGHT_NM)
     task = problem(robot)
     for seed in range(3):
         pose = task.motion(task.start(seed), task._coarse)[0].mean(axis=0)[np.newaxis]
@@ -78,14 +78,14 @@ def test_a_weak_arm_starts_and_moves_where_its_motor_can_hold_it() -> None:
 
 def test_a_rare_feasible_pose_is_found_by_descent() -> None:
     """The motor holds 1/50 of the weight: few random poses are close enough to hanging."""
-    robot = swing(0.004 * WEIGHT_NM)
+    robot = swinging_arm(0.004 * WEIGHT_NM)
     task = problem(robot)
     pose = task.motion(task.start(1), task._coarse)[0].mean(axis=0)
     assert min(abs(pose[0] - end) for end in (-np.pi / 2, np.pi / 2)) < 0.1
 
 
 def test_an_arm_that_its_motor_cannot_hold_is_refused_with_the_torques() -> None:
-    robot = swing(0.3 * WEIGHT_NM, low=-0.5, high=0.5)
+    robot = swinging_arm(0.3 * WEIGHT_NM, low=-0.5, high=0.5)
     least = WEIGHT_NM * np.cos(0.5 * 0.8 * 0.95)
     with raises_code(ConfigError, "RID-DESIGN-NONE", "5.59", f"torque of {least:.2g}"[:-1]):
         problem(robot).start(0)
@@ -94,7 +94,7 @@ def test_an_arm_that_its_motor_cannot_hold_is_refused_with_the_torques() -> None
 def test_bodies_that_always_collide_are_refused_with_their_distance() -> None:
     base = Capsule(kind="capsule", link=0, start_m=(0, 0, 0), end_m=(0, 0, 0), radius_m=0.1)
     hand = Capsule(kind="capsule", link=2, start_m=(0, 0, 0), end_m=(0, 0, 0), radius_m=0.1)
-    robot = swing(2.0 * WEIGHT_NM).model_copy(update={"bodies": (base, hand)})
+    robot = swinging_arm(2.0 * WEIGHT_NM).model_copy(update={"bodies": (base, hand)})
     with raises_code(ConfigError, "RID-DESIGN-NONE", "0.02"):
         problem(robot).start(0)
 
@@ -112,7 +112,7 @@ def test_a_motion_between_bodies_is_reduced_until_it_is_free() -> None:
         for angle in np.arange(0.0, 2.0 * np.pi, 0.69)
     ]
     arm = Capsule(kind="capsule", link=2, start_m=(0, 0, 0.4), end_m=(0, 0, 0.6), radius_m=0.02)
-    robot = swing(2.0 * WEIGHT_NM).model_copy(update={"bodies": (*post, arm)})
+    robot = swinging_arm(2.0 * WEIGHT_NM).model_copy(update={"bodies": (*post, arm)})
     found = refine_start(problem(robot), 1, 0.01, iterations=30)
     assert found.check.broken == ()
     clear = [use for use in found.check.uses if use.what.startswith("distance")]
@@ -122,7 +122,7 @@ def test_a_motion_between_bodies_is_reduced_until_it_is_free() -> None:
 
 
 def test_fewer_harmonics_are_tried_before_longer_periods() -> None:
-    task = problem(swing(WEIGHT_NM))
+    task = problem(swinging_arm(WEIGHT_NM))
     said = [words for words, _ in easier_problems(task)]
     assert said == ["2 harmonics", "2 harmonics of 10 s", "2 harmonics of 20 s"]
     said = [words for words, _ in easier_problems(replace(task, harmonics=2))]

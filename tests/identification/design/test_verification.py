@@ -42,7 +42,7 @@ def motion(problem) -> FourierMotion:
     return problem.to_fourier(2.0 * problem.start(5), 16)
 
 
-def values(motion: FourierMotion, derivative: int) -> np.ndarray:
+def values_over_period(motion: FourierMotion, derivative: int) -> np.ndarray:
     """Return q, v or a over a period, from the numbers in the file alone."""
     t = np.linspace(0.0, motion.period_s, 1500)
     columns = []
@@ -56,7 +56,7 @@ def values(motion: FourierMotion, derivative: int) -> np.ndarray:
     return np.array(columns).T
 
 
-def used(check: MotionCheck, what: str) -> list[float]:
+def used_shares(check: MotionCheck, what: str) -> list[float]:
     return [use.used for use in check.uses if use.what.startswith(what)]
 
 
@@ -65,23 +65,23 @@ def test_the_used_shares_of_the_limits_match_the_motion_file(problem, motion) ->
     limits = [joint.limits for joint in problem.robot.joints]
     middle = np.array([(x.position_max + x.position_min) / 2.0 for x in limits])
     for what, derivative, centre in (("range", 0, middle), ("speed", 1, 0.0)):
-        largest = np.abs(values(motion, derivative) - centre).max(axis=0)
-        np.testing.assert_allclose(used(check, what), largest, rtol=2e-3)
+        largest = np.abs(values_over_period(motion, derivative) - centre).max(axis=0)
+        np.testing.assert_allclose(used_shares(check, what), largest, rtol=2e-3)
 
 
 def test_torques_agree_with_pinocchio(problem, motion, pinocchio_arm) -> None:
-    q, v, a = (values(motion, k) for k in range(3))
+    q, v, a = (values_over_period(motion, k) for k in range(3))
     data = pinocchio_arm.model.createData()
     tau = [pin.rnea(pinocchio_arm.model, data, *row) for row in zip(q, v, a, strict=True)]
     check = check_motion(problem, motion, CYCLE_S)
     largest = np.abs(tau).max(axis=0)
-    np.testing.assert_allclose(used(check, "torque"), largest, rtol=5e-3, atol=1e-3)
+    np.testing.assert_allclose(used_shares(check, "torque"), largest, rtol=5e-3, atol=1e-3)
 
 
 def test_distances_agree_with_pinocchio(problem, motion, pinocchio_arm) -> None:
-    nearest = np.min([pinocchio_arm.distances(q) for q in values(motion, 0)], axis=0)
+    nearest = np.min([pinocchio_arm.distances(q) for q in values_over_period(motion, 0)], axis=0)
     check = check_motion(problem, motion, CYCLE_S)
-    ours = np.array(used(check, "distance")[: len(nearest)])
+    ours = np.array(used_shares(check, "distance")[: len(nearest)])
     apart = nearest > 0.0  # the penetration depth is less accurate
     assert apart.any()
     np.testing.assert_allclose(ours[apart], nearest[apart], atol=2e-4)
@@ -113,7 +113,7 @@ def test_each_exceeded_limit_is_reported(problem, motion) -> None:
 
 def test_torque_without_a_prior_is_not_judged(problem, motion) -> None:
     check = check_motion(replace(problem, parameters=None), motion, CYCLE_S)
-    assert used(check, "torque") == []
+    assert used_shares(check, "torque") == []
 
 
 def test_the_condition_number_is_that_of_the_motion(problem, motion) -> None:

@@ -56,20 +56,22 @@ def test_a_slow_joint_counts_as_moving_below_the_usual_standstill_speed(
     pendulum: RobotModel,
 ) -> None:
     lift = replace(pendulum, speed_limits=(0.013,))
-    slow = one_joint_average(0.004 * swing(0.4))  # at most 0.0126 rad/s
-    assert of(pendulum, slow, 0.02).left_out_fraction == pytest.approx([1.0])
-    assert of(lift, slow, 0.02).left_out_fraction[0] < 0.1
-    still = one_joint_average(0.0002 * swing(0.4))
-    assert of(lift, still, 0.02).left_out_fraction == pytest.approx([1.0])
+    slow = one_joint_average(0.004 * sine(0.4))  # at most 0.0126 rad/s
+    assert equations_of(pendulum, slow, 0.02).left_out_fraction == pytest.approx([1.0])
+    assert equations_of(lift, slow, 0.02).left_out_fraction[0] < 0.1
+    still = one_joint_average(0.0002 * sine(0.4))
+    assert equations_of(lift, still, 0.02).left_out_fraction == pytest.approx([1.0])
 
 
-def of(model: RobotModel, average: PeriodAverage, standstill_rad_s: float = 0.0) -> BinEquations:
+def equations_of(
+    model: RobotModel, average: PeriodAverage, standstill_rad_s: float = 0.0
+) -> BinEquations:
     return bin_equations(
         model, base_parameters(model), average, band_hz=10.0, standstill_rad_s=standstill_rad_s
     )
 
 
-def swing(phase: float) -> NDArray[np.float64]:
+def sine(phase: float) -> NDArray[np.float64]:
     """Return one sine that starts at any phase between samples."""
     return np.sin(2.0 * np.pi * np.arange(SAMPLES) / SAMPLES + phase)
 
@@ -78,7 +80,7 @@ def swing(phase: float) -> NDArray[np.float64]:
 def test_coulomb_friction_has_the_harmonics_of_a_square_wave_at_any_phase(
     pendulum: RobotModel, phase: float
 ) -> None:
-    equations = of(pendulum, one_joint_average(swing(phase)))
+    equations = equations_of(pendulum, one_joint_average(sine(phase)))
     coulomb = equations.matrix[0][:, base_parameters(pendulum).names.index("fc_j")]
     k = np.arange(1, equations.harmonics + 1)
     # sign(cos(x)) = 4 / pi (cos x - cos 3x / 3 + cos 5x / 5 ...), x = wt + phase.
@@ -95,7 +97,7 @@ def test_coulomb_friction_has_the_harmonics_of_a_square_wave_at_any_phase(
 
 
 def test_rows_preserve_the_mean_square_over_time(pendulum: RobotModel) -> None:
-    equations = of(pendulum, one_joint_average(swing(0.3)))
+    equations = equations_of(pendulum, one_joint_average(sine(0.3)))
     viscous = equations.matrix[0][:, base_parameters(pendulum).names.index("fv_j")]
     omega = 2.0 * np.pi / PERIOD_S
     assert np.sum(viscous**2) == pytest.approx(omega**2 / 2.0)
@@ -110,7 +112,7 @@ def test_rows_preserve_the_mean_square_over_time(pendulum: RobotModel) -> None:
 
 def test_the_band_ends_below_nyquist_and_the_filter_cut_off(pendulum: RobotModel) -> None:
     plain, filtered = (
-        one_joint_average(swing(0.0), torque_filter)
+        one_joint_average(sine(0.0), torque_filter)
         for torque_filter in (None, ButterworthFilter(order=2, cutoff_hz=7.0))
     )
     base = base_parameters(pendulum)
@@ -128,10 +130,10 @@ def test_the_band_ends_below_nyquist_and_the_filter_cut_off(pendulum: RobotModel
 
 
 def test_torque_near_standstill_is_free_and_the_time_counted(pendulum: RobotModel) -> None:
-    average = one_joint_average(swing(0.7))
-    assert of(pendulum, average).free[0].shape[1] == 0
+    average = one_joint_average(sine(0.7))
+    assert equations_of(pendulum, average).free[0].shape[1] == 0
     # |v| = pi |cos| is under 0.1 rad/s for 2 asin(0.1 / pi) / pi of the time.
-    equations = of(pendulum, average, standstill_rad_s=0.1)
+    equations = equations_of(pendulum, average, standstill_rad_s=0.1)
     share = 2.0 * np.arcsin(0.1 / np.pi) / np.pi
     assert equations.left_out_fraction[0] == pytest.approx(share, abs=0.003)
     assert equations.free[0].shape[1] >= 4  # two passages, at least two parts each
@@ -140,7 +142,9 @@ def test_torque_near_standstill_is_free_and_the_time_counted(pendulum: RobotMode
 
 
 def test_a_joint_at_rest_is_excluded(pendulum: RobotModel) -> None:
-    equations = of(pendulum, one_joint_average(np.full(SAMPLES, 0.3)), standstill_rad_s=0.02)
+    equations = equations_of(
+        pendulum, one_joint_average(np.full(SAMPLES, 0.3)), standstill_rad_s=0.02
+    )
     assert equations.left_out_fraction[0] == 1.0
     assert np.linalg.matrix_rank(equations.free[0]) == 2 * equations.harmonics + 1
 
@@ -149,4 +153,4 @@ def test_another_robot_s_recording_is_refused(
     pendulum: RobotModel, measure: Callable[..., Recording]
 ) -> None:
     with raises_code(EstimationError, "RID-ROBOT-OTHER", "axis1", "axis2", "axis3"):
-        of(pendulum, average_periods(measure()))
+        equations_of(pendulum, average_periods(measure()))

@@ -35,17 +35,17 @@ def robot_of(name: str) -> RobotDescription:
     return with_presliding(with_friction(arm(), [TERMS[name]] * 3), (0.01, None, 0.02))
 
 
-def recorded() -> SmoothedSignals:
+def recording() -> SmoothedSignals:
     return signals_of(*WAY, np.zeros_like(WAY[0]))
 
 
-def kept_and_fresh(
+def cached_and_fresh(
     model: RobotModel, base: BaseParameters, kept: ColumnCache, standard: FloatArray | None
 ) -> tuple[FloatArray, FloatArray]:
     """Return the columns with the cache and without."""
     warm = np.tile(300.0 + np.linspace(0.0, 5.0, len(WAY[0]))[:, np.newaxis], (1, 3))
     conditions = with_presliding_history(model, WAY[0], Conditions(temperature_k=warm))
-    columns = LowPassedColumns(model, base, recorded(), conditions, standard, kept)
+    columns = LowPassedColumns(model, base, recording(), conditions, standard, kept)
     fresh = torque_columns(model, base, WAY, conditions, standard)
     return columns.of(ROWS, 3), low_pass(fresh, STEP_S, CUTOFF_HZ)[::3]
 
@@ -61,7 +61,7 @@ def test_cached_columns_equal_fresh_ones(name: str) -> None:
         if share is not None:
             model = model.with_nonlinear(low + share * (high - low))
             standard = base.to_standard(random.normal(size=len(base)))
-        by_kept, fresh = kept_and_fresh(model, base, kept, standard)
+        by_kept, fresh = cached_and_fresh(model, base, kept, standard)
         np.testing.assert_allclose(by_kept, fresh, atol=1e-10 * np.abs(fresh).max())
     # gear losses change everything that the gear transmits
     assert bool(kept.blocks) == (name != "load")
@@ -71,7 +71,7 @@ def test_another_model_clears_the_cache() -> None:
     kept = ColumnCache()
     for name in ("classical", "stribeck", "classical"):
         model = RobotModel.from_description(robot_of(name))
-        by_kept, fresh = kept_and_fresh(model, base_parameters(model), kept, None)
+        by_kept, fresh = cached_and_fresh(model, base_parameters(model), kept, None)
         np.testing.assert_allclose(by_kept, fresh, atol=1e-10 * np.abs(fresh).max())
         assert kept.chain is model.chain
 
@@ -81,6 +81,6 @@ def test_without_memory_nothing_is_cached(monkeypatch: pytest.MonkeyPatch) -> No
     model = RobotModel.from_description(robot_of("classical"))
     base, kept = base_parameters(model), ColumnCache()
     for _ in range(2):
-        by_kept, fresh = kept_and_fresh(model, base, kept, None)
+        by_kept, fresh = cached_and_fresh(model, base, kept, None)
         np.testing.assert_allclose(by_kept, fresh, atol=1e-10 * np.abs(fresh).max())
     assert not kept.blocks

@@ -47,7 +47,7 @@ def values_of(model: RobotModel) -> FloatArray:
     return values
 
 
-def measured(motion: tuple[FloatArray, FloatArray, FloatArray, FloatArray]) -> Recording:
+def recording_of(motion: tuple[FloatArray, FloatArray, FloatArray, FloatArray]) -> Recording:
     time_s, q, v, a = motion
     model = RobotModel.from_description(arm())
     return Recording(
@@ -64,7 +64,7 @@ def measured(motion: tuple[FloatArray, FloatArray, FloatArray, FloatArray]) -> R
 
 @pytest.fixture(scope="module")
 def signals() -> SmoothedSignals:
-    return smooth_nonperiodic(measured(quick_reversals()), 10.0)
+    return smooth_nonperiodic(recording_of(quick_reversals()), 10.0)
 
 
 def misfit(signals: SmoothedSignals) -> float:
@@ -81,7 +81,7 @@ def misfit(signals: SmoothedSignals) -> float:
 
 @pytest.mark.parametrize("cutoff_hz", [3.0, 10.0])
 def test_the_true_parameters_leave_no_residual(cutoff_hz: float) -> None:
-    assert misfit(smooth_nonperiodic(measured(quick_reversals()), cutoff_hz)) < 1e-6
+    assert misfit(smooth_nonperiodic(recording_of(quick_reversals()), cutoff_hz)) < 1e-6
 
 
 def test_only_rows_next_to_a_reversal_are_excluded(signals: SmoothedSignals) -> None:
@@ -122,7 +122,7 @@ def test_temperature_is_filtered_with_its_columns() -> None:
     truth = np.random.default_rng(7).uniform(0.5, 1.0, len(model.parameter_names))
     truth[model.parameter_groups["friction"]] = [20.0, 8.0, -0.1, -0.05] * 3
     recording = replace(
-        measured(motion),
+        recording_of(motion),
         torque_nm=torque(model, *motion[1:], truth, Conditions(temperature_k=warmth)),
         temperature_k=warmth,
     )
@@ -136,7 +136,7 @@ def test_temperature_is_filtered_with_its_columns() -> None:
 
 @pytest.mark.parametrize("rows", [4, 20])
 def test_columns_repeat_rows_like_the_torque(rows: int) -> None:
-    whole = measured(quick_reversals())
+    whole = recording_of(quick_reversals())
     torque = whole.torque_nm.copy()
     torque[:, 1:] = torque[np.arange(len(torque)) // rows * rows, 1:]
     held = smooth_nonperiodic(replace(whole, torque_nm=torque), 10.0)
@@ -154,6 +154,8 @@ def test_a_mean_period_has_no_filter_error_at_its_ends() -> None:
     omega = 2.0 * np.pi / (period * STEP_S) * np.array([1.0, 2.0, 3.0])
     angle = np.outer(time_s, omega)
     q, v, a = 0.4 * np.sin(angle), 0.4 * omega * np.cos(angle), -0.4 * omega**2 * np.sin(angle)
-    whole = replace(measured((time_s, q, v, a)), sample_period_s=STEP_S, samples_per_period=period)
+    whole = replace(
+        recording_of((time_s, q, v, a)), sample_period_s=STEP_S, samples_per_period=period
+    )
     signals = unfiltered_period(average_periods(whole), 10.0)
     assert misfit(signals) < 1e-5

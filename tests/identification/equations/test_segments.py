@@ -16,7 +16,7 @@ STEP_S = 0.0005
 CUTOFF_HZ = 10.0
 
 
-def dense() -> SmoothedSignals:
+def dense_recording() -> SmoothedSignals:
     """Return 30 s of the bundled arm at 2 kHz, with noise and torque below the cut-off."""
     robot = load_robot("ir361")
     model = RobotModel.from_description(robot)
@@ -43,7 +43,7 @@ def dense() -> SmoothedSignals:
 
 
 def test_thinning_very_dense_rows_hardly_changes_an_estimate() -> None:
-    robot, signals = load_robot("ir361"), dense()
+    robot, signals = load_robot("ir361"), dense_recording()
     fewer = thin_rows(signals)
     assert len(signals) == 25 * len(fewer)
     every, few = (fit_smoothed(robot, [each]).estimate() for each in (signals, fewer))
@@ -55,7 +55,7 @@ def test_thinning_very_dense_rows_hardly_changes_an_estimate() -> None:
 
 
 def test_each_segment_is_thinned_from_its_first_row() -> None:
-    signals = dense()
+    signals = dense_recording()
     segment = np.zeros(len(signals), dtype=np.int64)
     segment[1010:] = 1
     fewer = thin_rows(replace(signals, segment=segment))
@@ -67,6 +67,9 @@ def test_each_segment_is_thinned_from_its_first_row() -> None:
 
 
 def test_necessary_rows_are_kept() -> None:
-    signals = replace(dense(), cutoff_hz=130.0)
+    signals = replace(dense_recording(), cutoff_hz=130.0)
     assert thin_rows(signals) is signals
-    assert thin_rows(thin_rows(dense())).sample_period_s == thin_rows(dense()).sample_period_s
+    assert (
+        thin_rows(thin_rows(dense_recording())).sample_period_s
+        == thin_rows(dense_recording()).sample_period_s
+    )

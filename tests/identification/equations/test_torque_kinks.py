@@ -25,7 +25,7 @@ def motion(phi: float) -> tuple[FloatArray, FloatArray]:
     )
 
 
-def bent(phi: float) -> FloatArray:
+def torque_with_kink(phi: float) -> FloatArray:
     """Return the torques of both joints, with a kink when the first one reverses."""
     since = np.arange(ROWS) - (TURN + phi)
     after = np.maximum(since, 0.0)
@@ -35,7 +35,7 @@ def bent(phi: float) -> FloatArray:
 
 @pytest.mark.parametrize("phi", [0.0, 0.1, 0.5, 0.62, 0.99])
 def test_a_kink_is_integrated_exactly(phi: float) -> None:
-    torque = bent(phi)
+    torque = torque_with_kink(phi)
     missing = (integrable_torque(torque, *motion(phi)) - torque)[:, 1].sum()
     rest = 1.0 - phi
     bernoulli = (
@@ -48,30 +48,34 @@ def test_a_kink_is_integrated_exactly(phi: float) -> None:
 
 
 def test_only_rows_next_to_the_kink_change() -> None:
-    changed = integrable_torque(bent(0.3), *motion(0.3)) != bent(0.3)
+    changed = integrable_torque(torque_with_kink(0.3), *motion(0.3)) != torque_with_kink(0.3)
     assert np.flatnonzero(changed[:, 1]).tolist() == [30, 31]
 
 
 def test_the_reversing_joint_keeps_its_torque() -> None:
-    torque = bent(0.3)
+    torque = torque_with_kink(0.3)
     np.testing.assert_array_equal(integrable_torque(torque, *motion(0.3))[:, 0], torque[:, 0])
 
 
 def test_without_a_reversal_nothing_changes() -> None:
     position, velocity = motion(0.3)
     position[:, 0], velocity[:, 0] = position[:, 1], velocity[:, 1]
-    np.testing.assert_array_equal(integrable_torque(bent(0.3), position, velocity), bent(0.3))
+    np.testing.assert_array_equal(
+        integrable_torque(torque_with_kink(0.3), position, velocity), torque_with_kink(0.3)
+    )
 
 
 def test_a_long_standstill_is_not_a_quick_reversal() -> None:
     position, velocity = motion(0.3)
     velocity[25:36, 0] = 0.0
-    np.testing.assert_array_equal(integrable_torque(bent(0.3), position, velocity), bent(0.3))
+    np.testing.assert_array_equal(
+        integrable_torque(torque_with_kink(0.3), position, velocity), torque_with_kink(0.3)
+    )
 
 
 def test_a_reversal_at_an_end_changes_nothing() -> None:
     position, velocity = motion(0.3)
     part = slice(28, 34)
-    torque = bent(0.3)[part]
+    torque = torque_with_kink(0.3)[part]
     found = integrable_torque(torque, position[part], velocity[part])
     np.testing.assert_array_equal(found, torque)

@@ -33,7 +33,7 @@ TERMS: dict[str, tuple[FrictionTerm, ...]] = {
 WARM_K: FloatArray = np.array([320.0, 290.0, 305.0])
 
 
-def identified(terms: tuple[FrictionTerm, ...]) -> Estimate:
+def identify_warm_arm(terms: tuple[FrictionTerm, ...]) -> Estimate:
     """Return the estimate of an arm with these terms in two axes; its drives warm up by 20 K."""
     robot = with_friction(arm(), [terms, ("coulomb", "viscous"), terms])
     signals = recording(30.0, (None, None, None))
@@ -45,7 +45,7 @@ def identified(terms: tuple[FrictionTerm, ...]) -> Estimate:
 def test_torques_and_intervals_equal_those_at_that_temperature(
     terms: tuple[FrictionTerm, ...],
 ) -> None:
-    estimate = identified(terms)
+    estimate = identify_warm_arm(terms)
     plain = at_temperature(estimate, WARM_K)
     assert depends_on_temperature(estimate).tolist() == [True, False, True]
     assert not depends_on_temperature(plain).any()
@@ -64,7 +64,7 @@ def test_torques_and_intervals_equal_those_at_that_temperature(
 
 
 def test_a_controller_can_evaluate_it_sample_by_sample() -> None:
-    estimate = identified(TERMS["coulomb and viscous"])
+    estimate = identify_warm_arm(TERMS["coulomb and viscous"])
     with raises_code(EstimationError, "RID-MODEL-TEMPERATURE"):
         SampleTorque.of(estimate.model, estimate.standard_values)
     plain = at_temperature(estimate, WARM_K)
@@ -92,11 +92,11 @@ def test_terms_requested_for_every_joint_are_kept() -> None:
 
 
 def test_a_model_without_temperature_is_unchanged() -> None:
-    estimate = at_temperature(identified(TERMS["coulomb and viscous"]), WARM_K)
+    estimate = at_temperature(identify_warm_arm(TERMS["coulomb and viscous"]), WARM_K)
     assert at_temperature(estimate, WARM_K) is estimate
 
 
 def test_temperatures_of_other_joints_are_refused() -> None:
-    estimate = identified(TERMS["coulomb and viscous"])
+    estimate = identify_warm_arm(TERMS["coulomb and viscous"])
     with raises_code(EstimationError, "RID-API-ARGUMENT"):
         at_temperature(estimate, WARM_K[:2])

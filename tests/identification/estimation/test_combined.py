@@ -47,7 +47,7 @@ def identify(arm: KnownArm, recording: Recording, kind: ModelKind = "combined") 
     ).estimate()
 
 
-def fitted(arm: KnownArm, recording: Recording) -> FittedPeriods:
+def fit_recording(arm: KnownArm, recording: Recording) -> FittedPeriods:
     return fit_periodic(
         arm.robot,
         [average_periods(recording)],
@@ -66,7 +66,9 @@ def combined(arm: KnownArm, recordings: list[Recording]) -> list[Estimate]:
 
 
 class TestEstimate:
-    def test_has_20_rigid_body_parameters_and_every_rotor(self, combined: list[Estimate]) -> None:
+    def test_the_estimate_has_20_rigid_body_parameters_and_every_rotor(
+        self, combined: list[Estimate]
+    ) -> None:
         base = combined[0].base
         assert sum(base.rigid_body) == 20
         assert [name for name in base.names if name.startswith("Im")] == ["Im1", "Im2", "Im3"]
@@ -150,7 +152,7 @@ class TestEstimate:
         assert combined[0].base.expressions[0] == "m1 + m2 + m3"
         assert combined[0].sigma[0] > 500.0
 
-    def test_predicts_the_reaction(
+    def test_the_estimate_predicts_the_reaction(
         self, arm: KnownArm, cell: Any, combined: list[Estimate]
     ) -> None:
         random = np.random.default_rng(0)
@@ -178,11 +180,13 @@ class TestEstimate:
         moved = (other.values - combined[0].values) / (3.0 * other.sigma + 1e-9)
         assert np.mean(np.abs(moved) < 1.0) > 0.9
 
-    def test_needs_a_plate(self, arm: KnownArm, measure: Callable[..., Recording]) -> None:
+    def test_a_recording_without_a_plate_is_refused(
+        self, arm: KnownArm, measure: Callable[..., Recording]
+    ) -> None:
         with raises_code(EstimationError, "RID-PLATE-MISSING"):
             identify(arm, measure())
 
-    def test_needs_periods(self, arm: KnownArm, weigh: Weigh) -> None:
+    def test_a_recording_without_periods_is_refused(self, arm: KnownArm, weigh: Weigh) -> None:
         signals = period_signals(average_periods(weigh(0)), 10.0)
         with raises_code(EstimationError, "RID-MODEL-KIND"):
             fit_smoothed(
@@ -198,7 +202,9 @@ class TestEstimate:
         with raises_code(EstimationError, "RID-PLATE-LATE", "late"):
             identify(arm, replace(recordings[0], reaction=shifted))
 
-    def test_is_stored_in_a_file(self, tmp_path: Path, combined: list[Estimate]) -> None:
+    def test_a_combined_estimate_is_stored_in_a_file(
+        self, tmp_path: Path, combined: list[Estimate]
+    ) -> None:
         write_estimate(tmp_path / "model.json", combined[0])
         found = read_estimate(tmp_path / "model.json")
         assert found.options == combined[0].options
@@ -214,7 +220,7 @@ class TestImprovement:
         self, arm: KnownArm, recordings: list[Recording]
     ) -> None:
         """The result of table 4.1."""
-        found = improvement(fitted(arm, recordings[0]))
+        found = improvement(fit_recording(arm, recordings[0]))
         assert len(found.parameters) == 23 + 9
         for parameter in found.parameters:
             for alone in (parameter.sigma_internal, parameter.sigma_external):
@@ -226,14 +232,14 @@ class TestImprovement:
     ) -> None:
         for noise_n in (0.5, 20.0):
             recording = weigh(0, torque_filter=FILTER, plate={"noise_n": noise_n})
-            found = improvement(fitted(arm, recording))
+            found = improvement(fit_recording(arm, recording))
             assert len(found.shared) == 12
             assert found.determinant_ratio >= 3.0
 
     def test_each_model_alone_is_as_certain_as_if_estimated_separately(
         self, arm: KnownArm, recordings: list[Recording]
     ) -> None:
-        found = improvement(fitted(arm, recordings[0]))
+        found = improvement(fit_recording(arm, recordings[0]))
         internal = identify(arm, recordings[0], "internal")
         external = identify(arm, recordings[0], "external")
         by_words = {parameter.expression: parameter for parameter in found.parameters}
@@ -242,18 +248,20 @@ class TestImprovement:
             for words, sigma in zip(estimate.base.expressions, estimate.sigma_noise, strict=True):
                 assert getattr(by_words[words], which) == pytest.approx(sigma, rel=0.02)
 
-    def test_has_a_description(self, arm: KnownArm, recordings: list[Recording]) -> None:
-        sentence = improvement(fitted(arm, recordings[0])).sentence
+    def test_the_improvement_has_a_description(
+        self, arm: KnownArm, recordings: list[Recording]
+    ) -> None:
+        sentence = improvement(fit_recording(arm, recordings[0])).sentence
         assert "the determinant of the 12 shared ones" in sentence
 
 
 class TestTorqueConstants:
-    def test_agree_with_the_plate_if_they_are_correct(
+    def test_correct_torque_constants_agree_with_the_plate(
         self, arm: KnownArm, recordings: list[Recording]
     ) -> None:
         p_values = []
         for recording in recordings:
-            found = torque_consistency(fitted(arm, recording))
+            found = torque_consistency(fit_recording(arm, recording))
             assert not any(axis.wrong for axis in found.axes)
             assert "agree" in found.sentence
             p_values.append(found.p_value)
@@ -261,21 +269,21 @@ class TestTorqueConstants:
 
     @pytest.mark.parametrize("axis", [0, 1, 2])
     @pytest.mark.parametrize("factor", [0.95, 1.05])
-    def test_with_an_error_of_5_percent_are_found_and_the_axis_named(
+    def test_a_torque_constant_with_an_error_of_5_percent_is_found_and_its_axis_named(
         self, arm: KnownArm, recordings: list[Recording], axis: int, factor: float
     ) -> None:
         scale = np.ones(3)
         scale[axis] = factor
         recording = replace(recordings[1], torque_nm=recordings[1].torque_nm * scale)
-        found = torque_consistency(fitted(arm, recording))
+        found = torque_consistency(fit_recording(arm, recording))
         assert [scale.wrong for scale in found.axes] == [j == axis for j in range(3)]
         assert found.axes[axis].ratio == pytest.approx(factor, abs=3.0 * found.axes[axis].sigma)
         assert found.p_value < 1e-6
         assert f"axis{axis + 1} measures" in found.sentence
         assert "check the torque constant" in found.sentence
 
-    def test_with_a_common_error_are_a_finding_about_the_plate(
+    def test_a_common_error_of_torque_constants_is_a_finding_about_the_plate(
         self, arm: KnownArm, recordings: list[Recording]
     ) -> None:
         recording = replace(recordings[1], torque_nm=recordings[1].torque_nm * 1.03)
-        assert "plate's sensitivity" in torque_consistency(fitted(arm, recording)).sentence
+        assert "plate's sensitivity" in torque_consistency(fit_recording(arm, recording)).sentence

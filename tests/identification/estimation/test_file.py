@@ -61,7 +61,7 @@ def test_an_estimate_is_read_back_as_written(path: Path, estimate: Estimate) -> 
 @pytest.mark.parametrize("other", [1, 2, 4])
 def test_a_file_of_another_format_is_refused(path: Path, other: int) -> None:
     with pytest.raises(ConfigError) as refused:
-        read_estimate(edited(path, lambda d: d.update(format=other)))
+        read_estimate(edit_file(path, lambda d: d.update(format=other)))
     assert refused.value.refusal == "RID-FILE-FORMAT"
     assert str(refused.value).startswith(str(path))
 
@@ -69,7 +69,7 @@ def test_a_file_of_another_format_is_refused(path: Path, other: int) -> None:
 @pytest.mark.parametrize("key", EstimateDocument.model_fields)
 def test_every_key_of_the_file_is_required(path: Path, key: str) -> None:
     with raises_code(ConfigError, "RID-FILE-VALUE", f"{path}: ", f" {key}: "):
-        read_estimate(edited(path, lambda d: d.pop(key)))
+        read_estimate(edit_file(path, lambda d: d.pop(key)))
 
 
 def test_the_file_alone_suffices_to_predict(path: Path, estimate: Estimate) -> None:
@@ -111,7 +111,7 @@ def _without_the_last(document: dict[str, Any]) -> None:
     document["parameters"].pop()
 
 
-def edited(path: Path, change: Callable[[dict[str, Any]], None]) -> Path:
+def edit_file(path: Path, change: Callable[[dict[str, Any]], None]) -> Path:
     document = json.loads(path.read_text())
     change(document)
     path.write_text(json.dumps(document))
@@ -149,7 +149,7 @@ def test_a_changed_file_is_refused_with_the_position(
     path: Path, change: Callable[[dict[str, Any]], None], code: str, detail: str
 ) -> None:
     with raises_code(ConfigError, code, f"{path}: ", detail):
-        read_estimate(edited(path, change))
+        read_estimate(edit_file(path, change))
 
 
 @pytest.mark.parametrize(
@@ -173,7 +173,7 @@ def test_a_contradictory_model_is_refused(
     path: Path, change: Callable[[dict[str, Any]], None]
 ) -> None:
     with pytest.raises(ConfigError) as refused:
-        read_estimate(edited(path, change))
+        read_estimate(edit_file(path, change))
     assert str(refused.value).startswith(str(path))
     assert refused.value.refusal == "RID-MODEL-UNSOUND"
 

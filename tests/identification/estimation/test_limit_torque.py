@@ -22,7 +22,7 @@ def cell() -> LoadedCell:
     return load_cell("ir361")
 
 
-def test_for_a_warming_joint_it_is_the_larger_of_cold_and_warm(cell: LoadedCell) -> None:
+def test_a_warming_joint_has_the_larger_torque_of_cold_and_warm(cell: LoadedCell) -> None:
     followed = by_temperature(cell, measured=False)
     assert followed.warming is not None
     settled = followed.warming.steady_temperatures(followed.robot, WAY[1])
@@ -38,7 +38,7 @@ def test_for_a_warming_joint_it_is_the_larger_of_cold_and_warm(cell: LoadedCell)
     assert "axis1, axis2 after a long rest" in limit_temperature_note(followed)
 
 
-def test_for_measured_temperatures_it_is_that_at_the_reference_with_a_note(
+def test_with_measured_temperatures_the_torque_is_that_at_the_reference_with_a_note(
     cell: LoadedCell,
 ) -> None:
     measured = by_temperature(cell, measured=True)
@@ -47,7 +47,7 @@ def test_for_measured_temperatures_it_is_that_at_the_reference_with_a_note(
     assert "(axis1 25 °C, axis2 25 °C)" in limit_temperature_note(measured)
 
 
-def test_for_other_models_it_is_their_torque(cell: LoadedCell) -> None:
+def test_other_models_have_their_own_torque(cell: LoadedCell) -> None:
     plain = known(cell, {})
     np.testing.assert_array_equal(limit_torque(plain, *WAY), predict(plain, *WAY))
     assert limit_temperature_note(plain) == ""

@@ -79,7 +79,7 @@ def test_presliding_hysteresis_predicts_the_holding_torque_at_rest(
     assert np.all((distances > 7e-4) & (distances < 2.5e-3)), distances
     assert np.all((shares > 0.3) & (shares < 0.6)), "half of the friction is rigid"
     assert np.all(found > 5.0 * sigma)
-    assert np.all(estimate.left_out_fraction[3:] < 0.06), "the middle of pauses alone"
+    assert np.all(estimate.left_out_fraction[3:] < 0.06), "only the middle of pauses counts"
     # Rest and reversals count here, but not in the other.
     assert np.all(estimate.residual_nm[3:] < 1.25 * long_run.residual_nm[3:])
     other = read("20_01_17-ptp_10_points", 700, 4200)

@@ -54,7 +54,7 @@ def ur10e() -> RobotDescription:
     return load_robot("ur10e")
 
 
-def keeps(name: str, **found: object) -> None:
+def assert_unchanged(name: str, **found: object) -> None:
     """Compare results with the known ones, each relative to the largest of its kind."""
     for kind, values in found.items():
         before = np.array(FIGURES[name][kind], dtype=float)
@@ -64,8 +64,8 @@ def keeps(name: str, **found: object) -> None:
         )
 
 
-def keeps_estimate(name: str, estimate: Estimate) -> None:
-    keeps(
+def assert_estimate_unchanged(name: str, estimate: Estimate) -> None:
+    assert_unchanged(
         name,
         values=estimate.values,
         sigma=estimate.sigma,
@@ -77,23 +77,27 @@ def keeps_estimate(name: str, estimate: Estimate) -> None:
 
 
 def test_estimate_of_two_motions(ur10e: RobotDescription, read: Read) -> None:
-    keeps_estimate("two motions", fit_smoothed(ur10e, [read(LONG), read(SHORT)]).estimate())
+    assert_estimate_unchanged(
+        "two motions", fit_smoothed(ur10e, [read(LONG), read(SHORT)]).estimate()
+    )
 
 
 def test_estimate_with_huber_weighting(ur10e: RobotDescription, read: Read) -> None:
     options = EstimationOptions(weighting="huber")
-    keeps_estimate("outliers held down", fit_smoothed(ur10e, [read(SHORT)], options).estimate())
+    assert_estimate_unchanged(
+        "outliers held down", fit_smoothed(ur10e, [read(SHORT)], options).estimate()
+    )
 
 
 def test_estimate_with_nonlinear_friction(ur10e: RobotDescription, read: Read) -> None:
     robot = with_friction(ur10e, [("coulomb", "viscous", "offset", "load")] * 6)
-    keeps_estimate("load friction", fit_smoothed(robot, [read(SHORT)]).estimate())
+    assert_estimate_unchanged("load friction", fit_smoothed(robot, [read(SHORT)]).estimate())
 
 
 def test_estimate_with_a_payload_in_the_model(ur10e: RobotDescription, read: Read) -> None:
     options = EstimationOptions(model=ModelOptions(payload=True))
     signals = [read(UNLOADED), read(LOADED)]
-    keeps_estimate(
+    assert_estimate_unchanged(
         "payload", fit_smoothed(ur10e, signals, options, payload=[False, True]).estimate()
     )
 
@@ -101,7 +105,7 @@ def test_estimate_with_a_payload_in_the_model(ur10e: RobotDescription, read: Rea
 def test_payload_estimate(ur10e: RobotDescription, read: Read) -> None:
     runs = SmoothedRuns((read(UNLOADED), read(LOADED)), (False, True), STANDSTILL_RAD_S)
     found = identify_payload(ur10e, runs)
-    keeps(
+    assert_unchanged(
         "weighed",
         values=found.values,
         sigma=found.sigma,

@@ -219,7 +219,7 @@ def test_an_exported_urdf_is_read_back_as_the_same_robot(name: str) -> None:
 
 def test_the_pinocchio_file_builds_the_robot_with_its_armatures(tmp_path: Path) -> None:
     robot = random_robot(2, "RPR")
-    joints = [replaced(joint, armature=True, gear_ratio=50.0) for joint in robot.joints]
+    joints = [replace_fields(joint, armature=True, gear_ratio=50.0) for joint in robot.joints]
     model = with_bodies(robot.model_copy(update={"joints": tuple(joints)}))
     built = load(pinocchio_model(model), tmp_path).build_model()
     motion = motion_of(3)
@@ -239,7 +239,7 @@ def test_a_motor_on_its_moved_link_is_counted_with_both_speeds() -> None:
     # (D.27): tau2 = I (1 + mu)^2 a2, of which I itself is part of the link's inertia.
     robot = random_robot(1, "RR")
     rotor = Rotor(link=2, axis=(0.0, 0.0, 1.0))
-    joints = (robot.joints[0], replaced(robot.joints[1], rotor=rotor, gear_ratio=100.0))
+    joints = (robot.joints[0], replace_fields(robot.joints[1], rotor=rotor, gear_ratio=100.0))
     model = with_bodies(robot.model_copy(update={"joints": joints}))
     inertia = model.of("Im2")
     assert model.armature(1) == pytest.approx(inertia * (101.0**2 - 1.0))
@@ -276,7 +276,7 @@ def test_signs_and_frames_of_an_inertia_agree_with_values_by_hand() -> None:
 
 def test_nonlinear_friction_is_exported_as_the_best_line_with_a_note() -> None:
     robot = random_robot(1, "RR")
-    joint = replaced(robot.joints[0], friction=("coulomb", "viscous", "offset", "cube_root"))
+    joint = replace_fields(robot.joints[0], friction=("coulomb", "viscous", "offset", "cube_root"))
     model = with_bodies(robot.model_copy(update={"joints": (joint, robot.joints[1])}))
     straight = model.straight_friction(0)
     v = np.linspace(0.06, 3.0, 200)
@@ -337,7 +337,7 @@ def test_a_spring_without_known_distances_is_listed() -> None:
     assert "A1_spring = " in urdf(with_bodies(robot))
 
 
-def replaced(joint: Joint, **changes: Any) -> Joint:
+def replace_fields(joint: Joint, **changes: Any) -> Joint:
     return Joint(**{**joint.model_dump(), **changes})
 
 

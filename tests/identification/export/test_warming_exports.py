@@ -42,7 +42,7 @@ def warming(cell: LoadedCell) -> Estimate:
     return by_temperature(cell, measured=False)
 
 
-def followed(text: str, time_s: FloatArray, v: FloatArray) -> FloatArray:
+def temperature_by_head(text: str, time_s: FloatArray, v: FloatArray) -> FloatArray:
     """Return `temperature_k` computed from a motion as the head of a file describes."""
     out = np.zeros_like(v)
     for number, *values in LINE.findall(text):
@@ -69,7 +69,7 @@ def test_the_function_with_temperatures_from_its_head_gives_the_models_torques(
     spec.loader.exec_module(arm)
     signals = recording(20.0, (None, None, None), seed=4)
     motion = signals.position, signals.velocity, signals.acceleration
-    temperature_k = followed(text, signals.time_s, signals.velocity)
+    temperature_k = temperature_by_head(text, signals.time_s, signals.velocity)
     assert temperature_k[-1, 0] > 300.0
     assert warming.warming is not None
     warm = warming.warming.with_temperatures(warming.robot, signals).temperature_k

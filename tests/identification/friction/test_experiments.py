@@ -46,7 +46,7 @@ def without_friction(robot: RobotDescription) -> tuple[RobotModel, np.ndarray]:
     return model, values
 
 
-def recorded(
+def recording_of(
     motion: AnyMotion,
     friction: Callable[[np.ndarray], np.ndarray] = stribeck,
     *,
@@ -108,14 +108,14 @@ THERE_AND_BACK = ReversedMotion(
 
 
 def test_constant_speeds_give_friction_for_any_gravity() -> None:
-    for curve in constant_velocity_curves(recorded(STEADY), STEADY, IR361):
+    for curve in constant_velocity_curves(recording_of(STEADY), STEADY, IR361):
         truth = stribeck(curve.speed) - 1.5
         assert np.abs(curve.odd - truth).max() < 0.15
         assert (np.abs(curve.odd - truth) < 4.0 * curve.odd_sigma).all()
 
 
 def test_a_vertical_axis_gives_friction_of_each_direction() -> None:
-    curve = constant_velocity_curves(recorded(STEADY), STEADY, IR361)[0]
+    curve = constant_velocity_curves(recording_of(STEADY), STEADY, IR361)[0]
     assert curve.joint == "axis1"
     assert curve.forward is not None
     assert curve.backward is not None
@@ -126,7 +126,7 @@ def test_a_vertical_axis_gives_friction_of_each_direction() -> None:
 
 
 def test_the_interval_includes_the_uncertainty_of_gravity() -> None:
-    curve = constant_velocity_curves(recorded(STEADY), STEADY, IR361)[1]
+    curve = constant_velocity_curves(recording_of(STEADY), STEADY, IR361)[1]
     assert curve.even is not None
     assert curve.even_covariance is not None
     assert curve.direction_sigma is not None
@@ -140,7 +140,7 @@ def test_the_interval_includes_the_uncertainty_of_gravity() -> None:
 
 
 def test_the_same_path_in_both_directions_gives_friction() -> None:
-    for curve in reversed_curves(recorded(THERE_AND_BACK), THERE_AND_BACK, IR361):
+    for curve in reversed_curves(recording_of(THERE_AND_BACK), THERE_AND_BACK, IR361):
         truth = stribeck(curve.speed) - 1.5
         assert np.abs(curve.odd - truth)[1:].max() < 0.3
         assert curve.even is None
@@ -149,7 +149,7 @@ def test_the_same_path_in_both_directions_gives_friction() -> None:
 
 def test_small_differences_between_the_two_paths_are_corrected() -> None:
     # 0.2 mrad at 3 Hz are 0.07 rad/s^2, with 16 kg m^2 more than 1 N m.
-    recording = recorded(THERE_AND_BACK, wobble=2e-4)
+    recording = recording_of(THERE_AND_BACK, wobble=2e-4)
     for curve in reversed_curves(recording, THERE_AND_BACK, IR361):
         truth = stribeck(curve.speed) - 1.5
         assert np.abs(curve.odd - truth)[1:].max() < 0.4
@@ -157,7 +157,7 @@ def test_small_differences_between_the_two_paths_are_corrected() -> None:
 
 def test_the_anti_alias_filter_is_compensated() -> None:
     smooth = np.tanh  # continuous friction, so that its spectrum is below 20 Hz
-    recording = recorded(THERE_AND_BACK, lambda v: 20.0 * smooth(v / 0.1), noise_nm=0.0)
+    recording = recording_of(THERE_AND_BACK, lambda v: 20.0 * smooth(v / 0.1), noise_nm=0.0)
     analog = ButterworthFilter(order=8, cutoff_hz=20.0)
     digital = signal.butter(analog.order, 2.0 * np.pi * analog.cutoff_hz, analog=True)
     fine = np.linspace(0.0, recording.time_s[-1], 8 * len(recording))
@@ -170,7 +170,7 @@ def test_the_anti_alias_filter_is_compensated() -> None:
 
 
 def test_an_incomplete_recording_is_refused() -> None:
-    recording = recorded(STEADY)
+    recording = recording_of(STEADY)
     _, runs = STEADY.runs(IR361, CYCLE_S)
     cut = recording.sample_index < runs[-1].first + 10
     parts = {
@@ -179,44 +179,44 @@ def test_an_incomplete_recording_is_refused() -> None:
     }
     with raises_code(DataQualityError, "RID-RECORDING-ROWS-LOST", "axis2", "-1", "second"):
         constant_velocity_curves(replace(recording, **parts), STEADY, IR361)
-    half = recorded(THERE_AND_BACK)
+    half = recording_of(THERE_AND_BACK)
     first = half.sample_index < 2000
     parts = {name: getattr(half, name)[first] for name in parts}
     with raises_code(DataQualityError, "RID-RECORDING-ROWS-LOST"):
         reversed_curves(replace(half, **parts), THERE_AND_BACK, IR361)
 
 
-def coupled(turn: float = 0.8) -> RobotDescription:
+def coupled_arm(turn: float = 0.8) -> RobotDescription:
     """Return the arm with motor 2 also moving joint 3; `turn` is the gear ratio of motor 2."""
     coupling = ((1.0, 0.0, 0.0), (0.0, 1.0 / turn, 0.0), (0.0, 0.5, 1.0))
     return IR361.model_copy(update={"coupling": coupling})
 
 
 def test_a_coupled_wrist_gives_each_motors_friction_over_its_own_speed() -> None:
-    robot = coupled()
-    curves = constant_velocity_curves(recorded(STEADY, robot=robot), STEADY, robot)
+    robot = coupled_arm()
+    curves = constant_velocity_curves(recording_of(STEADY, robot=robot), STEADY, robot)
     np.testing.assert_allclose(curves[0].speed, STEADY.joints[0].speeds)
     np.testing.assert_allclose(curves[1].speed, 0.8 * np.array(STEADY.joints[1].speeds))
     for curve in curves:
         truth = stribeck(curve.speed) - 1.5
         assert np.abs(curve.odd - truth).max() < 0.15
-    both = reversed_curves(recorded(THERE_AND_BACK, robot=robot), THERE_AND_BACK, robot)
+    both = reversed_curves(recording_of(THERE_AND_BACK, robot=robot), THERE_AND_BACK, robot)
     for curve in both:
         fast = curve.speed > 0.1
         assert np.abs(curve.odd - (stribeck(curve.speed) - 1.5))[fast].max() < 0.6
 
 
 def test_a_reversed_motor_has_friction_of_the_same_sign() -> None:
-    robot = coupled(-0.8)
-    curve = constant_velocity_curves(recorded(STEADY, robot=robot), STEADY, robot)[1]
+    robot = coupled_arm(-0.8)
+    curve = constant_velocity_curves(recording_of(STEADY, robot=robot), STEADY, robot)[1]
     assert (curve.odd > 15.0).all()
     assert np.abs(curve.odd - (stribeck(curve.speed) - 1.5)).max() < 0.15
 
 
 def test_a_motor_at_rest_while_its_joint_moves_is_refused() -> None:
-    robot = coupled(0.1)
+    robot = coupled_arm(0.1)
     with raises_code(EstimationError, "RID-FRICTION-RUNS", "axis2", "0.1"):
-        constant_velocity_curves(recorded(STEADY, robot=robot), STEADY, robot)
+        constant_velocity_curves(recording_of(STEADY, robot=robot), STEADY, robot)
 
 
 SPEED = np.geomspace(0.02, 1.5, 12)

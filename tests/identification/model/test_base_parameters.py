@@ -31,7 +31,7 @@ class TestCounts:
         assert "k_spring - 201.02 sx2 - 96.492 m3" in base.expressions  # 9.81 / (0.488 x 0.100)
 
     @pytest.mark.parametrize("kind", ["external", "combined"])
-    def test_with_the_base_wrench_there_are_20(self, kind: ModelKind) -> None:
+    def test_the_base_wrench_adds_parameters_up_to_20(self, kind: ModelKind) -> None:
         assert len(base_parameters(arm_of(), kind=kind)) == 20
 
     def test_the_internal_model_contains_the_third_rotor_only(self) -> None:
@@ -44,13 +44,13 @@ class TestCounts:
         assert len(base) == 20 + 3
         assert [name for name in base.names if name.startswith("Im")] == ["Im1", "Im2", "Im3"]
 
-    def test_do_not_depend_on_the_samples(self) -> None:
+    def test_base_parameters_do_not_depend_on_the_samples(self) -> None:
         models = [base_parameters(arm_of(), seed=seed).expressions for seed in range(5)]
         assert len(set(models)) == 1
 
 
 class TestWords:
-    def test_start_with_the_head_of_each_combination(self) -> None:
+    def test_expressions_start_with_the_head_of_each_combination(self) -> None:
         assert base_parameters(arm_of()).expressions == (
             "Izz1 + Iyy2 + 0.2304 m3 + Iyy3",
             "sx2 + 0.48 m3",
@@ -69,21 +69,21 @@ class TestWords:
             "Izz3",
         )
 
-    def test_of_a_rotor_contain_its_squared_gear_ratio(self) -> None:
+    def test_expressions_of_a_rotor_contain_its_squared_gear_ratio(self) -> None:
         words = base_parameters(arm_of(rotors=True)).expressions
         assert "Izz1 + Iyy2 + 0.2304 m3 + Iyy3 + 14641 Im1" in words  # 121^2
         assert "Izz2 + 0.2304 m3 + 23715 Im2" in words  # 153^2 + 2 x 153
 
-    def test_do_not_depend_on_rounding(self) -> None:
+    def test_expressions_do_not_depend_on_rounding(self) -> None:
         words = base_parameters(RobotModel.from_description(load_robot("ur10e"))).expressions
         assert "sx3 - 0.57155 m4 - 0.57155 m5 - 0.57155 m6" in words
 
-    def test_have_the_unit_of_their_head(self) -> None:
+    def test_a_combination_has_the_unit_of_its_head(self) -> None:
         base = base_parameters(arm_of(spring=True))
         units = dict(zip(base.names, base.units, strict=True))
         assert (units["Izz1"], units["sy2"], units["k_spring"]) == ("kg m^2", "kg m", "N/m")
 
-    def test_list_parameters_without_effect(self) -> None:
+    def test_parameters_without_effect_are_listed(self) -> None:
         assert base_parameters(arm_of()).unseen == (
             *("m1", "sx1", "sy1", "sz1", "Ixx1", "Ixy1", "Ixz1", "Iyy1", "Iyz1"),
             *("m2", "sz2"),
@@ -92,7 +92,9 @@ class TestWords:
 
 class TestCombination:
     @pytest.mark.parametrize("name", ["ir361", "ur10e"])
-    def test_predicts_the_torques_of_the_standard_parameters(self, name: str) -> None:
+    def test_base_parameters_predict_the_torques_of_the_standard_parameters(
+        self, name: str
+    ) -> None:
         model = RobotModel.from_description(load_robot(name))
         base = base_parameters(model)
         random = np.random.default_rng(3)
@@ -104,7 +106,7 @@ class TestCombination:
             base.columns(phi) @ base.from_standard(theta), phi @ theta, rtol=0.0, atol=1e-7
         )
 
-    def test_predicts_the_base_wrench_too(self) -> None:
+    def test_base_parameters_predict_the_base_wrench(self) -> None:
         model = arm_of(rotors=True)
         base = base_parameters(model, kind="combined")
         random = np.random.default_rng(4)
@@ -117,7 +119,9 @@ class TestCombination:
 
     @settings(max_examples=15)
     @given(st.integers(0, 2**32 - 1), st.integers(1, 5))
-    def test_holds_for_random_arms_with_prismatic_joints(self, seed: int, joints: int) -> None:
+    def test_base_parameters_are_exact_for_random_arms_with_prismatic_joints(
+        self, seed: int, joints: int
+    ) -> None:
         random = np.random.default_rng(seed)
         limits = JointLimits(
             position_min=-1.0, position_max=1.0, velocity=1.0, acceleration=1.0, torque=1.0
@@ -157,24 +161,24 @@ class TestCombination:
             scaled = stacked / np.linalg.norm(stacked, axis=0)
             assert np.linalg.matrix_rank(scaled, tol=1e-9) == len(base)
 
-    def test_refuses_parameters_of_another_model(self) -> None:
+    def test_parameters_of_another_model_are_refused(self) -> None:
         with raises_code(EstimationError, "RID-API-ARGUMENT", "30"):
             base_parameters(arm_of()).from_standard(np.zeros(7))
 
 
 class TestIndependentColumns:
-    def test_keep_the_more_readable_of_two_equal_columns(self) -> None:
+    def test_the_more_readable_of_two_equal_columns_is_kept(self) -> None:
         column = np.random.default_rng(0).normal(size=(20, 1))
         base = independent_columns(
             np.hstack([2.0 * column, column]), ("m2", "Izz1"), ("kg", "kg m^2")
         )
         assert base.expressions == ("Izz1 + 2 m2",)
 
-    def test_refuse_a_regressor_of_zeros(self) -> None:
+    def test_a_regressor_of_zeros_is_refused(self) -> None:
         with raises_code(EstimationError, "RID-MOTION-UNINFORMATIVE", "zero"):
             independent_columns(np.zeros((5, 2)), ("m1", "m2"), ("kg", "kg"))
 
-    def test_refuse_a_tolerance_close_to_the_size_of_a_column(self) -> None:
+    def test_a_tolerance_close_to_the_size_of_a_column_is_refused(self) -> None:
         random = np.random.default_rng(0)
         first, others = random.normal(size=(50, 1)), random.normal(size=(50, 20))
         near = first / np.linalg.norm(first) + 9e-7 * others / np.linalg.norm(others, axis=0)
@@ -182,7 +186,7 @@ class TestIndependentColumns:
         with raises_code(EstimationError, "RID-MODEL-RANK", "1e-06"):
             independent_columns(np.hstack([first, near]), names, ("kg",) * 21, tolerance=1e-6)
 
-    def test_treat_a_dependence_within_the_tolerance_as_exact(self) -> None:
+    def test_a_dependence_within_the_tolerance_counts_as_exact(self) -> None:
         random = np.random.default_rng(1)
         first, other = random.normal(size=(2, 50, 1))
         stacked = np.hstack([first, first + 1e-4 * other])

@@ -41,7 +41,7 @@ def truth(arm: KnownArm, model: RobotModel, **others: float) -> np.ndarray:
     return np.array([known[name] for name in model.parameter_names])
 
 
-def measured(
+def signals_of(
     arm: KnownArm,
     model: RobotModel,
     theta: np.ndarray,
@@ -76,7 +76,7 @@ def test_a_coupled_robot_is_identified_from_actuator_torques(arm: KnownArm) -> N
     robot = arm.robot.model_copy(update={"coupling": COUPLING})
     model = RobotModel.from_description(robot)
     theta = truth(arm, model)
-    signals = measured(arm, model, theta)
+    signals = signals_of(arm, model, theta)
     estimate = fit_smoothed(robot, [signals]).estimate()
     assert np.mean(np.abs(deviations(estimate, theta)) < 2.5) >= 0.9
     np.testing.assert_allclose(estimate.residual_nm, NOISE_NM, rtol=0.06)
@@ -88,7 +88,7 @@ def test_a_coupled_actuator_is_at_rest_when_its_own_speed_is_zero(arm: KnownArm)
     """Arbitrary torques at these times, and at no others, must have no effect."""
     robot = arm.robot.model_copy(update={"coupling": COUPLING})
     model = RobotModel.from_description(robot)
-    signals = measured(arm, model, truth(arm, model))
+    signals = signals_of(arm, model, truth(arm, model))
     speed = np.linalg.solve(np.array(COUPLING), signals.velocity.T).T
     slow = np.abs(speed) < 0.05
     spoilt = replace(signals, torque_nm=np.where(slow, 1000.0, signals.torque_nm))
@@ -116,7 +116,7 @@ class TestTemperature:
     def signals(self, arm: KnownArm, robot: RobotDescription, theta: np.ndarray) -> SmoothedSignals:
         warming = np.linspace(295.0, 320.0, 3000)[:, np.newaxis] + np.array([0.0, 2.0, 5.0])
         conditions = Conditions(temperature_k=warming)
-        return measured(arm, RobotModel.from_description(robot), theta, conditions)
+        return signals_of(arm, RobotModel.from_description(robot), theta, conditions)
 
     def test_friction_that_falls_with_temperature_is_recovered(
         self, robot: RobotDescription, theta: np.ndarray, signals: SmoothedSignals
@@ -152,7 +152,7 @@ def test_runs_with_and_without_payload_separate_it_from_the_last_link(arm: Known
     body = dict.fromkeys(model.parameter_names[-10:], 0.0) | {"mL": 5.0, "sxL": 3.0, "IzzL": 2.5}
     theta = truth(arm, model, **body)
     carried = Conditions(payload=True)
-    signals = [measured(arm, model, theta), measured(arm, model, theta, carried, seed=1)]
+    signals = [signals_of(arm, model, theta), signals_of(arm, model, theta, carried, seed=1)]
     estimate = fit_smoothed(
         arm.robot, signals, EstimationOptions(model=options), payload=[False, True]
     ).estimate()
@@ -166,7 +166,7 @@ def test_the_efficiency_of_a_gear_is_recovered(arm: KnownArm) -> None:
     robot = with_joints(arm.robot, efficiency=0.95, rotor=None)
     model = RobotModel.from_description(robot).with_nonlinear([0.7, 0.8, 0.75])
     theta = truth(arm, model)
-    estimate = fit_smoothed(robot, [measured(arm, model, theta)]).estimate()
+    estimate = fit_smoothed(robot, [signals_of(arm, model, theta)]).estimate()
     assert estimate.options.nonlinear is not None
     np.testing.assert_allclose(estimate.options.nonlinear, [0.7, 0.8, 0.75], atol=0.02)
     assert np.mean(np.abs(deviations(estimate, theta)) < 2.5) >= 0.9

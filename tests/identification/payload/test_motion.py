@@ -30,7 +30,7 @@ def found(search: PayloadSearch) -> FourierMotion:
     return design_payload_motion(search, seed=1, periods=3, draws=100, steps=1000)
 
 
-def worth(search: PayloadSearch, motion: FourierMotion) -> float:
+def objective_of(search: PayloadSearch, motion: FourierMotion) -> float:
     return search.objective(search.coefficients_of(motion))
 
 
@@ -43,7 +43,7 @@ def test_the_motion_determines_payloads_better_than_one_for_the_robot(
         CYCLE_S,
     )
     # The objective is the logarithm of a variance: -1 is a factor of 0.6 in standard deviation.
-    assert worth(search, found) < worth(search, general) - 1.0
+    assert objective_of(search, found) < objective_of(search, general) - 1.0
 
 
 def test_the_motion_keeps_its_fractions_of_the_limits(

@@ -10,7 +10,7 @@ from identification.regression.fit_grade import Grade, grade_fit, limit_share, w
 JOINTS = ("shoulder", "elbow", "wrist")
 
 
-def graded(residual: float, noise: float | None = None) -> Grade | None:
+def grade_of(residual: float, noise: float | None = None) -> Grade | None:
     (fit,) = grade_fit(
         ("joint",),
         np.array([residual]),
@@ -25,17 +25,17 @@ def graded(residual: float, noise: float | None = None) -> Grade | None:
     [(0.0, Grade.GOOD), (10.0, Grade.GOOD), (10.1, Grade.DOUBTFUL), (30.0, Grade.DOUBTFUL)],
 )
 def test_a_small_residual_is_not_bad(residual: float, grade: Grade) -> None:
-    assert graded(residual) is grade
+    assert grade_of(residual) is grade
 
 
 def test_more_than_a_third_of_the_torque_is_bad() -> None:
-    assert graded(30.1) is Grade.BAD
+    assert grade_of(30.1) is Grade.BAD
 
 
 def test_a_residual_at_the_noise_is_not_a_misfit() -> None:
-    assert graded(50.0, noise=50.0) is Grade.GOOD
-    assert graded(50.0, noise=45.0) is Grade.DOUBTFUL
-    assert graded(50.0, noise=1.0) is Grade.BAD
+    assert grade_of(50.0, noise=50.0) is Grade.GOOD
+    assert grade_of(50.0, noise=45.0) is Grade.DOUBTFUL
+    assert grade_of(50.0, noise=1.0) is Grade.BAD
 
 
 def test_a_joint_at_rest_has_no_grade() -> None:

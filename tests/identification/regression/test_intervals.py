@@ -11,7 +11,7 @@ from tests.builders.raised_codes import raises_code
 
 
 @pytest.fixture
-def lumps() -> tuple[np.ndarray, np.ndarray, list[slice]]:
+def clusters_of_rows() -> tuple[np.ndarray, np.ndarray, list[slice]]:
     """Three parameters, and 30 clusters of 8 rows with a common error."""
     random = np.random.default_rng(4)
     matrix = random.normal(size=(240, 3))
@@ -23,8 +23,8 @@ def lumps() -> tuple[np.ndarray, np.ndarray, list[slice]]:
     )
 
 
-def test_the_jackknife_equals_the_removal_of_each_cluster(lumps) -> None:
-    matrix, rhs, clusters = lumps
+def test_the_jackknife_equals_the_removal_of_each_cluster(clusters_of_rows) -> None:
+    matrix, rhs, clusters = clusters_of_rows
     values = np.linalg.lstsq(matrix, rhs, rcond=None)[0]
     changes = []
     for rows in clusters:
@@ -52,8 +52,8 @@ def test_clusters_are_distinguished_from_independent_rows() -> None:
     assert sigma > 2.5 * np.sqrt(error.var() / len(error))
 
 
-def test_the_result_does_not_depend_on_the_units_of_parameters(lumps) -> None:
-    matrix, rhs, clusters = lumps
+def test_the_result_does_not_depend_on_the_units_of_parameters(clusters_of_rows) -> None:
+    matrix, rhs, clusters = clusters_of_rows
     size = np.array([1e-6, 1.0, 1e6])
 
     def covariance(columns: np.ndarray) -> np.ndarray:

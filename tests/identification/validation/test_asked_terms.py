@@ -15,7 +15,7 @@ from tests.builders.remembering_arm import CLASSICAL, arm, measured, motion
 WAY = motion(40.0, 1)
 
 
-def recorded(offset_nm: float) -> Recording:
+def recording_with_offset(offset_nm: float) -> Recording:
     tau = measured({}, WAY).torque_nm.copy()
     tau[:, 1] += offset_nm
     return replace(measured({}, WAY), torque_nm=tau)
@@ -29,11 +29,11 @@ def suggested_terms(
 
 
 def test_nothing_is_suggested_for_a_complete_model() -> None:
-    assert suggested_terms(recorded(0.0)) == ()
+    assert suggested_terms(recording_with_offset(0.0)) == ()
 
 
 def test_a_missing_offset_is_suggested_for_its_joint() -> None:
-    (finding,) = suggested_terms(recorded(15.0))
+    (finding,) = suggested_terms(recording_with_offset(15.0))
     assert "axis2: offset" in finding
     assert "axis1" not in finding
-    assert suggested_terms(recorded(15.0), (*CLASSICAL, "offset")) == ()
+    assert suggested_terms(recording_with_offset(15.0), (*CLASSICAL, "offset")) == ()

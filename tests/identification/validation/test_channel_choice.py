@@ -80,11 +80,11 @@ def test_a_value_at_its_lower_bound_is_not_distinct_from_zero(sticking: JointEqu
     assert both.sigma_s["delay"] == np.inf
 
 
-def fitted(lag_s: float, moving_error: float) -> JointChannel:
+def lag_channel(lag_s: float, moving_error: float) -> JointChannel:
     return JointChannel({"lag": lag_s}, {"lag": 1e-4}, np.ones(BLOCKS), moving_error)
 
 
-def widened(width_s: float, moving_error: float) -> JointChannel:
+def width_channel(width_s: float, moving_error: float) -> JointChannel:
     return JointChannel({"width": width_s}, {"width": 1e-4}, np.ones(BLOCKS), moving_error)
 
 
@@ -92,15 +92,21 @@ NONE = [JointChannel({}, {}, np.ones(BLOCKS), 1.0)] * 3
 
 
 def test_a_joint_with_stiction_gets_its_lag_if_most_joints_show_one() -> None:
-    found = accepted_channel([fitted(0.02, 0.1), fitted(0.021, 0.6), fitted(0.02, 1.2)], NONE)
+    found = accepted_channel(
+        [lag_channel(0.02, 0.1), lag_channel(0.021, 0.6), lag_channel(0.02, 1.2)], NONE
+    )
     assert found.lag_s.tolist() == [0.02, 0.021, 0.02]
 
 
 def test_a_lag_that_few_joints_show_away_from_reversals_is_rejected() -> None:
-    found = accepted_channel([fitted(0.02, 0.1), fitted(0.02, 1.1), fitted(0.02, 1.2)], NONE)
+    found = accepted_channel(
+        [lag_channel(0.02, 0.1), lag_channel(0.02, 1.1), lag_channel(0.02, 1.2)], NONE
+    )
     assert not found.changes
 
 
 def test_a_zero_phase_filter_needs_evidence_away_from_reversals_on_each_joint() -> None:
-    found = accepted_channel([widened(0.02, 0.1), widened(0.02, 0.1), widened(0.02, 1.2)], NONE)
+    found = accepted_channel(
+        [width_channel(0.02, 0.1), width_channel(0.02, 0.1), width_channel(0.02, 1.2)], NONE
+    )
     assert found.width_s.tolist() == [0.02, 0.02, 0.0]

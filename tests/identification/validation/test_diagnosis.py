@@ -115,15 +115,15 @@ def test_a_joint_at_rest_is_not_judged() -> None:
 
 
 class TestLjungBox:
-    def test_white_residuals_are_rejected_as_often_as_stated(self) -> None:
+    def test_ljung_box_rejects_white_residuals_as_often_as_stated(self) -> None:
         random = np.random.default_rng(2)
         rejected = [ljung_box(random.normal(size=300)) < 0.05 for _ in range(400)]
         assert 0.02 < np.mean(rejected) < 0.09
 
-    def test_coloured_residuals_are_rejected(self) -> None:
+    def test_ljung_box_rejects_coloured_residuals(self) -> None:
         random = np.random.default_rng(2)
         assert ljung_box(np.cumsum(random.normal(size=300))) < 1e-12
 
-    def test_too_few_residuals_give_no_result(self) -> None:
+    def test_ljung_box_gives_no_result_for_too_few_residuals(self) -> None:
         assert math.isnan(ljung_box(np.ones(10)))
         assert ljung_box(np.ones(100)) == 1.0

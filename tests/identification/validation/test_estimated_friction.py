@@ -20,7 +20,7 @@ CELL = load_cell("ir361")
 SPEED = np.array([-1.0, 0.3, 2.0])
 
 
-def loaded(estimate: Estimate, joint: int) -> Estimate:
+def with_load_friction(estimate: Estimate, joint: int) -> Estimate:
     """Return a model with load-dependent losses in the gear of one joint."""
     joints = list(estimate.robot.joints)
     joints[joint] = joints[joint].model_copy(update={"friction": (*joints[joint].friction, "load")})
@@ -50,13 +50,13 @@ def test_friction_is_without_warming_and_says_so(measured: bool) -> None:
 
 def test_load_dependent_friction_is_omitted_and_that_is_stated() -> None:
     estimate = known(CELL, {})
-    friction = EstimatedFriction(loaded(estimate, 1))
+    friction = EstimatedFriction(with_load_friction(estimate, 1))
     np.testing.assert_allclose(
         friction.torque(1, SPEED), EstimatedFriction(estimate).torque(1, SPEED)
     )
     words = "without load-dependent friction"
     assert [friction.conditions_in_words(j) for j in range(3)] == ["", words, ""]
-    both = EstimatedFriction(loaded(by_temperature(CELL, measured=True), 1))
+    both = EstimatedFriction(with_load_friction(by_temperature(CELL, measured=True), 1))
     assert both.conditions_in_words(1) == "at 25 °C and without load-dependent friction"
 
 

@@ -84,7 +84,7 @@ def test_a_filter_is_not_explained_by_friction() -> None:
 
 
 @cache
-def half_a_minute(cutoff_hz: float | None = None) -> SmoothedSignals:
+def short_recordings(cutoff_hz: float | None = None) -> SmoothedSignals:
     """Return 14 s of torques, low-passed without phase shift if a cut-off is given."""
     driven = drive("three", "sines", 1, FRICTIONS["plain"], 14.0)
     if cutoff_hz is not None:
@@ -95,7 +95,7 @@ def half_a_minute(cutoff_hz: float | None = None) -> SmoothedSignals:
 
 
 def test_half_a_minute_is_enough_for_a_filter_common_to_all_joints() -> None:
-    plain, found = (choose_model(robot(), [half_a_minute(hz)]) for hz in (None, 1.66))
+    plain, found = (choose_model(robot(), [short_recordings(hz)]) for hz in (None, 1.66))
     assert not plain.channel.changes
     assert (found.channel.kind, found.channel.order) == ("zero-phase", 2)
     np.testing.assert_allclose(0.5 / np.pi / found.channel.width_s, 1.66, rtol=0.05)
@@ -107,10 +107,10 @@ def test_a_filter_is_not_chosen_without_rows_away_from_standstill(
     away_s: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(common_filter, "AWAY", Reach(away_s, away_s))
-    assert choose_model(robot(), [half_a_minute(1.66)]).channel.order == 1
+    assert choose_model(robot(), [short_recordings(1.66)]).channel.order == 1
 
 
-def averaged(run: SmoothedSignals) -> SmoothedSignals:
+def moving_average(run: SmoothedSignals) -> SmoothedSignals:
     """Return a recording with the moving average of its torque over 80 ms, as from a PLC."""
     assert run.unfiltered is not None
     torque = run.unfiltered.torque_nm
@@ -123,7 +123,7 @@ def averaged(run: SmoothedSignals) -> SmoothedSignals:
 @pytest.mark.slow
 def test_a_moving_average_is_not_explained_by_friction() -> None:
     case = Case("three", "plain", "none", 1)
-    choice = choose_model(robot(), [averaged(run) for run in signals(case)])
+    choice = choose_model(robot(), [moving_average(run) for run in signals(case)])
     assert friction(choice) == [PLAIN] * 3
     assert choice.channel.filters
 

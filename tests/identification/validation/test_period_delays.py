@@ -92,7 +92,7 @@ def test_a_delay_beyond_a_quarter_of_the_shortest_period_is_rejected(
     assert np.all(channel.delay_s[:2] == 0.0)
 
 
-def swinging(robot: RobotDescription, delay_s: float) -> Recording:
+def oscillating_axis(robot: RobotDescription, delay_s: float) -> Recording:
     """Return periods of one axis that oscillates at one frequency with known parameters."""
     model = RobotModel.from_description(robot)
     true = {"Izz1": 8.0, "fc_axis1": 20.0, "fv_axis1": 25.0}
@@ -125,7 +125,7 @@ def test_no_delay_is_found_if_the_motion_cannot_distinguish_it_from_friction(
     kinematics = robot.kinematics.model_copy(update={"rows": robot.kinematics.rows[:1]})
     one = {"joints": robot.joints[:1], "spring": None, "kinematics": kinematics}
     robot = robot.model_copy(update=one)
-    average = average_periods(swinging(robot, delay_s))
+    average = average_periods(oscillating_axis(robot, delay_s))
     assert not choose_period_delays(robot, [average]).changes
 
 

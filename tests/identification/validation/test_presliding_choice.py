@@ -61,17 +61,17 @@ def test_the_presliding_fraction_is_1_without_evidence_for_rigid_friction(
     choice: PreslidingChoice,
 ) -> None:
     assert choice.shares[:2] == (1.0, 1.0)
-    assert choice.shares[2] > 0.9, "Dahl's law begins steeper"
+    assert choice.shares[2] > 0.9, "Dahl's law is steeper at first"
 
 
-def partly(q: FloatArray, share: float) -> FloatArray:
+def partial_presliding(q: FloatArray, share: float) -> FloatArray:
     """Return the friction direction of a joint with a presliding share."""
     return share * iwan(q, DISTANCE) + (1.0 - share) * iwan(q, AT_ONCE, elements=1)
 
 
 def test_a_rigid_fraction_of_friction_is_recovered() -> None:
     q = WAY[0]
-    directions = {1: partly(q[:, 1], 0.4), 2: iwan(q[:, 2], DISTANCE)}
+    directions = {1: partial_presliding(q[:, 1], 0.4), 2: iwan(q[:, 2], DISTANCE)}
     chosen = choose_presliding(arm(), [recording(directions, WAY)])
     assert chosen.distances[0] is None
     assert chosen.distances[1:] == pytest.approx((DISTANCE, DISTANCE), rel=0.15)
@@ -90,7 +90,7 @@ def test_a_recording_that_cannot_be_split_is_refused() -> None:
         choose_presliding(arm(), [recording({}, WAY)], folds=1)
 
 
-def recovered(seed: int) -> tuple[FloatArray, FloatArray]:
+def estimated_distances(seed: int) -> tuple[FloatArray, FloatArray]:
     """Return the distances of axes 2 and 3 and their deviations in one experiment."""
     way = motion(20.0, seed)
     q = way[0]
@@ -100,10 +100,10 @@ def recovered(seed: int) -> tuple[FloatArray, FloatArray]:
     return estimate.model.nonlinear_values, estimate.nonlinear_sigma
 
 
-def shared(seed: int) -> tuple[FloatArray, FloatArray]:
+def estimated_shares(seed: int) -> tuple[FloatArray, FloatArray]:
     """Return distance and fraction of axis 2 and their deviations in one experiment."""
     way = motion(40.0, seed)
-    measured = recording({1: partly(way[0][:, 1], 0.5)}, way, noise_nm=6.0, seed=seed)
+    measured = recording({1: partial_presliding(way[0][:, 1], 0.5)}, way, noise_nm=6.0, seed=seed)
     robot = with_presliding((1,), 0.01, share=0.7)
     estimate = fit_smoothed(robot, [measured]).estimate()
     return estimate.model.nonlinear_values, estimate.nonlinear_sigma
@@ -111,13 +111,13 @@ def shared(seed: int) -> tuple[FloatArray, FloatArray]:
 
 @pytest.mark.parametrize("experiments", EXPERIMENTS)
 def test_two_sigma_cover_the_presliding_fractions(experiments: int) -> None:
-    found = [shared(seed) for seed in range(experiments)]
+    found = [estimated_shares(seed) for seed in range(experiments)]
     values, sigmas = np.array([f[0] for f in found]), np.array([f[1] for f in found])
     assert np.mean(np.abs(values - [DISTANCE, 0.5]) < 2.0 * sigmas) >= 0.9
     assert np.all(np.mean(sigmas, axis=0) < [0.2 * DISTANCE, 0.1])
 
 
-def paused(measured: SmoothedSignals, seconds: float) -> SmoothedSignals:
+def add_pause(measured: SmoothedSignals, seconds: float) -> SmoothedSignals:
     """Return a recording that ends with a rest, in which the motors' torques fall by a fifth."""
     rows = round(seconds / STEP_S)
 
@@ -132,22 +132,22 @@ def paused(measured: SmoothedSignals, seconds: float) -> SmoothedSignals:
     )
 
 
-def held(experiments: int) -> tuple[float, FloatArray]:
-    found = [recovered(seed) for seed in range(experiments)]
+def coverage_of_distances(experiments: int) -> tuple[float, FloatArray]:
+    found = [estimated_distances(seed) for seed in range(experiments)]
     values, sigmas = np.array([f[0] for f in found]), np.array([f[1] for f in found])
     truth = DISTANCE * np.array([1.0, 0.25])
     return float(np.mean(np.abs(values - truth) < 2.0 * sigmas)), np.mean(sigmas, axis=0)
 
 
 def test_the_distance_is_within_its_interval() -> None:
-    share, sigma = held(4)
+    share, sigma = coverage_of_distances(4)
     assert share >= 0.75
-    assert np.all(sigma < 0.2 * DISTANCE), "an interval that says nothing holds everything"
+    assert np.all(sigma < 0.2 * DISTANCE), "a very wide interval covers every value"
 
 
 @pytest.mark.parametrize("experiments", EXPERIMENTS)
 def test_two_sigma_cover_the_distances(experiments: int) -> None:
-    share, _ = held(experiments)
+    share, _ = coverage_of_distances(experiments)
     assert share >= 0.9
 
 
@@ -157,7 +157,7 @@ def test_a_pause_has_the_same_weight_for_any_duration() -> None:
     measured = recording({1: iwan(q[:, 1], DISTANCE)}, WAY)
     robot = with_presliding((1,), 0.01)
     short_rest, long_rest = (
-        fit_smoothed(robot, [paused(measured, seconds)]).estimate() for seconds in (1.0, 60.0)
+        fit_smoothed(robot, [add_pause(measured, seconds)]).estimate() for seconds in (1.0, 60.0)
     )
     np.testing.assert_allclose(long_rest.values, short_rest.values, rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(

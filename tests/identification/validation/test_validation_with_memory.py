@@ -31,11 +31,11 @@ from tests.builders.remembering_arm import (
 
 DISTANCE = 0.02
 SPREAD = round(1.0 / (CUTOFF_HZ * STEP_S))
-"""Rows in a period of the cut-off."""
+"""Rows in one period of the cut-off frequency."""
 
 
 BEGIN = 400
-"""A row long after the beginning at which all axes slide steadily."""
+"""Row long after the start, when all axes slide steadily."""
 
 
 def way_of(seconds: float) -> tuple[FloatArray, FloatArray, FloatArray]:

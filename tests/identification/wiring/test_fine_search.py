@@ -39,7 +39,9 @@ def with_lengths(robot: RobotDescription, factor: float) -> RobotDescription:
     return robot.model_copy(update={"kinematics": table.model_copy(update={"rows": rows})})
 
 
-def one(robot: RobotDescription, kind: MistakeKind, what: str = "", *joints: int) -> Mistake:
+def fine_mistake(
+    robot: RobotDescription, kind: MistakeKind, what: str = "", *joints: int
+) -> Mistake:
     return next(
         each
         for each in fine_mistakes(robot)
@@ -65,7 +67,7 @@ def test_nothing_is_found_in_correct_signals(arm: WiredSignals) -> None:
 def test_a_mistake_masked_by_friction_is_found(
     arm: WiredSignals, kind: MistakeKind, what: str, joints: tuple[int, ...]
 ) -> None:
-    made = one(arm.robot, kind, what, *joints)
+    made = fine_mistake(arm.robot, kind, what, *joints)
     fine = find_fine_mistake(made.corrected(arm))
     assert fine is not None
     assert kind in {each.kind for each in (fine.mistake, *fine.alternatives)}

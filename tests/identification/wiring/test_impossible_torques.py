@@ -216,5 +216,5 @@ def test_a_small_motion_does_not_determine_the_weight(arm: WiredSignals) -> None
     assert driving == ()
     assert weight is not None
     assert weight.is_plausible
-    assert weight.sigma > 1.0, "nothing is known of the weight"
+    assert weight.sigma > 1.0, "the weight is unknown"
     assert np.ptp(q[:, :3], axis=0).max() < math.radians(4.0)

@@ -33,14 +33,14 @@ def arm() -> WiredSignals:
     return wired(sound_run(load_robot("ir361"), np.random.default_rng(1)))
 
 
-def made(
+def with_mistake(
     arm: WiredSignals, kind: MistakeKind, *joints: int, factor: float | None = None
 ) -> WiredSignals:
     """Return signals with a mistake that reversing it on these joints (from 0) corrects."""
-    return the(arm, kind, *joints, factor=factor).corrected(arm)
+    return mistake_of(arm, kind, *joints, factor=factor).corrected(arm)
 
 
-def the(arm: WiredSignals, kind: MistakeKind, *joints: int, factor: float | None) -> Mistake:
+def mistake_of(arm: WiredSignals, kind: MistakeKind, *joints: int, factor: float | None) -> Mistake:
     (one,) = (
         mistake
         for mistake in common_mistakes(arm.robot)
@@ -76,7 +76,7 @@ def test_a_mistake_is_found_with_its_joint_and_factor(
     factor: float | None,
     undone_by: float,
 ) -> None:
-    (found,) = find_mistakes(made(arm, kind, *joints, factor=factor))
+    (found,) = find_mistakes(with_mistake(arm, kind, *joints, factor=factor))
     named = {(each.kind, each.joints): each.factor for each in (found.mistake, *found.alternatives)}
     assert named[kind, joints] == pytest.approx(undone_by)
 
@@ -89,15 +89,15 @@ def test_a_zero_position_is_found_within_a_degree(arm: WiredSignals) -> None:
 
 
 def test_two_mistakes_are_found_one_after_the_other(arm: WiredSignals) -> None:
-    once = made(arm, MistakeKind.TORQUE_SIGN, 1)
-    twice = made(once, MistakeKind.POSITION_FACTOR, 2, factor=2.0)
+    once = with_mistake(arm, MistakeKind.TORQUE_SIGN, 1)
+    twice = with_mistake(once, MistakeKind.POSITION_FACTOR, 2, factor=2.0)
     found = {(each.mistake.kind, each.mistake.joints) for each in find_mistakes(twice)}
     assert found == {(MistakeKind.TORQUE_SIGN, (1,)), (MistakeKind.POSITION_FACTOR, (2,))}
 
 
 def test_equally_good_explanations_are_listed(arm: WiredSignals) -> None:
     """About a vertical axis a reversed torque is indistinguishable from a reversed position."""
-    (found,) = find_mistakes(made(arm, MistakeKind.TORQUE_SIGN, 0))
+    (found,) = find_mistakes(with_mistake(arm, MistakeKind.TORQUE_SIGN, 0))
     kinds = {found.mistake.kind, *(other.kind for other in found.alternatives)}
     assert {MistakeKind.TORQUE_SIGN, MistakeKind.POSITION_SIGN} <= kinds
     assert {found.mistake.joints, *(other.joints for other in found.alternatives)} == {(0,)}

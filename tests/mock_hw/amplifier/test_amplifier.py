@@ -56,7 +56,7 @@ class Bench:
             assert self.say(b"%c:SE-3.8\r%c:RG5000\r" % (channel, channel)) == b"OK\rOK\r"
 
 
-def parsed(data: bytes, form: str = "binary") -> tuple[StreamPiece, AmplifierStream]:
+def parse_stream(data: bytes, form: str = "binary") -> tuple[StreamPiece, AmplifierStream]:
     stream = AmplifierStream(PROFILE, form, 1000.0)
     return stream.feed(data), stream
 
@@ -108,7 +108,7 @@ def test_changing_a_range_in_operate_clears_the_charge_with_a_note() -> None:
     bench.configured("binary")
     bench.say(b"RO1\r")
     bench.run(0.5, 400.0)
-    assert bench.say(b"1:RG1250\r") == b"OK\r", "that is what it was"
+    assert bench.say(b"1:RG1250\r") == b"OK\r", "the value is unchanged"
     assert bench.say(b"VA?\r").startswith(b"400.")
     assert bench.say(b"1:RG2500\r") == b"OK,CL\r"
     bench.run(0.5, 400.0)
@@ -124,13 +124,13 @@ def test_a_stream_contains_sequence_time_forces_and_status(form: str) -> None:
     bench.run(0.1, 100.0)
     assert bench.say(b"ST1\r") == b"OK\r"
     data = bench.run(1.0, [100, 200, -100, 50, 400, 300, 200, 100])
-    block, stream = parsed(data + bench.say(b"ST0\r"), form)
+    block, stream = parse_stream(data + bench.say(b"ST0\r"), form)
     assert stream.stopped
     assert stream.rest.lstrip(b"\r") == b"OK\r"
     rows = block.rows
     assert rows["sequence"].tolist() == list(range(1000))
     assert rows["ticks"].tolist() == list(range(601_000, 1_601_000, 1000))
-    assert (rows["status"] == 1 << 8).all(), "operating, nothing else"
+    assert (rows["status"] == 1 << 8).all(), "the status is operating only"
     newtons = rows["counts"][-1] * np.array([1250.0] * 4 + [5000.0] * 4) / 2**15
     np.testing.assert_allclose(newtons, [100, 200, -100, 50, 400, 300, 200, 100], atol=0.1)
     counts = stream.counts
@@ -151,7 +151,7 @@ def test_while_streaming_only_stop_time_and_overload_commands_are_accepted() -> 
     bench.configured("binary")
     bench.say(b"RO1\rST1\r")
     data = bench.run(0.1) + bench.say(b"TM?\r") + bench.run(0.1) + bench.say(b"OV?\rTM?\r")
-    block, stream = parsed(data)
+    block, stream = parse_stream(data)
     assert len(block.rows) == 200
     assert stream.counts.garbage_bytes == 0
     kinds = PROFILE.events
@@ -160,8 +160,8 @@ def test_while_streaming_only_stop_time_and_overload_commands_are_accepted() -> 
     assert block.events["sequence"].tolist() == [100, 200, 200]
     assert block.events["ticks"].tolist() == [100_000, 200_000, 200_000]
     assert bench.say(b"LP100\rID?\r") == b"E05\rE05\r"
-    assert bench.say(b"ST1\r") == b"OK\r", "it goes on"
-    assert parsed(bench.run(0.01))[0].rows["sequence"][0] == 200
+    assert bench.say(b"ST1\r") == b"OK\r", "the stream continues"
+    assert parse_stream(bench.run(0.01))[0].rows["sequence"][0] == 200
 
 
 def test_an_overload_is_an_event_and_stays_in_the_status_until_read() -> None:
@@ -171,17 +171,17 @@ def test_an_overload_is_an_event_and_stays_in_the_status_until_read() -> None:
     forces = np.zeros(8)
     forces[3] = 1300.0
     data = bench.run(0.05) + bench.run(0.05, forces) + bench.run(0.05)
-    block, _ = parsed(data)
+    block, _ = parse_stream(data)
     overloaded = block.rows["status"] & 0xFF
     assert overloaded.tolist() == [0] * 50 + [8] * 100
     (event,) = block.events
     assert (event["kind"], event["detail"], event["sequence"]) == (1, 8, 50)
     bench.say(b"OV?\r")
-    assert not (parsed(bench.run(0.05))[0].rows["status"] & 0xFF).any()
+    assert not (parse_stream(bench.run(0.05))[0].rows["status"] & 0xFF).any()
     bench.say(b"ST0\r")
     bench.run(0.05, forces)
     assert bench.say(b"OV?\r") == b"08\r"
-    assert bench.say(b"OV?\r") == b"08\r", "it is still there"
+    assert bench.say(b"OV?\r") == b"08\r", "the overload is still present"
     bench.run(0.05)
     assert bench.say(b"OV?\rOV?\r") == b"08\r00\r"
 
@@ -190,9 +190,9 @@ def test_trigger_edges_are_events_between_the_rows_with_their_own_time() -> None
     bench = Bench(clock_ppm=100.0)
     bench.configured("binary")
     bench.say(b"RO1\rST1\r")
-    assert not len(parsed(bench.run(0.02, edges_s=(0.0042,)))[0].events)
+    assert not len(parse_stream(bench.run(0.02, edges_s=(0.0042,)))[0].events)
     bench.say(b"ST0\rTR1\rST1\r")
-    block, _ = parsed(bench.run(0.02, edges_s=(0.0242, 0.0322)))
+    block, _ = parse_stream(bench.run(0.02, edges_s=(0.0242, 0.0322)))
     assert block.events["detail"].tolist() == [0, 1]
     assert block.events["ticks"].tolist() == [round(1.0001 * t) for t in (24_200, 32_200)]
     assert block.events["sequence"].tolist() == [4, 12]

@@ -25,7 +25,7 @@ NEWTONS = np.array(SETTINGS.range_n) / 2**15
 ZERO = np.zeros(8)
 
 
-def switched_on(
+def amplifier_in_operate(
     seed: int = 0, settings: AmplifierSettings = SETTINGS, **truth: object
 ) -> ChargeAmplifier:
     plate = SimulatedPlate.model_validate({"sensitivity_pc_n": PC_N} | truth)
@@ -34,7 +34,7 @@ def switched_on(
     return amplifier
 
 
-def pc(forces: float) -> tuple[float, ...]:
+def charges_pc(forces: float) -> tuple[float, ...]:
     return tuple(charge(forces).tolist())
 
 
@@ -42,24 +42,24 @@ def charge(forces: object) -> Array:
     return np.broadcast_to(np.asarray(forces), (8,)) * PC_N
 
 
-def held(amplifier: ChargeAmplifier, forces: object, duration_s: float) -> AmplifierRows:
+def hold_forces(amplifier: ChargeAmplifier, forces: object, duration_s: float) -> AmplifierRows:
     now_s = amplifier.time_s
     return amplifier.convert(now_s + duration_s, [now_s + 1e-9], [charge(forces)])
 
 
 def test_a_steady_force_since_operate_is_read_in_counts() -> None:
-    amplifier = switched_on()
+    amplifier = amplifier_in_operate()
     amplifier.operate(charge(900.0))
     forces = 900.0 + 100.0 * np.arange(8)
     amplifier.start()
-    rows = held(amplifier, forces, 0.2)
+    rows = hold_forces(amplifier, forces, 0.2)
     assert len(rows.counts) == 200
     np.testing.assert_allclose(rows.counts[-1] * NEWTONS, 100.0 * np.arange(8), atol=0.2)
     assert rows.counts.dtype == np.int16
     assert not rows.overload.any()
 
 
-def test_its_filter_is_compiled_before_an_answer_can_be_awaited(
+def test_the_filter_is_compiled_before_an_answer_can_be_awaited(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     compiled: Any = analog._run_filter
@@ -70,60 +70,62 @@ def test_its_filter_is_compiled_before_an_answer_can_be_awaited(
         return int(compiled(*arguments))
 
     monkeypatch.setattr(analog, "_run_filter", watched)
-    amplifier = switched_on()
+    amplifier = amplifier_in_operate()
     assert len(types) == 1
     amplifier.operate(ZERO)
     amplifier.start()
-    held(amplifier, 100.0, 0.2)
+    hold_forces(amplifier, 100.0, 0.2)
     assert types[1:] == types[:1]
 
 
-def test_in_reset_it_reads_zero_for_any_force() -> None:
-    amplifier = switched_on()
+def test_in_reset_the_amplifier_reads_zero_for_any_force() -> None:
+    amplifier = amplifier_in_operate()
     amplifier.start()
-    assert not held(amplifier, 5000.0, 0.1).counts.any()
+    assert not hold_forces(amplifier, 5000.0, 0.1).counts.any()
     amplifier.operate(charge(5000.0))
-    assert held(amplifier, 4000.0, 0.1).counts[-1].all()
+    assert hold_forces(amplifier, 4000.0, 0.1).counts[-1].all()
     amplifier.reset()
-    assert not held(amplifier, 4000.0, 0.2).counts[-1].any()
+    assert not hold_forces(amplifier, 4000.0, 0.2).counts[-1].any()
     assert not amplifier.overload
 
 
 def test_operate_causes_a_jump_and_then_linear_drift() -> None:
-    amplifier = switched_on(zero_jump_pc=pc(20.0), drift_pc_s=pc(0.5))
-    held(amplifier, 0.0, 3.0)
+    amplifier = amplifier_in_operate(zero_jump_pc=charges_pc(20.0), drift_pc_s=charges_pc(0.5))
+    hold_forces(amplifier, 0.0, 3.0)
     amplifier.operate(ZERO)
     amplifier.start()
-    rows = held(amplifier, 0.0, 100.0)
+    rows = hold_forces(amplifier, 0.0, 100.0)
     newtons = rows.counts * NEWTONS
     np.testing.assert_allclose(newtons[200], 20.1, atol=0.4)
     since_s = rows.time_s - 3.0
     slope = np.polyfit(since_s[200:], newtons[200:], 1)[0]
     np.testing.assert_allclose(slope, 0.5, atol=0.002)
     amplifier.reset()
-    held(amplifier, 0.0, 1.0)
+    hold_forces(amplifier, 0.0, 1.0)
     amplifier.operate(ZERO)
-    np.testing.assert_allclose(held(amplifier, 0.0, 0.2).counts[-1] * NEWTONS, 20.1, atol=0.4)
+    np.testing.assert_allclose(
+        hold_forces(amplifier, 0.0, 0.2).counts[-1] * NEWTONS, 20.1, atol=0.4
+    )
 
 
 def test_a_channel_saturates_at_full_scale_and_its_flag_stays_until_read() -> None:
-    amplifier = switched_on()
+    amplifier = amplifier_in_operate()
     amplifier.operate(ZERO)
     amplifier.start()
     forces = np.zeros(8)
     forces[2], forces[5] = 2600.0, -10001.0
-    rows = held(amplifier, forces, 0.2)
+    rows = hold_forces(amplifier, forces, 0.2)
     assert rows.counts[-1, 2] == 2**15 - 1
     assert rows.counts[-1, 5] == -(2**15)
     assert amplifier.overload == 0b100100
-    rows = held(amplifier, 0.0, 0.2)
-    assert (rows.overload == 0b100100).all(), "latched, with the force gone"
+    rows = hold_forces(amplifier, 0.0, 0.2)
+    assert (rows.overload == 0b100100).all(), "latched after the end of the force"
     assert amplifier.take_overload() == 0b100100
-    assert not held(amplifier, 0.0, 0.1).overload.any()
+    assert not hold_forces(amplifier, 0.0, 0.1).overload.any()
 
 
 def test_the_low_pass_is_the_stated_butterworth_filter() -> None:
-    amplifier = switched_on()
+    amplifier = amplifier_in_operate()
     amplifier.operate(ZERO)
     amplifier.start()
     step_s = 1e-4
@@ -144,7 +146,7 @@ def test_the_low_pass_is_the_stated_butterworth_filter() -> None:
 def test_noise_is_white_of_the_stated_size_and_reproducible() -> None:
     runs = []
     for seed in (1, 1, 2):
-        amplifier = switched_on(seed, noise_v=0.01)
+        amplifier = amplifier_in_operate(seed, noise_v=0.01)
         amplifier.start()
         runs.append(amplifier.convert(5.0).counts)
     assert (runs[0] == runs[1]).all()
@@ -155,7 +157,7 @@ def test_noise_is_white_of_the_stated_size_and_reproducible() -> None:
 
 
 def test_the_amplifier_has_its_own_clock() -> None:
-    amplifier = switched_on(clock_ppm=100.0, clock_offset_s=0.003)
+    amplifier = amplifier_in_operate(clock_ppm=100.0, clock_offset_s=0.003)
     amplifier.start()
     rows = [amplifier.convert(end_s) for end_s in np.arange(1, 1001) * 0.017]
     device_s = np.concatenate([row.device_s for row in rows])
@@ -168,28 +170,28 @@ def test_the_amplifier_has_its_own_clock() -> None:
 
 def test_fewer_bits_make_coarser_counts() -> None:
     settings = AmplifierSettings(SETTINGS.range_n, PC_N, 100.0, 2, 1000.0, bits=12)
-    amplifier = switched_on(settings=settings)
+    amplifier = amplifier_in_operate(settings=settings)
     amplifier.operate(ZERO)
-    held(amplifier, 1000.0, 0.5)
+    hold_forces(amplifier, 1000.0, 0.5)
     assert amplifier.present_counts()[0] == round(1000.0 / 2500.0 * 2048)
     assert amplifier.present_counts()[7] == round(1000.0 / 10000.0 * 2048)
 
 
 def test_another_range_rescales_the_present_charge() -> None:
-    amplifier = switched_on()
+    amplifier = amplifier_in_operate()
     amplifier.operate(ZERO)
-    held(amplifier, 500.0, 0.5)
+    hold_forces(amplifier, 500.0, 0.5)
     before = amplifier.present_counts()
     amplifier.apply(
         AmplifierSettings(tuple(0.5 * np.array(SETTINGS.range_n)), PC_N, 50.0, 2, 1000.0)
     )
     np.testing.assert_allclose(amplifier.present_counts(), 2 * before, atol=2)
-    np.testing.assert_allclose(held(amplifier, 500.0, 0.1).counts, np.zeros((0, 8)))
+    np.testing.assert_allclose(hold_forces(amplifier, 500.0, 0.1).counts, np.zeros((0, 8)))
     np.testing.assert_allclose(amplifier.present_counts(), 2 * before, atol=2)
 
 
 def test_time_never_runs_backwards() -> None:
-    amplifier = switched_on()
+    amplifier = amplifier_in_operate()
     amplifier.convert(1.0)
     with pytest.raises(ValueError, match="before"):
         amplifier.convert(0.5)

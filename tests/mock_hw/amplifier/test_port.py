@@ -107,21 +107,21 @@ def make(tmp_path: Path, plate: PlateConfig) -> Iterator[Any]:
     assert [*tmp_path.iterdir()] == []
 
 
-def parsed(data: bytes) -> tuple[StreamPiece, AmplifierStream]:
+def parse_stream(data: bytes) -> tuple[StreamPiece, AmplifierStream]:
     stream = AmplifierStream(PROFILE, "binary", 1000.0)
     return stream.feed(data), stream
 
 
-def spoilt(*faults: AmplifierFault, seed: int = 0) -> FaultScript:
+def fault_script(*faults: AmplifierFault, seed: int = 0) -> FaultScript:
     return FaultScript(seed=seed, amplifier=faults)
 
 
 def with_fault(
     make: Any, *faults: AmplifierFault, seed: int = 3
 ) -> tuple[StreamPiece, AmplifierStream]:
-    bench = make(faults=spoilt(*faults, seed=seed))
+    bench = make(faults=fault_script(*faults, seed=seed))
     bench.start()
-    return parsed(bench.run(0.4))
+    return parse_stream(bench.run(0.4))
 
 
 def test_a_healthy_line_transmits_every_row(make: Any) -> None:
@@ -130,16 +130,16 @@ def test_a_healthy_line_transmits_every_row(make: Any) -> None:
     bench.start()
     assert bench.port.watches
     assert bench.port.works
-    block, stream = parsed(bench.run(0.4))
+    block, stream = parse_stream(bench.run(0.4))
     assert block.rows["sequence"].tolist() == list(range(400))
     assert stream.counts.garbage_bytes == stream.counts.bad_frames == 0
-    assert abs(block.rows["counts"]).max() == 0, "zero is what it felt at operate"
+    assert abs(block.rows["counts"]).max() == 0, "the force at operate is the zero"
 
 
 def test_a_row_arrives_after_its_time_on_the_line(make: Any) -> None:
     bench = make()
     bench.start()
-    rows = parsed(bench.run(0.2))[0].rows
+    rows = parse_stream(bench.run(0.2))[0].rows
     with ArrivalReader(arrivals_path(str(bench.path))) as arrivals:
         arrived_s = arrivals.time_s(rows["sequence"])
     np.testing.assert_allclose(arrived_s - rows["ticks"] * 1e-6, 28 * 10 / 460800, atol=1e-6)
@@ -149,11 +149,11 @@ def test_arrivals_do_not_depend_on_time_steps_or_time_requests(make: Any) -> Non
     one, two = make(jitter=0.005), make(jitter=0.005)
     for bench in (one, two):
         bench.start()
-    one_rows = parsed(one.run(0.24))[0].rows
+    one_rows = parse_stream(one.run(0.24))[0].rows
     data = two.run(0.12, 0.003)
     two.say(b"")
     data += two.say(b"TM?\r") + two.run(0.12, 0.012)
-    two_rows = parsed(data)[0].rows
+    two_rows = parse_stream(data)[0].rows
     assert (one_rows == two_rows).all()
     with (
         ArrivalReader(arrivals_path(str(one.path))) as first,
@@ -189,9 +189,9 @@ def test_another_baud_rate_gives_garbage_in_both_directions(make: Any) -> None:
     bench.computer.baudrate = 115200
     data = bench.run(0.2)
     assert len(data) == 200 * 28
-    assert len(parsed(data)[0].rows) == 0
+    assert len(parse_stream(data)[0].rows) == 0
     bench.computer.baudrate = 460800
-    assert len(parsed(bench.run(0.2))[0].rows) == 200
+    assert len(parse_stream(bench.run(0.2))[0].rows) == 200
 
 
 def test_an_amplifier_with_another_setting_answers_at_its_own_rate(make: Any) -> None:
@@ -228,9 +228,9 @@ def test_a_gap_has_the_stated_length(make: Any) -> None:
 
 
 def test_a_stall_delays_rows_and_loses_none(make: Any) -> None:
-    bench = make(faults=spoilt(AmplifierFault(kind="stall", row=100, duration_s=0.1)))
+    bench = make(faults=fault_script(AmplifierFault(kind="stall", row=100, duration_s=0.1)))
     bench.start()
-    rows = parsed(bench.run(0.4))[0].rows
+    rows = parse_stream(bench.run(0.4))[0].rows
     assert len(rows) == 400
     with ArrivalReader(arrivals_path(str(bench.path))) as arrivals:
         late_s = arrivals.time_s(rows["sequence"]) - rows["ticks"] * 1e-6
@@ -241,15 +241,15 @@ def test_a_stall_delays_rows_and_loses_none(make: Any) -> None:
 
 
 def test_an_unplugged_amplifier_continues_and_returns_at_its_path(make: Any) -> None:
-    bench = make(faults=spoilt(AmplifierFault(kind="unplug", row=100, duration_s=0.1)))
+    bench = make(faults=fault_script(AmplifierFault(kind="unplug", row=100, duration_s=0.1)))
     bench.start()
-    before = parsed(bench.run(0.15))[0].rows
-    assert 64 <= len(before) <= 100, "what had not been read is lost with the port"
+    before = parse_stream(bench.run(0.15))[0].rows
+    assert 64 <= len(before) <= 100, "unread bytes are lost with the port"
     assert not bench.path.exists()
     bench.run(0.072)
     bench.computer.close()
     bench.plug()
-    after = parsed(bench.run(0.1))[0].rows
+    after = parse_stream(bench.run(0.1))[0].rows
     assert len(after) >= 90
     assert after["sequence"][0] > 200
 
@@ -260,7 +260,7 @@ def test_an_overload_lasts_and_is_flagged(make: Any) -> None:
     )
     bench = make(faults=faults)
     bench.start()
-    block, _ = parsed(bench.run(0.4))
+    block, _ = parse_stream(bench.run(0.4))
     full = block.rows["counts"][:, 6] == 2**15 - 1
     flagged = (block.rows["status"] & 1 << 6) != 0
     assert 30 <= full.sum() <= 60
@@ -274,7 +274,7 @@ def test_a_line_slower_than_the_rows_reports_the_lost_rows(make: Any) -> None:
     bench.computer.baudrate = 115200
     bench.say(b"\r")
     bench.start()
-    rows, stream = parsed(bench.run(4.0, 0.1))
+    rows, stream = parse_stream(bench.run(4.0, 0.1))
     assert stream.counts.rows_lost > 1000
     kinds = rows.events["kind"] == PROFILE.events.overrun
     assert rows.events["detail"][kinds].sum() >= 0.8 * stream.counts.rows_lost

@@ -51,7 +51,7 @@ def test_a_message_arrives_in_both_directions(pair: Pair, message: can.Message) 
         assert got.equals(message, timestamp_delta=None, check_channel=False, check_direction=False)
         assert got.is_rx
         assert receiver.recv(0) is None, "it arrives once"
-    assert pair[0].recv(0) is None, "a sender does not hear itself unasked"
+    assert pair[0].recv(0) is None, "a sender receives its own frames only on request"
 
 
 def test_time_stamps_increase(pair: Pair) -> None:

@@ -172,9 +172,9 @@ def test_a_full_buffer_loses_whole_frames_only(tmp_path: Path, data_bytes: int) 
         frame = (0x123, bytes(range(0x10, 0x10 + data_bytes)))
         for _ in range(2000):
             port.send_frames([frame])
-        lines = drained(reader)
+        lines = read_all(reader)
         port.send_frames([frame])
-        lines += drained(reader)
+        lines += read_all(reader)
     finally:
         os.close(reader)
         port.shutdown()
@@ -182,7 +182,7 @@ def test_a_full_buffer_loses_whole_frames_only(tmp_path: Path, data_bytes: int) 
     assert lines.endswith(b"\r")
 
 
-def drained(terminal: int) -> bytes:
+def read_all(terminal: int) -> bytes:
     """Return the bytes that wait at a terminal."""
     found = b""
     while select.select([terminal], [], [], 0.1)[0]:

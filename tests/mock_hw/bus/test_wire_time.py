@@ -50,7 +50,7 @@ def test_tables_agree_with_bit_counting_and_with_the_drivers_computation(
     assert bits <= worst_bits(len(data))
 
 
-def test_the_lengths_of_extended_and_remote_frames() -> None:
+def test_extended_and_remote_frames_have_their_known_length() -> None:
     plain = wire_bits(0x123, bytes(8))
     assert 20 <= wire_bits(EXTENDED_FLAG | 0x123 << 18, bytes(8)) - plain <= 26
     assert wire_bits(REMOTE_FLAG | 0x123, b"", 8) < wire_bits(0x123, bytes(range(8)))

@@ -49,7 +49,7 @@ def test_heartbeats_are_sent_at_its_rate(bench: Bench, rate: float) -> None:
     ],
     ids=["heartbeat", "set-points", "sync"],
 )
-def test_its_timeouts_elapse_at_its_rate(
+def test_timeouts_of_a_drive_elapse_at_the_rate_of_its_clock(
     bench: Bench, rate: float, watchdog: dict[str, int], code: int, timeout_s: float
 ) -> None:
     bench.configure(**watchdog)
@@ -57,7 +57,7 @@ def test_its_timeouts_elapse_at_its_rate(
     bench.drive.clock.rate = rate
     bench.cycle(0x000F)
     if rate > 1.5 and timeout_s < 0.02:
-        assert first_emergency(bench)[1] == code, "a cycle is already longer than that"
+        assert first_emergency(bench)[1] == code, "one cycle is longer than this timeout"
         return
     last_s = bench.now_s - 0.008
     bench.take()
@@ -67,7 +67,7 @@ def test_its_timeouts_elapse_at_its_rate(
     assert time_s - last_s == pytest.approx(timeout_s / rate, abs=1e-6)
 
 
-def test_it_boots_at_its_rate(bench: Bench) -> None:
+def test_a_drive_boots_at_the_rate_of_its_clock(bench: Bench) -> None:
     bench.run_to(0.05)
     bench.take()
     bench.drive.clock.rate = 0.5
@@ -78,7 +78,7 @@ def test_it_boots_at_its_rate(bench: Bench) -> None:
     assert len(bench.take(0x703)) == 1
 
 
-def test_it_brakes_at_its_rate(bench: Bench) -> None:
+def test_a_drive_brakes_at_the_rate_of_its_clock(bench: Bench) -> None:
     """With a clock twice as fast, the ramp is half as long."""
     bench.configure(quick_stop_deceleration=1_000_000)
     bench.enable(100_000)

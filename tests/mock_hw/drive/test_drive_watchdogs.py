@@ -28,7 +28,7 @@ def power(bench: Bench) -> PowerStage:
     return stage
 
 
-def moving(bench: Bench, **watchdogs: int) -> None:
+def start_motion(bench: Bench, **watchdogs: int) -> None:
     """Make the axis move at constant speed."""
     bench.configure(quick_stop_deceleration=DECELERATION, **watchdogs)
     bench.enable(SPEED)
@@ -52,7 +52,7 @@ def assert_quick_stop_then_off(bench: Bench, since_s: float) -> None:
 
 @pytest.mark.fault(18)
 def test_a_silent_master_causes_a_quick_stop(bench: Bench, measured: Callable[[str], None]) -> None:
-    moving(bench, heartbeat_ms=80)
+    start_motion(bench, heartbeat_ms=80)
     last_beat_s = bench.now_s - 0.008
     bench.run_to(last_beat_s + 0.0799)
     assert bench.axis.rate == SPEED
@@ -68,7 +68,7 @@ def test_a_silent_master_causes_a_quick_stop(bench: Bench, measured: Callable[[s
 
 
 def test_a_returning_master_clears_the_error_but_enables_nothing(bench: Bench) -> None:
-    moving(bench, heartbeat_ms=80)
+    start_motion(bench, heartbeat_ms=80)
     bench.run_for(0.5)
     bench.take()
     bench.receive(Frame(0x77F, b"\x05"))
@@ -89,7 +89,7 @@ def test_monitoring_starts_with_the_first_heartbeat(bench: Bench) -> None:
 
 
 def test_heartbeats_of_other_nodes_do_not_count(bench: Bench) -> None:
-    moving(bench, heartbeat_ms=80)
+    start_motion(bench, heartbeat_ms=80)
     for _ in range(20):
         bench.run_for(0.008)
         bench.receive(Frame(0x70A, b"\x05"))
@@ -108,7 +108,7 @@ def test_heartbeats_of_other_nodes_do_not_count(bench: Bench) -> None:
 def test_a_lost_connection_causes_the_reaction_in_6007(
     bench: Bench, reaction: int, state: PowerState, powered: bool
 ) -> None:
-    moving(bench, heartbeat_ms=80, abort_connection=reaction)
+    start_motion(bench, heartbeat_ms=80, abort_connection=reaction)
     bench.run_for(0.075)
     assert power(bench).state is state
     assert power(bench).powered is powered
@@ -116,7 +116,7 @@ def test_a_lost_connection_causes_the_reaction_in_6007(
 
 def test_without_a_heartbeat_consumer_the_axis_continues_to_move(bench: Bench) -> None:
     """This is the hazard that object 1016h prevents."""
-    moving(bench)
+    start_motion(bench)
     bench.run_for(10.0)
     assert bench.axis.rate == SPEED
 
@@ -133,7 +133,7 @@ def test_a_lost_master_changes_the_nmt_state_according_to_1029(
 
 
 def test_sync_loss_is_a_fault_after_one_and_a_half_periods(bench: Bench) -> None:
-    moving(bench, sync_us=8000)
+    start_motion(bench, sync_us=8000)
     last_sync_s = bench.now_s - 0.008
     bench.run_for(0.01)
     ((time_s, code),) = emergencies(bench)
@@ -146,7 +146,7 @@ def test_sync_loss_is_a_fault_after_one_and_a_half_periods(bench: Bench) -> None
 
 
 def test_overdue_commands_count_as_a_lost_master(bench: Bench) -> None:
-    moving(bench, rpdo_ms=20)
+    start_motion(bench, rpdo_ms=20)
     last_rpdo_s = bench.now_s - 0.008
     for _ in range(3):
         bench.receive(Frame(0x80, b""))
@@ -160,14 +160,14 @@ def test_overdue_commands_count_as_a_lost_master(bench: Bench) -> None:
 
 @pytest.mark.parametrize("command", [0x80, 0x02])
 def test_leaving_operational_counts_as_a_lost_master(bench: Bench, command: int) -> None:
-    moving(bench)
+    start_motion(bench)
     bench.receive(Frame(0, bytes((command, 0))))
     assert_quick_stop_then_off(bench, bench.now_s)
 
 
 @pytest.mark.parametrize("command", [0x81, 0x82])
 def test_a_reset_removes_power(bench: Bench, command: int) -> None:
-    moving(bench)
+    start_motion(bench)
     bench.receive(Frame(0, bytes((command, 0))))
     assert not power(bench).powered
     bench.run_for(0.001)
@@ -206,7 +206,7 @@ def test_a_short_following_error_is_tolerated(bench: Bench) -> None:
 
 
 def test_a_fault_lasts_until_a_rising_edge_resets_it(bench: Bench) -> None:
-    moving(bench, sync_us=8000)
+    start_motion(bench, sync_us=8000)
     bench.run_for(0.5)
     assert power(bench).state is PowerState.FAULT
     bench.cycle(0x000F)
@@ -217,6 +217,6 @@ def test_a_fault_lasts_until_a_rising_edge_resets_it(bench: Bench) -> None:
     assert power(bench).state is PowerState.SWITCH_ON_DISABLED
     assert [code for _, code in emergencies(bench)] == [0]
     assert bench.read(0x603F) == 0
-    assert bench.read(0x1003, 1) == 0x8700, "the history outlives the reset"
+    assert bench.read(0x1003, 1) == 0x8700, "the error history is kept after the reset"
     assert bench.write(0x1003, 0, 0, 1) == 0
     assert bench.read(0x1003, 1) == 0

@@ -70,7 +70,7 @@ def objects(draw: st.DrawFn) -> EdsObject:
     )
 
 
-def judged_equal(sheet: ElectronicDataSheet, text: str) -> int:
+def compare_with_canopen(sheet: ElectronicDataSheet, text: str) -> int:
     """Compare every object with canopen's reading of the same text; return their number."""
     dictionary = canopen.import_od(_named(text), node_id=NODE)
     compared = 0
@@ -109,7 +109,7 @@ def test_every_object_of_a_simulated_drive_is_in_its_sheet_as_canopen_reads_it(c
         text = drive_eds(identity, "node.eds", CREATED)
         sheet = parse_eds(text.encode(), "node.eds")
         entries = list(drive_entries(identity))
-        assert judged_equal(sheet, text) == len(entries) == len(sheet.objects)
+        assert compare_with_canopen(sheet, text) == len(entries) == len(sheet.objects)
         for entry in entries:
             item = sheet.get(*entry.key)
             assert item is not None
@@ -138,7 +138,7 @@ def test_the_sheet_of_any_simulated_drive_is_read_equally_by_both(
     assert (sheet.vendor, sheet.product, sheet.revision) == tuple(
         answers[0x1018, subindex] for subindex in (1, 2, 3)
     )
-    assert judged_equal(sheet, text) == len(sheet.objects) > 150
+    assert compare_with_canopen(sheet, text) == len(sheet.objects) > 150
 
 
 @pytest.mark.parametrize(
@@ -177,7 +177,7 @@ def test_a_sheet_rewritten_by_canopen_has_the_same_content(tmp_path: Path) -> No
     assert content_of(again) == content_of(first)
 
 
-def written(
+def write_sheet(
     items: list[EdsObject], number: str, equals: str, comment: str, newline: str, case: str
 ) -> str:
     """Write objects as a data sheet, in one of the allowed spellings."""
@@ -221,7 +221,7 @@ def written(
 def test_a_written_sheet_is_read_back_equal_as_canopen_reads_it(
     items: list[EdsObject], number: str, equals: str, comment: str, newline: str, case: str
 ) -> None:
-    text = written(items, number, equals, comment, newline, case)
+    text = write_sheet(items, number, equals, comment, newline, case)
     sheet = parse_eds(text.encode(), "sheet.eds")
     assert sheet.vendor == 31
     wanted = sorted(items, key=lambda item: (item.index, item.subindex))
@@ -231,4 +231,4 @@ def test_a_written_sheet_is_read_back_equal_as_canopen_reads_it(
         assert (found.default, found.value) == (item.default, item.value)
         assert (found.low, found.high) == (item.low, item.high)
         assert text.splitlines()[found.line - 1].startswith("[")
-    assert judged_equal(sheet, "\n".join(text.splitlines())) == len(items)
+    assert compare_with_canopen(sheet, "\n".join(text.splitlines())) == len(items)

@@ -119,7 +119,7 @@ def test_a_quick_stop_that_stays_in_its_state_can_be_left(
         (0x06, SHUTDOWN_OPTION, PowerState.READY_TO_SWITCH_ON),
     ],
 )
-def test_disabling_with_a_ramp(
+def test_disabling_with_a_ramp_brakes_before_power_off(
     running: PowerStage,
     objects: ObjectDictionary,
     word: int,

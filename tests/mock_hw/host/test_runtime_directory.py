@@ -90,7 +90,7 @@ def test_files_of_a_killed_cell_are_removed_at_the_next_start(
         hardware = [int(word) for word in program.stdout.readline().split()]
         (left,) = runtime_directory().iterdir()
         with private_folder("next"):
-            assert (left / "ir361.sock").is_socket(), "it is served"
+            assert (left / "ir361.sock").is_socket(), "a hub serves the socket"
         with contextlib.ExitStack() as ends:
             processes = [os.pidfd_open(pid) for pid in hardware]
             for process in processes:
@@ -99,7 +99,7 @@ def test_files_of_a_killed_cell_are_removed_at_the_next_start(
             program.kill()
             program.wait(120.0)
             with private_folder("next"):
-                assert (left / "ir361.sock").is_socket(), "its hub and drives outlive the program"
+                assert (left / "ir361.sock").is_socket(), "hub and drives survive the program"
             for process in processes:
                 signal.pidfd_send_signal(process, signal.SIGKILL)
             for process in processes:

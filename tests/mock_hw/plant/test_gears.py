@@ -16,7 +16,7 @@ STIFFNESS = 2e4
 STEP = 0.0005
 
 
-def geared(damping: float = 0.0, play: float = 0.0) -> Plant:
+def plant_with_gear(damping: float = 0.0, play: float = 0.0) -> Plant:
     gear = UnmodelledAxis(
         joint_stiffness_nm_rad=STIFFNESS, joint_damping_nm_s=damping, play_rad=play
     )
@@ -41,7 +41,7 @@ def load_after_braking(plant: Plant, seconds: float = 1.0) -> list[float]:
 
 def test_a_load_oscillates_with_the_frequency_and_damping_of_its_gear() -> None:
     damping = 12.0
-    places = np.array(load_after_braking(geared(damping)))[100:]
+    places = np.array(load_after_braking(plant_with_gear(damping)))[100:]
     rate = math.sqrt(STIFFNESS / INERTIA)
     share = damping / (2.0 * math.sqrt(STIFFNESS * INERTIA))
     tops = np.flatnonzero((places[1:-1] > places[:-2]) & (places[1:-1] >= places[2:])) + 1
@@ -52,14 +52,14 @@ def test_a_load_oscillates_with_the_frequency_and_damping_of_its_gear() -> None:
 
 
 def test_without_damping_the_load_keeps_its_energy() -> None:
-    places = np.array(load_after_braking(geared(), 4.0))
+    places = np.array(load_after_braking(plant_with_gear(), 4.0))
     early, late = abs(places[200:1200]).max(), abs(places[-1000:]).max()
     assert late == pytest.approx(early, rel=0.01)
 
 
 def test_the_load_lags_its_motor_by_torque_over_stiffness_and_half_the_play() -> None:
     for play in (0.0, 0.003):
-        plant = geared(damping=100.0, play=play)
+        plant = plant_with_gear(damping=100.0, play=play)
         for k in range(400):
             plant.advance(0.005, [0.01 * k], [0.01 * (k + 1)], ON, OFF)
         lag = motor_angle(plant) - plant.position[0]
@@ -67,7 +67,7 @@ def test_the_load_lags_its_motor_by_torque_over_stiffness_and_half_the_play() ->
 
 
 def test_within_its_play_a_load_moves_freely() -> None:
-    plant = geared(damping=50.0, play=0.05)
+    plant = plant_with_gear(damping=50.0, play=0.05)
     for k in range(200):  # the accelerating motor pushes from behind
         plant.advance(0.005, [0.0025 * k], [0.0025 * (k + 1)], ON, OFF)
     speeds = []

@@ -34,7 +34,7 @@ def truth() -> PlantConfig:
     return plant
 
 
-def changed(plant: PlantConfig, **axis: float) -> PlantConfig:
+def change_plant(plant: PlantConfig, **axis: float) -> PlantConfig:
     axes = tuple(one.model_copy(update=axis) for one in plant.axes)
     return plant.model_copy(update={"axes": axes})
 
@@ -120,7 +120,7 @@ def test_sampled_motion_at_8_ms_satisfies_the_equations_on_every_bin(
     robot: RobotDescription, truth: PlantConfig
 ) -> None:
     """The filter is compensated, and the position differentiated on the bins: no delay, no bias."""
-    plant = changed(truth.without_unmodelled(), coulomb_nm=0.0, torque_noise_nm=0.0)
+    plant = change_plant(truth.without_unmodelled(), coulomb_nm=0.0, torque_noise_nm=0.0)
     simulated = Plant(robot, plant, FILTER)
     samples, finer = 500, 4
     base = 2 * np.pi / (samples * CYCLE)
@@ -165,7 +165,7 @@ def test_sampled_motion_at_8_ms_satisfies_the_equations_on_every_bin(
 def test_the_torque_filter_passes_constant_torque_unchanged(
     robot: RobotDescription, truth: PlantConfig, order: int
 ) -> None:
-    plant = changed(truth.without_unmodelled(), torque_noise_nm=0.0)
+    plant = change_plant(truth.without_unmodelled(), torque_noise_nm=0.0)
     simulated = Plant(robot, plant, ButterworthFilter(order=order, cutoff_hz=40.0))
     for _ in range(125):
         simulated.advance(CYCLE, STILL, STILL, ON, OFF)
@@ -178,9 +178,9 @@ def test_the_torque_filter_passes_constant_torque_unchanged(
 def test_without_friction_and_drive_the_energy_is_constant(
     robot: RobotDescription, truth: PlantConfig
 ) -> None:
-    plant = changed(truth.without_unmodelled(), coulomb_nm=0.0, viscous_nm_s=0.0)
+    plant = change_plant(truth.without_unmodelled(), coulomb_nm=0.0, viscous_nm_s=0.0)
     of = energy(robot, plant)
-    simulated = Plant(robot, changed(plant, initial_position=0.5))
+    simulated = Plant(robot, change_plant(plant, initial_position=0.5))
     start, swing = of(simulated), 0.0
     for _ in range(500):
         simulated.advance(CYCLE, STILL, STILL, OFF, OFF)
@@ -194,7 +194,7 @@ def test_with_friction_and_without_drive_the_energy_only_falls(
 ) -> None:
     plant = truth.without_unmodelled()
     of = energy(robot, plant)
-    simulated = Plant(robot, changed(plant, initial_position=0.0))
+    simulated = Plant(robot, change_plant(plant, initial_position=0.0))
     energies = []
     for _ in range(400):
         energies.append(of(simulated))

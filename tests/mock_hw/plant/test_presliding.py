@@ -22,7 +22,7 @@ STIFFNESS = COULOMB / PRESLIDING
 STEP = 0.002
 
 
-def bristled(stribeck_nm: float = 0.0) -> Plant:
+def plant_with_bristles(stribeck_nm: float = 0.0) -> Plant:
     extra = UnmodelledAxis(presliding_rad=PRESLIDING, stribeck_nm=stribeck_nm)
     return one_axis(coulomb=COULOMB, unmodelled=extra)
 
@@ -43,7 +43,7 @@ def last_period(
 
 
 def test_an_oscillation_within_presliding_is_elastic_without_loss() -> None:
-    position, torque = last_period(bristled(), 0.25 * PRESLIDING, 4.0, 3)
+    position, torque = last_period(plant_with_bristles(), 0.25 * PRESLIDING, 4.0, 3)
     slope, offset = np.polyfit(position, torque, 1)
     assert slope == pytest.approx(STIFFNESS, rel=0.01)
     rest = torque - np.polyval((slope, offset), position)
@@ -51,7 +51,7 @@ def test_an_oscillation_within_presliding_is_elastic_without_loss() -> None:
 
 
 def test_a_wide_oscillation_has_a_loop_of_twice_the_friction() -> None:
-    position, torque = last_period(bristled(), 50.0 * PRESLIDING, 16.0, 2)
+    position, torque = last_period(plant_with_bristles(), 50.0 * PRESLIDING, 16.0, 2)
     assert torque.max() == pytest.approx(COULOMB, rel=0.02)
     assert torque.min() == pytest.approx(-COULOMB, rel=0.02)
     lost = float(np.sum(0.5 * (torque + np.roll(torque, 1)) * (position - np.roll(position, 1))))
@@ -59,7 +59,7 @@ def test_a_wide_oscillation_has_a_loop_of_twice_the_friction() -> None:
 
 
 def test_after_a_reversal_friction_changes_over_a_distance_and_not_at_once() -> None:
-    position, torque = last_period(bristled(), 50.0 * PRESLIDING, 8.0, 2)
+    position, torque = last_period(plant_with_bristles(), 50.0 * PRESLIDING, 8.0, 2)
     top = int(np.argmax(position))
     back = position[top] - position[top:]
     half_way = np.interp(PRESLIDING, back[:600], torque[top : top + 600])
@@ -69,7 +69,7 @@ def test_after_a_reversal_friction_changes_over_a_distance_and_not_at_once() -> 
 
 
 def test_a_joint_springs_back_when_the_motor_releases_it() -> None:
-    plant = bristled()
+    plant = plant_with_bristles()
     for _ in range(150):
         plant.advance(0.001, [0.002], [0.002], ON, OFF)
     pushed, torque = plant.position[0], plant.torque[0]
@@ -82,7 +82,7 @@ def test_a_joint_springs_back_when_the_motor_releases_it() -> None:
 
 def test_a_vibrating_load_below_the_friction_does_not_drift() -> None:
     """The elasto-plastic model has an elastic part; LuGre's model would creep."""
-    plant = bristled(2.0)
+    plant = plant_with_bristles(2.0)
     for _ in range(30):
         plant.advance(0.001, [0.002], [0.002], ON, OFF)
     places = []

@@ -29,7 +29,7 @@ def truth(loaded: LoadedCell) -> PlantConfig:
     return loaded.plant
 
 
-def held(loaded: LoadedCell, truth: PlantConfig) -> Plant:
+def robot_at_rest(loaded: LoadedCell, truth: PlantConfig) -> Plant:
     """Return a robot at rest, held by its drives, without Coulomb friction."""
     free = tuple(axis.model_copy(update={"coulomb_nm": 0.0}) for axis in truth.axes)
     plant = Plant(loaded.robot, truth.without_unmodelled().model_copy(update={"axes": free}))
@@ -121,7 +121,7 @@ def test_a_payload_adds_its_weight_to_the_motors_that_carry_it(
     loaded: LoadedCell, truth: PlantConfig
 ) -> None:
     """At rest, the difference with and without payload is the model's payload term, including V."""
-    plant = held(loaded, truth)
+    plant = robot_at_rest(loaded, truth)
     alone = plant.torque
     plant.attach("large")
     for _ in range(300):

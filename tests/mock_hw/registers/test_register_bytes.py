@@ -9,13 +9,13 @@ import pytest
 from mock_hw.registers.registers import SimulatedRegisters, crc16
 
 
-def test_the_checksum_of_the_specification() -> None:
+def test_the_checksum_is_that_of_the_specification() -> None:
     """Modbus over serial line 1.02, 6.2.2: 02 07 is followed by 41 12."""
     assert crc16(b"\x02\x07") == 0x1241
     assert crc16(b"\x02\x07\x41\x12") == 0
 
 
-def test_reading_holding_registers() -> None:
+def test_holding_registers_are_read_as_in_the_specification() -> None:
     """Application protocol 1.1b3, 6.3: registers 107 to 109 hold 022B, 0, 64."""
     drive = SimulatedRegisters(lambda unit: {107: 0x022B, 108: 0, 109: 0x0064})
     request = bytearray(b"\x00\x01\x00\x00\x00\x06\x11\x03\x00\x6b\x00\x03")

@@ -52,13 +52,15 @@ def monitor(config: MonitorConfig, workshop: Workshop, **changes: Any) -> Modbus
 
 @pytest.mark.parametrize("kind", ["tcp", "rtu"])
 class TestDriver:
-    def test_reads_temperatures_and_operating_times(self, workshop: Workshop, kind: str) -> None:
+    def test_the_driver_reads_temperatures_and_operating_times(
+        self, workshop: Workshop, kind: str
+    ) -> None:
         reading = monitor(workshop.serve(kind), workshop).read()
         assert reading.temperature_k.tolist() == pytest.approx([293.15, 303.15, 373.15])
         assert reading.operating_time_s.tolist() == pytest.approx([7201.0, 7202.0, 7209.0])
         assert reading.problems == ()
 
-    def test_reads_nominal_data(self, workshop: Workshop, kind: str) -> None:
+    def test_the_driver_reads_nominal_data(self, workshop: Workshop, kind: str) -> None:
         (motor, *others) = monitor(workshop.serve(kind), workshop).motors()
         assert motor.torque_constant_nm_per_a == pytest.approx(0.9)
         assert motor.torque_constant_per_k == pytest.approx(-0.001)
@@ -66,7 +68,9 @@ class TestDriver:
         assert motor.rotor_inertia_kg_m2 == pytest.approx(0.0015)
         assert others == [motor, motor]
 
-    def test_reads_the_other_drives_if_one_is_missing(self, workshop: Workshop, kind: str) -> None:
+    def test_the_driver_reads_the_other_drives_if_one_is_missing(
+        self, workshop: Workshop, kind: str
+    ) -> None:
         config = workshop.serve(kind).model_copy(update={"timeout_s": TIMEOUT_S})
         reading = monitor(config, workshop, units=(1, 77, 9)).read()
         assert reading.temperature_k[[0, 2]].tolist() == pytest.approx([293.15, 373.15])
@@ -76,7 +80,7 @@ class TestDriver:
         assert why in problem
 
     @pytest.mark.fault(31)
-    def test_reports_a_refusal_with_registers_and_reason(
+    def test_the_driver_reports_a_refusal_with_registers_and_reason(
         self, workshop: Workshop, kind: str, measured: Measured
     ) -> None:
         config = workshop.serve(kind, fault=at_first("exception", code=2))
@@ -88,7 +92,7 @@ class TestDriver:
         measured(f"{kind}, a refusal: one request, the exception in words")
 
     @pytest.mark.fault(31)
-    def test_reports_silence_as_a_timeout(
+    def test_the_driver_reports_silence_as_a_timeout(
         self, workshop: Workshop, kind: str, measured: Measured
     ) -> None:
         config = workshop.serve(kind, fault=at_first("silent"))
@@ -102,7 +106,7 @@ class TestDriver:
 
     @pytest.mark.fault(31)
     @pytest.mark.parametrize("fault", ["short", "wrong_unit", "garbage"])
-    def test_reports_a_damaged_answer_and_reads_the_next_one(
+    def test_the_driver_reports_a_damaged_answer_and_reads_the_next_one(
         self, workshop: Workshop, kind: str, fault: Any, measured: Measured
     ) -> None:
         line = monitor(workshop.serve(kind, fault=at_first(fault)), workshop)
@@ -114,7 +118,7 @@ class TestDriver:
         measured(f"{kind}, {fault}: 1 of 6 values missing, 6 requests for 6")
 
     @pytest.mark.fault(31)
-    def test_does_not_use_a_late_answer_for_the_next_request(
+    def test_the_driver_does_not_use_a_late_answer_for_the_next_request(
         self, workshop: Workshop, kind: str, measured: Measured
     ) -> None:
         """Unit 1 is read twice: only the second answer may count, the first has other registers."""
@@ -205,27 +209,29 @@ class TestTls:
         )
         return workshop.serve("tcp", tls=tls, certificates=files)
 
-    def test_needs_a_certificate(self, workshop: Workshop) -> None:
+    def test_tls_needs_a_certificate(self, workshop: Workshop) -> None:
         with raises_code(TransportError, "RID-MOCK-REGISTERS"):
             workshop.serve("tcp", tls=ModbusTls(ca_file="ca.pem", server_name="drive.cell"))
 
-    def test_checks_the_certificates_of_both_sides(
+    def test_tls_checks_the_certificates_of_both_sides(
         self, workshop: Workshop, authority: Path
     ) -> None:
         reading = monitor(self.serve(workshop, authority), workshop).read()
         assert reading.temperature_k.tolist() == pytest.approx([293.15, 303.15, 373.15])
 
-    def test_refuses_a_drive_of_another_authority(
+    def test_a_drive_with_a_certificate_of_another_authority_is_refused(
         self, workshop: Workshop, authority: Path
     ) -> None:
         with raises_code(TransportError, "RID-MODBUS-OPEN"):
             open_modbus(self.serve(workshop, authority, ca="other.pem"))
 
-    def test_refuses_a_drive_of_another_name(self, workshop: Workshop, authority: Path) -> None:
+    def test_a_drive_with_a_certificate_of_another_name_is_refused(
+        self, workshop: Workshop, authority: Path
+    ) -> None:
         with raises_code(TransportError, "RID-MODBUS-OPEN", "'robot.cell'"):
             open_modbus(self.serve(workshop, authority, name="robot.cell"))
 
-    def test_does_not_answer_a_computer_without_certificate(
+    def test_a_computer_without_certificate_gets_no_answer(
         self, workshop: Workshop, authority: Path
     ) -> None:
         config = self.serve(workshop, authority, own=None)
@@ -236,7 +242,7 @@ class TestTls:
         assert reading.problems
         assert np.isnan(reading.temperature_k).all()
 
-    def test_reports_missing_files_with_their_names(
+    def test_missing_certificate_files_are_reported_with_their_names(
         self, workshop: Workshop, authority: Path
     ) -> None:
         with raises_code(TransportError, "RID-MODBUS-OPEN"):
@@ -264,20 +270,20 @@ class TestMbpoll:
         found = re.findall(r"\[(\d+)\]:\s+(-?\d+)", text)
         return {int(place): int(value) for place, value in found}
 
-    def test_reads_over_tcp(self, workshop: Workshop) -> None:
+    def test_mbpoll_reads_over_tcp(self, workshop: Workshop) -> None:
         config = workshop.serve("tcp")
         assert isinstance(config.link, ModbusTcp)
         port = str(config.link.port)
         text = self.poll("-a", "9", "-r", "101", "-c", "4", "-p", port, "127.0.0.1")
         assert self.values(text) == {101: 1000, 102: 0, 103: 7209000 >> 16, 104: 7209000 & 0xFFFF}
 
-    def test_reads_over_a_serial_line(self, workshop: Workshop) -> None:
+    def test_mbpoll_reads_over_a_serial_line(self, workshop: Workshop) -> None:
         config = workshop.serve("rtu")
         assert isinstance(config.link, ModbusRtu)
         words = ["-m", "rtu", "-b", "19200", "-P", "none", "-a", "2", "-r", "101", "-c", "1"]
         assert self.values(self.poll(*words, config.link.address)) == {101: 300}
 
-    def test_reports_a_missing_register(self, workshop: Workshop) -> None:
+    def test_mbpoll_reports_a_missing_register(self, workshop: Workshop) -> None:
         config = workshop.serve("tcp")
         assert isinstance(config.link, ModbusTcp)
         text = self.poll("-a", "1", "-r", "501", "-p", str(config.link.port), "127.0.0.1")
