@@ -114,7 +114,7 @@ class ObedientCell(can.BusABC):
         self._take()
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        assert timeout is not None, "a driver must never wait without a limit"
+        assert timeout is not None, "a driver must not wait without a timeout"
         until_s = self.now_s + timeout
         while not self._arrived and self.now_s < until_s:
             self._advance(until_s)

@@ -100,7 +100,7 @@ def drive(source: PointSource, rows: Iterable[int] | None = None) -> list[SetPoi
         if point is None:
             return out
         out.append(point)
-    raise AssertionError("it never came to rest")
+    raise AssertionError("the stream did not come to rest")
 
 
 def waves(seed: int, count: int, size: float = 0.5) -> Points:
@@ -140,7 +140,7 @@ def held_limits(points: list[SetPoint]) -> None:
     assert (np.abs(ahead) <= ROUNDING * SPEED).all()
     assert (np.abs(np.diff(velocity, axis=0)) <= ROUNDING * ACCELERATION * T).all()
     steps = np.diff(position, axis=0) - 0.5 * T * (velocity[1:] + velocity[:-1])
-    assert (np.abs(steps) <= ROUNDING * ACCELERATION * T**2).all(), "positions go with velocities"
+    assert (np.abs(steps) <= ROUNDING * ACCELERATION * T**2).all(), "positions match the velocities"
     assert (np.abs(ahead - velocity) <= 1.3 * LARGEST_CORRECTION * SPEED).all()
     assert not velocity[-1].any()
     assert not ahead[-1].any()

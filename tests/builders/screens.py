@@ -62,7 +62,7 @@ class Screen:
         drawn = RichConsole(
             record=True, width=self.columns, file=io.StringIO(), force_terminal=True, height=100
         )
-        drawn.print(Text.from_ansi(as_left(self.text).rstrip()))
+        drawn.print(Text.from_ansi(final_content(self.text).rstrip()))
         named = [word for word in self.words if "/" not in word]
         return drawn.export_svg(title=f"rid-daq {' '.join(named)}"[:TITLE], theme=theme)
 
@@ -75,7 +75,7 @@ class Screen:
             path.write_text(self.svg(colours), encoding="utf-8")
 
 
-def as_left(written: str) -> str:
+def final_content(written: str) -> str:
     """Return the final content of a terminal after some output, with colours.
 
     Lines that a progress bar has rewritten occur once.
@@ -96,7 +96,7 @@ def as_left(written: str) -> str:
 
 def screen_lines(written: str) -> list[str]:
     """Return the final lines of a terminal, without colours."""
-    return _COLOUR.sub("", as_left(written)).rstrip("\n").split("\n")
+    return _COLOUR.sub("", final_content(written)).rstrip("\n").split("\n")
 
 
 @contextlib.contextmanager
@@ -118,7 +118,7 @@ def command_lines() -> list[tuple[str, ...]]:
     return list(dict.fromkeys([(), *((name,) for name in COMMANDS), *command_words()]))
 
 
-def helps(columns: int) -> list[Screen]:
+def help_screens(columns: int) -> list[Screen]:
     """Return the help of every command."""
     screens = []
     for words in command_lines():
@@ -132,7 +132,7 @@ Call = Callable[[Console], None]
 
 
 @contextlib.contextmanager
-def noted() -> Iterator[list[Call]]:
+def recorded_calls() -> Iterator[list[Call]]:
     """Yield the console calls of commands, to repeat them at any width.
 
     Nothing is shown, except the output of `--json`.
@@ -151,15 +151,15 @@ def noted() -> Iterator[list[Call]]:
         yield calls
 
 
-def said_by(words: Sequence[str], codes: Sequence[int] = (0,)) -> list[Call]:
+def calls_of_command(words: Sequence[str], codes: Sequence[int] = (0,)) -> list[Call]:
     """Run a command and return its console calls."""
-    with noted() as calls, contextlib.redirect_stdout(io.StringIO()):
+    with recorded_calls() as calls, contextlib.redirect_stdout(io.StringIO()):
         code = run(list(words))
     assert code in codes, (words, code)
     return calls
 
 
-def keep(screen: Screen, folder: str) -> None:
+def store_screen(screen: Screen, folder: str) -> None:
     """Write a screen next to the screenshots of pages, if screenshots are requested."""
     if "RID_DAQ_SCREENSHOTS" in os.environ:
         screen.write(Path(os.environ["RID_DAQ_SCREENSHOTS"]) / "terminal" / folder)
@@ -168,8 +168,8 @@ def keep(screen: Screen, folder: str) -> None:
 def require_fitting(words: Sequence[str], calls: Sequence[Call], folder: str = "more") -> None:
     """Store the screens of a command, and require that all lines fit the width."""
     for columns in WIDTHS:
-        screen = replayed(words, calls, columns)
-        keep(screen, folder)
+        screen = replay(words, calls, columns)
+        store_screen(screen, folder)
         assert screen.lines, words
         assert too_wide(screen.lines, columns) == [], words
 
@@ -185,7 +185,7 @@ def too_wide(lines: list[str], columns: int) -> list[str]:
     ]
 
 
-def replayed(words: Sequence[str], calls: Sequence[Call], columns: int) -> Screen:
+def replay(words: Sequence[str], calls: Sequence[Call], columns: int) -> Screen:
     """Return the screen of a command from its console calls; fast commands are run again."""
     with terminal(columns) as shown:
         if words[0] == "runs":
@@ -196,7 +196,7 @@ def replayed(words: Sequence[str], calls: Sequence[Call], columns: int) -> Scree
     return Screen(tuple(words), columns, shown.getvalue())
 
 
-def story(folder: Path) -> Iterator[tuple[list[str], list[Call]]]:
+def main_commands(folder: Path) -> Iterator[tuple[list[str], list[Call]]]:
     """Run the main commands on the small simulated cell, and return their console calls."""
     runs, motion = ["--runs", str(folder / "runs")], str(folder / "motion.yaml")
     small = ["--method", "two-harmonic", "--tries", "3", "--period", "4", "--periods", "3"]
@@ -231,18 +231,18 @@ def story(folder: Path) -> Iterator[tuple[list[str], list[Call]]]:
         ["runs", "--verify", *runs],
         ["recover", "first", *runs],
     ):
-        yield words, said_by(words, (0, 1, 6))
+        yield words, calls_of_command(words, (0, 1, 6))
 
 
 def main(folder: Path) -> None:
     """Write all screens."""
     for columns in WIDTHS:
-        for screen in helps(columns):
+        for screen in help_screens(columns):
             screen.write(folder / "help")
     with tempfile.TemporaryDirectory(prefix="rid-screens-") as name:
-        for number, (words, calls) in enumerate(story(Path(name)), start=1):
+        for number, (words, calls) in enumerate(main_commands(Path(name)), start=1):
             for columns in WIDTHS:
-                replayed(words, calls, columns).write(folder / f"{number:02d}")
+                replay(words, calls, columns).write(folder / f"{number:02d}")
     sys.stdout.write(f"{len(list(folder.rglob('*.svg')))} screens in {folder}\n")
 
 

@@ -51,13 +51,13 @@ class Typist:
     def type(self, text: str) -> None:
         os.write(self._terminal, text.encode())
 
-    def sees(self, text: str, times: int = 1) -> None:
+    def wait_for_text(self, text: str, times: int = 1) -> None:
         """Wait until a text has appeared `times` times."""
         wait_for(lambda: self.shown.count(text) >= times or self.program.poll() is not None)
         assert self.shown.count(text) >= times, self.shown
 
     @contextlib.contextmanager
-    def holding(self, key: str) -> Iterator[None]:
+    def hold_key(self, key: str) -> Iterator[None]:
         """Hold a key while the `with` block is active: it arrives once and then repeatedly."""
         released = threading.Event()
 
@@ -73,7 +73,7 @@ class Typist:
             released.set()
             repeats.join()
 
-    def ends(self) -> int:
+    def wait_for_end(self) -> int:
         return self.program.wait(PATIENCE_S)
 
 

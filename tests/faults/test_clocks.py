@@ -17,7 +17,7 @@ AT = 230
 Measured = Callable[[str], None]
 
 
-def beats_s(run: Any, node: int, until_s: float) -> list[float]:
+def heartbeat_times_s(run: Any, node: int, until_s: float) -> list[float]:
     """Return the times of a drive's heartbeats on the bus [s]."""
     return [f.time_s for f in run.frames if f.can_id == 0x700 + node and f.time_s < until_s]
 
@@ -32,8 +32,10 @@ def test_a_drive_clock_error_of_one_percent_does_not_stop_the_motion(
     assert run.reason is None
     assert run.notes == ()
     assert run.rows["valid"].all()
-    assert not any(0x80 < frame.can_id < 0x100 for frame in run.frames), "no drive complained"
-    steps_s = np.diff(beats_s(run, 2, run.syncs_s[-1]))[5:]
+    assert not any(0x80 < frame.can_id < 0x100 for frame in run.frames), (
+        "no drive sends an emergency message"
+    )
+    steps_s = np.diff(heartbeat_times_s(run, 2, run.syncs_s[-1]))[5:]
     wrong = float(np.median(steps_s)) / 0.050 - 1.0
     assert abs(wrong) == pytest.approx(0.01, rel=0.05)
     measured(f"a drive's heartbeats {100 * wrong:+.1f} % apart: no alarm, 0 of its answers missing")
@@ -49,12 +51,14 @@ def test_heartbeats_at_half_the_rate_stop_all_axes_within_the_timeout(
     run = rig.move(motion, config=rig.config.model_copy(update={"drive_safety": safety}))
     assert (run.reason.code, run.reason.joint) == (StopCode.HEARTBEAT_LOST, "axis1")
     stop_s = max(run.quick_stops().values())
-    beats = beats_s(run, 1, stop_s)
-    assert beats[-1] > run.syncs_s[AT - 1], "the last one before was still in time"
+    beats = heartbeat_times_s(run, 1, stop_s)
+    assert beats[-1] > run.syncs_s[AT - 1], "the last heartbeat before the fault is in time"
     assert timeout_s < stop_s - beats[-1] <= timeout_s + T
     run.assert_at_rest()
-    later_s = next(t for t in beats_s(run, 1, np.inf) if t > stop_s)
-    assert later_s - beats[-1] == pytest.approx(0.100, abs=1e-3), "it did come, too late"
+    later_s = next(t for t in heartbeat_times_s(run, 1, np.inf) if t > stop_s)
+    assert later_s - beats[-1] == pytest.approx(0.100, abs=1e-3), (
+        "the next heartbeat arrives too late"
+    )
     measured(f"half the rate: {1e3 * (stop_s - beats[-1]):.1f} ms after the last one, 88 allowed")
 
 

@@ -19,12 +19,12 @@ AT = 230
 Measured = Callable[[str], None]
 
 
-def ramp_s(loaded: LoadedCell, speed: float) -> float:
+def ramp_time_s(loaded: LoadedCell, speed: float) -> float:
     return speed / loaded.config.drive_safety.quick_stop_deceleration_rad_s2
 
 
 @pytest.mark.fault(8)
-def test_a_drive_that_resets_stops_the_others_and_stays_disabled(
+def test_a_drive_reset_stops_all_axes_and_the_drive_stays_disabled(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
     rig = serve(drives=[{"kind": "reset", "joint": "axis2", "at_cycle": AT}])
@@ -72,7 +72,7 @@ def test_a_fault_of_one_drive_stops_all_axes(
     measured(f"a drive in fault: {cycles} T")
 
 
-class Work:
+class CallCounter:
     """Counts the function calls of the cyclic task in each cycle."""
 
     def __init__(self) -> None:
@@ -107,7 +107,7 @@ def test_a_flood_of_emergency_messages_adds_few_calls_per_cycle(
 ) -> None:
     """The test counts function calls, because processor time depends on the computer."""
     flood = {"kind": "emergency", "joint": "axis2", "at_cycle": AT, "count": 500}
-    single, flooded = Work(), Work()
+    single, flooded = CallCounter(), CallCounter()
     one = single.count(serve(drives=[flood | {"count": 1}]), motion)
     run = flooded.count(serve(drives=[flood]), motion)
     assert one.quick_stop_cycle() == run.quick_stop_cycle() == AT
@@ -115,7 +115,7 @@ def test_a_flood_of_emergency_messages_adds_few_calls_per_cycle(
     stopping = slice(-12, None)
     moving = float(np.median(single.calls[-100:-20]))
     quiet, busy = (np.median(work.calls[stopping]) for work in (single, flooded))
-    assert busy > quiet, "the flood was not seen"
+    assert busy > quiet, "the flood of messages has no effect"
     a_message = (busy - quiet) / (1000.0 * T)
     assert a_message < 40
     assert max(flooded.calls[stopping]) < 2.0 * moving
@@ -178,13 +178,13 @@ def test_nothing_moves_when_power_returns_after_an_emergency_stop(
     again = rig.move(motion)
     assert again.reason is None
     assert again.error is None
-    far = first_set_point_counts(again)
+    far = first_set_point_distance_counts(again)
     assert far <= 1.0
     assert np.abs(again.rows["velocity_command"][0]).max() < 0.02
     measured(f"0 motion frames, quick stop in {cycles} T; new first set-point {far:.2f} counts off")
 
 
-def first_set_point_counts(run: Any) -> float:
+def first_set_point_distance_counts(run: Any) -> float:
     """Return the largest distance of the first set-point from the last positions [counts]."""
     rows = run.rows
     far = []
@@ -219,7 +219,7 @@ def test_no_queued_set_point_moves_an_axis_when_power_returns(
     frames = rig.frames()
     back_s = min(f.time_s for f in frames if f.can_id == 0x701 and f.time_s > off_s + 1.0)
     released = [f for f in frames if 0x201 <= f.can_id <= 0x203 and f.time_s > off_s + 1e-3]
-    assert released, "the adapter kept nothing: the test shows nothing"
+    assert released, "the adapter queued no frame, so that the test proves nothing"
     moving = [f for f in released if f.word == 0x000F]
     assert moving == []
     assert rig.truth.speed_after(back_s) < 1e-6
@@ -270,7 +270,7 @@ def test_an_axis_that_runs_the_wrong_way_is_stopped_within_the_allowed_travel(
     at, end = run.truth.at(stop_s - T), len(run.truth.time_s) - 1
     speed = float(np.abs([v[0] for v in run.truth.velocity[at:]]).max())
     travel = abs(run.truth.position[end][0] - run.truth.position[at][0])
-    allowed = speed * 4 * T + 0.5 * speed * ramp_s(loaded, speed)
+    allowed = speed * 4 * T + 0.5 * speed * ramp_time_s(loaded, speed)
     assert travel <= allowed
     run.assert_at_rest()
     measured(f"{cycles} T beyond the line; travel {travel:.4f} rad, {allowed:.4f} allowed")

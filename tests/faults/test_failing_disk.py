@@ -29,11 +29,11 @@ PATIENCE_S = 400.0  # a guest is slow beside a busy host
 ENOUGH_BYTES = 40_000
 JOURNAL = "*/recording.mcap"
 GONE = "(Input/output error|Read-only file system)"
-"""What ext4 says, and what it says once its own journal could not be written, 5 s later at most."""
+"""Error of ext4, and its error up to 5 s later, after it failed to write its own journal."""
 
 pytestmark = pytest.mark.skipif(
     "User Mode Linux" not in Path("/proc/cpuinfo").read_text() or not Path(RAM_DISK).exists(),
-    reason="test_guest.py runs this in its guest",
+    reason="tests/socketcan/test_guest.py runs this in its virtual machine",
 )
 
 

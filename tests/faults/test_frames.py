@@ -19,7 +19,7 @@ AT = 230
 Measured = Callable[[str], None]
 
 
-class Keep:
+class AxesStore:
     """Stores the axes of a session, to read their frame counters afterwards."""
 
     axes: CanServoAxes
@@ -45,7 +45,9 @@ def test_one_lost_answer_marks_one_row_and_the_motion_continues(
     before, at, after = run.rows["velocity_command"][row - 1 : row + 2, 1]
     kick = abs(at - 0.5 * (before + after))
     gain_per_s = 15.0
-    assert kick < 0.1 * gain_per_s * T * abs(at), "the loop did not answer to a position held"
+    assert kick < 0.1 * gain_per_s * T * abs(at), (
+        "the position loop reacted to the repeated position"
+    )
     measured(f"1 of {3 * len(run.rows)} values marked, 0 rows lost, command {kick:.1g} rad/s off")
 
 
@@ -97,7 +99,7 @@ def test_randomly_lost_answers_are_counted_exactly_and_the_motion_continues(
 def test_a_duplicate_answer_is_ignored(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
-    keep = Keep()
+    keep = AxesStore()
     rig = serve(bus=[{"kind": "duplicate", "at_cycle": AT, "count": 30}])
     run = rig.move(motion, keep)
     assert run.reason is None
@@ -133,7 +135,7 @@ def test_each_of_two_late_answers_is_marked_and_the_motion_continues(
         {"kind": kind, "joint": "axis2", "at_cycle": AT + wait, **more}
         for kind, wait, more in (("delay", 0, {"delay_s": 1.5 * T}), ("reorder", 10, {}))
     ]
-    keep = Keep()
+    keep = AxesStore()
     run = serve(bus=late).move(motion, keep)
     assert run.reason is None
     assert int((run.rows["valid"] == 0).sum()) == 2
@@ -175,7 +177,7 @@ def test_an_answer_of_the_wrong_length_stops_the_motion(
 def test_frames_of_unknown_identifiers_are_counted_and_ignored(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
-    keep = Keep()
+    keep = AxesStore()
     strange = {"kind": "strange", "identifier": 0x3F1, "at_cycle": AT, "count": 40}
     run = serve(bus=[strange]).move(motion, keep)
     assert run.reason is None

@@ -26,14 +26,14 @@ pytestmark = pytest.mark.slow
 
 T = 0.008
 FIRST_CYCLE = 299
-"""In the middle of the first main period."""
+"""A cycle in the middle of the first main period."""
 PERIODS = 8
 ROWS = 200
-"""Of a period."""
+"""Rows of a period."""
 Measured = Callable[[str], None]
 
 
-class Recorded(NamedTuple):
+class RecordedOutput(NamedTuple):
     """Output of the program about a recording."""
 
     code: int
@@ -57,10 +57,10 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def record(
     workshop: Path, motion_of: Callable[[str, int], FourierMotion], tmp_path: Path, capsys: Any
-) -> Callable[..., Recorded]:
+) -> Callable[..., RecordedOutput]:
     """Record eight periods of 1.6 s with faults on the bus."""
 
-    def recorded(*faults: FrameFault, seed: int = 0) -> Recorded:
+    def record_with_faults(*faults: FrameFault, seed: int = 0) -> RecordedOutput:
         motion, script = tmp_path / "motion.yaml", tmp_path / "faults.yaml"
         motion.write_text(to_yaml(motion_of("my_robot", PERIODS)))
         script.write_text(to_yaml(FaultScript(seed=seed, bus=faults)))
@@ -70,12 +70,12 @@ def record(
         code = run([*words, "--json", *runs])
         said = json.loads(capsys.readouterr().out)
         folder = find_run(tmp_path / "runs", "latest")
-        return Recorded(code, said, (folder.path / "report.html").read_text(encoding="utf-8"))
+        return RecordedOutput(code, said, (folder.path / "report.html").read_text(encoding="utf-8"))
 
-    return recorded
+    return record_with_faults
 
 
-def spread(first_cycle: int, bad_periods: int, lost: int) -> list[FrameFault]:
+def spread_losses(first_cycle: int, bad_periods: int, lost: int) -> list[FrameFault]:
     """Drop `lost` single answers of axis2 in each of `bad_periods` consecutive periods."""
     return [
         FrameFault(kind="drop", joint="axis2", at_cycle=first_cycle + ROWS * period + 20 * wait)
@@ -86,7 +86,7 @@ def spread(first_cycle: int, bad_periods: int, lost: int) -> list[FrameFault]:
 
 @pytest.mark.fault(3)
 def test_a_random_loss_of_one_percent_is_accepted_and_reported(
-    record: Callable[..., Recorded], measured: Measured
+    record: Callable[..., RecordedOutput], measured: Measured
 ) -> None:
     done = record(FrameFault(kind="drop", probability=0.01), seed=4)
     assert done.code == 0
@@ -109,9 +109,9 @@ def test_a_random_loss_of_one_percent_is_accepted_and_reported(
 
 @pytest.mark.fault(3)
 def test_more_than_five_bad_periods_are_named_with_exit_code_6(
-    record: Callable[..., Recorded], measured: Measured
+    record: Callable[..., RecordedOutput], measured: Measured
 ) -> None:
-    done = record(*spread(FIRST_CYCLE + ROWS, bad_periods=6, lost=5))
+    done = record(*spread_losses(FIRST_CYCLE + ROWS, bad_periods=6, lost=5))
     assert done.code == 6
     quality = done.quality
     assert not quality["good"]

@@ -18,8 +18,8 @@ AT = 230
 Measured = Callable[[str], None]
 
 STRANGERS_S = 8.0
-NOBODY = {"identifier": 0x3F1, "at_s": STRANGERS_S + 0.04}
-LIES = {
+UNKNOWN_SENDER = {"identifier": 0x3F1, "at_s": STRANGERS_S + 0.04}
+FALSE_ANSWERS = {
     "torque": {"torque_permille": 150},
     "a little off": {"position_counts": 300},
     "far off": {"position_counts": 200_000},
@@ -27,12 +27,18 @@ LIES = {
 
 
 @pytest.mark.fault(49)
-@pytest.mark.parametrize("lie", LIES)
+@pytest.mark.parametrize("false_answer", FALSE_ANSWERS)
 @pytest.mark.parametrize("joint", ["axis1", "axis3"], ids=["first on the bus", "last on the bus"])
 def test_a_foreign_node_that_answers_before_the_drive_stops_the_motion(
-    serve: Any, motion: MotionSamples, joint: str, lie: str, measured: Measured
+    serve: Any, motion: MotionSamples, joint: str, false_answer: str, measured: Measured
 ) -> None:
-    spoof = {"kind": "spoof", "joint": joint, "at_cycle": AT, "lasting": True, **LIES[lie]}
+    spoof = {
+        "kind": "spoof",
+        "joint": joint,
+        "at_cycle": AT,
+        "lasting": True,
+        **FALSE_ANSWERS[false_answer],
+    }
     run = serve(bus=[spoof]).move(motion)
     assert (run.reason.code, run.reason.joint) == (StopCode.SECOND_ANSWERS, joint)
     node = int(joint[-1])
@@ -45,13 +51,15 @@ def test_a_foreign_node_that_answers_before_the_drive_stops_the_motion(
     assert np.abs(run.truth.velocity[-1]).max() < 1e-3
     assert not any(run.truth.powered[-1])
     streamed = run.rows[run.rows["sample_index"] >= 0]
-    lied_in = streamed[-cycles:]
-    believed = int(lied_in["valid"][:, node - 1].sum())
-    assert believed <= 1, "only if the drive answered after all others"
+    false_rows = streamed[-cycles:]
+    believed = int(false_rows["valid"][:, node - 1].sum())
+    assert believed <= 1, "at most one false answer is used"
     steered = np.abs(np.diff(streamed["velocity_command"][:-1, node - 1])[-cycles:]).max()
     assert steered < 0.05, "a false position steered the axis"
     assert any(f"{joint}: node {node} answered twice" in note for note in run.notes)
-    measured(f"{lie}, {joint}: quick stop in cycle {cycles}, {believed} false answers used")
+    measured(
+        f"{false_answer}, {joint}: quick stop in cycle {cycles}, {believed} false answers used"
+    )
 
 
 @pytest.mark.fault(49)
@@ -83,7 +91,7 @@ def test_identical_second_answers_are_tolerated_up_to_a_limit(
     cycles = run.quick_stop_cycle() - AT + 1
     assert 20 <= cycles <= 21
     moved = run.rows["sample_index"] >= 0
-    assert run.rows["valid"][moved][:-1].all(), "they were used all the same"
+    assert run.rows["valid"][moved][:-1].all(), "the answers are used"
     run.assert_at_rest()
     measured(f"the same twice in every cycle: quick stop in the {cycles}th cycle")
 
@@ -138,10 +146,10 @@ def test_a_second_device_with_a_drives_identifier_is_refused_before_motion(
             {"kind": "spoof", "joint": "axis1", "at_frame": 20, "torque_permille": 1},
             ["red", "ok", "ok"],
         ),
-        ({"kind": "strange", "count": 3, **NOBODY}, ["ok"] * 3 + ["shown"]),
-        ({"kind": "strange", "count": 90, **NOBODY}, ["ok"] * 3 + ["red"]),
+        ({"kind": "strange", "count": 3, **UNKNOWN_SENDER}, ["ok"] * 3 + ["shown"]),
+        ({"kind": "strange", "count": 90, **UNKNOWN_SENDER}, ["ok"] * 3 + ["red"]),
     ],
-    ids=["nobody", "a copy each", "copies", "one that differs", "of nobody", "many of nobody"],
+    ids=["none", "one copy each", "copies", "one deviation", "unknown", "many unknown"],
 )
 def test_the_preflight_reports_foreign_senders(
     serve: Any, fault: dict[str, Any], verdicts: list[str], measured: Measured

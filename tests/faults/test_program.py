@@ -28,7 +28,7 @@ AT = 150
 Measured = Callable[[str], None]
 
 
-class Recorded(NamedTuple):
+class RecordedOutcome(NamedTuple):
     """Outcome of a recording."""
 
     code: int
@@ -43,20 +43,20 @@ def record_words(workshop: Path, script: str, runs: Path) -> list[str]:
     return [*words, "--faults", str(workshop / "faults.yaml"), "--runs", str(runs)]
 
 
-Record = Callable[..., Recorded]
+Record = Callable[..., RecordedOutcome]
 
 
 @pytest.fixture
 def record(workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Record:
     """Return a function that records with a fault of the program."""
 
-    def recorded(script: str) -> Recorded:
+    def record_with_fault(script: str) -> RecordedOutcome:
         code = run(record_words(workshop, script, tmp_path / "runs"))
         told, _ = json.JSONDecoder().raw_decode(capsys.readouterr().out)
         folder = RunFolder.open(Path(told["folder"]))
-        return Recorded(code, told, folder, read_journal(folder.path / "recording.mcap"))
+        return RecordedOutcome(code, told, folder, read_journal(folder.path / "recording.mcap"))
 
-    return recorded
+    return record_with_fault
 
 
 def rows_missing(journal: Journal) -> int:
@@ -159,7 +159,7 @@ def test_a_full_disk_gives_exit_code_7_and_a_complete_file(
     apart = ["unshare", "--user", "--map-root-user", "--mount", "sh", "-c"]
     tried = [*apart, f"{script} true"]
     if shutil.which("unshare") is None or subprocess.run(tried, check=False).returncode:
-        pytest.skip("no RAM disk can be mounted here: user name spaces are switched off")
+        pytest.skip("no RAM disk can be mounted here: user name spaces are disabled")
     script += f'"$@"; code=$?; cp -r "{small}" "{kept}"; df "{small}"; exit $code'
     done = subprocess.run(
         [*apart, script, "sh", *program], capture_output=True, text=True, check=False
@@ -168,7 +168,7 @@ def test_a_full_disk_gives_exit_code_7_and_a_complete_file(
     told, _ = json.JSONDecoder().raw_decode(done.stdout)
     assert told["stop"]["code"] == "RECORDER"
     assert told["stop"]["text"].endswith("the disk is full")
-    assert " 1% " in done.stdout.splitlines()[-1], "the room is given back"
+    assert " 1% " in done.stdout.splitlines()[-1], "the disk space is released"
     (folder,) = kept.iterdir()
     journal = read_journal(folder / "recording.mcap")
     assert journal.damage.notes == ()

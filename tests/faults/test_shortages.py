@@ -29,7 +29,7 @@ LITTLE = 200 << 20  # bytes: a command with all its imports, and no file
 
 
 @pytest.fixture
-def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def unusual_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return a folder with huge sparse files, a named pipe, a folder and a circular link."""
     monkeypatch.chdir(tmp_path)
     for name in ("big.yaml", "big.json", "big.csv", "big.urdf", "big.mcap"):
@@ -57,7 +57,10 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     ],
 )  # fmt: skip
 def test_an_oversized_file_is_refused_before_it_is_read(
-    words: str, desk: Path, capsys: pytest.CaptureFixture[str], measured: Callable[[str], None]
+    words: str,
+    unusual_files: Path,
+    capsys: pytest.CaptureFixture[str],
+    measured: Callable[[str], None],
 ) -> None:
     run(["--help"])
     tracemalloc.start()
@@ -86,7 +89,7 @@ def test_an_oversized_file_is_refused_before_it_is_read(
     ],
 )
 def test_a_path_that_is_not_a_regular_file_is_refused_without_waiting(
-    name: str, number: int, desk: Path
+    name: str, number: int, unusual_files: Path
 ) -> None:
     assert errno_of(Path(name), 1_000_000) == number
 
@@ -106,7 +109,7 @@ def test_a_file_that_has_grown_beyond_the_limit_is_refused(tmp_path: Path) -> No
     assert errno_of(path, 5) == errno.EFBIG
 
 
-def _limited(
+def run_with_limit(
     words: list[str], folder: Path, limit: int, size: int
 ) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
@@ -140,7 +143,7 @@ def _limited(
 def test_a_shortage_is_named_without_a_traceback(
     words: str, limit: int, size: int, said: str, tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
-    done = _limited(words.split(), tmp_path, limit, size)
+    done = run_with_limit(words.split(), tmp_path, limit, size)
     assert "Traceback" not in done.stderr
     assert said in done.stderr
     assert done.returncode == 7

@@ -131,7 +131,7 @@ def every_axis_stops_if_the_preflight_is_green(
         assert outcome.error is not None
         SEEN["refused"] += 1
         return
-    assert not any(trace[-1][3]), "an axis is left under power"
+    assert not any(trace[-1][3]), "an axis is still powered"
     SEEN["moved"] += 1
     low, high = position_bounds(cell, robot)
     lag_s = 4.0 * cell.cycle_time_s
@@ -142,11 +142,13 @@ def every_axis_stops_if_the_preflight_is_green(
             if time_s < outcome.ordered_s:
                 continue
             if time_s > rest_s:
-                assert speed[i] == 0.0 or not powered[i], f"{joint.name} moves after {rest_s} s"
+                assert speed[i] == 0.0 or not powered[i], (
+                    f"{joint.name} still moves after {rest_s} s"
+                )
             inside = low[i] <= position[i] <= high[i]
             outside_s = np.inf if inside else min(outside_s, time_s)
             if powered[i] and speed[i] > 0.02:
-                assert time_s <= outside_s + lag_s, f"{joint.name} under power beyond its limit"
+                assert time_s <= outside_s + lag_s, f"{joint.name} is powered beyond its limit"
 
 
 @pytest.mark.timeout(1500)
@@ -159,7 +161,7 @@ def test_every_axis_stops_if_the_preflight_is_green(measured: Measured, cells: i
         suppress_health_check=list(HealthCheck), phases=(Phase.generate,),
     )(every_axis_stops_if_the_preflight_is_green)()  # fmt: skip
     assert SEEN["tried"] >= cells
-    assert SEEN["moved"] >= cells / 10, "too few cells were let move"
+    assert SEEN["moved"] >= cells / 10, "too few cells moved"
     assert SEEN["refused"] >= cells / 10, "too few cells were refused"
     measured(
         f"{SEEN['tried']} cells: {SEEN['refused']} refused before power, {SEEN['moved']} moved and"

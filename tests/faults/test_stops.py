@@ -1,4 +1,4 @@
-"""A bus that is lost, set-points that cannot be meant, people who stop, a loop that is held up."""
+"""Loss of the bus, invalid set-points, stop requests, and delays of the cyclic task."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Measured = Callable[[str], None]
 
 @pytest.mark.fault(12)
 @pytest.mark.parametrize("kind", ["bus_off", "unplugged"])
-def test_a_lost_adapter_is_silent_until_a_person_starts_again(
+def test_after_loss_of_the_adapter_no_motion_frame_is_sent_until_a_new_start(
     serve: Any, motion: MotionSamples, loaded: LoadedCell, kind: str, measured: Measured
 ) -> None:
     rig = serve(bus=[{"kind": kind, "at_cycle": AT, "duration_s": 0.6}])
@@ -49,12 +49,12 @@ def test_a_lost_adapter_is_silent_until_a_person_starts_again(
     again = rig.move(motion)
     assert again.error is None
     assert again.reason is None
-    assert again.motion_frames_after(ended_s), "it moves again once it was started again"
+    assert again.motion_frames_after(ended_s), "the robot moves again after a new start"
     measured(f"{kind}: 0 motion frames; at rest {1e3 * rest_s:.0f} ms later by the drives' watch")
 
 
 @pytest.mark.fault(12)
-def test_a_babbling_node_that_takes_the_bus_away_stops_the_motion(
+def test_a_babbling_node_that_blocks_the_bus_stops_the_motion(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
     babble = {"identifier": 0x001, "count": 4000, "period_s": 1e-4, "at_cycle": AT}
@@ -90,17 +90,17 @@ class FullQueue:
 
 
 @pytest.mark.fault(12)
-def test_a_full_transmit_queue_is_an_error_in_its_cycle_and_nothing_comes_after(
+def test_a_full_transmit_queue_stops_the_motion_in_its_cycle(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
     rig = serve()
     ports: list[FullQueue] = []
 
-    def fill(cell: Any, _control: ControlBlock) -> None:
+    def use_full_queue(cell: Any, _control: ControlBlock) -> None:
         ports.append(FullQueue(cell.link._port, cell.clock))
         cell.link._port = ports[0]
 
-    run = rig.move(motion, fill)
+    run = rig.move(motion, use_full_queue)
     assert run.reason.code is StopCode.BUS
     assert "No buffer space available" in run.reason.text
     assert ports[0].refused >= 3
@@ -109,7 +109,7 @@ def test_a_full_transmit_queue_is_an_error_in_its_cycle_and_nothing_comes_after(
     assert speed > 0.05, "nothing moved before the fault"
     assert run.motion_frames_after(last_s) == []
     stopped_s = max(run.quick_stops().values()) - last_s
-    assert stopped_s < T, "the quick stop, which the queue took again, is in the same cycle"
+    assert stopped_s < T, "the quick stop is sent in the same cycle"
     run.assert_at_rest()
     again = rig.move(motion)
     assert again.error is None
@@ -154,7 +154,7 @@ def test_a_motion_beyond_a_limit_is_refused_without_a_frame(
     ],
     ids=["nan", "infinity", "jump"],
 )
-def test_a_set_point_that_cannot_be_meant_is_not_sent(
+def test_an_invalid_set_point_is_not_sent(
     serve: Any,
     motion: MotionSamples,
     name: str,
@@ -165,12 +165,12 @@ def test_a_set_point_that_cannot_be_meant_is_not_sent(
     position = motion.position.copy()
     position[at, 1] = spoil(position[at, 1])
     wild = replace(motion)
-    object.__setattr__(wild, "position", position)  # past the checks of a motion
+    object.__setattr__(wild, "position", position)  # bypass the checks of a motion
     run = serve().move(wild)
     assert (run.reason.code, run.reason.joint) == (StopCode.SET_POINT, "axis2")
     row = np.flatnonzero(run.rows["sample_index"] == at)
     assert len(row) == 1
-    assert not run.rows["velocity_command"][row].any(), "nothing was sent with it"
+    assert not run.rows["velocity_command"][row].any(), "the set-point is not sent"
     assert np.abs(run.rows["velocity_command"]).max() < 1.1 * np.abs(motion.velocity).max()
     assert run.motion_frames_after(run.rows["time_s"][row[0]]) == []
     run.assert_at_rest()
@@ -178,26 +178,26 @@ def test_a_set_point_that_cannot_be_meant_is_not_sent(
 
 
 @pytest.mark.fault(19)
-def test_an_order_to_stop_is_a_quick_stop_within_two_cycles(
+def test_a_stop_request_causes_a_quick_stop_within_two_cycles(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
     """Request a stop through the control block, as the program does on a signal."""
     rig = serve(bus=[{"kind": "strange", "identifier": 0x3F1, "at_cycle": AT}])
     asked: list[float] = []
 
-    def when_seen(cell: Any, control: ControlBlock) -> None:
+    def stop_at_frame(cell: Any, control: ControlBlock) -> None:
         take, watch = cell.axes.take_events, cell.axes.watch
 
-        def look() -> Any:
+        def stop_and_take_events() -> Any:
             if watch.unexpected_frames and not asked:
                 asked.append(cell.clock.now_s())
-                for _ in range(5):  # five times Ctrl-C
+                for _ in range(5):  # Ctrl-C five times
                     control.program.request_stop(StopCode.INTERRUPTED)
             return take()
 
-        cell.axes.take_events = look
+        cell.axes.take_events = stop_and_take_events
 
-    run = rig.move(motion, when_seen)
+    run = rig.move(motion, stop_at_frame)
     assert run.reason.code is StopCode.INTERRUPTED
     cycles = run.quick_stop_cycle() - run.cycle(asked[0])
     assert cycles <= 2
@@ -219,7 +219,7 @@ STRICT = Supervision(stuck_encoder_velocity_rad_s=0.2)
     ],
     ids=["one cycle", "three cycles", "50 ms", "200 ms"],
 )
-def test_a_loop_that_is_held_up_counts_or_stops_before_it_goes_on(
+def test_a_delayed_task_skips_one_cycle_or_sends_a_quick_stop_first(
     serve: Any, motion: MotionSamples, held: dict[str, float], stops: bool, measured: Measured
 ) -> None:
     rig = serve(bus=[{"kind": "held_up", "at_cycle": AT, **held}])

@@ -42,7 +42,7 @@ while True:
     print("suspended", flush=True)
 print("ended", os.waitstatus_to_exitcode(status), flush=True)
 """
-"""A shell's part: it leads the session of a terminal and runs a program in its foreground."""
+"""A session leader that runs a program in the foreground of its terminal, like a shell."""
 
 
 class Shell:
@@ -64,9 +64,9 @@ class Shell:
             start_new_session=True, env={**os.environ, **environment},
         )  # fmt: skip
         os.close(inside)
-        self.program = int(self.says("program").split()[1])
+        self.program = int(self.wait_for_line("program").split()[1])
 
-    def says(self, beginning: str) -> str:
+    def wait_for_line(self, beginning: str) -> str:
         """Wait for a line from the program or from the shell that begins with a text; return it."""
         assert self._leader.stdout is not None
         said = []
@@ -74,9 +74,9 @@ class Shell:
             said.append(line)
             if line.startswith(beginning):
                 return line
-        raise AssertionError(f"it ended without {beginning!r}: {''.join(said)}")
+        raise AssertionError(f"the output ended without {beginning!r}: {''.join(said)}")
 
-    def shows(self, text: bytes) -> None:
+    def wait_for_text(self, text: bytes) -> None:
         """Wait until a text appears on the terminal."""
         shown = b""
         while text not in shown:
@@ -95,7 +95,7 @@ class Shell:
                 found.append(int(pid))
         return found
 
-    def all_end(self) -> None:
+    def wait_for_all_ends(self) -> None:
         """Wait until no process of the session is left."""
         tick, until_s = threading.Event(), time.monotonic() + PATIENCE_S
         while left := self.processes():
@@ -132,7 +132,7 @@ def shell(
     words = ["record", "ir361", str(path), "--live", "--listen", "127.0.0.1:0"]
     shell = Shell([*words, "--runs", str(tmp_path / "runs")], environment)
     try:
-        shell.says("recording:")
+        shell.wait_for_line("recording:")
         yield shell
     finally:
         shell.close()
@@ -160,11 +160,11 @@ def test_ctrl_z_does_not_suspend_a_motion_and_stop_works(
     shell: Shell, environment: dict[str, str], tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
     os.write(shell.terminal, SUSPEND)
-    shell.shows(b"Ctrl-Z cannot suspend a motion")
+    shell.wait_for_text(b"Ctrl-Z cannot suspend a motion")
     text = stop(environment)
     assert "all axes at rest" in text
-    assert shell.says("ended") == "ended 5\n"
-    shell.all_end()
+    assert shell.wait_for_line("ended") == "ended 5\n"
+    shell.wait_for_all_ends()
     assert_readable(tmp_path / "runs")
     measured(f"Ctrl-Z: the motion goes on, watched; `rid-daq stop`: {text.partition(',')[0]}")
 
@@ -174,12 +174,12 @@ def test_a_program_suspended_by_sigstop_can_be_stopped(
     shell: Shell, environment: dict[str, str], tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
     os.killpg(shell.program, signal.SIGSTOP)  # `kill -STOP %1`
-    shell.says("suspended")
+    shell.wait_for_line("suspended")
     text = stop(environment)
     assert "all axes at rest" in text
     os.killpg(shell.program, signal.SIGCONT)
-    assert shell.says("ended") == "ended 5\n"
-    shell.all_end()
+    assert shell.wait_for_line("ended") == "ended 5\n"
+    shell.wait_for_all_ends()
     assert_readable(tmp_path / "runs")
     measured(f"SIGSTOP to the program's group: `rid-daq stop`: {text.partition(',')[0]}")
 
@@ -198,9 +198,9 @@ def test_after_any_end_no_process_remains_and_the_recording_is_complete(
         shell.close_terminal()
     else:
         os.killpg(shell.program, signal.SIGKILL)
-    code = int(shell.says("ended").split()[1])
+    code = int(shell.wait_for_line("ended").split()[1])
     assert code == {"Ctrl-C": 130, "closed terminal": 143, "kill -9 %1": -signal.SIGKILL}[how]
-    shell.all_end()
+    shell.wait_for_all_ends()
     assert_readable(tmp_path / "runs")
     measured(f"{how}: {before} processes ended, the file closed")
 

@@ -32,7 +32,7 @@ def test_drives_and_computer_detect_each_others_missing_heartbeats(
     assert all(trial.acted_s <= 0.080 + 1e-3 for trial in trials)
     assert all(trial.noticed_s <= 0.108 for trial in trials)
     assert any(map(any, rig.truth.powered)) is powered
-    assert np.ptp(rig.truth.position, axis=0).max() < 0.01, "the brakes open, no more"
+    assert np.ptp(rig.truth.position, axis=0).max() < 0.01, "only the brakes open"
     assert not any(rig.truth.powered[-1])
     acted_ms = 1e3 * max(trial.acted_s for trial in trials)
     noticed_ms = 1e3 * max(trial.noticed_s for trial in trials)

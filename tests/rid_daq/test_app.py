@@ -98,7 +98,7 @@ class EmptyRequest(Request):
     """Do what a test needs."""
 
 
-def command_that(does: Callable[[], object], monkeypatch: pytest.MonkeyPatch) -> None:
+def replace_command(does: Callable[[], object], monkeypatch: pytest.MonkeyPatch) -> None:
     """Replace the operation of `rid-daq recover`."""
 
     def run_it(_request: EmptyRequest, _context: object) -> OperationResult:
@@ -113,7 +113,7 @@ def command_that_raises(error: BaseException, monkeypatch: pytest.MonkeyPatch) -
     def fail() -> None:
         raise error
 
-    command_that(fail, monkeypatch)
+    replace_command(fail, monkeypatch)
 
 
 def test_an_error_gives_one_message_and_its_exit_code(
@@ -162,7 +162,7 @@ def test_with_json_a_signal_is_a_document(
         signal.signal(number, app._end_once)
         signal.raise_signal(number)
 
-    command_that(raise_signal, monkeypatch)
+    replace_command(raise_signal, monkeypatch)
     code, word = (130, "interrupted") if number is signal.SIGINT else (143, "terminated")
     assert run(["recover", "--json"]) == code
     captured = capsys.readouterr()

@@ -33,7 +33,7 @@ def environment(tmp_path: Path) -> dict[str, str]:
     return {**os.environ, "PATH": path, "PYTHONPATH": root, "HOME": str(tmp_path)}
 
 
-def typed_in(shell: str, arguments: list[str], environment: dict[str, str]) -> list[str]:
+def run_in_shell(shell: str, arguments: list[str], environment: dict[str, str]) -> list[str]:
     """Run a script in a shell, and return its output lines."""
     if shutil.which(shell) is None:
         pytest.skip(f"{shell} is not installed")
@@ -58,7 +58,7 @@ def test_bash_completes_commands_without_importing_any(environment: dict[str, st
         "COMP_WORDS=(rid-daq re) COMP_CWORD=1; _rid_daq_completion rid-daq;"
         'echo "${COMPREPLY[*]}"'
     )
-    complete, names = typed_in("bash", ["--norc", "-c", typed], environment)
+    complete, names = run_in_shell("bash", ["--norc", "-c", typed], environment)
     assert complete.endswith("-F _rid_daq_completion rid-daq")
     assert sorted(names.split()) == WITH_RE
 
@@ -72,7 +72,7 @@ def test_zsh_completes_commands_and_options_with_descriptions(
         "words=(rid-daq re); CURRENT=2; _rid_daq_completion;"
         "words=(rid-daq design --kin); CURRENT=3; _rid_daq_completion"
     )
-    first, *shown = typed_in("zsh", ["-f", "-c", typed], environment)
+    first, *shown = run_in_shell("zsh", ["-f", "-c", typed], environment)
     assert first == "compdef _rid_daq_completion rid-daq"
     text = "\n".join(shown)
     for name in WITH_RE:
@@ -88,7 +88,7 @@ def test_fish_completes_commands_options_and_commands_of_groups(
         "complete -C 'rid-daq re'; complete -C 'rid-daq design --kin';"
         "complete -C 'rid-daq payload ex'"
     )
-    shown = typed_in("fish", ["--no-config", "-c", typed], environment)
+    shown = run_in_shell("fish", ["--no-config", "-c", typed], environment)
     found = dict(line.split("\t") for line in shown)
     assert found.keys() == {*WITH_RE, "--kind", "export"}
     assert all(COMMANDS[name].startswith(found[name]) for name in WITH_RE)
@@ -102,7 +102,7 @@ def test_bash_completes_a_word_that_is_not_an_option_as_a_file(
         'eval "$(_RID_DAQ_COMPLETE=bash_source rid-daq)"; compopt() { echo "$2"; };'
         f'COMP_WORDS=(rid-daq {command} ce) COMP_CWORD=2; _rid_daq_completion rid-daq; echo "$?"'
     )
-    assert typed_in("bash", ["--norc", "-c", typed], environment) == ["default", "0"]
+    assert run_in_shell("bash", ["--norc", "-c", typed], environment) == ["default", "0"]
 
 
 def test_the_choices_of_an_option_are_completed(environment: dict[str, str]) -> None:
@@ -111,7 +111,7 @@ def test_the_choices_of_an_option_are_completed(environment: dict[str, str]) -> 
         "COMP_WORDS=(rid-daq design --kind rev) COMP_CWORD=3; _rid_daq_completion rid-daq;"
         'echo "${COMPREPLY[*]}"'
     )
-    assert typed_in("bash", ["--norc", "-c", typed], environment) == ["reversed"]
+    assert run_in_shell("bash", ["--norc", "-c", typed], environment) == ["reversed"]
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ from rid_daq.terminal.console import Console
 pytestmark = pytest.mark.slow
 
 
-def wait_at(pipe: Any) -> None:
+def wait_as_device(pipe: Any) -> None:
     """Run as a device that waits."""
     leave_signals_to_parent()
     pipe.recv()
@@ -35,7 +35,7 @@ def serve_points(folder: Path) -> None:
     loaded = load_cell("ir361")
     service = PointService(loaded.robot, loaded.config.workspace, 0.008, 10)
     with PointServer(folder / "points", PointRing.create(3, 20), service):
-        raise AssertionError("Ctrl-C was not heard")
+        raise AssertionError("SIGINT was not received")
 
 
 def record_frames(folder: Path) -> None:
@@ -70,7 +70,7 @@ def started(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
 @pytest.mark.parametrize(
     "owner",
     [
-        lambda _folder: DeviceProcess(wait_at),
+        lambda _folder: DeviceProcess(wait_as_device),
         record_frames,
         serve_points,
         lambda _folder: time_lines(),

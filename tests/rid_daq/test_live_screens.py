@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from config.load import load_cell, to_yaml
-from tests.builders.screens import WIDTHS, Screen, keep, too_wide
+from tests.builders.screens import WIDTHS, Screen, store_screen, too_wide
 from tests.builders.typist import Typist
 
 pytestmark = pytest.mark.slow
@@ -23,7 +23,7 @@ def columns(request: pytest.FixtureRequest) -> int:
 
 
 @pytest.fixture
-def bare(tmp_path: Path) -> str:
+def cell_without_plate(tmp_path: Path) -> str:
     """Return the bundled cell without its force plate, with another name and bus."""
     found = load_cell("ir361").config
     can = found.can.model_copy(update={"channel": f"screens{os.getpid()}"})
@@ -39,65 +39,77 @@ def run_in_terminal(columns: int, folder: Path, *words: object) -> Typist:
     return Typist(*words, environment={**size, **places, "FORCE_COLOR": "1"})
 
 
-def shown(person: Typist, columns: int, words: Sequence[str]) -> list[str]:
+def shown_lines(person: Typist, columns: int, words: Sequence[str]) -> list[str]:
     """Store the screen of a terminal; return its lines, which must fit the width."""
     screen = Screen(tuple(words), columns, person.shown)
-    keep(screen, "live")
+    store_screen(screen, "live")
     assert too_wide([line for line in screen.lines if line], columns) == []
     return screen.lines
 
 
-def test_mock_shows_how_to_use_the_served_cell(columns: int, tmp_path: Path, bare: str) -> None:
-    with run_in_terminal(columns, tmp_path, "mock", bare) as person:
-        person.sees("Next, in another terminal:")
+def test_mock_shows_how_to_use_the_served_cell(
+    columns: int, tmp_path: Path, cell_without_plate: str
+) -> None:
+    with run_in_terminal(columns, tmp_path, "mock", cell_without_plate) as person:
+        person.wait_for_text("Next, in another terminal:")
         person.program.send_signal(signal.SIGINT)
-        assert person.ends() == 0
-        person.sees("Ended.")
-    lines = shown(person, columns, ["mock", "arm.yaml"])
+        assert person.wait_for_end() == 0
+        person.wait_for_text("Ended.")
+    lines = shown_lines(person, columns, ["mock", "arm.yaml"])
     assert lines[-1] == "Ended."
 
 
-def test_a_service_shows_the_address_of_its_pages(columns: int, tmp_path: Path, bare: str) -> None:
+def test_a_service_shows_the_address_of_its_pages(
+    columns: int, tmp_path: Path, cell_without_plate: str
+) -> None:
     folder = tmp_path / "folder"
     folder.mkdir()
-    words = ["serve", bare, "--folder", folder, "--listen", "127.0.0.1:0"]
+    words = ["serve", cell_without_plate, "--folder", folder, "--listen", "127.0.0.1:0"]
     with run_in_terminal(columns, tmp_path, *words) as person:
-        person.sees("Ctrl-C")
-        person.sees("serving arm")
+        person.wait_for_text("Ctrl-C")
+        person.wait_for_text("serving arm")
         person.program.send_signal(signal.SIGINT)
-        assert person.ends() == 0
-        person.sees("ended")
-    lines = shown(person, columns, ["serve", "arm.yaml"])
+        assert person.wait_for_end() == 0
+        person.wait_for_text("ended")
+    lines = shown_lines(person, columns, ["serve", "arm.yaml"])
     assert any(line.strip().startswith(("Workbench: http", "http")) for line in lines)
     assert lines[-1].endswith("  ended")
     assert "{" not in "".join(lines)
 
 
-def test_a_jog_is_stopped_from_another_terminal(columns: int, tmp_path: Path, bare: str) -> None:
-    with run_in_terminal(columns, tmp_path, "jog", bare, "--runs", tmp_path / "runs") as person:
-        person.sees("Ready: hold the key.")
+def test_a_jog_is_stopped_from_another_terminal(
+    columns: int, tmp_path: Path, cell_without_plate: str
+) -> None:
+    with run_in_terminal(
+        columns, tmp_path, "jog", cell_without_plate, "--runs", tmp_path / "runs"
+    ) as person:
+        person.wait_for_text("Ready: hold the key.")
         person.type("3")
-        with person.holding("-"):
-            person.sees("measuring", 2)
+        with person.hold_key("-"):
+            person.wait_for_text("measuring", 2)
         with run_in_terminal(columns, tmp_path, "stop") as other:
-            assert other.ends() == 0
-        assert person.ends() == 5
-        person.sees("report.html")
-    jogged = shown(person, columns, ["jog", "arm.yaml"])
+            assert other.wait_for_end() == 0
+        assert person.wait_for_end() == 5
+        person.wait_for_text("report.html")
+    jogged = shown_lines(person, columns, ["jog", "arm.yaml"])
     assert "Ready: hold the key." in jogged
     assert "Chosen: axis3." in jogged
     assert any(line.startswith("jog ") and "cycles" in line for line in jogged)
-    stopped = " ".join(" ".join(shown(other, columns, ["stop"])).split())
+    stopped = " ".join(" ".join(shown_lines(other, columns, ["stop"])).split())
     assert stopped.startswith("Session on arm (process ")
     assert "all axes at rest" in stopped
     assert stopped.endswith("before the next motion.")
 
 
-def test_a_jog_ended_by_its_key_shows_its_run_folder(tmp_path: Path, bare: str) -> None:
-    with run_in_terminal(80, tmp_path, "jog", bare, "--runs", tmp_path / "runs") as person:
-        person.sees("Ready: hold the key.")
+def test_a_jog_ended_by_its_key_shows_its_run_folder(
+    tmp_path: Path, cell_without_plate: str
+) -> None:
+    with run_in_terminal(
+        80, tmp_path, "jog", cell_without_plate, "--runs", tmp_path / "runs"
+    ) as person:
+        person.wait_for_text("Ready: hold the key.")
         person.type("q")
-        assert person.ends() == 0
-        person.sees("report.html")
-    lines = shown(person, 80, ["jog", "arm.yaml", "q"])
+        assert person.wait_for_end() == 0
+        person.wait_for_text("report.html")
+    lines = shown_lines(person, 80, ["jog", "arm.yaml", "q"])
     assert any(line.startswith("Recorded:") for line in lines)

@@ -155,7 +155,7 @@ def test_a_static_plot_has_the_same_texts() -> None:
     text = str(plot_svg(PLOT, "a"))
     for word in ("time [s]", "torque [N m]", "frequency [Hz]", "model", "measured", "residual"):
         assert f">{word}<" in text
-    assert ">other times<" not in text, "it is not in the legend"
+    assert ">other times<" not in text, "the legend does not contain it"
     assert ">speed<" in text
     assert ">0–1<" in text
     assert "var(--red)" in text

@@ -36,7 +36,7 @@ joints:
 
 
 @pytest.fixture
-def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def working_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return a working folder with a valid motion, an unreachable real cell, and damaged files."""
     monkeypatch.chdir(tmp_path)
     write = {
@@ -163,7 +163,7 @@ TABLE: list[tuple[str, int, str]] = [
 
 @pytest.mark.parametrize(("words", "code", "said"), TABLE, ids=[row[0] for row in TABLE])
 def test_bad_input_gives_one_clear_message(
-    words: str, code: int, said: str, desk: Path, capsys: pytest.CaptureFixture[str]
+    words: str, code: int, said: str, working_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     capsys.readouterr()
     assert run(words.split()) == code
@@ -174,7 +174,7 @@ def test_bad_input_gives_one_clear_message(
 
 
 def test_a_runs_path_that_is_not_a_folder_is_refused_before_the_cell_starts(
-    desk: Path, monkeypatch: pytest.MonkeyPatch
+    working_folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     started: list[object] = []
     monkeypatch.setattr("rid_daq.recording.run_session.hold_reachable_cell", started.append)
@@ -184,7 +184,7 @@ def test_a_runs_path_that_is_not_a_folder_is_refused_before_the_cell_starts(
 
 @pytest.mark.slow
 def test_check_names_a_silent_node_and_a_deviating_gear(
-    desk: Path, capsys: pytest.CaptureFixture[str]
+    working_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     served = load_cell("ir361")
     assert served.plant is not None
@@ -193,13 +193,16 @@ def test_check_names_a_silent_node_and_a_deviating_gear(
     ) as simulated:
 
         def check_with(change: Callable[[str], str], robot: Callable[[str], str] = str) -> int:
-            run(["init", str(desk / "asked")])
-            cell, description = desk / "asked" / "cell.yaml", desk / "asked" / "robot.yaml"
+            run(["init", str(working_folder / "asked")])
+            cell, description = (
+                working_folder / "asked" / "cell.yaml",
+                working_folder / "asked" / "robot.yaml",
+            )
             channel = f"channel: {simulated.channel}"
             cell.write_text(change(cell.read_text().replace("channel: my_cell", channel)))
             description.write_text(robot(description.read_text()))
             code = run(["check", str(cell), "--seconds", "0.1"])
-            for path in (desk / "asked").iterdir():
+            for path in (working_folder / "asked").iterdir():
                 path.unlink()
             return code
 

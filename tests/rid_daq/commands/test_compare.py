@@ -49,7 +49,7 @@ def tuesday(measure: Measure) -> Estimate:
 
 
 @pytest.fixture(scope="module")
-def dry(measure: Measure) -> Estimate:
+def arm_with_more_friction(measure: Measure) -> Estimate:
     """Return the estimate of the arm with 20 % more friction in one joint."""
     return measure("dry", 3, fc_axis2=1.2)
 
@@ -69,8 +69,10 @@ def test_differences_are_divided_by_the_standard_deviation_of_the_difference(
     assert difference.shared_runs == ()
 
 
-def test_a_joint_with_more_friction_is_named(monday: Estimate, dry: Estimate) -> None:
-    difference = compare_estimates(monday, dry)
+def test_a_joint_with_more_friction_is_named(
+    monday: Estimate, arm_with_more_friction: Estimate
+) -> None:
+    difference = compare_estimates(monday, arm_with_more_friction)
     assert not difference.agree
     assert difference.names[difference.worst] == "fc_axis2"
 
@@ -107,7 +109,7 @@ def test_compare_predicts_both_runs_with_both_models(
         assert axis["second_percent"] == pytest.approx(axis["first_percent"], rel=0.05)
 
 
-@pytest.mark.usefixtures("monday", "dry")
+@pytest.mark.usefixtures("monday", "arm_with_more_friction")
 def test_a_change_gives_an_exit_code_and_a_sentence(
     root: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

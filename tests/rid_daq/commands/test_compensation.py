@@ -30,7 +30,7 @@ from rid_daq.app import run
 from rid_daq.session.cells import hold_reachable_cell
 from tests.builders.certified import MEDIUM, write_payload_file
 from tests.builders.motion_texts import CIRCLE, MULTISINE, PICK
-from tests.builders.screens import noted, require_fitting, said_by
+from tests.builders.screens import calls_of_command, recorded_calls, require_fitting
 from tests.builders.streamed_paths import (
     CHAIN,
     joint_path,
@@ -66,7 +66,7 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
         motion = str(folder / f"{label}.yaml")
         assert run(["record", cell, motion, "--label", label, *runs]) == 0
     words = ["loop", "multisine", "-o", str(folder / "loops.json"), *runs]
-    require_fitting(["loop", "multisine"], said_by(words))
+    require_fitting(["loop", "multisine"], calls_of_command(words))
     return folder
 
 
@@ -76,7 +76,7 @@ def compensated(workshop: Path) -> Path:
     cell, runs = str(workshop / "arm.yaml"), ["--runs", str(workshop / "runs")]
     circle, ahead = str(workshop / "circle.yaml"), str(workshop / "ahead.json")
     words = ["compensate", cell, circle, *model_and_loops(workshop), "-o", ahead]
-    calls = said_by([*words, "--reference", "circle", *runs])
+    calls = calls_of_command([*words, "--reference", "circle", *runs])
     require_fitting(["compensate", "circle"], calls)
     words = ["record", cell, circle, "--feedforward", ahead, "--label", "compensated", *runs]
     assert run(words) == 0
@@ -166,7 +166,7 @@ def test_refinement_reduces_the_error_twentyfold_and_a_grown_error_is_refused(
     cell, runs = str(workshop / "arm.yaml"), ["--runs", str(workshop / "runs")]
     better = str(workshop / "better.json")
     capsys.readouterr()
-    with noted() as calls:
+    with recorded_calls() as calls:
         assert (
             run(
                 ["refine", "compensated", *model_and_loops(workshop), "-o", better, "--json", *runs]
@@ -252,7 +252,7 @@ class TestStream:
     ) -> None:
         arm, circle = str(workshop / "arm.yaml"), str(workshop / "circle.yaml")
         words = ["stream", arm, circle, "--label", "live"]
-        require_fitting(words, said_by([*words, *model_of(workshop)]))
+        require_fitting(words, calls_of_command([*words, *model_of(workshop)]))
         capsys.readouterr()
         runs = ["--runs", str(workshop / "runs")]
         assert run(["tracking", "live", "--against", "circle", "--json", *runs]) == 0

@@ -41,7 +41,7 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def cell(workshop: Path, tmp_path: Path) -> Callable[..., str]:
     """Return a function that writes a cell with two sheets, the second of which is changed."""
 
-    def made(old: str = "", new: str = "") -> str:
+    def write_cell(old: str = "", new: str = "") -> str:
         folder = tmp_path / "cell"
         shutil.copytree(workshop, folder)
         sheet = folder / "sheets" / "node2.eds"
@@ -55,10 +55,10 @@ def cell(workshop: Path, tmp_path: Path) -> Callable[..., str]:
         (folder / "cell.yaml").write_text(cell)
         return str(folder / "cell.yaml")
 
-    return made
+    return write_cell
 
 
-def checked(
+def preflight_lines(
     cell: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], code: int
 ) -> list[dict[str, Any]]:
     """Run a preflight and return its lines."""
@@ -89,7 +89,7 @@ def test_the_preflight_shows_matching_sheets(
     cell: Callable[..., str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = cell("[6084]\n", "[6084]\nHighLimit=10LL\n")
-    lines = checked(path, tmp_path, capsys, 0)
+    lines = preflight_lines(path, tmp_path, capsys, 0)
     text = (Path(path).parent / "sheets" / "node2.eds").read_text()
     line = text.splitlines().index("HighLimit=10LL") + 1
     sheets = [line for line in lines if line["what"] == "data sheet (EDS)"]
@@ -115,7 +115,7 @@ def test_a_drive_that_differs_from_its_sheet_is_red_and_not_written_to(
     cell: Callable[..., str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = cell("VendorNumber=0x00000000", "VendorNumber=0x000000FB")
-    lines = checked(path, tmp_path, capsys, 3)
+    lines = preflight_lines(path, tmp_path, capsys, 3)
     (red,) = [line for line in lines if line["verdict"] == "red"]
     assert (red["where"], red["what"]) == ("axis2, node 2", "1018h:01 vendor")
     assert (red["required"], red["found"]) == ("FBh", "0h")
@@ -131,7 +131,7 @@ def test_a_missing_object_in_a_sheet_is_red_before_any_drive_is_read(
     cell: Callable[..., str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = cell("[6077]", "[2077]")
-    lines = checked(path, tmp_path, capsys, 3)
+    lines = preflight_lines(path, tmp_path, capsys, 3)
     reds = [line for line in lines if line["verdict"] == "red"]
     assert [(line["where"], line["what"], line["found"]) for line in reds] == [
         ("axis2, node 2", "data sheet (EDS)", "deviating objects: 1"),

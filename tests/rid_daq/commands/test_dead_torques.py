@@ -23,7 +23,7 @@ ROBOT, MAP = two_joint_robot(), two_joint_map(robot="robot.yaml")
 SOUND = sound_table(1200)
 
 
-def recorded(folder: Path, table: np.ndarray) -> Recording:
+def imported_recording(folder: Path, table: np.ndarray) -> Recording:
     """Return the recording of a table, and write the files that `import` needs into a folder."""
     (folder / "rec.csv").write_text("\n".join(as_lines(table)))
     (folder / "robot.yaml").write_text(to_yaml(ROBOT))
@@ -41,25 +41,25 @@ def with_constant_torque(column: int, value: float = 0.0) -> np.ndarray:
 def test_a_constant_torque_of_a_moving_joint_is_dead(
     column: int, dead: dict[str, float], tmp_path: Path
 ) -> None:
-    assert dead_torques(recorded(tmp_path, with_constant_torque(column, 3.0))) == dead
+    assert dead_torques(imported_recording(tmp_path, with_constant_torque(column, 3.0))) == dead
 
 
 def test_a_constant_torque_of_a_joint_at_rest_is_not_dead(tmp_path: Path) -> None:
     table = with_constant_torque(6)
     table[:, [2, 4]] = 0.5, 0.0
-    assert dead_torques(recorded(tmp_path, table)) == {}
-    assert dead_torques(recorded(tmp_path, SOUND)) == {}
+    assert dead_torques(imported_recording(tmp_path, table)) == {}
+    assert dead_torques(imported_recording(tmp_path, SOUND)) == {}
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with a run of a constant torque column, and the model of another run."""
     folder = tmp_path_factory.mktemp("dead")
-    sound = recorded(folder, SOUND)
+    sound = imported_recording(folder, SOUND)
     options = EstimationOptions(ModelOptions(friction_terms=("viscous",)))
     estimate = fit_smoothed(ROBOT, [smooth_nonperiodic(sound, 5.0)], options).estimate()
     write_estimate(folder / "model.json", estimate)
-    recorded(folder, with_constant_torque(6))
+    imported_recording(folder, with_constant_torque(6))
     words = [str(folder / "rec.csv"), "--map", str(folder / "map.yaml"), "--label", "dead"]
     assert run(["import", *words, "--runs", str(folder / "runs")]) == 0
     return folder

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from rid_daq.app import run
-from tests.builders.screens import noted, require_fitting
+from tests.builders.screens import recorded_calls, require_fitting
 
 pytestmark = pytest.mark.slow
 
@@ -53,7 +53,7 @@ def numbers_at(value: Any, place: str) -> list[float]:
 def test_the_demo_keeps_the_bounds_of_all_its_results(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with noted() as calls:
+    with recorded_calls() as calls:
         assert run(["demo", "--json", "--runs", str(tmp_path)]) == 0
     require_fitting(["demo"], calls)
     document = json.loads(capsys.readouterr().out)

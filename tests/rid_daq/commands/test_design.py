@@ -56,7 +56,7 @@ def problem(
     )
 
 
-def design(capsys: pytest.CaptureFixture[str], output: Path, *words: str) -> dict[str, Any]:
+def run_design(capsys: pytest.CaptureFixture[str], output: Path, *words: str) -> dict[str, Any]:
     assert run(["design", "ir361", "-o", str(output), "--starts", "2", "--json", *words]) == 0
     return document(capsys)
 
@@ -65,7 +65,7 @@ def test_design_writes_a_motion_within_all_limits(
     cell: LoadedCell, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "motion.yaml"
-    document = design(capsys, path, "--criterion", "condition")
+    document = run_design(capsys, path, "--criterion", "condition")
     motion = load_motion(path)
     assert isinstance(motion, FourierMotion)
     motion.plan(cell.robot, cell.config.cycle_time_s)
@@ -81,9 +81,9 @@ def test_equal_seeds_and_starts_give_equal_files(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     first, again, other = (tmp_path / f"{name}.yaml" for name in "abc")
-    design(capsys, first)
-    design(capsys, again)
-    design(capsys, other, "--seed", "1")
+    run_design(capsys, first)
+    run_design(capsys, again)
+    run_design(capsys, other, "--seed", "1")
     assert first.read_bytes() == again.read_bytes()
     assert first.read_bytes() != other.read_bytes()
 

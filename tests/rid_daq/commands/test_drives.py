@@ -67,15 +67,17 @@ class Workplace:
         assert run(["drives", "backup", self.cell, "-o", str(path)]) == 0
         return path
 
-    def held(self) -> tuple[SavedDrive, ...]:
+    def read_drives(self) -> tuple[SavedDrive, ...]:
         """Return the current objects of every drive."""
         return DriveBackup.read(self.backup()).drives
 
     def set(self, node: int, name: str, value: str) -> None:
         """Write an object of a drive, as another tool would."""
-        assert run(["drives", "restore", self.cell, str(self.edited(node, name, value))]) == 0
+        assert (
+            run(["drives", "restore", self.cell, str(self.edited_backup(node, name, value))]) == 0
+        )
 
-    def edited(self, node: int, name: str, value: str) -> Path:
+    def edited_backup(self, node: int, name: str, value: str) -> Path:
         """Return a backup of the drives in which one object has another value."""
         path = self.backup()
         document = json.loads(path.read_text())
@@ -112,46 +114,46 @@ def test_rollback_restores_every_object_that_record_changed(
     workplace: Workplace,
 ) -> None:
     workplace.set(2, "1017h:00", "f401")  # objects that the reset of the communication restores
-    before = workplace.held()
+    before = workplace.read_drives()
     code, recorded = workplace.run("record", workplace.cell, workplace.motion)
     assert code == 0
-    after = workplace.held()
+    after = workplace.read_drives()
     assert before != after
     code, looked = workplace.run("drives", "rollback", workplace.cell, "latest", "--dry-run")
     assert code == 0
     assert {each["object"] for each in looked["settings"]} >= {"6007h:00", "6065h:00", "6085h:00"}
-    assert workplace.held() == after  # a backup changes nothing
+    assert workplace.read_drives() == after  # a backup changes nothing
     code, done = workplace.run("drives", "rollback", workplace.cell, recorded["folder"])
     assert code == 0
     assert all(each["restored"] for each in done["settings"])
-    assert workplace.held() == before
+    assert workplace.read_drives() == before
     assert json.loads((Path(recorded["folder"]) / "manifest.json").read_text())["files"][
         DRIVE_WRITES
     ]
     # A rollback also writes, and can be undone like other writes.
     assert workplace.run("drives", "rollback", workplace.cell, done["write_log"])[0] == 0
-    assert workplace.held() == after
+    assert workplace.read_drives() == after
 
 
 def test_rollback_undoes_the_writes_of_a_killed_set_up(workplace: Workplace) -> None:
-    before = workplace.held()
+    before = workplace.read_drives()
     write_log = workplace.runs / "killed.jsonl"
     words = [sys.executable, "-c", KILLED_IN_SET_UP, workplace.cell, str(write_log)]
     assert subprocess.run(words, check=False).returncode == -signal.SIGKILL
-    assert workplace.held() != before
+    assert workplace.read_drives() != before
     code, _ = workplace.run("drives", "rollback", workplace.cell, str(write_log))
     assert code == 0
-    assert workplace.held() == before
+    assert workplace.read_drives() == before
 
 
 def test_rollback_undoes_the_writes_of_a_check_by_its_write_log(workplace: Workplace) -> None:
-    before = workplace.held()
+    before = workplace.read_drives()
     code, checked = workplace.run("check", workplace.cell, "--seconds", "0.2")
     assert code == 0
-    assert workplace.held() != before
+    assert workplace.read_drives() != before
     rollback = ["drives", "rollback", workplace.cell, checked["drive_writes"]]
     assert workplace.run(*rollback)[0] == 0
-    assert workplace.held() == before
+    assert workplace.read_drives() == before
 
 
 def test_restore_writes_a_backup(workplace: Workplace) -> None:
@@ -160,11 +162,11 @@ def test_restore_writes_a_backup(workplace: Workplace) -> None:
     code, done = workplace.run("drives", "restore", workplace.cell, str(path))
     assert code == 0
     assert {each["node"] for each in done["settings"]} == {1, 2, 3}
-    assert workplace.held() == DriveBackup.read(path).drives
+    assert workplace.read_drives() == DriveBackup.read(path).drives
 
 
 def test_restored_values_survive_a_reset_only_with_store(workplace: Workplace) -> None:
-    path = workplace.edited(3, "1017h:00", "e803")
+    path = workplace.edited_backup(3, "1017h:00", "e803")
     assert workplace.run("drives", "restore", workplace.cell, str(path))[0] == 0
     assert heartbeat_after_reset(workplace) == 0
     code, done = workplace.run("drives", "restore", workplace.cell, str(path), "--store")
@@ -191,16 +193,18 @@ def test_restore_refuses_a_drive_with_another_serial_number(
     document["drives"][1]["identity"]["serial"] = 4711
     path.write_text(json.dumps(document))
     assert workplace.run("check", workplace.cell, "--seconds", "0.2")[0] == 0
-    before = workplace.held()
+    before = workplace.read_drives()
     assert run(["drives", "restore", workplace.cell, str(path)]) == 3
     assert "RID-DRIVE-OTHER" in capsys.readouterr().err
-    assert workplace.held() == before
+    assert workplace.read_drives() == before
 
 
 def test_an_object_that_a_drive_does_not_accept_is_named(
     workplace: Workplace, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = workplace.edited(1, "608Fh:01", "00100000")  # the drive does not accept this object
+    path = workplace.edited_backup(
+        1, "608Fh:01", "00100000"
+    )  # the drive does not accept this object
     assert run(["drives", "restore", workplace.cell, str(path)]) == 3
     said = capsys.readouterr().err
     assert all(part in said for part in ("axis1", "608Fh:01", "00004000h", "00001000h"))

@@ -198,7 +198,7 @@ def test_an_existing_file_is_not_overwritten(model_file: Path, tmp_path: Path) -
     words = ["export", str(model_file), "--to", "python", "-o", str(out)]
     assert run(words) == 2
     assert out.read_text() == "mine"
-    assert run([*words, "--overwrite"]) == 2, "it is no export of ours"
+    assert run([*words, "--overwrite"]) == 2, "the file is not an export of rid-daq"
     assert out.read_text() == "mine"
     out.unlink()
     assert run(words) == 0

@@ -23,7 +23,7 @@ from identification.estimation.file import read_estimate
 from rid_daq.app import run
 from rid_daq.runs.run_data import RunData
 from tests.builders.foreign_tables import as_lines, sound_table, two_joint_map, two_joint_robot
-from tests.builders.screens import noted, require_fitting
+from tests.builders.screens import recorded_calls, require_fitting
 
 Change = Callable[[np.ndarray], Any]
 
@@ -42,7 +42,7 @@ def import_changed(
         (tmp_path / "map.yaml").write_text(to_yaml(two_joint_map(robot="robot.yaml", **map_keys)))
         words = ["import", str(tmp_path / "rec.csv"), "--map", str(tmp_path / "map.yaml")]
         capsys.readouterr()
-        with noted() as calls:
+        with recorded_calls() as calls:
             code = run([*words, "--runs", str(tmp_path / "runs"), "--json", *options])
         if calls:
             require_fitting(["import", "rec.csv"], calls)
@@ -74,7 +74,7 @@ def stuck(table: np.ndarray) -> None:
     table[300:, 6] = 1.5
 
 
-def turned_by_half(table: np.ndarray) -> None:
+def shift_by_half_turn(table: np.ndarray) -> None:
     table[:, 2] += math.pi
 
 
@@ -84,7 +84,7 @@ def turned_by_half(table: np.ndarray) -> None:
         ("stamps doubled", doubled(10), r"80 with a doubled time stamp.*too coarse for the rows"),
         ("degrees", times(slice(1, 5), 57.3), r"probably in degrees: put `units: \{position: deg"),
         ("motor side", times(slice(1, 5), 100.0), r"those of the motors: put `side: motor`"),
-        ("zero elsewhere", turned_by_half, r"set zero_offset of b in the map"),
+        ("zero elsewhere", shift_by_half_turn, r"set zero_offset of b in the map"),
         ("torque constant", times(6, 60.0), r"torques of b reach 240, but the robot file's limit"),
     ],
 )  # fmt: skip
@@ -174,13 +174,13 @@ def test_a_loaded_run_equals_its_imported_source_exactly(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def with_warmth(table: np.ndarray) -> None:
+    def add_temperatures(table: np.ndarray) -> None:
         if keys.get("columns") == 9:
             warmth = 25.0 + table[:, :1] * [1.0, 0.5]
             table.resize((800, 9), refcheck=False)
             table[:] = np.column_stack([sound_table(800), warmth])
 
-    folder = RunFolder.open(Path(import_changed(with_warmth, **keys).folder))
+    folder = RunFolder.open(Path(import_changed(add_temperatures, **keys).folder))
     import_map, robot = load_import_map(str(tmp_path / "map.yaml"))
     expected, report = import_csv(folder.file("source.csv"), import_map, robot)
     monkeypatch.setattr(
@@ -228,7 +228,7 @@ def test_import_identify_and_validate_report_the_number_of_repeated_rows(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    def tenth_twice(table: np.ndarray) -> None:
+    def repeat_every_tenth_row(table: np.ndarray) -> None:
         row = np.repeat(np.arange(800), np.where(np.arange(800) % 10 == 9, 2, 1))[:800]
         turn = math.pi * 0.011 * row
         table[:, 0] = 0.011 * np.arange(800)
@@ -242,7 +242,7 @@ def test_import_identify_and_validate_report_the_number_of_repeated_rows(
             table[:, column] = values
 
     for label in ("first", "second"):
-        found = import_changed(tenth_twice, "--label", label)
+        found = import_changed(repeat_every_tenth_row, "--label", label)
         assert found.clock["repeated_rows"] == 72
         assert found.clock["repeated_percent"] == pytest.approx(9.0)
         assert found.clock["clock"] == "rebuilt"
@@ -283,19 +283,19 @@ def test_a_static_recording_validates_the_gravity_of_a_model(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    def moving(table: np.ndarray) -> None:
+    def double_torques(table: np.ndarray) -> None:
         table[:, 5:] *= 2.0
 
-    def standing(table: np.ndarray) -> None:
+    def set_constant_pose(table: np.ndarray) -> None:
         table[:, 1:] = [0.3, 0.4, 0.0, 0.0, 1.0, 1.0]
         table[:, 5:] += 0.01 * np.sin(np.outer(np.arange(len(table)), [1.0, 2.0]))
 
     runs, model = ["--runs", str(tmp_path / "runs")], str(tmp_path / "model.json")
-    assert import_changed(moving, "--label", "moving").code == 0
+    assert import_changed(double_torques, "--label", "moving").code == 0
     assert (
         run(["identify", "moving", "-o", model, *runs]) == 6
     )  # the friction of this model would be negative
-    imported = import_changed(standing, "--label", "standing")
+    imported = import_changed(set_constant_pose, "--label", "standing")
     assert imported.static
     assert imported.findings[0].startswith("Static: no joint moves")
     capsys.readouterr()

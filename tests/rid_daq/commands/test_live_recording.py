@@ -62,7 +62,7 @@ class Crowd:
                 if process.name == "rid-daq live page" and process.pid is not None:
                     os.kill(process.pid, signal.SIGKILL)
 
-    def leave(self) -> None:
+    def disconnect(self) -> None:
         for line in self.lines:
             line.close()
 
@@ -86,7 +86,7 @@ def samples(loaded: LoadedCell) -> MotionSamples:
 Record = Callable[[SimulatedCell], RecordOutcome]
 
 
-def recorded(loaded: LoadedCell, record: Record) -> tuple[RecordOutcome, np.ndarray]:
+def record_on_new_cell(loaded: LoadedCell, record: Record) -> tuple[RecordOutcome, np.ndarray]:
     """Record on a new simulated cell in lock-step; return the outcome and the rows."""
     assert loaded.plant is not None
     with SimulatedCell(
@@ -101,11 +101,11 @@ def recorded(loaded: LoadedCell, record: Record) -> tuple[RecordOutcome, np.ndar
 def test_many_clients_and_a_killed_page_do_not_change_the_recording(
     loaded: LoadedCell, samples: MotionSamples, tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
-    def plain(simulated: SimulatedCell) -> RecordOutcome:
+    def record_without_page(simulated: SimulatedCell) -> RecordOutcome:
         folder = RunFolder.create(tmp_path / "runs", "plain")
         return record_motion(simulated.cell, loaded.robot, samples, folder)
 
-    def watched(simulated: SimulatedCell) -> RecordOutcome:
+    def record_with_page(simulated: SimulatedCell) -> RecordOutcome:
         folder = RunFolder.create(tmp_path / "runs", "watched")
         with live_page(Live(wanted=True, listen="127.0.0.1:0")) as page:
             assert page is not None
@@ -118,13 +118,13 @@ def test_many_clients_and_a_killed_page_do_not_change_the_recording(
                 on_progress=crowd,
                 context=MotionContext(page.observer("test", samples, simulated.cell, loaded.robot)),
             )
-            crowd.leave()
+            crowd.disconnect()
         assert len(crowd.lines) == CLIENTS
         assert crowd.killed
         return outcome
 
-    alone, rows = recorded(loaded, plain)
-    beside, rows_beside = recorded(loaded, watched)
+    alone, rows = record_on_new_cell(loaded, record_without_page)
+    beside, rows_beside = record_on_new_cell(loaded, record_with_page)
     assert alone.notes == ()
     assert [note for note in beside.notes if "live page died" in note]
     assert rows.tobytes() == rows_beside.tobytes()

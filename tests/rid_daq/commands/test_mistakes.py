@@ -42,7 +42,7 @@ def identify(tmp_path: Path, sound: SoundRecording, capsys: pytest.CaptureFixtur
     table = np.column_stack([sound.time_s, sound.position, sound.torque_nm])
     np.savetxt(tmp_path / "rec.csv", table, delimiter=",", fmt="%.9g")
 
-    def identified(columns: tuple[int, ...], *rows: str) -> tuple[int, dict[str, Any]]:
+    def run_identify(columns: tuple[int, ...], *rows: str) -> tuple[int, dict[str, Any]]:
         (tmp_path / "map.yaml").write_text(MAP.format(*columns))
         runs = ["--runs", str(tmp_path / "runs"), "--json"]
         files = [str(tmp_path / "rec.csv"), "--map", str(tmp_path / "map.yaml")]
@@ -51,7 +51,7 @@ def identify(tmp_path: Path, sound: SoundRecording, capsys: pytest.CaptureFixtur
         code = run(["identify", folder, *runs])
         return code, json.loads(capsys.readouterr().out)
 
-    return identified
+    return run_identify
 
 
 def test_a_valid_recording_is_graded_good_without_findings(identify: Identify) -> None:

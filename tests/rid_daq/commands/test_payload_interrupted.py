@@ -32,7 +32,7 @@ def motion(six_axis_motion: Callable[[int], Path]) -> Path:
     return six_axis_motion(8)
 
 
-def moving(runs: Path) -> bool:
+def is_recording(runs: Path) -> bool:
     """Return True if a run in a folder has recorded a minimum number of rows."""
     for file in runs.glob(f"*/{RECORDING}"):
         try:
@@ -46,7 +46,7 @@ def moving(runs: Path) -> bool:
 def interrupt_when_moving(runs: Path) -> threading.Thread:
     def wait() -> None:
         until_s = time.monotonic() + PATIENCE_S
-        while time.monotonic() < until_s and not moving(runs):
+        while time.monotonic() < until_s and not is_recording(runs):
             time.sleep(0.02)
         os.kill(os.getpid(), signal.SIGINT)
 

@@ -28,7 +28,7 @@ from rid_daq.operations.payload.payload_estimate import PayloadRequest, payload_
 from rid_daq.operations.payload.payload_session import PayloadSessionRequest
 from rid_daq.operations.payload.session_watches import MassWatch, WarmUpWatch
 from rid_daq.runs.run_data import RunData
-from tests.builders.screens import noted, require_fitting
+from tests.builders.screens import recorded_calls, require_fitting
 
 pytestmark = pytest.mark.slow
 
@@ -54,7 +54,7 @@ def completed_session(
     said = io.StringIO()
     with contextlib.redirect_stdout(said):
         words = session(motion, runs, "--payload", "medium", "--centre-limit", "30")
-        with noted() as calls:
+        with recorded_calls() as calls:
             code = run(words)
     require_fitting(["payload", "kr15"], calls)
     return runs, json.loads(said.getvalue()), code
@@ -86,7 +86,7 @@ def test_a_completed_session_gives_a_certificate(
     runs, document, _ = completed_session
     out = tmp_path / "certificate.pdf"
     words = ["payload", "certificate", document["session"], "-o", str(out)]
-    with noted() as calls:
+    with recorded_calls() as calls:
         assert run([*words, "--runs", str(runs)]) == 0
     require_fitting(["payload", "certificate"], calls)
     printed = " ".join(page.extract_text() for page in PdfReader(out).pages)
@@ -207,7 +207,7 @@ def test_falling_friction_is_not_settled(tmp_path: Path) -> None:
     position = np.sin(angle)[:, np.newaxis]
     speed = np.pi * np.cos(angle)
 
-    def recorded(per_period: float) -> Recording:
+    def recording_with_falling_friction(per_period: float) -> Recording:
         friction = 10.0 * (1.0 - per_period) ** (time_s / 2.0)
         return Recording(
             joint_names=("axis1",),
@@ -222,7 +222,7 @@ def test_falling_friction_is_not_settled(tmp_path: Path) -> None:
             samples_per_period=samples,
         )
 
-    powers = period_powers(recorded(0.05))
+    powers = period_powers(recording_with_falling_friction(0.05))
     # The power of gravity cancels over a period; friction times |speed| (mean 2) remains.
     assert powers[0, 0] == pytest.approx(20.0, rel=0.05)
     ratios = powers[1:, 0] / powers[:-1, 0]

@@ -21,7 +21,7 @@ DISTANCES = {1: 0.02, 2: 0.008}
 JOINTS = [{"joint": f"axis{j}", "position": j, "torque": 3 + j} for j in (1, 2, 3)]
 
 
-def periods_of_a_table() -> FloatArray:
+def settled_periods() -> FloatArray:
     """Return times, positions and torques; axes 2 and 3 have presliding hysteresis."""
     random = np.random.default_rng(5)
     times = STEP_S * np.arange(round(PERIODS * PERIOD_S / STEP_S))
@@ -47,7 +47,7 @@ def periods_of_a_table() -> FloatArray:
 @pytest.fixture(scope="module")
 def model(tmp_path_factory: pytest.TempPathFactory) -> Estimate:
     folder = tmp_path_factory.mktemp("periodic")
-    (folder / "rec.csv").write_text("\n".join(as_lines(periods_of_a_table())))
+    (folder / "rec.csv").write_text("\n".join(as_lines(settled_periods())))
     (folder / "robot.yaml").write_text(to_yaml(with_presliding((1, 2), 0.004)))
     plausible = {"position": 10.0, "speed": 50.0, "torque": 5000.0}
     keys: dict[str, object] = {

@@ -159,7 +159,7 @@ def test_validate_compares_a_planned_motion_with_the_base_limits(
         assert message in " ".join(capsys.readouterr().err.split())
 
 
-def felt(cell: Path, motion: Path) -> FloatArray:
+def base_reaction(cell: Path, motion: Path) -> FloatArray:
     """Return the largest reaction of a motion on the base, computed by the plant: (6,) [N, N m]."""
     loaded = load_cell(str(cell))
     assert loaded.plant is not None
@@ -179,7 +179,7 @@ def test_retime_keeps_the_limits_of_the_base(
     free, held = tmp_path / "free.yaml", tmp_path / "held.yaml"
     assert run(["retime", str(cell), *command, "-o", str(free)]) == 0
     moving_s = document(capsys)["moving_s"]
-    limits = felt(cell, free) * np.array([0.8, 0.8, 1.1, 0.8, 0.8, 0.8])
+    limits = base_reaction(cell, free) * np.array([0.8, 0.8, 1.1, 0.8, 0.8, 0.8])
     forces, moments = limits.reshape(2, 3).round(3).tolist()
     tight = workshop / "tight.yaml"
     own = f"  limits: {{force_n: {forces}, moment_nm: {moments}}}\n"
@@ -189,7 +189,7 @@ def test_retime_keeps_the_limits_of_the_base(
     told = document(capsys)
     assert told["moving_s"] > moving_s
     assert [base["component"] for base in told["base"]] == ["Fx", "Fy", "Fz", "Mx", "My", "Mz"]
-    assert (felt(tight, held) <= limits).all()
+    assert (base_reaction(tight, held) <= limits).all()
 
 
 def test_base_limits_are_refused_for_an_internal_model(

@@ -28,7 +28,7 @@ from mock_hw.plant.rigid_bodies import BaseWrench
 from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
 from rid_daq.operations.cell import zeroed_plate
-from tests.builders.screens import noted, require_fitting
+from tests.builders.screens import recorded_calls, require_fitting
 
 pytestmark = pytest.mark.slow
 
@@ -38,20 +38,20 @@ DRIFT_PC_S = (-1.5, 0.9, -0.3, 0.0, 0.5, -0.4, 0.3, 0.0)
 QUICK = ["--read", "3", "--settle", "1"]
 
 
-def bundled(kind: str, name: str) -> str:
+def bundled_text(kind: str, name: str) -> str:
     return files("config").joinpath(f"bundled/{kind}/{name}.yaml").read_text()
 
 
 def make_cell(folder: Path) -> Path:
     """Write a cell with a separate bus name and a plate with larger offset jumps and drift."""
-    plant = bundled("plants", "ir361").splitlines(keepends=True)
+    plant = bundled_text("plants", "ir361").splitlines(keepends=True)
     for i, line in enumerate(plant):
         if line.startswith("  zero_jump_pc:"):
             plant[i] = f"  zero_jump_pc: {list(JUMP_PC)}\n"
         elif line.startswith("  drift_pc_s:"):
             plant[i] = f"  drift_pc_s: {list(DRIFT_PC_S)}\n"
     (folder / "plant.yaml").write_text("".join(plant))
-    text = bundled("cells", "ir361").replace("plant: ir361", "plant: plant.yaml")
+    text = bundled_text("cells", "ir361").replace("plant: ir361", "plant: plant.yaml")
     text = text.replace("channel: ir361", f"channel: z{zlib.crc32(str(folder).encode()):08x}")
     cell = folder / "cell.yaml"
     cell.write_text(text)
@@ -59,7 +59,9 @@ def make_cell(folder: Path) -> Path:
 
 
 @contextmanager
-def served(cell: Path, monkeypatch: pytest.MonkeyPatch, folder: Path) -> Iterator[SimulatedCell]:
+def serve_lockstep_cell(
+    cell: Path, monkeypatch: pytest.MonkeyPatch, folder: Path
+) -> Iterator[SimulatedCell]:
     """Serve a cell like `rid-daq mock --lockstep`; its amplifier keeps running between commands."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
     loaded = load_cell(str(cell))
@@ -84,11 +86,13 @@ def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def lasting(cell: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimulatedCell]:
+def running_devices(
+    cell: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[SimulatedCell]:
     """Serve the cell's devices, which keep running between commands."""
     with (
         pytest.MonkeyPatch.context() as patch,
-        served(cell, patch, tmp_path_factory.mktemp("served")) as simulated,
+        serve_lockstep_cell(cell, patch, tmp_path_factory.mktemp("served")) as simulated,
     ):
         yield simulated
 
@@ -100,12 +104,14 @@ def discharged_at() -> list[Any]:
 
 
 @pytest.fixture(scope="module")
-def zeroed(cell: Path, lasting: SimulatedCell, discharged_at: list[Any]) -> dict[str, Any]:
+def zero_document(
+    cell: Path, running_devices: SimulatedCell, discharged_at: list[Any]
+) -> dict[str, Any]:
     """Zero the plate with `--write`, and return the JSON document of the command."""
     runs = ["--runs", str(cell.parent / "runs")]
 
     def discharge(*plate: Any) -> Any:
-        discharged_at.append(np.array(lasting.axes().position))
+        discharged_at.append(np.array(running_devices.axes().position))
         return discharge_plate(*plate)
 
     with pytest.MonkeyPatch.context() as patch:
@@ -113,7 +119,7 @@ def zeroed(cell: Path, lasting: SimulatedCell, discharged_at: list[Any]) -> dict
         said: list[str] = []
         patch.setattr("click.echo", lambda text="", **_: said.append(str(text)))
         words = ["plate", "zero", str(cell), "--write", "--json", *QUICK]
-        with noted() as calls:
+        with recorded_calls() as calls:
             assert run([*words, *runs]) == 0
     require_fitting(words, calls)
     document = json.loads("\n".join(said))
@@ -125,17 +131,19 @@ def channel_values(document: dict[str, Any], key: str) -> np.ndarray[Any, Any]:
     return np.array([each[key] for each in document["plate_zero"]["channels"]])
 
 
-def test_the_drift_is_estimated_within_its_uncertainty(zeroed: dict[str, Any], cell: Path) -> None:
+def test_the_drift_is_estimated_within_its_uncertainty(
+    zero_document: dict[str, Any], cell: Path
+) -> None:
     plant = load_cell(str(cell)).plant
     assert plant is not None
     assert plant.plate is not None
     truth = np.array(DRIFT_PC_S) / np.array(plant.plate.sensitivity_pc_n)
-    off = channel_values(zeroed, "drift_n_s") - truth
-    assert (np.abs(off) <= 3.0 * channel_values(zeroed, "drift_std_n_s")).all()
+    off = channel_values(zero_document, "drift_n_s") - truth
+    assert (np.abs(off) <= 3.0 * channel_values(zero_document, "drift_std_n_s")).all()
 
 
 def test_the_offset_is_estimated_within_its_uncertainty(
-    zeroed: dict[str, Any], cell: Path, discharged_at: list[Any]
+    zero_document: dict[str, Any], cell: Path, discharged_at: list[Any]
 ) -> None:
     """The zero is the channels' jump and drift since "operate", plus the mean load of both poses.
 
@@ -159,7 +167,7 @@ def test_the_offset_is_estimated_within_its_uncertainty(
     begun = load_n(discharged_at[0])
     known = np.array(JUMP_PC) / per_newton + 0.5 * (first + second) - begun
     drift = np.array(DRIFT_PC_S) / per_newton
-    off, sigma = (channel_values(zeroed, f"offset_{key}") for key in ("n", "std_n"))
+    off, sigma = (channel_values(zero_document, f"offset_{key}") for key in ("n", "std_n"))
     off = off - known
     since_s = float(np.sum(drift * off / sigma**2) / np.sum((drift / sigma) ** 2))
     assert 15.0 < since_s < 60.0
@@ -167,28 +175,28 @@ def test_the_offset_is_estimated_within_its_uncertainty(
 
 
 def test_the_gravity_moment_is_half_the_difference_between_the_poses(
-    zeroed: dict[str, Any], cell: Path
+    zero_document: dict[str, Any], cell: Path
 ) -> None:
     loaded = load_cell(str(cell))
     assert loaded.plant is not None
     base = BaseWrench(loaded.robot, loaded.plant)
     first, second = (
-        base(np.array([zeroed["plate_zero"][pose], np.zeros(3), np.zeros(3)]))
+        base(np.array([zero_document["plate_zero"][pose], np.zeros(3), np.zeros(3)]))
         for pose in ("first_pose", "second_pose")
     )
-    found = np.array([each["value"] for each in zeroed["plate_zero"]["gravity"]])
+    found = np.array([each["value"] for each in zero_document["plate_zero"]["gravity"]])
     np.testing.assert_allclose(found, 0.5 * (first - second), atol=0.05)
     assert abs(found[3]) > 20.0
 
 
 def test_the_zero_is_written_to_the_cell_file_and_the_run(
-    zeroed: dict[str, Any], cell: Path
+    zero_document: dict[str, Any], cell: Path
 ) -> None:
     plate = load_cell(str(cell)).config.plate
     assert plate is not None
     assert plate.zero is not None
-    assert plate.zero.model_dump(mode="json") == zeroed["zero"]
-    assert zeroed["written"] == str(cell)
+    assert plate.zero.model_dump(mode="json") == zero_document["zero"]
+    assert zero_document["written"] == str(cell)
     beside = find_run(cell.parent / "runs", "plate zero")
     assert beside.read("zero.yaml").decode() in cell.read_text()
     assert "Offsets of the force plate" in beside.file("report.html").read_text()
@@ -196,7 +204,7 @@ def test_the_zero_is_written_to_the_cell_file_and_the_run(
 
 
 def test_other_commands_subtract_that_zero(
-    zeroed: dict[str, Any], cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    zero_document: dict[str, Any], cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     runs = ["--runs", str(tmp_path / "runs")]
     assert run(["check", str(cell), "--seconds", "0.3", "--json", *runs]) == 0
@@ -215,10 +223,12 @@ def test_other_commands_subtract_that_zero(
     assert elsewhere["verdict"] == "shown"
 
 
-def interrupting(after_row: int, sent: list[int]) -> Callable[..., Callable[[TaskProgress], None]]:
+def interrupt_after(
+    after_row: int, sent: list[int]
+) -> Callable[..., Callable[[TaskProgress], None]]:
     from rid_daq.terminal.motion_progress import progress_callback
 
-    def wrapped(*arguments: Any) -> Callable[[TaskProgress], None]:
+    def make_callback(*arguments: Any) -> Callable[[TaskProgress], None]:
         show = progress_callback(*arguments)
 
         def update(progress: TaskProgress) -> None:
@@ -229,7 +239,7 @@ def interrupting(after_row: int, sent: list[int]) -> Callable[..., Callable[[Tas
 
         return update
 
-    return wrapped
+    return make_callback
 
 
 @pytest.mark.parametrize("after_row", [0, 600])
@@ -243,10 +253,10 @@ def test_ctrl_c_disables_the_drives_and_writes_no_zero(
     before = cell.read_bytes()
     sent: list[int] = []
     monkeypatch.setattr(
-        "rid_daq.recording.run_session.progress_callback", interrupting(after_row, sent)
+        "rid_daq.recording.run_session.progress_callback", interrupt_after(after_row, sent)
     )
     words = ["plate", "zero", str(cell), "--write", "--runs", str(tmp_path / "runs"), *QUICK]
-    with served(cell, monkeypatch, tmp_path) as simulated:
+    with serve_lockstep_cell(cell, monkeypatch, tmp_path) as simulated:
         assert run(words) == 130
         axes = simulated.axes()
     assert sent

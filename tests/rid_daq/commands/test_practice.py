@@ -26,7 +26,7 @@ def files(tmp_path: Path) -> Path:
     """Return the folder of a new cell for practice, with a separate bus."""
     assert run(["init", str(tmp_path / "mine")]) == 0
     cell = tmp_path / "mine" / "cell.yaml"
-    change(cell, "channel: my_cell", f"channel: {tmp_path.name[-40:]}")
+    replace_in_file(cell, "channel: my_cell", f"channel: {tmp_path.name[-40:]}")
     return tmp_path / "mine"
 
 
@@ -35,20 +35,20 @@ def serve(files: Path) -> Serve:
     """Return a function that serves another cell's devices under the addresses of `files`."""
 
     @contextmanager
-    def served(devices: str) -> Iterator[None]:
+    def serve_devices(devices: str) -> Iterator[None]:
         with serve_cell(MockRequest(cell=str(files / "cell.yaml"), lockstep=True, devices=devices)):
             yield
 
-    return served
+    return serve_devices
 
 
-def change(file: Path, old: str, new: str) -> None:
+def replace_in_file(file: Path, old: str, new: str) -> None:
     text = file.read_text(encoding="utf-8")
     assert text.count(old) == 1
     file.write_text(text.replace(old, new), encoding="utf-8")
 
 
-def red(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, list[dict[str, Any]]]:
+def red_lines(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, list[dict[str, Any]]]:
     """Check a cell; return the exit status and the red lines."""
     capsys.readouterr()
     code = run(["check", *words, "--seconds", "0.3", "--json"])
@@ -61,14 +61,14 @@ def test_a_file_that_differs_from_the_devices_is_red_until_corrected(
     files: Path, tmp_path: Path, serve: Serve, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["init", str(tmp_path / "true")]) == 0
-    change(tmp_path / "true" / "robot.yaml", "gear_ratio: 101.0", "gear_ratio: 81.0")
+    replace_in_file(tmp_path / "true" / "robot.yaml", "gear_ratio: 101.0", "gear_ratio: 81.0")
     cell = str(files / "cell.yaml")
     with serve(str(tmp_path / "true" / "cell.yaml")):
-        code, lines = red(capsys, cell)
+        code, lines = red_lines(capsys, cell)
         assert code != 0
         assert [line["what"] for line in lines] == ["6091h:00 gear ratio"]
-        change(files / "robot.yaml", "gear_ratio: 101.0", "gear_ratio: 81.0")
-        assert red(capsys, cell) == (0, [])
+        replace_in_file(files / "robot.yaml", "gear_ratio: 101.0", "gear_ratio: 81.0")
+        assert red_lines(capsys, cell) == (0, [])
 
 
 @pytest.mark.slow
@@ -76,7 +76,9 @@ def test_missing_drives_are_named_by_their_nodes(
     files: Path, tmp_path: Path, serve: Serve, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["init", str(tmp_path / "true")]) == 0
-    change(tmp_path / "true" / "cell.yaml", "joint: axis3, node_id: 3", "joint: axis3, node_id: 7")
+    replace_in_file(
+        tmp_path / "true" / "cell.yaml", "joint: axis3, node_id: 3", "joint: axis3, node_id: 7"
+    )
     with serve(str(tmp_path / "true" / "cell.yaml")):
         assert run(["check", str(files / "cell.yaml")]) != 0
     message = capsys.readouterr().err
@@ -107,19 +109,19 @@ def test_the_five_mistakes_of_the_exercise_are_reported_in_sequence(
         return code, json.loads(capsys.readouterr().out)
 
     with serve("exercise"):
-        code, lines = red(capsys, str(cell))
+        code, lines = red_lines(capsys, str(cell))
         assert [line["found"] for line in lines] == ["153:1", "121:1", "81:1"]
-        change(cell, "    node_id: 1\n", "    node_id: 2\n")
-        change(cell, "{joint: axis2, node_id: 2}", "{joint: axis2, node_id: 1}")
-        change(robot, "gear_ratio: 101.0", "gear_ratio: 81.0")
-        assert red(capsys, str(cell)) == (0, [])
+        replace_in_file(cell, "    node_id: 1\n", "    node_id: 2\n")
+        replace_in_file(cell, "{joint: axis2, node_id: 2}", "{joint: axis2, node_id: 1}")
+        replace_in_file(robot, "gear_ratio: 101.0", "gear_ratio: 81.0")
+        assert red_lines(capsys, str(cell)) == (0, [])
 
         code, tested = document("axes", str(cell), "--unattended", "--joint", "axis2")
         assert code == 1
         assert "direction:" in str(tested["axes"][0]["problems"])
-        change(cell, "node_id: 1}", "node_id: 1, direction: -1}")
+        replace_in_file(cell, "node_id: 1}", "node_id: 1, direction: -1}")
 
-        change(motion, "periods: 8 ", "periods: 3 ")
+        replace_in_file(motion, "periods: 8 ", "periods: 3 ")
         assert document("record", str(cell), str(motion))[0] == 0
         code, identified = document("identify", "latest")
         assert code == 6
@@ -128,8 +130,8 @@ def test_the_five_mistakes_of_the_exercise_are_reported_in_sequence(
         assert "Gravity points along -y of the base" in said[0]
         assert "The zero position of axis1 is wrong: add 60" in said[1]
 
-        change(robot, "gravity_m_s2: [0.0, 0.0, 9.81]", "gravity_m_s2: [9.81, 0.0, 0.0]")
-        change(cell, "# position_zero_counts: 0 ", "position_zero_counts: 165205 ")
+        replace_in_file(robot, "gravity_m_s2: [0.0, 0.0, 9.81]", "gravity_m_s2: [9.81, 0.0, 0.0]")
+        replace_in_file(cell, "# position_zero_counts: 0 ", "position_zero_counts: 165205 ")
         assert document("record", str(cell), str(motion))[0] == 0
         code, identified = document("identify", "latest")
         assert code == 0
@@ -140,7 +142,7 @@ def test_the_five_mistakes_of_the_exercise_are_reported_in_sequence(
 def test_devices_that_are_not_simulated_are_refused(files: Path, tmp_path: Path) -> None:
     assert run(["init", str(tmp_path / "real")]) == 0
     cell = tmp_path / "real" / "cell.yaml"
-    change(cell, "simulated: true\n", "")
+    replace_in_file(cell, "simulated: true\n", "")
     request = MockRequest(cell=str(files / "cell.yaml"), devices=str(cell))
     with raises_code(ConfigError, "RID-CELL-NOT-SIMULATED"), serve_cell(request):
         pass

@@ -55,11 +55,11 @@ def runs(killed: RunFolder) -> list[str]:
     return ["--runs", str(killed.path.parent)]
 
 
-def snapshot(folder: RunFolder) -> dict[str, bytes]:
+def file_contents(folder: RunFolder) -> dict[str, bytes]:
     return {str(p): p.read_bytes() for p in folder.path.rglob("*") if p.is_file()}
 
 
-def flip(path: Path, at: int) -> None:
+def flip_bit(path: Path, at: int) -> None:
     data = bytearray(path.read_bytes())
     data[at] ^= 0x10
     path.write_bytes(data)
@@ -68,11 +68,11 @@ def flip(path: Path, at: int) -> None:
 def test_a_killed_run_is_recovered_into_a_new_run_folder(
     killed: RunFolder, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    before = snapshot(killed)
+    before = file_contents(killed)
     assert run(["recover", "swing", *runs, "--json"]) == 0
     told = document(capsys)
     new = RunFolder.open(Path(told["recovered"]))
-    assert snapshot(killed) == before
+    assert file_contents(killed) == before
     assert new.path.parent == killed.path.parent
     assert new.verify() == ()
     manifest = new.manifest()
@@ -100,7 +100,7 @@ def test_lost_rows_are_reported_with_their_time_and_an_exit_code(
     killed: RunFolder, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = killed.file("recording.mcap")
-    flip(path, path.stat().st_size // 2)
+    flip_bit(path, path.stat().st_size // 2)
     assert run(["recover", killed.run_id, *runs]) == 1
     said = capsys.readouterr().out
     assert "kept 990 rows" in said
@@ -115,7 +115,7 @@ def test_lost_rows_are_reported_with_their_time_and_an_exit_code(
 def test_a_file_with_a_wrong_hash_is_not_copied(
     killed: RunFolder, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    flip(killed.file("robot.yaml"), 300)
+    flip_bit(killed.file("robot.yaml"), 300)
     assert run(["recover", killed.run_id, *runs, "--json"]) == 0
     told = document(capsys)
     assert any("robot.yaml: its SHA-256 differs" in note for note in told["notes"])
@@ -155,7 +155,7 @@ def test_links_and_strange_names_in_a_run_folder_are_not_followed(
     assert "\x1b" not in said
     new = find_run(killed.path.parent, "latest")
     assert not any(path.is_symlink() for path in new.path.rglob("*"))
-    assert not any(b"secret" in content for content in snapshot(new).values())
+    assert not any(b"secret" in content for content in file_contents(new).values())
 
 
 def test_a_complete_run_is_not_recovered(

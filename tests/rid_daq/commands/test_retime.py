@@ -49,7 +49,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def words(folder: Path, *more: object) -> list[str]:
+def retime_words(folder: Path, *more: object) -> list[str]:
     model, path, fast = (str(folder / name) for name in ("model.json", "path.yaml", "fast.yaml"))
     own = ["retime", "ir361", path, "--model", model, "-o", fast]
     return [*own, *(str(word) for word in more)]
@@ -73,12 +73,12 @@ def test_a_payload_that_did_not_pass_its_verdict_is_refused(
 ) -> None:
     failed = replace(read_payload(tool), checks=(PayloadCheck("mass", 2.0, "≤", 1.0, "%"),))
     write_payload(tool, failed)
-    assert run(words(folder, "--payload", tool)) == 6
+    assert run(retime_words(folder, "--payload", tool)) == 6
     assert "RID-PAYLOAD-FAILED" in capsys.readouterr().err
     assert not (folder / "fast.yaml").exists()
 
 
-def torque_of_the_tool(samples: MotionSamples) -> FloatArray:
+def tool_torques(samples: MotionSamples) -> FloatArray:
     """Return the torques due to the tool, as the difference of two Pinocchio models."""
     cell = load_cell("ir361")
     assert cell.plant is not None
@@ -109,7 +109,7 @@ def torque_of_the_tool(samples: MotionSamples) -> FloatArray:
     return np.asarray(carrying - alone)
 
 
-def planned_in(file: Path) -> MotionSamples:
+def planned_motion(file: Path) -> MotionSamples:
     cell = load_cell("ir361")
     return load_motion(file).plan(cell.robot, cell.config.cycle_time_s)
 
@@ -122,11 +122,11 @@ def test_the_payload_reduces_the_speed_so_that_torque_limits_hold(
     moving_s, over = {}, {}
     for name, more in (("empty", []), ("carrying", ["--payload", tool])):
         bold = ["--confidence", "0", "--json", "--overwrite"]
-        assert run(words(folder, *bold, *more)) == 0
+        assert run(retime_words(folder, *bold, *more)) == 0
         moving_s[name] = document(capsys)["moving_s"]
-        samples = planned_in(folder / "fast.yaml")
+        samples = planned_motion(folder / "fast.yaml")
         own = predict(model, samples.position, samples.velocity, samples.acceleration)
-        over[name] = (np.abs(own + torque_of_the_tool(samples)) / limit).max()
+        over[name] = (np.abs(own + tool_torques(samples)) / limit).max()
     assert moving_s["carrying"] > 1.03 * moving_s["empty"]
     assert 0.97 < over["carrying"] <= 1.0 + 1e-9
     assert over["empty"] > 1.05
@@ -146,7 +146,7 @@ def test_a_result_beyond_the_torque_limits_with_payload_is_not_written(
             samples, robot, empty, *known, **more
         ),
     )
-    assert run(words(folder, "--confidence", "0", "--payload", tool)) != 0
+    assert run(retime_words(folder, "--confidence", "0", "--payload", tool)) != 0
     assert "RID-INTERNAL-ERROR" in capsys.readouterr().err
     assert not (folder / "fast.yaml").exists()
 
@@ -154,7 +154,7 @@ def test_a_result_beyond_the_torque_limits_with_payload_is_not_written(
 def test_a_faster_motion_and_its_report_are_written(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run(words(folder, "--report", folder / "fast.html", "--json")) == 0
+    assert run(retime_words(folder, "--report", folder / "fast.html", "--json")) == 0
     told = document(capsys)
     assert told["shorter_percent"] > 20.0
     assert told["off_the_path"] < 1e-4
@@ -226,7 +226,7 @@ def test_a_report_with_the_name_of_the_motion_is_refused_before_the_search(
     folder: Path, other: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (folder / "sub").mkdir()
-    assert run(words(folder, "--report", folder / other, "--overwrite")) == 2
+    assert run(retime_words(folder, "--report", folder / other, "--overwrite")) == 2
     assert "RID-OPTION-EXCLUSIVE" in capsys.readouterr().err
     assert not (folder / "fast.yaml").exists()
 
@@ -235,20 +235,20 @@ def test_several_turns_of_a_circle_become_one_path(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (folder / "path.yaml").write_text(CIRCLE)
-    assert run(words(folder, "--report", folder / "fast.html")) == 0
+    assert run(retime_words(folder, "--report", folder / "fast.html")) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert (
         "All its periods, including those for settling, are now one way from rest to rest" in said
     )
     assert "The motion was periodic" in (folder / "fast.html").read_text()
-    samples = planned_in(folder / "fast.yaml")
+    samples = planned_motion(folder / "fast.yaml")
     assert samples.periods == 0
     assert not samples.velocity[[0, -1]].any()
-    turned = np.unwrap(np.arctan2(*(tool_at(samples) - [0.575, -0.078]).T[::-1]))
+    turned = np.unwrap(np.arctan2(*(tool_positions(samples) - [0.575, -0.078]).T[::-1]))
     assert abs(turned[-1] - turned[0]) > 2.0 * 2.0 * np.pi
 
 
-def tool_at(samples: MotionSamples) -> FloatArray:
+def tool_positions(samples: MotionSamples) -> FloatArray:
     """Return the x and y positions of the tool point [m]."""
     chain = Chain.from_description(load_cell("ir361").robot)
     return np.asarray(forward(chain, samples.position)[:, :2])
@@ -268,7 +268,7 @@ def test_a_motion_that_is_not_a_path_from_rest_to_rest_is_refused(
     kind: str, keys: str, told: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (folder / "path.yaml").write_text(f"kind: {kind}\nrobot: ir361{keys}")
-    assert run(words(folder)) == 2
+    assert run(retime_words(folder)) == 2
     assert told in " ".join(capsys.readouterr().err.split())
     assert not (folder / "fast.yaml").exists()
 
@@ -276,7 +276,7 @@ def test_a_motion_that_is_not_a_path_from_rest_to_rest_is_refused(
 def test_the_output_ends_with_the_record_command(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run(words(folder, "--confidence", "0", "--margin", "0.1")) == 0
+    assert run(retime_words(folder, "--confidence", "0", "--margin", "0.1")) == 0
     said = capsys.readouterr().out
     assert "% shorter" in said
     assert "periodic" not in said
@@ -302,6 +302,6 @@ def test_the_output_ends_with_the_record_command(
 def test_invalid_options_are_named_and_no_file_is_written(
     more: list[str], told: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run(words(folder, *more)) != 0
+    assert run(retime_words(folder, *more)) != 0
     assert told in " ".join(capsys.readouterr().err.split())
     assert not (folder / "fast.yaml").exists()

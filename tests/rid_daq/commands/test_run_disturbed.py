@@ -31,28 +31,28 @@ Meddle = Callable[[Disturb], None]
 
 
 @pytest.fixture
-def meddle(monkeypatch: pytest.MonkeyPatch) -> Meddle:
+def change_during_motion(monkeypatch: pytest.MonkeyPatch) -> Meddle:
     """Return a function that schedules a change of the run folder during the motion."""
     whole = record_motion
 
-    def meddled(disturb: Disturb) -> None:
+    def schedule_change(disturb: Disturb) -> None:
         def record(
             *arguments: Any, on_progress: Callable[[TaskProgress], None], **options: Any
         ) -> Any:
             done = False
 
-            def look(progress: TaskProgress) -> None:
+            def change_once(progress: TaskProgress) -> None:
                 nonlocal done
                 if not done and progress.sample_index >= INTO:
                     disturb(arguments[3])
                     done = True
                 on_progress(progress)
 
-            return whole(*arguments, on_progress=look, **options)
+            return whole(*arguments, on_progress=change_once, **options)
 
         monkeypatch.setattr("rid_daq.recording.run_session.record_motion", record)
 
-    return meddled
+    return schedule_change
 
 
 def add_strays(folder: RunFolder) -> None:
@@ -69,11 +69,11 @@ def add_strays(folder: RunFolder) -> None:
 def test_foreign_files_are_kept_and_named_and_the_run_is_completed(
     workshop: Path,
     tmp_path: Path,
-    meddle: Meddle,
+    change_during_motion: Meddle,
     capsys: pytest.CaptureFixture[str],
     measured: Callable[[str], None],
 ) -> None:
-    meddle(add_strays)
+    change_during_motion(add_strays)
     runs = ["--runs", str(tmp_path)]
     words = ["record", str(workshop / "cell.yaml"), str(workshop / "validation.yaml"), *runs]
     assert run([*words, "--json"]) == 0
@@ -128,14 +128,14 @@ def replace_recording(folder: RunFolder) -> None:
 def test_a_deleted_or_truncated_recording_stops_the_motion(
     workshop: Path,
     tmp_path: Path,
-    meddle: Meddle,
+    change_during_motion: Meddle,
     capsys: pytest.CaptureFixture[str],
     measured: Callable[[str], None],
     disturb: Disturb,
     became: str,
 ) -> None:
     """The motion is periodic: in lock-step it waits for the process that reads the file."""
-    meddle(disturb)
+    change_during_motion(disturb)
     words = ["record", str(workshop / "cell.yaml"), str(workshop / "motion.yaml")]
     assert run([*words, "--runs", str(tmp_path)]) == 7
     out, err = capsys.readouterr()
@@ -153,7 +153,7 @@ def test_a_deleted_or_truncated_recording_stops_the_motion(
 def test_a_folder_that_replaces_the_run_folder_is_not_written_to(
     workshop: Path,
     tmp_path: Path,
-    meddle: Meddle,
+    change_during_motion: Meddle,
     capsys: pytest.CaptureFixture[str],
     measured: Callable[[str], None],
 ) -> None:
@@ -168,7 +168,7 @@ def test_a_folder_that_replaces_the_run_folder_is_not_written_to(
         folder.path.rename(tmp_path / "moved")
         foreign.path.rename(folder.path)
 
-    meddle(swap)
+    change_during_motion(swap)
     words = ["record", str(workshop / "cell.yaml"), str(workshop / "motion.yaml")]
     assert run([*words, "--runs", str(tmp_path / "runs")]) == 7
     said = capsys.readouterr().err

@@ -55,14 +55,16 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def make(workshop: Path) -> Made:
+def make_run(workshop: Path) -> Made:
     """Return a function that writes a run of the bundled arm like `record` and `identify`."""
     cell = load_cell("ir361")
     model = RobotModel.from_description(cell.robot)
     assert cell.plant is not None
     truth = true_parameters(model, cell.robot, cell.plant)
 
-    def made(label: str, seed: int, status: RunStatus | None = RunStatus.COMPLETE) -> RunFolder:
+    def write_run(
+        label: str, seed: int, status: RunStatus | None = RunStatus.COMPLETE
+    ) -> RunFolder:
         motion = design_two_harmonic(
             cell.robot,
             TwoHarmonicOptions(5.0, highest_harmonic=6, tries=5, periods=PERIODS, seed=seed),
@@ -104,55 +106,55 @@ def make(workshop: Path) -> Made:
             folder.finish(status, {"rows": count})
         return folder
 
-    return made
+    return write_run
 
 
 @pytest.fixture(scope="module")
-def good(make: Made) -> RunFolder:
-    return make("good", 1)
+def good_run(make_run: Made) -> RunFolder:
+    return make_run("good", 1)
 
 
 @pytest.fixture(scope="module")
-def other(make: Made) -> RunFolder:
+def other_run(make_run: Made) -> RunFolder:
     """Return a run of another motion."""
-    return make("other", 2)
+    return make_run("other", 2)
 
 
 @pytest.fixture(scope="module")
-def killed(make: Made) -> RunFolder:
+def unfinished_run(make_run: Made) -> RunFolder:
     """Return the unfinished run of a killed program."""
-    return make("killed", 3, None)
+    return make_run("killed", 3, None)
 
 
 @pytest.fixture
-def copy(good: RunFolder, workshop: Path, tmp_path: Path) -> RunFolder:
+def copied_run(good_run: RunFolder, workshop: Path, tmp_path: Path) -> RunFolder:
     """Return a copy of the good run, for tests that damage it."""
     place = workshop / "runs" / tmp_path.name
-    shutil.copytree(good.path, place)
+    shutil.copytree(good_run.path, place)
     return RunFolder.open(place)
 
 
-def words(reader: str, folder: RunFolder, other: RunFolder, tmp_path: Path) -> list[str]:
+def reader_words(reader: str, folder: RunFolder, other_run: RunFolder, tmp_path: Path) -> list[str]:
     """Return the command line of a command that reads a run."""
     meant = {
         "RUN": str(folder.path),
-        "OTHER": str(other.path),
-        "MODEL": str(other.path / "model.json"),
+        "OTHER": str(other_run.path),
+        "MODEL": str(other_run.path / "model.json"),
         "NEW": str(tmp_path / "new"),
     }
     return [meant.get(word, word) for word in reader.split()]
 
 
-def snapshot(folder: RunFolder) -> dict[str, bytes]:
+def file_contents(folder: RunFolder) -> dict[str, bytes]:
     return {str(p.relative_to(folder.path)): p.read_bytes() for p in folder.path.rglob("*.*")}
 
 
-def another_recording(folder: RunFolder, other: RunFolder) -> str:
-    shutil.copy(other.path / RECORDING, folder.path)
+def use_other_recording(folder: RunFolder, other_run: RunFolder) -> str:
+    shutil.copy(other_run.path / RECORDING, folder.path)
     return RECORDING
 
 
-def another_gear(folder: RunFolder, _other: RunFolder) -> str:
+def change_gear(folder: RunFolder, _other: RunFolder) -> str:
     path = folder.path / "robot.yaml"
     text = path.read_text()
     assert text.count("gear_ratio: 121") == 1
@@ -160,17 +162,17 @@ def another_gear(folder: RunFolder, _other: RunFolder) -> str:
     return "robot.yaml"
 
 
-def another_motion(folder: RunFolder, other: RunFolder) -> str:
-    shutil.copy(other.path / "motion.yaml", folder.path)
+def use_other_motion(folder: RunFolder, other_run: RunFolder) -> str:
+    shutil.copy(other_run.path / "motion.yaml", folder.path)
     return "motion.yaml"
 
 
-def no_cell(folder: RunFolder, _other: RunFolder) -> str:
+def delete_cell(folder: RunFolder, _other: RunFolder) -> str:
     (folder.path / "cell.yaml").unlink()
     return "cell.yaml"
 
 
-def a_feedforward(folder: RunFolder, _other: RunFolder) -> str:
+def add_feedforward(folder: RunFolder, _other: RunFolder) -> str:
     (folder.path / "feedforward.json").write_text("{}")
     return "feedforward.json"
 
@@ -179,97 +181,97 @@ def a_feedforward(folder: RunFolder, _other: RunFolder) -> str:
 @pytest.mark.parametrize(
     ("spoil", "why"),
     [
-        (another_recording, "; it is the file of run {other} (other)"),
-        (another_gear, "is not the file of run {good} (its SHA-256 differs)"),
-        (another_motion, "; it is the file of run {other} (other)"),
-        (no_cell, "is missing. Restore the original file"),
-        (a_feedforward, "was put into the folder after the run had ended. Remove it"),
+        (use_other_recording, "; it is the file of run {other} (other)"),
+        (change_gear, "is not the file of run {good} (its SHA-256 differs)"),
+        (use_other_motion, "; it is the file of run {other} (other)"),
+        (delete_cell, "is missing. Restore the original file"),
+        (add_feedforward, "was put into the folder after the run had ended. Remove it"),
     ],
 )
 def test_every_reader_refuses_and_names_a_foreign_file_in_a_run(
-    copy: RunFolder,
-    good: RunFolder,
-    other: RunFolder,
+    copied_run: RunFolder,
+    good_run: RunFolder,
+    other_run: RunFolder,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     measured: Measured,
     spoil: Callable[[RunFolder, RunFolder], str],
     why: str,
 ) -> None:
-    name = spoil(copy, other)
-    before = snapshot(copy)
+    name = spoil(copied_run, other_run)
+    before = file_contents(copied_run)
     refused = []
     for reader in READERS:
-        code = run(words(reader, copy, other, tmp_path))
+        code = run(reader_words(reader, copied_run, other_run, tmp_path))
         said = capsys.readouterr().err
         assert code == 7, (reader, said)
-        assert f"{copy.path / name}: " in said, reader
-        assert why.format(good=good.run_id, other=other.run_id) in said, reader
+        assert f"{copied_run.path / name}: " in said, reader
+        assert why.format(good=good_run.run_id, other=other_run.run_id) in said, reader
         refused.append(reader)
-    assert snapshot(copy) == before
+    assert file_contents(copied_run) == before
     assert not (tmp_path / "new").exists()
     measured(f"{name}: refused and named by {len(refused)} of {len(refused)} readers")
 
 
 @pytest.mark.fault(42)
 def test_a_recording_with_another_run_id_is_refused_without_a_hash(
-    killed: RunFolder,
-    other: RunFolder,
+    unfinished_run: RunFolder,
+    other_run: RunFolder,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     measured: Measured,
 ) -> None:
-    shutil.copytree(killed.path, tmp_path / "copy")
-    shutil.copy(other.path / RECORDING, tmp_path / "copy")
+    shutil.copytree(unfinished_run.path, tmp_path / "copy")
+    shutil.copy(other_run.path / RECORDING, tmp_path / "copy")
     for command in ("average", "recover"):
         options = ["--unfinished"] if command == "average" else []
         assert run([command, str(tmp_path / "copy"), *options]) == 7
         said = capsys.readouterr().err
-        assert f"belongs to run {other.run_id}, not to {killed.run_id}" in said
+        assert f"belongs to run {other_run.run_id}, not to {unfinished_run.run_id}" in said
     assert [path.name for path in tmp_path.iterdir()] == ["copy"]
     measured("by the recording's header: refused by average and recover, nothing written")
 
 
 @pytest.mark.fault(42)
 def test_no_report_is_made_from_an_edited_result(
-    copy: RunFolder, capsys: pytest.CaptureFixture[str]
+    copied_run: RunFolder, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run(["average", str(copy.path)]) == 0
-    path = copy.path / "result.json"
+    assert run(["average", str(copied_run.path)]) == 0
+    path = copied_run.path / "result.json"
     path.write_text(path.read_text().replace("Run good", "Run better"))
     capsys.readouterr()
     for command in ("report", "average"):
-        assert run([command, str(copy.path)]) == 7
+        assert run([command, str(copied_run.path)]) == 7
         assert "RID-RUN-CHANGED" in capsys.readouterr().err
     path.unlink()
-    assert run(["average", str(copy.path)]) == 0
+    assert run(["average", str(copied_run.path)]) == 0
 
 
-def test_a_run_whose_manifest_names_no_files_is_refused(copy: RunFolder) -> None:
-    path = copy.path / "manifest.json"
+def test_a_run_whose_manifest_names_no_files_is_refused(copied_run: RunFolder) -> None:
+    path = copied_run.path / "manifest.json"
     manifest = json.loads(path.read_text())
     path.write_text(json.dumps({**manifest, "files": {}}))
-    assert run(["average", str(copy.path)]) == 7
+    assert run(["average", str(copied_run.path)]) == 7
 
 
 @pytest.mark.fault(47)
 def test_an_unfinished_run_is_used_only_with_unfinished_and_is_noted(
-    killed: RunFolder,
-    other: RunFolder,
+    unfinished_run: RunFolder,
+    other_run: RunFolder,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     measured: Measured,
 ) -> None:
-    folder = RunFolder.open(Path(shutil.copytree(killed.path, tmp_path / "copy")))
-    folder.write("model.json", (other.path / "model.json").read_bytes())
-    before = snapshot(folder)
+    folder = RunFolder.open(Path(shutil.copytree(unfinished_run.path, tmp_path / "copy")))
+    folder.write("model.json", (other_run.path / "model.json").read_bytes())
+    before = file_contents(folder)
     for reader in READERS:
-        assert run(words(reader, folder, other, tmp_path)) == 6, reader
+        assert run(reader_words(reader, folder, other_run, tmp_path)) == 6, reader
         said = capsys.readouterr().err
         assert "was never finished, because the program ended first. Write its" in said
         assert f"`rid-daq recover {folder.path}`" in said
         assert "use it as it is: --unfinished" in said
-    assert snapshot(folder) == before
+    assert file_contents(folder) == before
     note = "killed: the run was never finished, so its end is missing"
     assert run(["average", str(folder.path), "--unfinished"]) == 0
     assert f"note: {note}\n" in capsys.readouterr().out
@@ -284,17 +286,17 @@ def test_an_unfinished_run_is_used_only_with_unfinished_and_is_noted(
 
 @pytest.mark.fault(45)
 def test_a_truncated_run_is_recovered_without_results_and_lost_rows_are_counted(
-    copy: RunFolder, capsys: pytest.CaptureFixture[str], measured: Measured
+    copied_run: RunFolder, capsys: pytest.CaptureFixture[str], measured: Measured
 ) -> None:
-    assert run(["average", str(copy.path)]) == 0
-    whole = read_journal(copy.path / RECORDING).rows
-    size = (copy.path / RECORDING).stat().st_size
-    os.truncate(copy.path / RECORDING, size - size // 3)
-    kept = read_journal(copy.path / RECORDING).rows
+    assert run(["average", str(copied_run.path)]) == 0
+    whole = read_journal(copied_run.path / RECORDING).rows
+    size = (copied_run.path / RECORDING).stat().st_size
+    os.truncate(copied_run.path / RECORDING, size - size // 3)
+    kept = read_journal(copied_run.path / RECORDING).rows
     capsys.readouterr()
-    assert run(["average", str(copy.path)]) == 7
+    assert run(["average", str(copied_run.path)]) == 7
     assert "RID-RUN-CHANGED" in capsys.readouterr().err
-    assert run(["recover", str(copy.path), "--json"]) == 1
+    assert run(["recover", str(copied_run.path), "--json"]) == 1
     told = document(capsys)
     assert told["rows_lost"] == len(whole) - len(kept) > 500
     new = RunFolder.open(Path(told["recovered"]))
@@ -315,19 +317,19 @@ def test_a_truncated_run_is_recovered_without_results_and_lost_rows_are_counted(
 
 @pytest.mark.fault(45)
 def test_all_rows_of_a_missing_recording_count_as_lost(
-    copy: RunFolder, good: RunFolder, capsys: pytest.CaptureFixture[str]
+    copied_run: RunFolder, good_run: RunFolder, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    rows = len(read_journal(good.path / RECORDING).rows)
-    (copy.path / RECORDING).rename(copy.path / "second.mcap")
-    assert run(["recover", str(copy.path), "--json"]) == 1
+    rows = len(read_journal(good_run.path / RECORDING).rows)
+    (copied_run.path / RECORDING).rename(copied_run.path / "second.mcap")
+    assert run(["recover", str(copied_run.path), "--json"]) == 1
     assert document(capsys)["rows_lost"] == rows
 
 
 def test_a_file_omitted_by_recover_can_only_be_replaced_by_the_original(
-    copy: RunFolder, good: RunFolder, capsys: pytest.CaptureFixture[str]
+    copied_run: RunFolder, good_run: RunFolder, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    another_gear(copy, copy)
-    assert run(["recover", str(copy.path), "--json"]) == 0
+    change_gear(copied_run, copied_run)
+    assert run(["recover", str(copied_run.path), "--json"]) == 0
     told = document(capsys)
     assert any(
         note.startswith("left out: robot.yaml: its SHA-256 differs") for note in told["notes"]
@@ -335,17 +337,17 @@ def test_a_file_omitted_by_recover_can_only_be_replaced_by_the_original(
     new = Path(told["recovered"])
     assert run(["average", str(new)]) == 7
     assert "RID-RUN-CHANGED" in capsys.readouterr().err
-    shutil.copy(copy.path / "robot.yaml", new)
+    shutil.copy(copied_run.path / "robot.yaml", new)
     assert run(["average", str(new)]) == 7
-    shutil.copy(good.path / "robot.yaml", new)
+    shutil.copy(good_run.path / "robot.yaml", new)
     assert run(["average", str(new)]) == 0
 
 
 @pytest.mark.parametrize("named", ["", "01ABCDEFGHJKMNPQRSTVWXYZ00"])
 def test_a_recording_without_a_run_id_is_refused(
-    named: str, killed: RunFolder, tmp_path: Path
+    named: str, unfinished_run: RunFolder, tmp_path: Path
 ) -> None:
-    folder = RunFolder.open(shutil.copytree(killed.path, tmp_path / "copy"))
+    folder = RunFolder.open(shutil.copytree(unfinished_run.path, tmp_path / "copy"))
     journal = folder.file(RECORDING)
     journal.unlink()
     header = JournalHeader(

@@ -139,7 +139,9 @@ def test_a_feedforward_file_names_its_payload(folder: Path) -> None:
         assert found == origin or (origin is None and len(found) == 64)
 
 
-def errors(runs: Path, capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, list[float]]:
+def prediction_errors(
+    runs: Path, capsys: pytest.CaptureFixture[str], *words: str
+) -> tuple[int, list[float]]:
     code = run(["validate", *words, "--runs", str(runs / "runs"), "--json"])
     axes = document(capsys)["validation"]["axes"]
     return code, [axis["relative_error_percent"] for axis in axes]
@@ -149,11 +151,11 @@ def test_a_loaded_run_is_predicted_as_accurately_as_an_unloaded_one(
     runs: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     model, payload = str(runs / "model.json"), str(runs / "payload.json")
-    alone = errors(runs, capsys, model, "alone again")
-    loaded = errors(runs, capsys, model, "loaded", "--payload", payload)
+    alone = prediction_errors(runs, capsys, model, "alone again")
+    loaded = prediction_errors(runs, capsys, model, "loaded", "--payload", payload)
     assert (alone[0], loaded[0]) == (0, 0)
     assert max(loaded[1]) < 1.2 * max(alone[1])
-    assert max(errors(runs, capsys, model, "loaded")[1]) > 3.0 * max(loaded[1])
+    assert max(prediction_errors(runs, capsys, model, "loaded")[1]) > 3.0 * max(loaded[1])
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,7 @@ Held = Callable[[str], "subprocess.Popen[str]"]
 
 
 @pytest.fixture
-def held(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Held]:
+def start_session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Held]:
     """Return a function that starts a session on a cell; only these sessions are visible."""
     monkeypatch.setenv("RID_DAQ_LOCKS", str(tmp_path))
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
@@ -46,7 +46,7 @@ def held(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Held]:
         yield begin
 
 
-def stop(*words: str) -> subprocess.CompletedProcess[str]:
+def run_stop(*words: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "rid_daq", "stop", *words]
     nobody = subprocess.DEVNULL
     return subprocess.run(
@@ -54,7 +54,7 @@ def stop(*words: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def in_a_terminal(key: bytes) -> tuple[int, str]:
+def stop_in_terminal(key: bytes) -> tuple[int, str]:
     """Press a key when `stop` asks for it; return the exit code and the terminal's text."""
     ours, its = pty.openpty()
     command = [sys.executable, "-m", "rid_daq", "stop"]
@@ -75,44 +75,44 @@ def in_a_terminal(key: bytes) -> tuple[int, str]:
 
 
 @pytest.mark.promise("stop-one-session")
-def test_a_single_session_is_stopped_at_once(held: Held) -> None:
-    only = held("left")
-    assert stop().returncode == 0
+def test_a_single_session_is_stopped_at_once(start_session: Held) -> None:
+    only = start_session("left")
+    assert run_stop().returncode == 0
     assert only.wait(PATIENCE_S) == 143
 
 
 @pytest.mark.promise("stop-one-session")
-def test_without_a_terminal_no_session_of_several_is_stopped(held: Held) -> None:
-    left, right = held("left"), held("right")
-    told = stop()
+def test_without_a_terminal_no_session_of_several_is_stopped(start_session: Held) -> None:
+    left, right = start_session("left"), start_session("right")
+    told = run_stop()
     assert told.returncode == 2
     assert "RID-STOP-WHICH" in told.stderr
     assert (left.poll(), right.poll()) == (None, None)
-    assert stop("left").returncode == 0
+    assert run_stop("left").returncode == 0
     assert left.wait(PATIENCE_S) == 143
     assert right.poll() is None
 
 
 @pytest.mark.promise("stop-one-session")
-def test_all_sessions_are_stopped_with_all(held: Held) -> None:
-    both = held("left"), held("right")
-    refused = stop("left", "--all")
+def test_all_sessions_are_stopped_with_all(start_session: Held) -> None:
+    both = start_session("left"), start_session("right")
+    refused = run_stop("left", "--all")
     assert refused.returncode == 2
     assert "RID-STOP-ALL" in refused.stderr
-    assert stop("--all").returncode == 0
+    assert run_stop("--all").returncode == 0
     assert [each.wait(PATIENCE_S) for each in both] == [143, 143]
 
 
 @pytest.mark.promise("stop-one-session")
-def test_a_user_selects_a_session_by_one_digit(held: Held) -> None:
-    left, right = held("left"), held("right")
-    code, shown = in_a_terminal(b"x")
+def test_a_user_selects_a_session_by_one_digit(start_session: Held) -> None:
+    left, right = start_session("left"), start_session("right")
+    code, shown = stop_in_terminal(b"x")
     assert code == 2
     assert (left.poll(), right.poll()) == (None, None)
-    code, shown = in_a_terminal(b"2")
+    code, shown = stop_in_terminal(b"2")
     assert code == 0, shown
     assert right.wait(PATIENCE_S) == 143
     assert left.poll() is None
-    right = held("right")
-    assert in_a_terminal(b"0")[0] == 0
+    right = start_session("right")
+    assert stop_in_terminal(b"0")[0] == 0
     assert [left.wait(PATIENCE_S), right.wait(PATIENCE_S)] == [143, 143]

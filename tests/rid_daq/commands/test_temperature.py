@@ -54,7 +54,7 @@ def folder(tmp_path: Path, cell: LoadedCell) -> Path:
     return tmp_path
 
 
-def words(folder: Path, command: str, model: str, *more: str) -> list[str]:
+def command_words(folder: Path, command: str, model: str, *more: str) -> list[str]:
     loop = [] if command == "retime" else ["--loop", str(folder / "loops.json")]
     out = [] if command == "stream" else ["-o", str(folder / "out"), "--overwrite"]
     path, file = str(folder / "path.yaml"), str(folder / f"{model}.json")
@@ -72,7 +72,7 @@ def test_the_feedforward_uses_the_friction_at_the_stated_temperature(
     asked: str,
 ) -> None:
     more = ("--temperature", asked, "--runs", str(folder / "runs"), "--json")
-    assert run(words(folder, "compensate", model, *more)) == 0
+    assert run(command_words(folder, "compensate", model, *more)) == 0
     samples = load_motion(folder / "path.yaml").plan(cell.robot, cell.config.cycle_time_s)
     estimate = read_estimate(folder / f"{model}.json")
     warm = at_operating_temperature(estimate, asked, samples.whole().velocity)
@@ -95,7 +95,7 @@ def test_retime_warm_uses_the_temperature_that_the_path_causes(
     peaks = {}
     for asked in ("cold", "warm"):
         more = ("--temperature", asked, "--confidence", "0", "--json")
-        assert run(words(folder, "retime", "followed", *more)) == 0
+        assert run(command_words(folder, "retime", "followed", *more)) == 0
         told = document(capsys)
         peaks[asked] = told["joints"][0]["torque_peak"]
     estimate = read_estimate(folder / "followed.json")
@@ -113,7 +113,7 @@ def test_retime_warm_uses_the_temperature_that_the_path_causes(
 def test_a_missing_temperature_option_is_refused(
     folder: Path, capsys: pytest.CaptureFixture[str], command: str
 ) -> None:
-    assert run(words(folder, command, "followed")) == 2
+    assert run(command_words(folder, command, "followed")) == 2
     told = " ".join(capsys.readouterr().err.split())
     assert "axis1, axis2" in told
     assert "RID-MODEL-TEMPERATURE" in told

@@ -21,7 +21,7 @@ JOINTS = [
 PLAUSIBLE = {"position": 10.0, "speed": 50.0, "torque": 5000.0}
 
 
-def imported(folder: Path, label: str, seconds: float, seed: int) -> None:
+def import_recording(folder: Path, label: str, seconds: float, seed: int) -> None:
     signals = recording(seconds, (60.0, None, 120.0), seed=seed, cutoff_hz=3.0 * CUTOFF_HZ)
     table = np.column_stack([signals.time_s, signals.position, signals.torque_nm])
     (folder / f"{label}.csv").write_text("\n".join(as_lines(table)))
@@ -36,8 +36,8 @@ def imported(folder: Path, label: str, seconds: float, seed: int) -> None:
 def test_identify_selects_warming_and_validate_applies_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    imported(tmp_path, "long", 300.0, 0)
-    imported(tmp_path, "other", 120.0, 1)
+    import_recording(tmp_path, "long", 300.0, 0)
+    import_recording(tmp_path, "other", 120.0, 1)
     runs, model = ["--runs", str(tmp_path / "runs")], tmp_path / "model.json"
     band = ["--band", f"{CUTOFF_HZ:g}"]
     capsys.readouterr()

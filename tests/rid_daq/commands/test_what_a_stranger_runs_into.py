@@ -168,12 +168,12 @@ def test_each_listed_mistake_has_an_existing_test(found: str) -> None:
         assert f"def {test}" in (ROOT / path).read_text(encoding="utf-8")
 
 
-def guide(name: str) -> str:
+def guide_text(name: str) -> str:
     return " ".join((ROOT / "docs" / "guide" / name).read_text(encoding="utf-8").split())
 
 
 def test_the_guide_lists_mistakes_that_data_cannot_show() -> None:
-    listed = guide("find-a-mistake.md").partition("## What can go wrong")[2]
+    listed = guide_text("find-a-mistake.md").partition("## What can go wrong")[2]
     for words in ("vertical first axis", "torque constant", "Weigh a known load", "lengths"):
         assert words in listed
     for words in ("a clock that is 10 % off", "a fifth too long", "30° off"):
@@ -181,11 +181,11 @@ def test_the_guide_lists_mistakes_that_data_cannot_show() -> None:
 
 
 def test_the_guide_identifies_a_payload_with_an_unloaded_run() -> None:
-    assert "rid-daq payload identify --unloaded without" in guide("someone-elses-recording.md")
+    assert "rid-daq payload identify --unloaded without" in guide_text("someone-elses-recording.md")
 
 
 def test_the_guide_states_that_wrist_friction_is_per_motor() -> None:
-    assert "With a coupled wrist, the result is each motor's friction" in guide("friction.md")
+    assert "With a coupled wrist, the result is each motor's friction" in guide_text("friction.md")
 
 
 Engineer = Callable[..., SimpleNamespace]
@@ -198,10 +198,12 @@ def sound() -> UserFiles:
 
 
 @pytest.fixture
-def engineer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Engineer:
+def import_and_identify(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Engineer:
     """Return a function that imports a recording with an engineer's files and identifies it."""
 
-    def works(stated: UserFiles, *options: str, map_text: str | None = None) -> SimpleNamespace:
+    def run_commands(
+        stated: UserFiles, *options: str, map_text: str | None = None
+    ) -> SimpleNamespace:
         table = np.column_stack([stated.time_s, stated.position, stated.torque_nm])
         np.savetxt(tmp_path / "rec.csv", table, delimiter=",", fmt="%.9g")
         (tmp_path / "robot.yaml").write_text(to_yaml(stated.robot))
@@ -216,24 +218,24 @@ def engineer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Engineer:
         document: dict[str, Any] = json.loads(capsys.readouterr().out)
         return SimpleNamespace(code=code, imported=imported, words=words, **document)
 
-    return works
+    return run_commands
 
 
 def test_a_file_of_another_robot_is_detected_by_the_residuals(
-    engineer: Engineer, sound: UserFiles
+    import_and_identify: Engineer, sound: UserFiles
 ) -> None:
     rows = load_robot("kr15").kinematics.rows[:3]
     kinematics = sound.robot.kinematics.model_copy(update={"rows": rows})
     other = sound.robot.model_copy(update={"kinematics": kinematics})
-    found = engineer(replace(sound, robot=other))
+    found = import_and_identify(replace(sound, robot=other))
     assert found.code == 6
     assert "doubtful" in [axis["grade"] for axis in found.estimate["axes"]]
 
 
 def test_physical_consistency_is_reported_together_with_the_residuals(
-    engineer: Engineer, sound: UserFiles, capsys: pytest.CaptureFixture[str]
+    import_and_identify: Engineer, sound: UserFiles, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    found = engineer(sound)
+    found = import_and_identify(sound)
     assert found.code == 0
     assert run(found.words) == 0
     said = capsys.readouterr().out
@@ -241,7 +243,7 @@ def test_physical_consistency_is_reported_together_with_the_residuals(
     assert "residual" in said
 
 
-def drawn(robot: RobotDescription, inertia: tuple[float, ...]) -> RobotDescription:
+def with_cad_links(robot: RobotDescription, inertia: tuple[float, ...]) -> RobotDescription:
     """Return a robot with CAD data of its links and a given inertia of the last link."""
     chain = Chain.from_description(robot)
     links = [
@@ -253,12 +255,12 @@ def drawn(robot: RobotDescription, inertia: tuple[float, ...]) -> RobotDescripti
 
 
 def test_zero_inertias_of_cad_data_are_not_used_as_prior(
-    engineer: Engineer, sound: UserFiles
+    import_and_identify: Engineer, sound: UserFiles
 ) -> None:
     values = {}
     for name, options in (("data", ()), ("drawn", ("--cad-prior",))):
-        stated = replace(sound, robot=drawn(sound.robot, (0.0,) * 6))
-        found = engineer(stated, *options)
+        stated = replace(sound, robot=with_cad_links(sound.robot, (0.0,) * 6))
+        found = import_and_identify(stated, *options)
         values[name] = {p["name"]: (p["value"], p["std"]) for p in found.estimate["parameters"]}
     for name in ("Ixx3", "Ixy3", "Izz3"):
         (value, sigma), (drawn_value, drawn_sigma) = values["data"][name], values["drawn"][name]
@@ -267,12 +269,12 @@ def test_zero_inertias_of_cad_data_are_not_used_as_prior(
 
 
 def test_no_friction_term_is_selected_that_is_insignificant(
-    engineer: Engineer, sound: UserFiles
+    import_and_identify: Engineer, sound: UserFiles
 ) -> None:
     """The recording lasts nine seconds, and no joint has load-dependent friction."""
     short = sound.time_s < 9.0
     cut = {key: getattr(sound, key)[short] for key in ("time_s", "position", "torque_nm")}
-    found = engineer(replace(sound, **cut), "--choose")
+    found = import_and_identify(replace(sound, **cut), "--choose")
     chosen = found.comparison["chosen"]
     assert not any("load" in terms for terms in chosen.values())
     for entry in found.estimate["parameters"]:
@@ -331,24 +333,26 @@ def test_a_wrong_clock_of_a_real_recording_is_reported_with_its_factor(
 
 
 def test_a_map_with_rate_and_zero_offset_reads_rows_without_time_stamps(
-    engineer: Engineer, sound: UserFiles
+    import_and_identify: Engineer, sound: UserFiles
 ) -> None:
     turned = sound.position + np.array([0.0, 0.5, 0.0])
     text = sound.map_text.replace("time: {column: 0}", "rate_hz: 100.0")
     text = text.replace("position: 2,", "position: 2, zero_offset: 0.5,")
-    right = engineer(sound)
-    found = engineer(replace(sound, position=turned), map_text=text)
+    right = import_and_identify(sound)
+    found = import_and_identify(replace(sound, position=turned), map_text=text)
     assert (right.code, found.code) == (0, 0)
     plain, read = ([p["value"] for p in each.estimate["parameters"]] for each in (right, found))
     np.testing.assert_allclose(read, plain, rtol=1e-3, atol=1e-3)
 
 
-def test_rows_after_a_jump_of_the_clock_are_used(engineer: Engineer, sound: UserFiles) -> None:
+def test_rows_after_a_jump_of_the_clock_are_used(
+    import_and_identify: Engineer, sound: UserFiles
+) -> None:
     """One time stamp is late and the following ones are right; the following rows must be used."""
     time_s = sound.time_s.copy()
     time_s[1500:] -= 0.0098
     text = sound.map_text + "plausible: {position: 7.0, speed: 2.7, torque: 800.0}\n"
-    found = engineer(replace(sound, time_s=time_s), map_text=text)
+    found = import_and_identify(replace(sound, time_s=time_s), map_text=text)
     assert any("The clock jitters" in each for each in found.imported["findings"])
     assert found.imported["rows_damaged"] <= 2
     assert found.imported["rows_used"] >= len(time_s) - 2

@@ -17,7 +17,7 @@ from tests.builders.told import document
 EPOS = "servo: {base: epos4, encoder_increments: 4096.0, lacks: [6007h, 6072h, 608Fh, 6091h]}\n"
 
 
-def checked(
+def preflight_lines(
     folder: Path, servo: str, capsys: pytest.CaptureFixture[str], code: int
 ) -> list[dict[str, Any]]:
     """Run a preflight of the bundled cell with other drives, and return its lines."""
@@ -33,7 +33,7 @@ def checked(
 def test_a_drive_without_6007h_is_accepted_after_its_watchdog_trial(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    lines = checked(tmp_path, EPOS, capsys, 0)
+    lines = preflight_lines(tmp_path, EPOS, capsys, 0)
     left = [line for line in lines if line["what"] == "6007h:00 abort connection"]
     assert {(line["found"], line["verdict"]) for line in left} == {
         ("not in this drive: the trial of the watches decides", "shown")
@@ -73,7 +73,7 @@ def test_drives_with_life_guarding_are_accepted_after_their_watchdog_trial(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     guarded = "servo: {watch: life_guarding, lacks: [1016h, 1017h, 1400h:05]}\n"
-    lines = checked(tmp_path, guarded, capsys, 0)
+    lines = preflight_lines(tmp_path, guarded, capsys, 0)
     held = {line["what"]: line["found"] for line in lines if line["what"].startswith("100")}
     assert held["100Ch:00 guard time [ms]"] == "25"
     assert held["100Dh:00 life time [guard times]"] == "3"
@@ -85,7 +85,7 @@ def test_drives_with_life_guarding_are_accepted_after_their_watchdog_trial(
 def test_the_key_that_replaces_a_missing_standard_object_is_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    lines = checked(tmp_path, "servo: {lacks: [608Fh, 60C2h]}\n", capsys, 3)
+    lines = preflight_lines(tmp_path, "servo: {lacks: [608Fh, 60C2h]}\n", capsys, 3)
     red = [line for line in lines if line["verdict"] == "red"]
     assert {line["next_action"] for line in red} == {
         "set encoder_increments (of the motor's encoder) in the axis's servo"

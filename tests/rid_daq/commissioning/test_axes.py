@@ -17,7 +17,7 @@ from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
 from rid_daq.operations.cell.mock import MockRequest
 from rid_daq.operations.cell.served_devices import serve_cell
-from tests.builders.screens import noted, require_fitting
+from tests.builders.screens import recorded_calls, require_fitting
 from tests.builders.typist import Typist
 
 pytestmark = pytest.mark.slow
@@ -42,7 +42,7 @@ def test_a_reversed_axis_is_found_within_two_degrees_and_the_other_axes_pass(
     text = read_named("ir361", "cells", None)[0].decode()
     cell = tmp_path / "cell.yaml"
     cell.write_text(text.replace("node_id: 1}", "node_id: 1, direction: -1}"))
-    with noted() as calls:
+    with recorded_calls() as calls:
         words = ["axes", str(cell), "--unattended", "--json", "--runs", str(tmp_path / "r")]
         assert run(words) == 1
     require_fitting(["axes", "cell.yaml"], calls)
@@ -83,14 +83,14 @@ def test_a_reversed_direction_reported_by_the_user_is_named(
 ) -> None:
     words = ["axes", "ir361", "--joint", "axis2", "--runs", tmp_path]
     with Typist(*words) as person:
-        person.sees("Hold SPACE")
-        with person.holding(" "):
-            person.sees("Simulated: axis2 has turned by")
-        person.sees("Did axis2 move as announced")
+        person.wait_for_text("Hold SPACE")
+        with person.hold_key(" "):
+            person.wait_for_text("Simulated: axis2 has turned by")
+        person.wait_for_text("Did axis2 move as announced")
         person.type("-\n")
-        person.sees("By about how much")
+        person.wait_for_text("By about how much")
         person.type("2\n")
-        assert person.ends() == 1
+        assert person.wait_for_end() == 1
         assert "axis2: direction: -1 (is 1)" in " ".join(person.shown.split())
 
 

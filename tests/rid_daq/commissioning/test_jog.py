@@ -36,7 +36,7 @@ def served() -> Iterator[SimulatedCell]:
         yield simulated
 
 
-def moves(served: SimulatedCell) -> bool:
+def is_moving(served: SimulatedCell) -> bool:
     return bool(np.abs(served.axes().velocity).max() > 0.5 * SPEED)
 
 
@@ -45,7 +45,7 @@ def is_off(served: SimulatedCell) -> bool:
     return not axes.enabled.any() and bool(np.abs(axes.velocity).max() < 1e-6)
 
 
-def rows(runs: Path) -> np.ndarray:
+def recorded_rows(runs: Path) -> np.ndarray:
     (folder,) = runs.iterdir()
     path = RunFolder.open(folder).file("recording.mcap")
     wait_for(lambda: read_journal(path).damage.finished)
@@ -57,17 +57,17 @@ def rows(runs: Path) -> np.ndarray:
 
 def test_a_joint_moves_only_while_its_key_is_held(served: SimulatedCell, tmp_path: Path) -> None:
     with Typist("jog", "ir361", "--runs", tmp_path) as person:
-        person.sees("Ready")
+        person.wait_for_text("Ready")
         before = served.axes().position
         person.type("3")
-        with person.holding("-"):
+        with person.hold_key("-"):
             wait_for(lambda: bool(served.axes().position[2] < before[2] - 0.1))
         person.type("q")
-        assert person.ends() == 0
+        assert person.wait_for_end() == 0
     after = served.axes().position
     assert is_off(served)
     np.testing.assert_allclose(after[:2], before[:2], atol=1e-3)
-    told = rows(tmp_path)
+    told = recorded_rows(tmp_path)
     limit = LOADED.robot.joints[2].limits
     assert np.abs(told["target_velocity"]).max() == pytest.approx(0.05 * limit.velocity)
     slope = np.diff(told["target_velocity"], axis=0) / LOADED.config.cycle_time_s
@@ -78,9 +78,9 @@ def test_jog_home_reaches_the_home_pose_and_ends(served: SimulatedCell, tmp_path
     home = np.array(LOADED.config.home)
     away = np.abs(served.axes().position - home).max()
     with Typist("jog", "ir361", "--home", "--runs", tmp_path) as person:
-        person.sees("Ready")
-        with person.holding(" "):
-            assert person.ends() == 0
+        person.wait_for_text("Ready")
+        with person.hold_key(" "):
+            assert person.wait_for_end() == 0
     assert away > 0.05
     assert is_off(served)
     np.testing.assert_allclose(served.axes().position, home, atol=0.01)
@@ -92,15 +92,15 @@ def test_the_axes_stop_if_the_program_is_killed_or_suspended_with_a_held_key(
     served: SimulatedCell, tmp_path: Path, how: signal.Signals, measured: Callable[[str], None]
 ) -> None:
     with Typist("jog", "ir361", "--runs", tmp_path) as person:
-        person.sees("Ready")
-        with person.holding("+"):
-            wait_for(lambda: moves(served))
+        person.wait_for_text("Ready")
+        with person.hold_key("+"):
+            wait_for(lambda: is_moving(served))
             person.program.send_signal(how)
             if how is signal.SIGSTOP:
-                wait_for(lambda: not moves(served))
+                wait_for(lambda: not is_moving(served))
                 person.program.kill()
             wait_for(lambda: is_off(served))
-    told = rows(tmp_path)
+    told = recorded_rows(tmp_path)
     moving = np.abs(told["target_velocity"]).max(axis=1) > 0.0
     after = told[np.flatnonzero(moving)[-1] + 1 :]
     assert np.abs(after["velocity_command"]).max() < SPEED

@@ -43,7 +43,7 @@ class MessageLog:
         self.lines.append(text)
 
 
-def jogging(log: MessageLog, home: FloatArray | None = None, obstacle: str = "") -> JogKeys:
+def jog_keys(log: MessageLog, home: FloatArray | None = None, obstacle: str = "") -> JogKeys:
     """Return the keys of a jog with clear lines, or with an obstacle on all lines."""
 
     def check(start: FloatArray, wanted: FloatArray) -> HoldLine:
@@ -54,7 +54,7 @@ def jogging(log: MessageLog, home: FloatArray | None = None, obstacle: str = "")
 
 @pytest.mark.parametrize(("key", "end"), [("+", "position_max"), ("-", "position_min")])
 def test_a_held_key_moves_only_the_selected_joint_towards_its_limit(key: str, end: str) -> None:
-    keys, pose = jogging(MessageLog()), np.full(N, 0.1)
+    keys, pose = jog_keys(MessageLog()), np.full(N, 0.1)
     keys.tapped("3")
     line = keys.line(key, pose)
     assert line is not None
@@ -65,7 +65,7 @@ def test_a_held_key_moves_only_the_selected_joint_towards_its_limit(key: str, en
 
 @pytest.mark.promise("held-key-tap")
 def test_a_key_that_names_a_joint_moves_it_regardless_of_the_selection() -> None:
-    keys = jogging(MessageLog())
+    keys = jog_keys(MessageLog())
     keys.tapped("1")
     line = keys.line("2+", np.zeros(N))
     assert line is not None
@@ -74,13 +74,13 @@ def test_a_key_that_names_a_joint_moves_it_regardless_of_the_selection() -> None
 
 @pytest.mark.parametrize("key", ["2", "0+", f"{N + 1}+", "-1+", "x+", "²+", "2h", "++"])
 def test_a_key_that_names_no_valid_joint_moves_nothing(key: str) -> None:
-    assert jogging(MessageLog()).line(key, np.zeros(N)) is None
+    assert jog_keys(MessageLog()).line(key, np.zeros(N)) is None
 
 
 @pytest.mark.parametrize("key", [" ", "x", "0", "9", "h", "²"])
 def test_any_other_key_moves_and_selects_nothing(key: str) -> None:
     log = MessageLog()
-    keys = jogging(log)
+    keys = jog_keys(log)
     assert not keys.tapped(key)
     assert keys.line(key, np.zeros(N)) is None
     assert log.lines == []
@@ -89,7 +89,7 @@ def test_any_other_key_moves_and_selects_nothing(key: str) -> None:
 
 def test_h_moves_to_the_home_pose_of_the_cell() -> None:
     home = np.linspace(0.0, 0.5, N)
-    keys = jogging(MessageLog(), home)
+    keys = jog_keys(MessageLog(), home)
     line = keys.line("h", np.zeros(N))
     assert line is not None
     assert line.goal.tolist() == home.tolist()
@@ -98,7 +98,7 @@ def test_h_moves_to_the_home_pose_of_the_cell() -> None:
 
 def test_q_ends_a_jog_and_a_blocked_motion_names_the_obstacle() -> None:
     log = MessageLog()
-    keys = jogging(log, obstacle="floor")
+    keys = jog_keys(log, obstacle="floor")
     line = keys.line("+", np.zeros(N))
     assert line is not None
     assert line.is_empty
@@ -106,14 +106,14 @@ def test_q_ends_a_jog_and_a_blocked_motion_names_the_obstacle() -> None:
     assert keys.tapped("q")
 
 
-def bench(pose: FloatArray, number: int) -> HoldLine:
+def small_move(pose: FloatArray, number: int) -> HoldLine:
     """Return the small motion of the axis test from a pose."""
     session = SimpleNamespace(loaded=LOADED, cell=LOADED.config)
     made = AxisTester(cast(RunSession, session), cast(Console, MessageLog()), unattended=True)
     return made._plan_small_move(number, pose)
 
 
-def inside(number: int, share: float) -> FloatArray:
+def pose_with_share(number: int, share: float) -> FloatArray:
     """Return a pose in the middle of all ranges, except one joint at another share of its range."""
     low = np.array([joint.limits.position_min for joint in ROBOT.joints])
     high = np.array([joint.limits.position_max for joint in ROBOT.joints])
@@ -124,8 +124,8 @@ def inside(number: int, share: float) -> FloatArray:
 
 def test_an_axis_test_moves_one_axis_by_two_degrees_towards_its_middle() -> None:
     for share, sign in ((0.3, 1.0), (0.7, -1.0)):
-        pose = inside(0, share)
-        way = bench(pose, 0).goal - pose
+        pose = pose_with_share(0, share)
+        way = small_move(pose, 0).goal - pose
         assert way[0] == pytest.approx(sign * math.radians(2.0))
         assert np.count_nonzero(way) == 1
 
@@ -136,10 +136,12 @@ def test_an_axis_without_room_is_not_tested(monkeypatch: pytest.MonkeyPatch) -> 
 
     monkeypatch.setattr(LineCheck, "__call__", blocked)
     with raises_code(PreflightError, "RID-POSE-OUTSIDE", "axis1"):
-        bench(inside(0, 0.5), 0)
+        small_move(pose_with_share(0, 0.5), 0)
 
 
-def rows(moved_rad: float, *, told_rad: float | None = None, valid: int = 1) -> NDArray[Any]:
+def axis_test_rows(
+    moved_rad: float, *, told_rad: float | None = None, valid: int = 1
+) -> NDArray[Any]:
     """Return rows in which axis 2 rests, moves by `moved_rad` and rests."""
     count = 200
     told = moved_rad if told_rad is None else told_rad
@@ -158,7 +160,7 @@ def rows(moved_rad: float, *, told_rad: float | None = None, valid: int = 1) -> 
 
 
 def test_an_axis_motion_contains_distance_and_encoder_counts() -> None:
-    moved = AxisMotion.of(rows(math.radians(2.0)), ROBOT, 1)
+    moved = AxisMotion.of(axis_test_rows(math.radians(2.0)), ROBOT, 1)
     assert (moved.joint, moved.unit) == ("axis2", "°")
     assert moved.commanded == pytest.approx(2.0)
     assert moved.measured == pytest.approx(2.0)
@@ -167,20 +169,20 @@ def test_an_axis_motion_contains_distance_and_encoder_counts() -> None:
 
 
 def test_the_command_share_shows_a_drive_that_moves_ten_times_too_far() -> None:
-    moved = AxisMotion.of(rows(math.radians(20.0), told_rad=math.radians(2.0)), ROBOT, 1)
+    moved = AxisMotion.of(axis_test_rows(math.radians(20.0), told_rad=math.radians(2.0)), ROBOT, 1)
     assert moved.commanded == pytest.approx(2.0)
     assert moved.measured == pytest.approx(20.0)
     assert moved.command_share == pytest.approx(0.1)
 
 
 def test_rows_without_an_answer_are_ignored() -> None:
-    lost = rows(math.radians(2.0), valid=0)
+    lost = axis_test_rows(math.radians(2.0), valid=0)
     lost["position"][60:80, 1] = 99.0
     assert AxisMotion.of(lost, ROBOT, 1).measured == pytest.approx(2.0)
 
 
 def test_a_stuck_encoder_is_named_if_the_axis_moved() -> None:
-    dead = AxisMotion.of(rows(0.0, told_rad=math.radians(2.0)), ROBOT, 1)
+    dead = AxisMotion.of(axis_test_rows(0.0, told_rad=math.radians(2.0)), ROBOT, 1)
     assert dead.counts == 0
     verdict = check_axis_motion(dead, ObservedMotion("axis2", 2.0), LOADED.config, ROBOT)
     assert not verdict.passed
@@ -190,7 +192,7 @@ def test_a_stuck_encoder_is_named_if_the_axis_moved() -> None:
 def test_the_travelled_share_is_computed_from_the_set_points() -> None:
     start, goal = np.zeros(N), np.zeros(N)
     start[1], goal[1] = 0.3, 0.3 + math.radians(2.0)
-    half = rows(math.radians(2.0))[:101]
+    half = axis_test_rows(math.radians(2.0))[:101]
     assert travelled_share(HoldLine(start, goal, 1.0), half, 1) == pytest.approx(0.5)
 
 
@@ -210,14 +212,14 @@ def test_q_ends_the_axis_test_before_the_next_axis(monkeypatch: pytest.MonkeyPat
     ended = SimpleNamespace(outcome=SimpleNamespace(stop=None))
     run = SimpleNamespace(as_step=lambda: ended)
 
-    def quit_in(_session: object, _context: object, held: HeldRun) -> object:
+    def end_test(_session: object, _context: object, held: HeldRun) -> object:
         assert held.tapped("q")
         return run
 
-    def never(*_: object) -> None:
-        raise AssertionError("nothing is read of a test that was ended")
+    def fail_if_called(*_: object) -> None:
+        raise AssertionError("no result is read after the end of a test")
 
-    monkeypatch.setattr(axis_tester, "record_held", quit_in)
+    monkeypatch.setattr(axis_tester, "record_held", end_test)
     monkeypatch.setattr(axis_tester, "true_position_reader", lambda _session: None)
-    monkeypatch.setattr(AxisTester, "_read_rows", never)
+    monkeypatch.setattr(AxisTester, "_read_rows", fail_if_called)
     assert made.test(0) is None

@@ -27,7 +27,7 @@ def address(figures) -> Iterator[str]:
         yield served
 
 
-def opened(browser: Browser, address: str, width: int, scheme: str, errors: list[str]) -> Page:
+def open_page(browser: Browser, address: str, width: int, scheme: str, errors: list[str]) -> Page:
     page = browser.new_page(
         viewport={"width": width, "height": 900},
         color_scheme="dark" if scheme == "dark" else "light",
@@ -60,7 +60,7 @@ def test_all_figures_are_shown_without_an_error(
     browser: Browser, address: str, figures, width: int, scheme: str
 ) -> None:
     errors: list[str] = []
-    page = opened(browser, address, width, scheme, errors)
+    page = open_page(browser, address, width, scheme, errors)
     wait_until_shown(page)
     states = [
         each.get_attribute("data-figure-state") for each in page.locator("[data-figure]").all()
@@ -77,7 +77,7 @@ def test_all_figures_are_shown_without_an_error(
 def test_a_figure_is_saved_as_svg_and_as_csv(browser: Browser, figures) -> None:
     errors: list[str] = []
     with served_figures({"payload": figures["payload"]}) as address:
-        page = opened(browser, address, 1280, "light", errors)
+        page = open_page(browser, address, 1280, "light", errors)
         wait_until_shown(page)
         with page.expect_download() as saved:
             page.get_by_role("button", name="SVG").click()
@@ -96,7 +96,7 @@ def test_a_figure_is_saved_as_svg_and_as_csv(browser: Browser, figures) -> None:
 def test_a_figure_turns_dark_with_the_page(browser: Browser, figures) -> None:
     errors: list[str] = []
     with served_figures({"payload": figures["payload"]}) as address:
-        page = opened(browser, address, 1280, "light", errors)
+        page = open_page(browser, address, 1280, "light", errors)
         wait_until_shown(page)
         with page.expect_response(lambda answer: "dark=true" in answer.url):
             page.emulate_media(color_scheme="dark")

@@ -186,7 +186,7 @@ def test_a_foreign_host_name_of_this_computer_is_refused(unstopped: Served) -> N
         assert (status, body) == (421, b"")
     status, _, _ = unstopped.ask(STOP % name + b"X-Rid-Daq: stop\r\n" + STOP_BODY)
     assert status == 421
-    assert unstopped.ask(b"GET / HTTP/1.1\r\n\r\n")[0] == 400, "no name at all"
+    assert unstopped.ask(b"GET / HTTP/1.1\r\n\r\n")[0] == 400, "without a host name"
     assert unstopped.control.program.stop_code == 0
 
 
@@ -208,7 +208,7 @@ def test_a_form_of_another_origin_stops_nothing(unstopped: Served) -> None:
     for kind in (b"text/plain", b"application/x-www-form-urlencoded", b"multipart/form-data"):
         sent = host + b"Content-Type: %s\r\nX-Rid-Daq: stop\r\n" % kind + STOP_BODY
         assert unstopped.ask(sent)[0] == 415
-    assert unstopped.ask(unstopped.stop_head() + STOP_BODY)[0] == 403, "no header of its own"
+    assert unstopped.ask(unstopped.stop_head() + STOP_BODY)[0] == 403, "without the special header"
     assert unstopped.ask(b"GET /stop HTTP/1.1\r\nHost: %s\r\n\r\n" % unstopped.host)[0] == 404
     options = b"OPTIONS /stop HTTP/1.1\r\nHost: %s\r\nOrigin: https://evil.example\r\n\r\n"
     status, head, _ = unstopped.ask(options % unstopped.host)
@@ -277,7 +277,7 @@ def test_a_thousand_clients_use_bounded_memory_and_a_stop_still_works(
         sent = unstopped.stop_head() + b"X-Rid-Daq: stop\r\n" + STOP_BODY
         assert unstopped.ask(sent)[0] == 202
         assert unstopped.control.program.stop_code == StopCode.STOP_BUTTON
-        assert json.loads(_event(viewer)), "who was admitted still sees"
+        assert json.loads(_event(viewer)), "the admitted viewer still receives events"
         for line in lines:
             line.close()
     assert descriptors <= MOST_DESCRIPTORS
@@ -354,7 +354,9 @@ def test_another_address_needs_tls_and_the_token(certificate: Path) -> None:
 
         assert ask("") == 403
         assert ask(live.bearer + "\r\n") == 200
-        assert live.ask(b"GET / HTTP/1.1\r\nHost: %s\r\n\r\n" % live.host)[0] == 0, "no plain text"
+        assert live.ask(b"GET / HTTP/1.1\r\nHost: %s\r\n\r\n" % live.host)[0] == 0, (
+            "plain text is refused"
+        )
     finally:
         live.close()
 

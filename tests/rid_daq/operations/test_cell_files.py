@@ -25,14 +25,14 @@ def cell() -> LoadedCell:
     return load_cell("ir361")
 
 
-def fitted(cell: LoadedCell) -> list[VelocityLoop]:
+def velocity_loops(cell: LoadedCell) -> list[VelocityLoop]:
     return [
         VelocityLoop(joint, 500.0, 0.08, 0.0, 0.002, ("gain",), np.eye(1), 1.0, ())
         for joint in cell.robot.joint_names
     ]
 
 
-def written(folder: Path, robot: str) -> Path:
+def write_motion(folder: Path, robot: str) -> Path:
     motion = MultipointMotion(kind="multipoint", robot=robot, points=3, seed=1)
     path = folder / "motion.yaml"
     path.write_text(f"# kept as it stands\n{to_yaml(motion)}")
@@ -42,7 +42,7 @@ def written(folder: Path, robot: str) -> Path:
 def test_the_motion_file_is_returned_with_its_unchanged_bytes(
     cell: LoadedCell, tmp_path: Path
 ) -> None:
-    path = written(tmp_path, cell.robot.name)
+    path = write_motion(tmp_path, cell.robot.name)
     motion, kept = read_motion_and_bytes(path, cell)
     assert motion.robot == cell.robot.name
     assert kept == path.read_bytes()
@@ -51,7 +51,7 @@ def test_the_motion_file_is_returned_with_its_unchanged_bytes(
 def test_a_motion_of_another_robot_is_refused_with_both_names(
     cell: LoadedCell, tmp_path: Path
 ) -> None:
-    path = written(tmp_path, "another")
+    path = write_motion(tmp_path, "another")
     with pytest.raises(ConfigError) as refused:
         read_motion_for(path, cell)
     for word in (str(path), "'another'", repr(cell.robot.name), cell.config.name):
@@ -106,8 +106,8 @@ def test_every_command_with_a_cell_compares_the_model_with_its_robot(
     model, loops = tmp_path / "model.json", tmp_path / "loops.json"
     write_estimate(model, known(load_cell(mine), {}))
     robot.write_text(robot.read_text().replace("a_m: 0.480", "a_m: 0.580"))
-    motion = written(tmp_path, "ir361")
-    write_loops(loops, fitted(cell), "ir361", "a run")
+    motion = write_motion(tmp_path, "ir361")
+    write_loops(loops, velocity_loops(cell), "ir361", "a run")
     words = {
         "design": ["-o", str(tmp_path / "new.yaml")],
         "compensate": [str(motion), "--loop", str(loops), "-o", str(tmp_path / "new.json")],
@@ -125,7 +125,7 @@ def test_refine_and_payload_compare_the_model_with_the_robot(
     arm = cell.config.model_copy(update={"plate": None})
     (tmp_path / "cell.yaml").write_text(to_yaml(arm))
     mine, runs = str(tmp_path / "cell.yaml"), ["--runs", str(tmp_path / "runs")]
-    motion = written(tmp_path, "ir361")
+    motion = write_motion(tmp_path, "ir361")
     assert run(["record", mine, str(motion), "--label", "driven", *runs]) == 0
     row = cell.robot.kinematics.rows[-1].model_copy(update={"a_m": 0.58})
     longer = cell.robot.kinematics.model_copy(
@@ -134,7 +134,7 @@ def test_refine_and_payload_compare_the_model_with_the_robot(
     other = cell.robot.model_copy(update={"kinematics": longer})
     model, loops = tmp_path / "model.json", tmp_path / "loops.json"
     write_estimate(model, known(replace(cell, robot=other), {}))
-    write_loops(loops, fitted(cell), "ir361", "a run")
+    write_loops(loops, velocity_loops(cell), "ir361", "a run")
     new = ["-o", str(tmp_path / "new.json")]
     made = sorted((tmp_path / "runs").iterdir())
     for words in (

@@ -72,7 +72,9 @@ def test_one_option_sets_all_fields_of_its_name(
 
 
 @pytest.mark.parametrize("band", ["5", "1:2:3", "low:high", "nan:5", "1:1e9"])
-def test_a_band_is_two_frequencies(band: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_band_that_is_not_two_frequencies_is_refused(
+    band: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     words = ["design", "ir361", "-o", "motion.yaml", "--kind", "multisine", "--band", band]
     assert run(words) == 2
     assert capsys.readouterr().err.startswith("rid-daq: --band: ")

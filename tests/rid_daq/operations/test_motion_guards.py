@@ -97,19 +97,19 @@ def cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Cell:
 
     seen: list[AxisTestRule] = []
 
-    def tested(loaded: LoadedCell, rule: AxisTestRule) -> str:
+    def check_axis_test(loaded: LoadedCell, rule: AxisTestRule) -> str:
         seen.append(rule)
         return require_axis_test(loaded, rule)
 
-    def opened(*_: object) -> None:
+    def raise_opened(*_: object) -> None:
         found.rules.append(seen[-1])
         raise OpenedError
 
     for name in (*HELD, *BY_ITSELF):
         module = importlib.import_module(operation(name).module)
         monkeypatch.setattr(module, "load_cell", lambda _: real)
-    monkeypatch.setattr(run_session, "require_axis_test", tested)
-    monkeypatch.setattr(run_session, "hold_reachable_cell", opened)
+    monkeypatch.setattr(run_session, "require_axis_test", check_axis_test)
+    monkeypatch.setattr(run_session, "hold_reachable_cell", raise_opened)
     return found
 
 

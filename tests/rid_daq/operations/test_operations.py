@@ -30,31 +30,33 @@ def fields(name: str) -> list[ShownField]:
     return list(shown_fields(operation(name).request))
 
 
-def nested(values: dict[str, object], path: tuple[str, ...], value: object) -> dict[str, object]:
+def with_nested_value(
+    values: dict[str, object], path: tuple[str, ...], value: object
+) -> dict[str, object]:
     """Return values with one more value at a path, which can lead into a nested model."""
     if len(path) == 1:
         return {**values, path[0]: value}
     inner = values.get(path[0], {})
     assert isinstance(inner, dict)
-    return {**values, path[0]: nested(inner, path[1:], value)}
+    return {**values, path[0]: with_nested_value(inner, path[1:], value)}
 
 
-def least_text(kind: Any) -> str:
+def shortest_text(kind: Any) -> str:
     """Return a short text that the type of a field accepts."""
     return str(next(iter(kind))) if isinstance(kind, EnumType) else "a.yaml"
 
 
-def required(name: str) -> dict[str, object]:
+def required_values(name: str) -> dict[str, object]:
     """Return the required values of a request as texts from the command line."""
     values: dict[str, object] = {}
     for each in fields(name):
         if each.info.is_required():
-            text = least_text(each.type)
-            values = nested(values, each.path, (text,) if each.is_repeated else text)
+            text = shortest_text(each.type)
+            values = with_nested_value(values, each.path, (text,) if each.is_repeated else text)
     return values
 
 
-def numeric(name: str) -> Iterator[ShownField]:
+def numeric_fields(name: str) -> Iterator[ShownField]:
     for each in fields(name):
         if each.type in (int, float) or (each.is_repeated and float in each.type.__args__):
             yield each
@@ -108,21 +110,25 @@ def test_an_option_has_a_unit_and_a_section(name: str) -> None:
 
 @NAMES
 def test_an_invalid_number_is_refused_with_the_name_of_its_option(name: str) -> None:
-    for each in numeric(name):
+    for each in numeric_fields(name):
         for odd in ("nan", "inf", "-inf", "1e300", "-1e300", "", "1,5", "one"):
             value = (odd,) if each.is_repeated else odd
             with pytest.raises(ConfigError) as caught:
-                operation(name).request.of(nested(required(name), each.path, value), flags=True)
+                operation(name).request.of(
+                    with_nested_value(required_values(name), each.path, value), flags=True
+                )
             assert caught.value.refusal in ("RID-OPTION-RANGE", "RID-REQUEST-INVALID")
             assert str(caught.value).startswith(f"{each.flag}: ")
 
 
 @NAMES
 def test_a_json_request_with_a_text_for_a_number_is_refused(name: str) -> None:
-    for each in numeric(name):
+    for each in numeric_fields(name):
         value = ["1"] if each.is_repeated else "1"
         with pytest.raises(ConfigError) as caught:
-            operation(name).request.of_json(nested(required(name), each.path, value), shown=name)
+            operation(name).request.of_json(
+                with_nested_value(required_values(name), each.path, value), shown=name
+            )
         assert caught.value.refusal == "RID-REQUEST-INVALID"
         assert str(caught.value).startswith(f"{name}: {'.'.join(each.path)}")
 
@@ -135,7 +141,9 @@ def test_an_option_without_effect_is_refused(name: str) -> None:
             if get_origin(each.type) is tuple:
                 value = ("1",) * len(get_args(each.type))
             with pytest.raises(ConfigError) as caught:
-                operation(name).request.of(nested(required(name), each.path, value), flags=True)
+                operation(name).request.of(
+                    with_nested_value(required_values(name), each.path, value), flags=True
+                )
             assert caught.value.refusal == "RID-REQUEST-INVALID"
             assert str(caught.value).startswith(f"{each.flag}: has no effect without --")
 
@@ -165,10 +173,10 @@ def test_declarations_do_not_import_numpy() -> None:
 
 
 def test_a_request_refuses_unknown_fields() -> None:
-    request = operation("retime").request.of({**required("retime"), "margin": "0.5"})
+    request = operation("retime").request.of({**required_values("retime"), "margin": "0.5"})
     assert request.model_dump()["margin"] == 0.5
     with pytest.raises(ConfigError) as caught:
-        operation("retime").request.of({**required("retime"), "margn": "0.5"})
+        operation("retime").request.of({**required_values("retime"), "margn": "0.5"})
     assert caught.value.refusal == "RID-REQUEST-INVALID"
 
 

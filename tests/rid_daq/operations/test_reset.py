@@ -38,7 +38,7 @@ def test_a_remaining_fault_is_an_error_with_exit_code_3(
     assert shown["after"] == stuck.after.words
 
 
-def test_drives_without_a_fault_are_a_good_result() -> None:
+def test_drives_without_a_fault_give_a_passed_result() -> None:
     result = ResetResult(
         ResetRequest(cell="ir361"), "ir361", (drive(PowerState.SWITCH_ON_DISABLED),)
     )

@@ -29,7 +29,7 @@ def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "state" / "rid-daq"
 
 
-def real(folder: Path) -> LoadedCell:
+def real_cell(folder: Path) -> LoadedCell:
     """Return the bundled cell as a user's real cell."""
     path = folder / "cell.yaml"
     if not path.exists():
@@ -44,7 +44,7 @@ def sign_all(loaded: LoadedCell) -> None:
 
 
 def test_a_real_cell_moves_only_after_the_axis_test(tmp_path: Path) -> None:
-    loaded = real(tmp_path)
+    loaded = real_cell(tmp_path)
     with raises_code(PreflightError, "RID-AXIS-TEST-MISSING", "axis1", "axis2", "axis3", "cell.y"):
         require_axis_test(loaded, AxisTestRule.REQUIRED)
     line = axis_test_line(loaded, AxisTestRule.REQUIRED)
@@ -56,7 +56,7 @@ def test_a_real_cell_moves_only_after_the_axis_test(tmp_path: Path) -> None:
 
 
 def test_an_axis_that_is_missing_is_named(tmp_path: Path) -> None:
-    loaded = real(tmp_path)
+    loaded = real_cell(tmp_path)
     sign_axis(loaded, "axis1", "a run")
     sign_axis(loaded, "axis3", "a run")
     with raises_code(PreflightError, "RID-AXIS-TEST-MISSING", "axis2"):
@@ -65,7 +65,7 @@ def test_an_axis_that_is_missing_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("file", ["cell.yaml", "robot.yaml"])
 def test_an_axis_test_is_invalid_after_a_change_of_a_file(file: str, tmp_path: Path) -> None:
-    loaded = real(tmp_path)
+    loaded = real_cell(tmp_path)
     sign_all(loaded)
     changed = replace(loaded, files=loaded.files | {file: loaded.files[file] + b"\n# changed"})
     with raises_code(PreflightError, "RID-AXIS-TEST-MISSING"):
@@ -76,7 +76,7 @@ def test_an_axis_test_is_invalid_after_a_change_of_a_file(file: str, tmp_path: P
 
 
 def test_a_waived_axis_test_lists_the_missing_axes(tmp_path: Path) -> None:
-    loaded = real(tmp_path)
+    loaded = real_cell(tmp_path)
     sign_axis(loaded, "axis1", "a run")
     assert require_axis_test(loaded, AxisTestRule.WAIVED) == "waived; missing: axis2, axis3"
     assert axis_test_line(loaded, AxisTestRule.WAIVED).verdict == "allowed"
@@ -91,7 +91,7 @@ def test_a_simulated_cell_needs_no_axis_test() -> None:
 
 
 def test_an_invalid_axis_test_file_is_named(tmp_path: Path) -> None:
-    loaded = real(tmp_path)
+    loaded = real_cell(tmp_path)
     sign_all(loaded)
     path = axis_test_file(loaded)
     assert path is not None
@@ -100,7 +100,7 @@ def test_an_invalid_axis_test_file_is_named(tmp_path: Path) -> None:
         require_axis_test(loaded, AxisTestRule.REQUIRED)
 
 
-def record(loaded: LoadedCell) -> Path:
+def record_path(loaded: LoadedCell) -> Path:
     found = axis_test_file(loaded)
     assert found is not None
     return found
@@ -108,42 +108,42 @@ def record(loaded: LoadedCell) -> Path:
 
 @pytest.mark.promise("axis-test-signed")
 def test_an_axis_test_file_next_to_the_cell_file_does_not_count(tmp_path: Path) -> None:
-    loaded = real(tmp_path)
+    loaded = real_cell(tmp_path)
     sign_all(loaded)
-    record(loaded).rename(tmp_path / "cell.axes.json")
+    record_path(loaded).rename(tmp_path / "cell.axes.json")
     assert axis_test_line(loaded, AxisTestRule.REQUIRED).verdict == "red"
 
 
-def another_joint(told: dict[str, object], axis: dict[str, object]) -> None:
+def edit_joint(told: dict[str, object], axis: dict[str, object]) -> None:
     axis["joint"] = "axis1"
 
 
-def another_person(told: dict[str, object], axis: dict[str, object]) -> None:
+def edit_tester(told: dict[str, object], axis: dict[str, object]) -> None:
     axis["who"] = "anna"
 
 
-def another_signature(told: dict[str, object], axis: dict[str, object]) -> None:
+def edit_signature(told: dict[str, object], axis: dict[str, object]) -> None:
     axis["signature"] = "0" * 64
 
 
-def no_signature(told: dict[str, object], axis: dict[str, object]) -> None:
+def remove_signature(told: dict[str, object], axis: dict[str, object]) -> None:
     del axis["signature"]
 
 
-def another_cell(told: dict[str, object], axis: dict[str, object]) -> None:
+def edit_cell(told: dict[str, object], axis: dict[str, object]) -> None:
     told["cell"] = "kr15"
 
 
 @pytest.mark.promise("axis-test-signed")
 @pytest.mark.parametrize(
-    "edit", [another_joint, another_person, another_signature, no_signature, another_cell]
+    "edit", [edit_joint, edit_tester, edit_signature, remove_signature, edit_cell]
 )
 def test_an_edited_axis_test_does_not_count(
     edit: Callable[[dict[str, object], dict[str, object]], None], tmp_path: Path
 ) -> None:
-    loaded = real(tmp_path)
+    loaded = real_cell(tmp_path)
     sign_axis(loaded, "axis2", "a run")
-    path = record(loaded)
+    path = record_path(loaded)
     told = json.loads(path.read_text())
     edit(told, told["axes"][0])
     path.write_text(json.dumps(told))
@@ -154,25 +154,27 @@ def test_an_edited_axis_test_does_not_count(
 
 @pytest.mark.promise("axis-test-signed")
 def test_an_axis_test_copied_for_other_files_does_not_count(tmp_path: Path) -> None:
-    loaded = real(tmp_path)
+    loaded = real_cell(tmp_path)
     sign_all(loaded)
     changed = replace(loaded, files=loaded.files | {"cell.yaml": b"# another\n"})
-    record(loaded).rename(record(changed))
-    told = json.loads(record(changed).read_text())
+    record_path(loaded).rename(record_path(changed))
+    told = json.loads(record_path(changed).read_text())
     assert axis_test_line(changed, AxisTestRule.REQUIRED).verdict == "red"
     sign_axis(changed, "axis1", "a run")
-    true = json.loads(record(changed).read_text())
+    true = json.loads(record_path(changed).read_text())
     told |= {name: true[name] for name in ("cell_sha256", "robot_sha256")}
-    record(changed).write_text(json.dumps(told))
+    record_path(changed).write_text(json.dumps(told))
     found = axis_test_line(changed, AxisTestRule.REQUIRED).found
-    assert found == "missing: axis1, axis2, axis3", "its axes are signed with the other hashes"
+    assert found == "missing: axis1, axis2, axis3", (
+        "the axes are signed with the hashes of other files"
+    )
 
 
 @pytest.mark.promise("axis-test-signed")
 def test_an_axis_test_of_another_account_or_computer_does_not_count(
     tmp_path: Path, state: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    loaded = real(tmp_path)
+    loaded = real_cell(tmp_path)
     sign_all(loaded)
     monkeypatch.setattr("rid_daq.preflight.axis_test._computer_id", lambda: "another")
     assert axis_test_line(loaded, AxisTestRule.REQUIRED).verdict == "red"
@@ -180,12 +182,12 @@ def test_an_axis_test_of_another_account_or_computer_does_not_count(
     monkeypatch.setenv("XDG_STATE_HOME", str(state.parent))
     assert axis_test_line(loaded, AxisTestRule.REQUIRED).verdict == "ok"
     (state / "axis-test.key").unlink()
-    assert axis_test_line(loaded, AxisTestRule.REQUIRED).verdict == "red", "a new secret"
+    assert axis_test_line(loaded, AxisTestRule.REQUIRED).verdict == "red", "a new signing key"
 
 
 @pytest.mark.promise("axis-test-signed")
 def test_a_signing_key_that_others_can_access_is_refused(tmp_path: Path, state: Path) -> None:
-    loaded = real(tmp_path)
+    loaded = real_cell(tmp_path)
     sign_all(loaded)
     secret = state / "axis-test.key"
     assert secret.stat().st_mode & 0o777 == 0o600
@@ -202,7 +204,7 @@ def test_a_signing_key_that_others_can_access_is_refused(tmp_path: Path, state: 
 
 
 def test_a_damaged_signing_key_is_refused(tmp_path: Path, state: Path) -> None:
-    loaded = real(tmp_path)
+    loaded = real_cell(tmp_path)
     sign_all(loaded)
     secret = state / "axis-test.key"
     whole = secret.read_bytes()
@@ -213,7 +215,7 @@ def test_a_damaged_signing_key_is_refused(tmp_path: Path, state: Path) -> None:
 
 
 def test_the_axis_test_names_the_tester(tmp_path: Path) -> None:
-    loaded = real(tmp_path)
+    loaded = real_cell(tmp_path)
     for name in loaded.robot.joint_names:
         sign_axis(loaded, name, "a run", "Anna")
     assert axis_test_line(loaded, AxisTestRule.REQUIRED).found.endswith(", Anna")

@@ -58,7 +58,7 @@ def test_a_disk_that_is_too_slow_is_red(
     assert line.verdict == "red"
 
 
-def test_a_date_before_the_program_existed_is_red(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_date_in_the_past_is_red(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rid_daq.preflight.computer_check.measure_lateness", lambda: "not measured")
     before = time.struct_time((2024, 12, 31, 23, 59, 59, 1, 366, 0))
     monkeypatch.setattr("time.gmtime", lambda *_: before)

@@ -81,7 +81,7 @@ class Axes:
 
 
 @pytest.fixture
-def checked(monkeypatch: pytest.MonkeyPatch) -> Any:
+def check_lines(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Return a function that checks such drives during a hundred cycles."""
 
     def check(axes: Axes, lost_frames: int = 0) -> list[CheckLine]:
@@ -108,73 +108,73 @@ def checked(monkeypatch: pytest.MonkeyPatch) -> Any:
 WATCHED = CheckLine("drives", "watched", "", "", "ok")
 
 
-def red(lines: Sequence[CheckLine]) -> list[str]:
+def red_lines(lines: Sequence[CheckLine]) -> list[str]:
     return [f"{line.where}: {line.what} {line.found}" for line in lines if line.verdict == "red"]
 
 
-def test_drives_that_answer_are_ok_and_their_watchdogs_are_tested_last(checked: Any) -> None:
+def test_drives_that_answer_are_ok_and_their_watchdogs_are_tested_last(check_lines: Any) -> None:
     axes = Axes()
-    lines = checked(axes)
-    assert red(lines) == []
+    lines = check_lines(axes)
+    assert red_lines(lines) == []
     assert lines[0].what == "6085h:00 quick-stop deceleration"
     assert lines[-1] is WATCHED
     assert axes.quick_stops == CYCLES  # nothing must move
 
 
-def test_missing_answers_are_counted_for_each_drive(checked: Any) -> None:
-    lines = checked(Axes(lost=[(0, 1), (7, 1), (99, 2)]))
-    assert red(lines) == [
+def test_missing_answers_are_counted_for_each_drive(check_lines: Any) -> None:
+    lines = check_lines(Axes(lost=[(0, 1), (7, 1), (99, 2)]))
+    assert red_lines(lines) == [
         "axis2, node 2: answers missing of 100 2",
         "axis3, node 3: answers missing of 100 1",
     ]
     assert WATCHED not in lines  # drives that lose answers get no watchdog trial
 
 
-def test_one_slow_answer_in_a_hundred_is_ok_and_two_are_red(checked: Any) -> None:
+def test_one_slow_answer_in_a_hundred_is_ok_and_two_are_red(check_lines: Any) -> None:
     slow = 0.0051
-    assert red(checked(Axes(answer_s=[slow, *[0.001] * 99]))) == []
-    (line,) = red(checked(Axes(answer_s=[slow, slow, *[0.001] * 98])))
+    assert red_lines(check_lines(Axes(answer_s=[slow, *[0.001] * 99]))) == []
+    (line,) = red_lines(check_lines(Axes(answer_s=[slow, slow, *[0.001] * 98])))
     assert line == "drives: time from SYNC to the last answer (99th percentile) 5.10 ms"
 
 
-def test_frames_lost_by_this_computer_are_red(checked: Any) -> None:
-    (line,) = red(checked(Axes(), lost_frames=3))
+def test_frames_lost_by_this_computer_are_red(check_lines: Any) -> None:
+    (line,) = red_lines(check_lines(Axes(), lost_frames=3))
     assert line.endswith("frames lost by this computer 3")
 
 
-def test_a_fault_is_red_and_a_cleared_fault_is_not(checked: Any) -> None:
+def test_a_fault_is_red_and_a_cleared_fault_is_not(check_lines: Any) -> None:
     told = [
         DriveEvent(EventKind.EMERGENCY, "axis1", 0.0, "axis1: emergency 7121h", 0x7121),
         DriveEvent(EventKind.EMERGENCY_CLEARED, "axis1", 0.0, "axis1: over", 0),
     ]
-    assert red(checked(Axes(events=told[1:]))) == []
-    assert red(checked(Axes(events=told))) == ["drives: faults axis1: emergency 7121h"]
+    assert red_lines(check_lines(Axes(events=told[1:]))) == []
+    assert red_lines(check_lines(Axes(events=told))) == ["drives: faults axis1: emergency 7121h"]
 
 
-def test_a_repeated_fault_is_reported_once_with_its_count(checked: Any) -> None:
+def test_a_repeated_fault_is_reported_once_with_its_count(check_lines: Any) -> None:
     lost, left = (
         DriveEvent(EventKind.EMERGENCY, axis, 0.0, f"{axis}: heartbeat lost", 0x8130)
         for axis in ("axis1", "axis2")
     )
-    (line,) = red(checked(Axes(events=[lost, left, lost, lost])))
+    (line,) = red_lines(check_lines(Axes(events=[lost, left, lost, lost])))
     assert line == "drives: faults axis1: heartbeat lost (3 times); axis2: heartbeat lost"
 
 
-def test_settings_read_before_a_drive_error_are_reported(checked: Any) -> None:
+def test_settings_read_before_a_drive_error_are_reported(check_lines: Any) -> None:
     axes = Axes(trouble=DriverError("axis2 does not answer"))
     with pytest.raises(DriveTrouble) as caught:
-        checked(axes)
+        check_lines(axes)
     assert [line.what for line in caught.value.lines] == ["6085h:00 quick-stop deceleration"]
     assert axes.asked == ["bring up"]
     assert axes.cycle == -1
 
 
 def test_a_joint_outside_its_limits_is_red(
-    checked: Callable[..., list[CheckLine]],
+    check_lines: Callable[..., list[CheckLine]],
 ) -> None:
-    lines = [line for line in checked(Axes(stands=9.0)) if "6064h" in line.what]
+    lines = [line for line in check_lines(Axes(stands=9.0)) if "6064h" in line.what]
     assert [line.verdict for line in lines] == ["red"] * N
     assert lines[0].found.startswith("515.66 °")
     assert "position_zero_counts" in lines[0].next_action
-    lines = [line for line in checked(Axes()) if "6064h" in line.what]
+    lines = [line for line in check_lines(Axes()) if "6064h" in line.what]
     assert [line.verdict for line in lines] == ["ok"] * N

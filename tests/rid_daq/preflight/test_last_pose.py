@@ -22,7 +22,7 @@ def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def real(state: Path, tmp_path: Path) -> LoadedCell:
+def real_cell(state: Path, tmp_path: Path) -> LoadedCell:
     loaded = load_cell("ir361")
     config = loaded.config.model_copy(update={"simulated": False})
     return replace(loaded, config=config, path=tmp_path / "cell.yaml")
@@ -34,48 +34,48 @@ def verdict(loaded: LoadedCell, position: list[float], rule: PoseRule = PoseRule
     return line.verdict
 
 
-def test_the_first_check_stores_the_pose_and_later_checks_compare_it(real: LoadedCell) -> None:
-    assert verdict(real, HERE) == "shown"
-    assert verdict(real, HERE) == "ok"
-    assert verdict(real, ELSEWHERE) == "red"
-    assert verdict(real, ELSEWHERE) == "red", "a check that is red changes nothing"
+def test_the_first_check_stores_the_pose_and_later_checks_compare_it(real_cell: LoadedCell) -> None:
+    assert verdict(real_cell, HERE) == "shown"
+    assert verdict(real_cell, HERE) == "ok"
+    assert verdict(real_cell, ELSEWHERE) == "red"
+    assert verdict(real_cell, ELSEWHERE) == "red", "a red check does not store the pose"
 
 
-def test_an_accepted_pose_replaces_the_stored_one(real: LoadedCell) -> None:
-    store_pose(real, HERE, "run A")
-    assert verdict(real, ELSEWHERE, PoseRule.ACCEPTED) == "allowed"
-    assert verdict(real, ELSEWHERE) == "ok"
-    assert verdict(real, HERE) == "red"
+def test_an_accepted_pose_replaces_the_stored_one(real_cell: LoadedCell) -> None:
+    store_pose(real_cell, HERE, "run A")
+    assert verdict(real_cell, ELSEWHERE, PoseRule.ACCEPTED) == "allowed"
+    assert verdict(real_cell, ELSEWHERE) == "ok"
+    assert verdict(real_cell, HERE) == "red"
 
 
-def test_another_pose_of_a_served_simulated_cell_is_allowed(real: LoadedCell) -> None:
-    config = real.config.model_copy(update={"simulated": True})
-    simulated = replace(real, config=config)
+def test_another_pose_of_a_served_simulated_cell_is_allowed(real_cell: LoadedCell) -> None:
+    config = real_cell.config.model_copy(update={"simulated": True})
+    simulated = replace(real_cell, config=config)
     store_pose(simulated, HERE, "run A")
     assert verdict(simulated, ELSEWHERE) == "allowed"
 
 
 def test_a_simulated_cell_started_by_the_command_has_no_stored_pose(
-    real: LoadedCell, state: Path
+    real_cell: LoadedCell, state: Path
 ) -> None:
-    assert pose_lines(real, HERE, PoseRule.LEFT_OUT) == []
+    assert pose_lines(real_cell, HERE, PoseRule.LEFT_OUT) == []
     assert not state.exists()
 
 
-def test_each_cell_file_has_a_separate_pose(real: LoadedCell, tmp_path: Path) -> None:
-    store_pose(real, HERE, "run A")
-    assert known_pose(replace(real, path=tmp_path / "other.yaml"), binding=True) is None
+def test_each_cell_file_has_a_separate_pose(real_cell: LoadedCell, tmp_path: Path) -> None:
+    store_pose(real_cell, HERE, "run A")
+    assert known_pose(replace(real_cell, path=tmp_path / "other.yaml"), binding=True) is None
     linked = tmp_path / "linked.yaml"
     linked.symlink_to(tmp_path / "cell.yaml")
-    assert known_pose(replace(real, path=linked), binding=True) is not None
+    assert known_pose(replace(real_cell, path=linked), binding=True) is not None
 
 
-def test_a_stored_pose_of_other_joints_is_ignored(real: LoadedCell) -> None:
-    store_pose(real, HERE, "run A")
+def test_a_stored_pose_of_other_joints_is_ignored(real_cell: LoadedCell) -> None:
+    store_pose(real_cell, HERE, "run A")
     joints = tuple(
-        joint.model_copy(update={"name": f"{joint.name}b"}) for joint in real.robot.joints
+        joint.model_copy(update={"name": f"{joint.name}b"}) for joint in real_cell.robot.joints
     )
-    renamed = replace(real, robot=real.robot.model_copy(update={"joints": joints}))
+    renamed = replace(real_cell, robot=real_cell.robot.model_copy(update={"joints": joints}))
     assert known_pose(renamed, binding=True) is None
 
 
@@ -85,10 +85,10 @@ def test_the_cell_page_finds_the_line_by_its_name() -> None:
 
 
 @pytest.mark.parametrize("content", ["", "{", '{"cell": 3}', '{"position": [NaN]}'])
-def test_a_damaged_file_is_refused(real: LoadedCell, state: Path, content: str) -> None:
-    store_pose(real, HERE, "run A")
+def test_a_damaged_file_is_refused(real_cell: LoadedCell, state: Path, content: str) -> None:
+    store_pose(real_cell, HERE, "run A")
     (file,) = state.iterdir()
     file.write_text(content)
     with pytest.raises(RidDaqError) as caught:
-        known_pose(real, binding=True)
+        known_pose(real_cell, binding=True)
     assert str(file) in str(caught.value)

@@ -62,32 +62,32 @@ def serve(loaded: LoadedCell, tmp_path: Path) -> Iterator[Serve]:
         yield start
 
 
-def red(loaded: LoadedCell, cell: CellConfig) -> list[CheckLine]:
+def red_lines(loaded: LoadedCell, cell: CellConfig) -> list[CheckLine]:
     lines = monitor_lines(cell, loaded.robot, loaded.drive_profile)
     return [line for line in lines if line.verdict == "red"]
 
 
 def test_normal_motors_give_no_red_line(loaded: LoadedCell, serve: Serve) -> None:
     cell = serve()
-    assert red(loaded, cell) == []
+    assert red_lines(loaded, cell) == []
     lines = monitor_lines(cell, loaded.robot, loaded.drive_profile)
     assert sum(line.of_drive for line in lines) == 12
 
 
 def test_a_hot_motor_is_red(loaded: LoadedCell, serve: Serve) -> None:
-    (line,) = red(loaded, serve(temperature_k=395.0))
+    (line,) = red_lines(loaded, serve(temperature_k=395.0))
     assert (line.where, line.found, line.required) == ("axis3, node 3", "121.9", "≤ 120")
     assert line.next_action == "let the motor cool down"
 
 
 def test_a_deviating_torque_constant_is_red(loaded: LoadedCell, serve: Serve) -> None:
-    (line,) = red(loaded, serve(constant=1.05))
+    (line,) = red_lines(loaded, serve(constant=1.05))
     assert (line.where, line.found, line.required) == ("axis3, node 3", "103.9", "99")
     assert "torque_constant_nm_per_a" in line.next_action
 
 
 def test_a_missing_drive_is_red(loaded: LoadedCell, serve: Serve) -> None:
-    (line,) = red(loaded, serve(units=5))
+    (line,) = red_lines(loaded, serve(units=5))
     assert line.found == "no answer of unit 6"
     assert "exception 11" in line.next_action
 
@@ -97,7 +97,7 @@ def test_an_unreachable_monitor_link_is_red(loaded: LoadedCell, serve: Serve) ->
     assert cell.monitor is not None
     link = cell.monitor.link.model_copy(update={"port": 1})
     gone = cell.monitor.model_copy(update={"link": link})
-    (line,) = red(loaded, cell.model_copy(update={"monitor": gone}))
+    (line,) = red_lines(loaded, cell.model_copy(update={"monitor": gone}))
     assert "cannot be opened" in line.found
     assert "monitor.units" in line.next_action
 

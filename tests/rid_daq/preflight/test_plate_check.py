@@ -40,7 +40,7 @@ def lines_of(served: Any, **changes: object) -> dict[str, CheckLine]:
     return {line.what: line for line in [*check.before(), *check.after()]}
 
 
-def red(lines: dict[str, CheckLine]) -> list[str]:
+def red_subjects(lines: dict[str, CheckLine]) -> list[str]:
     return [what for what, line in lines.items() if line.verdict == "red"]
 
 
@@ -48,7 +48,7 @@ def test_a_zeroed_plate_gives_no_red_line(serve_amplifier: Serve) -> None:
     served = serve_amplifier()
     prepare_plate(served.plate, served.profile, operate=True)
     lines = lines_of(served)
-    assert red(lines) == []
+    assert red_subjects(lines) == []
     assert lines["amplifier"].found.startswith("rid-daq,simulated")
     assert lines["settings read back"].found == "21"
     assert "force at rest" in lines
@@ -60,13 +60,13 @@ def test_an_overloaded_serial_line_is_red(
     monkeypatch.setattr("rid_daq.preflight.plate_check.LINE_LOAD_LIMIT", 0.01)
     served = serve_amplifier()
     prepare_plate(served.plate, served.profile, operate=True)
-    assert red(lines_of(served)) == ["line load"]
+    assert red_subjects(lines_of(served)) == ["line load"]
 
 
 def test_an_amplifier_in_reset_is_red_and_stays_in_reset(serve_amplifier: Serve) -> None:
     served = serve_amplifier()
     lines = lines_of(served)
-    assert red(lines) == ["channels measure"]
+    assert red_subjects(lines) == ["channels measure"]
     assert "plate zero" in lines["channels measure"].next_action
     assert "force at rest" not in lines
     with open_amplifier(served.plate.amplifier, served.profile) as amplifier:
@@ -81,7 +81,7 @@ def test_a_changed_range_makes_the_zero_invalid(serve_amplifier: Serve) -> None:
         update={"range_n": (2500.0, *served.plate.amplifier.range_n[1:])}
     )
     lines = lines_of(served, amplifier=other)
-    assert red(lines) == ["channels measure"]
+    assert red_subjects(lines) == ["channels measure"]
     assert "reset the charge" in lines["channels measure"].found
 
 
@@ -105,12 +105,12 @@ def test_a_force_beyond_five_newtons_is_red_by_channel(
     prepare_plate(served.plate, served.profile, operate=True)
     stream_some(served)
     lines = lines_of(served)
-    assert red(lines) == ["force at rest"]
+    assert red_subjects(lines) == ["force at rest"]
     channel, newtons, _ = lines["force at rest"].found.split()
     assert channel == "fy14"
     assert float(newtons) == pytest.approx(-6.0, abs=0.1)
     zero = PlateZero(offset_n=(0.0, 0.0, -6.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-    assert red(lines_of(served, zero=zero)) == []
+    assert red_subjects(lines_of(served, zero=zero)) == []
     measured("6 N at zero: red")
 
 
@@ -121,7 +121,7 @@ def test_an_overload_is_red_and_named_once(serve_amplifier: Serve) -> None:
     prepare_plate(served.plate, served.profile, operate=True)
     stream_some(served)
     lines = lines_of(served)
-    assert "overloads" in red(lines)
+    assert "overloads" in red_subjects(lines)
     assert lines["overloads"].found == "fz2"
 
 

@@ -123,7 +123,7 @@ def remove_all(folder: Path) -> Callable[[], None]:
     return remove
 
 
-def recorded(folder: Path, **more: Any) -> tuple[DrivenError, Person]:
+def driven_motion(folder: Path, **more: Any) -> tuple[DrivenError, Person]:
     person = Person(remove_all(folder))
     request = RecordRequest(
         cell=str(folder / "cell.yaml"),
@@ -139,14 +139,14 @@ def recorded(folder: Path, **more: Any) -> tuple[DrivenError, Person]:
 
 def test_no_file_of_a_recording_is_read_after_the_question(folder: Path) -> None:
     content = {name: (folder / name).read_bytes() for name in ("motion.yaml", "ahead.json")}
-    raise_driven, _ = recorded(
+    driven, _ = driven_motion(
         folder, feedforward=folder / "ahead.json", model=folder / "model.json"
     )
-    assert raise_driven.asked.files == {
+    assert driven.asked.files == {
         MOTION: content["motion.yaml"],
         FEEDFORWARD: content["ahead.json"],
     }
-    samples = raise_driven.asked.samples
+    samples = driven.asked.samples
     assert isinstance(samples, MotionSamples)
     assert samples.feedforward is not None
     np.testing.assert_allclose(samples.feedforward, samples.velocity, atol=1e-8)
@@ -154,8 +154,8 @@ def test_no_file_of_a_recording_is_read_after_the_question(folder: Path) -> None
 
 def test_a_fault_script_is_read_once(folder: Path) -> None:
     (folder / "faults.yaml").write_text("seed: 3\n")
-    raise_driven, _ = recorded(folder, faults=folder / "faults.yaml")
-    assert raise_driven.asked.files["faults.yaml"] == b"seed: 3\n"
+    driven, _ = driven_motion(folder, faults=folder / "faults.yaml")
+    assert driven.asked.files["faults.yaml"] == b"seed: 3\n"
 
 
 def test_the_executed_joint_table_is_the_one_read_before_the_question(folder: Path) -> None:
@@ -164,20 +164,20 @@ def test_the_executed_joint_table_is_the_one_read_before_the_question(folder: Pa
     (folder / "rows.csv").write_text(f"time_s,axis1,axis2,axis3\n{rows}\n")
     (folder / "motion.yaml").write_text("kind: joint_table\nrobot: ir361\nfile: rows.csv\n")
     wanted = load_motion(folder / "motion.yaml")
-    raise_driven, _ = recorded(folder)
-    assert isinstance(raise_driven.asked.samples, MotionSamples)
+    driven, _ = driven_motion(folder)
+    assert isinstance(driven.asked.samples, MotionSamples)
     cell = load_cell("ir361")
     planned = wanted.plan(cell.robot, cell.config.cycle_time_s)
-    np.testing.assert_array_equal(raise_driven.asked.samples.position, planned.position)
-    (folder / "kept.yaml").write_bytes(raise_driven.asked.files[MOTION])
+    np.testing.assert_array_equal(driven.asked.samples.position, planned.position)
+    (folder / "kept.yaml").write_bytes(driven.asked.files[MOTION])
     assert load_motion(folder / "kept.yaml") == wanted
 
 
 def test_the_hashes_shown_with_the_question_match_the_files_of_the_run(folder: Path) -> None:
-    raise_driven, person = recorded(folder, feedforward=folder / "ahead.json")
+    driven, person = driven_motion(folder, feedforward=folder / "ahead.json")
     told: Any = person
     (shown,) = [line for line in told.said if "SHA-256" in line]
-    kept = {**raise_driven.loaded.files, **raise_driven.asked.files}
+    kept = {**driven.loaded.files, **driven.asked.files}
     assert {"cell.yaml", "robot.yaml", MOTION, FEEDFORWARD} <= kept.keys()
     for name, content in kept.items():
         assert f"{name} {hashlib.sha256(content).hexdigest()[:12]}" in shown
@@ -214,7 +214,7 @@ def test_a_feedforward_beyond_the_limits_is_refused_before_the_question(folder: 
         row[0] = 0.3 * (-1.0) ** number
     (folder / "ahead.json").write_text(json.dumps(file))
 
-    def never() -> None:
+    def fail_if_asked() -> None:
         raise AssertionError("no question about a motion that cannot be executed")
 
     request = RecordRequest(
@@ -225,7 +225,7 @@ def test_a_feedforward_beyond_the_limits_is_refused_before_the_question(folder: 
         practise=True,
     )
     with pytest.raises(LimitError) as caught:
-        record_motion_file(request, Person(never))
+        record_motion_file(request, Person(fail_if_asked))
     assert caught.value.refusal == "RID-MOTION-COMMAND"
     assert not (folder / "runs").exists()
 

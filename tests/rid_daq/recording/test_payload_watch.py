@@ -86,7 +86,9 @@ def test_each_warm_up_period_is_reported_once_for_the_plot(monkeypatch: pytest.M
     assert told == [(JOINTS, [[1.0, 2.0]], 2.0), (JOINTS, [[3.0, 4.0]], 2.0)]
 
 
-def weighing(goal_kg: float | None, monkeypatch: pytest.MonkeyPatch, sigma_kg: float) -> MassWatch:
+def mass_watch(
+    goal_kg: float | None, monkeypatch: pytest.MonkeyPatch, sigma_kg: float
+) -> MassWatch:
     """Return a watch whose estimate is 9.3 kg with a given standard deviation."""
     watch = MassWatch(load_robot("ir361"), None, PayloadRequest(), goal_kg)
     average = cast(PeriodAverage, SimpleNamespace())
@@ -105,7 +107,7 @@ PERIODS = cast(NewPeriods, SimpleNamespace(periods=5))
 def test_a_mass_is_accurate_if_two_standard_deviations_are_within_the_goal(
     goal_kg: float | None, enough: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    watch = weighing(goal_kg, monkeypatch, sigma_kg=0.02)
+    watch = mass_watch(goal_kg, monkeypatch, sigma_kg=0.02)
     assert watch.sentences() == []
     assert watch.add_periods(PERIODS) is enough
     assert watch.line() == "5 periods: 9.300 ± 0.040 kg"
@@ -114,7 +116,7 @@ def test_a_mass_is_accurate_if_two_standard_deviations_are_within_the_goal(
 def test_a_failed_estimate_gives_its_reason_and_does_not_end_the_motion(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    watch = weighing(1e9, monkeypatch, sigma_kg=0.0)
+    watch = mass_watch(1e9, monkeypatch, sigma_kg=0.0)
 
     def fail(*_: object) -> None:
         raise EstimationError("the motion does not show the mass")
@@ -137,7 +139,7 @@ def test_a_mass_is_not_estimated_in_motion_with_a_time_dependent_model(
     what: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     how = PayloadRequest(PayloadOptions("model", robot=model_beyond_mean_period(what)))
-    weighing(None, monkeypatch, sigma_kg=0.001)
+    mass_watch(None, monkeypatch, sigma_kg=0.001)
     watch = MassWatch(load_robot("ir361"), None, how, 0.1)
     assert not watch.add_periods(PERIODS)
     assert watch.line() == "mass not estimated during the run"

@@ -41,28 +41,28 @@ def outcome(stop: StopReason | None = None) -> RecordOutcome:
 
 
 @pytest.fixture
-def ended(tmp_path: Path) -> RecordedRun:
+def ended_run(tmp_path: Path) -> RecordedRun:
     """Return a motion that ended as planned without lost answers."""
     folder = RunFolder.create(tmp_path, "a run")
     quality = RunQuality(("axis1",), 100, (0,))
     return RecordedRun(folder, outcome(), None, quality, Result.new("Recording", "arm"))
 
 
-def test_a_complete_run_gives_exit_code_0(ended: RecordedRun) -> None:
-    verdict = ended.verdict([])
-    assert (ended.status, ended.exit_code) == (RunStatus.COMPLETE, ExitCode.DONE)
+def test_a_complete_run_gives_exit_code_0(ended_run: RecordedRun) -> None:
+    verdict = ended_run.verdict([])
+    assert (ended_run.status, ended_run.exit_code) == (RunStatus.COMPLETE, ExitCode.DONE)
     assert (verdict.headline, verdict.passed) == ("Recorded completely", None)
-    assert ended.stop_sentence == ""
+    assert ended_run.stop_sentence == ""
 
 
-def test_reached_goals_replace_the_timing_in_the_verdict(ended: RecordedRun) -> None:
+def test_reached_goals_replace_the_timing_in_the_verdict(ended_run: RecordedRun) -> None:
     goals = ["sx3 reached after 5 periods", "fv_axis1 reached after 6 periods"]
-    sentence = ended.verdict(goals).sentence
+    sentence = ended_run.verdict(goals).sentence
     assert sentence == "sx3 reached after 5 periods. fv_axis1 reached after 6 periods."
 
 
-def test_too_many_lost_answers_come_first_and_give_exit_code_6(ended: RecordedRun) -> None:
-    poor = replace(ended, quality=RunQuality(("axis1",), 100, (12,), trouble=TROUBLE))
+def test_too_many_lost_answers_come_first_and_give_exit_code_6(ended_run: RecordedRun) -> None:
+    poor = replace(ended_run, quality=RunQuality(("axis1",), 100, (12,), trouble=TROUBLE))
     verdict = poor.verdict([])
     assert poor.exit_code == ExitCode.DATA_QUALITY
     assert (verdict.passed, verdict.headline) == (
@@ -77,17 +77,17 @@ def test_too_many_lost_answers_come_first_and_give_exit_code_6(ended: RecordedRu
     ("held", "after"), [(False, "; the robot moves to the start pose by itself"), (True, "")]
 )
 def test_the_stop_sentence_announces_automatic_motion_only_without_a_held_key(
-    ended: RecordedRun, held: bool, after: str
+    ended_run: RecordedRun, held: bool, after: str
 ) -> None:
     asked = StopReason(StopCode.STOP_COMMAND, "stopped by `rid-daq stop`")
-    stopped = replace(ended, outcome=outcome(asked), quality=None, held=held)
+    stopped = replace(ended_run, outcome=outcome(asked), quality=None, held=held)
     assert stopped.stop_sentence == (
         f"Stopped by `rid-daq stop`. Start again when you are ready{after}."
     )
 
 
-def test_the_stop_sentence_gives_cause_place_and_advice(ended: RecordedRun) -> None:
-    stopped = replace(ended, outcome=outcome(LOST), quality=None)
+def test_the_stop_sentence_gives_cause_place_and_advice(ended_run: RecordedRun) -> None:
+    stopped = replace(ended_run, outcome=outcome(LOST), quality=None)
     verdict = stopped.verdict(["never told"])
     assert (stopped.status, stopped.exit_code) == (RunStatus.STOPPED, ExitCode.COMMUNICATION)
     assert verdict.sentence == (
@@ -102,10 +102,10 @@ def test_the_stop_sentence_gives_cause_place_and_advice(ended: RecordedRun) -> N
     [(signal.SIGINT, ExitCode.INTERRUPTED), (signal.SIGTERM, ExitCode.TERMINATED)],
 )
 def test_a_signal_determines_the_exit_code(
-    ended: RecordedRun, came: signal.Signals, code: ExitCode
+    ended_run: RecordedRun, came: signal.Signals, code: ExitCode
 ) -> None:
     reason = StopReason(StopCode.INTERRUPTED, "stopped by the operator")
-    stopped = replace(ended, outcome=replace(outcome(reason), interrupted_by=came))
+    stopped = replace(ended_run, outcome=replace(outcome(reason), interrupted_by=came))
     assert stop_words(stopped.outcome) == "Stopped by the operator."
     assert stopped.exit_code == code
 
@@ -117,9 +117,9 @@ def test_the_stop_document_contains_code_and_notes() -> None:
     assert told["notes"] == ["the recorder died"]
 
 
-def test_an_empty_recording_is_refused_when_it_is_used(ended: RecordedRun) -> None:
+def test_an_empty_recording_is_refused_when_it_is_used(ended_run: RecordedRun) -> None:
     with raises_code(DataQualityError, "RID-RECORDING-EMPTY"):
-        _ = ended.measured
+        _ = ended_run.measured
 
 
 @pytest.mark.parametrize(

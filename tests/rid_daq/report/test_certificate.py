@@ -40,24 +40,24 @@ NAME = "Jörg Łukasz Ωmega Дарья 山田"
 
 
 @pytest.fixture(scope="module")
-def kept(tmp_path_factory: pytest.TempPathFactory) -> Session:
+def stored_session(tmp_path_factory: pytest.TempPathFactory) -> Session:
     return certified_session(tmp_path_factory.mktemp("kept") / "runs")
 
 
 @pytest.fixture
-def session(kept: Session, tmp_path: Path) -> Session:
+def session(stored_session: Session, tmp_path: Path) -> Session:
     """Return a copy of the session that a test can change."""
-    runs = shutil.copytree(kept.folder.path.parent, tmp_path / "runs")
-    folder = RunFolder.open(runs / kept.folder.run_id)
-    return Session(folder, SessionFile.read(folder), kept.payload)
+    runs = shutil.copytree(stored_session.folder.path.parent, tmp_path / "runs")
+    folder = RunFolder.open(runs / stored_session.folder.run_id)
+    return Session(folder, SessionFile.read(folder), stored_session.payload)
 
 
 @pytest.fixture(scope="module")
-def text(kept: Session) -> str:
-    return words_of(certificate_of(kept.folder, NAME))
+def text(stored_session: Session) -> str:
+    return page_text(certificate_of(stored_session.folder, NAME))
 
 
-def words_of(certificate: Certificate) -> str:
+def page_text(certificate: Certificate) -> str:
     """Return the text of a certificate's page."""
     page = render_certificate(certificate).partition("</head>")[2]
     page = re.sub(r"<svg.*?</svg>", "", page, flags=re.DOTALL)
@@ -77,8 +77,8 @@ def test_the_residual_of_every_axis_has_noise_and_grade(text: str) -> None:
         assert f"{joint} N m 0.5 0.5 5 good" in text
 
 
-def test_the_numbers_equal_those_of_the_payload_file(kept: Session, text: str) -> None:
-    estimate = read_payload(kept.folder.file("payload.json")).estimate
+def test_the_numbers_equal_those_of_the_payload_file(stored_session: Session, text: str) -> None:
+    estimate = read_payload(stored_session.folder.file("payload.json")).estimate
     names = ["mass m", *(f"centre of gravity {name}" for name in REPORTED[1:4])]
     names += [f"inertia {name}" for name in REPORTED[4:]]
     rows = zip(names, REPORTED_UNITS, estimate.reported, estimate.sigma, strict=True)
@@ -90,9 +90,9 @@ def test_the_numbers_equal_those_of_the_payload_file(kept: Session, text: str) -
         assert value == pytest.approx(factor * expected, abs=0.05 * two_sigma)
 
 
-def test_load_data_equal_those_of_the_exported_payload(kept: Session, text: str) -> None:
+def test_load_data_equal_those_of_the_exported_payload(stored_session: Session, text: str) -> None:
     text = text.partition("Load data for a controller")[2]
-    body = kept.payload.estimate.body
+    body = stored_session.payload.estimate.body
     assert f"mass m {body.mass_kg:.6g} kg" in text
     for name, value in zip(REPORTED[1:4], body.centre_m, strict=True):
         assert f"centre of gravity {name} {1e3 * value:.6g} mm" in text
@@ -103,23 +103,29 @@ def test_load_data_equal_those_of_the_exported_payload(kept: Session, text: str)
     assert "Frame: the flange, which is the tool frame of the robot file" in text
 
 
-def test_the_certificate_states_person_time_cell_method_and_files(kept: Session, text: str) -> None:
-    manifest = kept.folder.manifest()
+def test_the_certificate_states_person_time_cell_method_and_files(
+    stored_session: Session, text: str
+) -> None:
+    manifest = stored_session.folder.manifest()
     assert manifest.finished_utc is not None
     for stamp in (manifest.created_utc, manifest.finished_utc):
         assert f"{stamp[:19].replace('T', ' ')} UTC" in text
     assert "Passed: the payload's mass is" in text
     assert "interval of the mass (2σ)" in text
-    assert f"gripper 4 ({kept.folder.run_id})" in text
+    assert f"gripper 4 ({stored_session.folder.run_id})" in text
     assert f"By {NAME}" in text
     assert f"{NAME} Date Signature" in text
     assert "robot kr15 not recorded" in text
     assert "(node 5) 7005" in text
     assert "(node 6) not recorded" in text
-    for step, run_id in kept.state.done.items():
-        used = "yes" if run_id in kept.payload.estimate.run_ids else "no"
+    for step, run_id in stored_session.state.done.items():
+        used = "yes" if run_id in stored_session.payload.estimate.run_ids else "no"
         assert f"{step} {run_id} {used}" in text
-        entry = RunFolder.open(kept.folder.path.parent / run_id).manifest().files["recording.mcap"]
+        entry = (
+            RunFolder.open(stored_session.folder.path.parent / run_id)
+            .manifest()
+            .files["recording.mcap"]
+        )
         assert f"{run_id} recording.mcap {entry.sha256}" in text
     assert f"payload.json {manifest.files['payload.json'].sha256}" in text
     assert "Recorded with rid-daq 0.1.0" in text
@@ -164,7 +170,7 @@ def test_a_browser_that_fails_is_named(session: Session, monkeypatch: pytest.Mon
 
 def test_a_certificate_of_a_real_cell_is_not_marked_as_simulated(tmp_path: Path) -> None:
     real = certified_session(tmp_path / "runs", simulated=False)
-    text = words_of(certificate_of(real.folder, None))
+    text = page_text(certificate_of(real.folder, None))
     assert "simulated" not in text.lower()
     assert "By not recorded" in text
 
@@ -203,7 +209,7 @@ def test_latest_does_not_skip_an_unfinished_session(tmp_path: Path) -> None:
 
 def test_a_failed_verdict_is_certified_as_failed_and_gives_no_load_data(tmp_path: Path) -> None:
     failed = certified_session(tmp_path / "runs", mass_percent=0.1)
-    text = words_of(certificate_of(failed.folder, None))
+    text = page_text(certificate_of(failed.folder, None))
     assert "Failed: interval of the mass (2σ)" in text
     assert "Passed" not in text
     assert "No load data: the verdict is not passed." in text
@@ -212,7 +218,7 @@ def test_a_failed_verdict_is_certified_as_failed_and_gives_no_load_data(tmp_path
 
 def test_an_unidentifiable_parameter_has_no_number(session: Session) -> None:
     note_payload(session.folder, with_unseen_inertia(session.payload))
-    text = words_of(certificate_of(session.folder, None))
+    text = page_text(certificate_of(session.folder, None))
     assert "inertia Izz not identified kg m²" in text
     assert "Failed" in text
 
@@ -227,7 +233,7 @@ def test_a_run_of_payload_identify_is_certified(session: Session) -> None:
     loaded = RunFolder.open(session.folder.path.parent / session.state.done["loaded 1"])
     note_payload(loaded, session.payload)
     certificate = certificate_of(loaded, None)
-    text = words_of(certificate)
+    text = page_text(certificate)
     assert not certificate.is_session
     assert [each.run_id for _, each in certificate.runs] == list(session.payload.estimate.run_ids)
     assert f"gripper 4 3 ({loaded.run_id})" in text

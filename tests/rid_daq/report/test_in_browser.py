@@ -48,7 +48,7 @@ def complaints() -> list[str]:
     return []
 
 
-def opened(
+def open_report(
     browser: Browser, report: str, complaints: list[str], *, width: int, dark: bool, scripts: bool
 ) -> Page:
     context = browser.new_context(
@@ -74,7 +74,7 @@ def wait_until_shown(page: Page) -> None:
 def test_plots_can_be_zoomed_follow_the_theme_and_print_in_light_colours(
     browser: Browser, report: str, complaints: list[str]
 ) -> None:
-    page = opened(browser, report, complaints, width=1280, dark=False, scripts=True)
+    page = open_report(browser, report, complaints, width=1280, dark=False, scripts=True)
     wait_until_shown(page)
     assert page.locator(".still:visible").count() == 0
     place = page.locator('[data-plot^="fit"]')
@@ -105,7 +105,7 @@ def test_plots_can_be_zoomed_follow_the_theme_and_print_in_light_colours(
 def test_the_report_fits_a_phone_and_passes_axe(
     browser: Browser, report: str, complaints: list[str]
 ) -> None:
-    page = opened(browser, report, complaints, width=390, dark=True, scripts=True)
+    page = open_report(browser, report, complaints, width=390, dark=True, scripts=True)
     wait_until_shown(page)
     assert page.evaluate(CUT_OFF) == 0
     assert complaints == []
@@ -116,7 +116,7 @@ def test_the_report_fits_a_phone_and_passes_axe(
 def test_without_scripts_static_drawings_are_shown(
     browser: Browser, report: str, complaints: list[str]
 ) -> None:
-    page = opened(browser, report, complaints, width=390, dark=True, scripts=False)
+    page = open_report(browser, report, complaints, width=390, dark=True, scripts=False)
     assert page.locator(".still svg:visible").count() > 4
     assert page.locator(".live:visible").count() == 0
     assert page.locator("body").bounding_box()["width"] == 390  # type: ignore[index]

@@ -69,13 +69,13 @@ def _read(page: str) -> _Page:
     return parser
 
 
-def typed(document: dict[str, Any]) -> Result:
+def result_of(document: dict[str, Any]) -> Result:
     """Return the result of a document."""
     return Result.model_validate_json(json.dumps(document))
 
 
 @pytest.fixture
-def undrawn(result: dict[str, Any]) -> dict[str, Any]:
+def result_without_drawings(result: dict[str, Any]) -> dict[str, Any]:
     """Return the result without drawings, which are slow to render."""
     drawn = ("curves", "truth", "tracking", "timing")
     return {key: value for key, value in result.items() if key not in drawn}
@@ -84,7 +84,7 @@ def undrawn(result: dict[str, Any]) -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def page() -> str:
     """Return the report with every section."""
-    return render_report(typed(whole_result()))
+    return render_report(result_of(whole_result()))
 
 
 def test_the_page_loads_no_other_file(page: str) -> None:
@@ -109,7 +109,7 @@ def test_a_wide_table_scrolls_on_a_narrow_screen() -> None:
     assert cut == set()
 
 
-def unpacked(text: str) -> str:
+def decompressed(text: str) -> str:
     return gzip.decompress(base64.b64decode(text)).decode()
 
 
@@ -123,7 +123,7 @@ def test_the_policy_allows_two_scripts_by_their_hashes(page: str) -> None:
     library = [text for of, text in parsed.scripts if of.get("id") == "plot-library"]
     allowed = re.search(r"script-src ([^;]*)", parsed.policy)
     assert allowed is not None
-    assert allowed[1].split() == [csp_hash(unpacked(library[0])), csp_hash(run[0])]
+    assert allowed[1].split() == [csp_hash(decompressed(library[0])), csp_hash(run[0])]
     assert len(run) == len(library) == 1
     assert {of["type"] for of, _ in parsed.scripts} == {
         *("module", "application/json", "application/octet-stream"),
@@ -140,7 +140,7 @@ def test_every_drawing_has_an_interactive_figure(page: str) -> None:
     ]
     assert list(items) == parsed.plots
     for text in items.values():
-        assert json.loads(unpacked(text))["doc"]["roots"]
+        assert json.loads(decompressed(text))["doc"]["roots"]
     for still in re.findall(r'<div class="still">(.*?)</div>', page, flags=re.DOTALL):
         assert "<svg" in still
 
@@ -198,7 +198,7 @@ def test_a_report_of_six_axes_with_the_longest_curves_is_below_3_mb(result: dict
     ]
     spectrum["axes"] = [line | {"joint": joint} for joint in joints]
     result["estimate"]["axes"] = [result["estimate"]["axes"][0] | {"joint": j} for j in joints]
-    assert len(render_report(typed(result)).encode()) < LARGEST_BYTES
+    assert len(render_report(result_of(result)).encode()) < LARGEST_BYTES
 
 
 def test_every_drawing_has_unique_ids(page: str) -> None:
@@ -212,12 +212,16 @@ def test_links_inside_drawings_have_targets(page: str) -> None:
     assert wanted <= set(parsed.ids)
 
 
-def test_the_verdict_is_the_first_section(page: str, undrawn: dict[str, Any]) -> None:
+def test_the_verdict_is_the_first_section(
+    page: str, result_without_drawings: dict[str, Any]
+) -> None:
     assert page.index("Passed: the model predicts") < page.index("<h2>")
     judged = VerdictSection.of(
         [VerdictCheck.of("error", 2.0, "≤", 1.3)], "Failed: badly off", "It is."
     )
-    assert 'class="verdict failed"' in render_report(typed(undrawn).updated(verdict=judged))
+    assert 'class="verdict failed"' in render_report(
+        result_of(result_without_drawings).updated(verdict=judged)
+    )
 
 
 def test_the_page_shows_all_required_parts(page: str) -> None:
@@ -261,10 +265,10 @@ def test_a_deviation_is_magnified_by_a_round_number(
 
 @pytest.mark.parametrize("section", ["runs", "average", "estimate", "validation"])
 def test_a_result_without_a_section_still_has_a_report(
-    undrawn: dict[str, Any], section: str
+    result_without_drawings: dict[str, Any], section: str
 ) -> None:
-    del undrawn[section]
-    assert "</html>" in render_report(typed(undrawn))
+    del result_without_drawings[section]
+    assert "</html>" in render_report(result_of(result_without_drawings))
 
 
 def test_a_result_with_nothing_but_a_title_has_a_report() -> None:
@@ -272,18 +276,20 @@ def test_a_result_with_nothing_but_a_title_has_a_report() -> None:
     assert "Nothing to judge" in page
 
 
-def test_texts_of_devices_and_files_cannot_become_markup(undrawn: dict[str, Any]) -> None:
+def test_texts_of_devices_and_files_cannot_become_markup(
+    result_without_drawings: dict[str, Any],
+) -> None:
     evil = "<script>alert(1)</script>"
-    undrawn["average"]["rejected"][0]["reason"] = evil
-    undrawn["runs"][0]["stop"] = evil
-    undrawn["estimate"]["parameters"][0]["words"] = evil
-    page = render_report(typed(undrawn))
+    result_without_drawings["average"]["rejected"][0]["reason"] = evil
+    result_without_drawings["runs"][0]["stop"] = evil
+    result_without_drawings["estimate"]["parameters"][0]["words"] = evil
+    page = render_report(result_of(result_without_drawings))
     assert evil not in page
     assert page.count("&lt;script&gt;") == 3
 
 
-def test_the_same_numbers_give_the_same_bytes(page: str, result: dict[str, Any]) -> None:
-    assert render_report(typed(result)) == page
+def test_equal_results_give_identical_pages(page: str, result: dict[str, Any]) -> None:
+    assert render_report(result_of(result)) == page
 
 
 @pytest.mark.parametrize(
@@ -312,11 +318,11 @@ def folder(tmp_path: Path) -> RunFolder:
 
 
 def test_a_result_is_restored_from_its_file(result: dict[str, Any], folder: RunFolder) -> None:
-    report = write_result(folder, typed(result))
+    report = write_result(folder, result_of(result))
     written = json.loads(folder.read("result.json"))
     result["timing"]["made"] = written["timing"]["made"]
     assert written == result
-    assert read_result(folder) == typed(result)
+    assert read_result(folder) == result_of(result)
     assert report == folder.path / "report.html"
     assert {"report.html", "result.json"} == set(folder.manifest().files)
 
@@ -358,7 +364,7 @@ def test_a_motion_that_did_not_start_has_a_report(result: dict[str, Any]) -> Non
     (loop,) = result["timing"]["loops"]
     loop["counts"] = [0] * len(loop["counts"])
     head = {key: result[key] for key in ("title", "robot", "verdict", "software", "timing")}
-    assert "lateness of the cycle" in render_report(typed(head))
+    assert "lateness of the cycle" in render_report(result_of(head))
 
 
 def test_simulated_time_has_no_histogram_of_late_cycles(result: dict[str, Any]) -> None:
@@ -366,7 +372,7 @@ def test_simulated_time_has_no_histogram_of_late_cycles(result: dict[str, Any]) 
     head = {key: result[key] for key in ("title", "robot", "verdict", "software", "timing")}
     (loop,) = head["timing"]["loops"]
     loop["lateness_max_s"] = 2e-13
-    assert "lateness of the cycle" not in render_report(typed(head))
+    assert "lateness of the cycle" not in render_report(result_of(head))
     names = {each.name for each in fields(CycleStatistics)}
     statistics = CycleStatistics(**{key: value for key, value in loop.items() if key in names})
     assert "in simulated time (lock-step)" in loop_sentence(statistics)

@@ -18,7 +18,7 @@ MEAN = "Mean distance from the path at the motor encoders"
 RESULT = Path(__file__).parent / "results" / "tracking.json"
 
 
-def compared(*ratios: float | None) -> TrackingSection:
+def tracking_with_ratios(*ratios: float | None) -> TrackingSection:
     """Return a section with one motion for each error ratio."""
     section = Result.model_validate_json(RESULT.read_text(encoding="utf-8")).tracking
     assert section is not None
@@ -56,12 +56,12 @@ def compared(*ratios: float | None) -> TrackingSection:
 def test_the_verdict_states_if_an_error_is_reduced_or_has_grown(
     ratios: tuple[float | None, ...], words: str
 ) -> None:
-    assert compared(*ratios).verdict.headline == words
+    assert tracking_with_ratios(*ratios).verdict.headline == words
 
 
 def test_every_verdict_names_the_errors_that_encoders_do_not_measure() -> None:
     for ratios in ((111.0,), (None,)):
-        section = compared(*ratios)
+        section = tracking_with_ratios(*ratios)
         assert section.unseen in section.verdict.sentence
 
 

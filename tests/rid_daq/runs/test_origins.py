@@ -24,7 +24,7 @@ def cell_file(tmp_path: Path) -> Path:
     return cell
 
 
-def recorded(tmp_path: Path, reference: str) -> RunFolder:
+def run_from_files(tmp_path: Path, reference: str) -> RunFolder:
     """Return a run folder in the state that `record` leaves at its start."""
     folder = RunFolder.create(tmp_path / "runs", "a run")
     loaded = load_cell(reference)
@@ -44,7 +44,7 @@ def number_of(file: Path, text: str, which: int = 0) -> int:
 
 
 def test_a_key_is_shown_with_its_line_in_the_users_file(tmp_path: Path, cell_file: Path) -> None:
-    folder = recorded(tmp_path, str(cell_file))
+    folder = run_from_files(tmp_path, str(cell_file))
     node, row = lines_of(folder, "cell.yaml axes.1.node_id", "robot.yaml kinematics.rows.2.a_m")
     assert node.file == str(cell_file)
     assert node.line == number_of(cell_file, "node_id", 1)
@@ -57,7 +57,7 @@ def test_a_key_is_shown_with_its_line_in_the_users_file(tmp_path: Path, cell_fil
 def test_a_missing_key_is_shown_at_the_first_line_of_its_axis(
     tmp_path: Path, cell_file: Path
 ) -> None:
-    (line,) = lines_of(recorded(tmp_path, str(cell_file)), DIRECTION)
+    (line,) = lines_of(run_from_files(tmp_path, str(cell_file)), DIRECTION)
     assert not line.stated
     assert line.line == number_of(cell_file, "axis2")
     assert str(line) == f"{cell_file}:{line.line}: add direction"
@@ -66,7 +66,7 @@ def test_a_missing_key_is_shown_at_the_first_line_of_its_axis(
 def test_a_key_in_a_changed_file_is_shown_at_its_current_line(
     tmp_path: Path, cell_file: Path
 ) -> None:
-    folder = recorded(tmp_path, str(cell_file))
+    folder = run_from_files(tmp_path, str(cell_file))
     cell_file.write_text("\n\n\n" + cell_file.read_text())
     (line,) = lines_of(folder, "cell.yaml cycle_time_ms")
     assert line.line == number_of(cell_file, "cycle_time_ms")
@@ -75,7 +75,7 @@ def test_a_key_in_a_changed_file_is_shown_at_its_current_line(
 
 
 def test_a_key_of_a_deleted_file_is_shown_in_the_runs_copy(tmp_path: Path, cell_file: Path) -> None:
-    folder = recorded(tmp_path, str(cell_file))
+    folder = run_from_files(tmp_path, str(cell_file))
     cell_file.unlink()
     (line,) = lines_of(folder, "cell.yaml cycle_time_ms")
     assert line.file == str(folder.file("cell.yaml"))
@@ -83,7 +83,7 @@ def test_a_key_of_a_deleted_file_is_shown_in_the_runs_copy(tmp_path: Path, cell_
 
 
 def test_a_run_without_stored_origins_shows_its_copies(tmp_path: Path, cell_file: Path) -> None:
-    folder = recorded(tmp_path, str(cell_file))
+    folder = run_from_files(tmp_path, str(cell_file))
     folder.file(ORIGINS).unlink()
     (line,) = lines_of(folder, "cell.yaml cycle_time_ms")
     assert (line.file, line.remark) == (str(folder.file("cell.yaml")), "the run's copy")
@@ -91,7 +91,7 @@ def test_a_run_without_stored_origins_shows_its_copies(tmp_path: Path, cell_file
 
 def test_a_bundled_file_is_marked_as_bundled(tmp_path: Path) -> None:
     cell, robot = lines_of(
-        recorded(tmp_path, "ir361"), "cell.yaml cycle_time_ms", "robot.yaml gravity_m_s2"
+        run_from_files(tmp_path, "ir361"), "cell.yaml cycle_time_ms", "robot.yaml gravity_m_s2"
     )
     assert (cell.file, robot.file) == ("ir361.yaml (bundled)", "ir361.yaml (bundled)")
     assert cell.remark == "bundled with rid-daq: make your own copy"

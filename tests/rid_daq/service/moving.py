@@ -23,7 +23,7 @@ def until(condition: Callable[[], bool], patience_s: float = PATIENCE_S) -> None
     """Wait until a condition is true; fail after a timeout."""
     end_s = time.monotonic() + patience_s
     while not condition():
-        assert time.monotonic() < end_s, "it did not come true"
+        assert time.monotonic() < end_s, "the condition was not met in time"
         time.sleep(0.02)
 
 

@@ -151,7 +151,7 @@ def test_a_fault_must_be_reset_by_a_person(api: Api) -> None:
     assert "axis2 follows by 0.1 rad" in told["not_ready_because"]
     api.service.readiness.note_reset(cell)
     told = api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361").json()
-    assert told["state"] == "closed", "motion needs the whole preflight again"
+    assert told["state"] == "closed", "a motion needs a complete preflight again"
     assert (
         told["not_ready_because"]
         == "a fault has stopped a motion after the preflight: repeat the preflight."

@@ -39,7 +39,7 @@ def jog(service: CellService, lease: HeldLease, who: Identity = ANNA) -> None:
     asyncio.run(begun)
 
 
-def running(service: CellService, lease: HeldLease) -> RunningJob:
+def start_motion(service: CellService, lease: HeldLease) -> RunningJob:
     """Start a motion whose worker is this process."""
     wanted = job(JobKind("record")).model_copy(update={"lease": lease.id, "on_lost_client": "stop"})
     asyncio.run(service.job_runner.begin(wanted, service.cell("ir361"), cleared=False))
@@ -76,7 +76,7 @@ def test_a_motion_without_the_lease_is_refused(service: CellService, lease: Held
 def test_a_second_job_of_a_cell_is_refused(
     service: CellService, worker: Worker, lease: HeldLease
 ) -> None:
-    running(service, lease)
+    start_motion(service, lease)
     with raises_code(LockedError, "RID-JOB-RUNNING"):
         jog(service, lease)
 
@@ -107,17 +107,17 @@ def test_a_change_of_a_cell_file_voids_the_preflight_at_once(tmp_path: Path) -> 
         jog(service, lease)
 
 
-def ask(begun: RunningJob) -> None:
+def ask_question(begun: RunningJob) -> None:
     begun.question = QuestionEvent(at_s=0.0, question=3, form="yes_no", text="Mounted?")
 
 
 def test_only_the_lease_owner_can_answer_and_only_the_open_question(
     service: CellService, worker: Worker, lease: HeldLease
 ) -> None:
-    begun = running(service, lease)
+    begun = start_motion(service, lease)
     with raises_code(LockedError, "RID-JOB-UNKNOWN"):
         service.answer(begun.job, 3, "y", ANNA, lease.key)
-    ask(begun)
+    ask_question(begun)
     with raises_code(LockedError, "RID-JOB-UNKNOWN"):
         service.answer(begun.job, 2, "y", ANNA, lease.key)
     with raises_code(LockedError, "RID-LEASE-OTHER"):
@@ -130,7 +130,7 @@ def test_only_the_lease_owner_can_answer_and_only_the_open_question(
 def test_a_motion_whose_lease_was_returned_is_stopped(
     service: CellService, worker: Worker, lease: HeldLease
 ) -> None:
-    begun = running(service, lease)
+    begun = start_motion(service, lease)
     control = ControlBlock.create()
     service.leases.give_back("ir361", lease.key)
     asyncio.run(service.job_runner.poll())
@@ -143,7 +143,7 @@ def test_a_service_that_ends_stops_its_motions(
     service: CellService, worker: Worker, lease: HeldLease, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("rid_daq.service.job_runner.END_PATIENCE_S", 0.0)
-    running(service, lease)
+    start_motion(service, lease)
     control = ControlBlock.create()
     asyncio.run(service.job_runner.close())
     assert control.program.stop_code == StopCode.INTERRUPTED
@@ -153,6 +153,6 @@ def test_a_service_that_ends_stops_its_motions(
 def test_a_stop_before_the_motion_ends_the_process_of_the_job(
     service: CellService, worker: Worker, lease: HeldLease
 ) -> None:
-    running(service, lease)
+    start_motion(service, lease)
     assert service.stop("ir361", "anna")
     assert worker.terminated == 1

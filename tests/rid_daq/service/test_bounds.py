@@ -195,7 +195,7 @@ def test_only_runs_in_the_services_folder_are_found(
 
 
 @pytest.mark.promise("own-runs")
-def test_a_run_with_a_link_in_it_is_not_read(asker: Asker) -> None:
+def test_a_run_that_contains_a_link_is_not_read(asker: Asker) -> None:
     run = RunFolder.create(asker.service.runs, "linked")
     run.finish(RunStatus.COMPLETE)
     assert asker.ask("GET", "/api/v1/runs/linked").status_code == 200

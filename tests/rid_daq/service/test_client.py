@@ -19,7 +19,7 @@ from tests.rid_daq.service.conftest import job
 
 
 @contextmanager
-def listening(
+def listening_client(
     folder: Path, told: Callable[[socket.socket], None] = lambda _: None
 ) -> Iterator[ServiceClient]:
     """Listen at a service's address, and handle each connection with the given function."""
@@ -54,7 +54,7 @@ def test_a_service_that_does_not_answer_gives_a_timeout_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     monkeypatch.setattr(of_client, name, 0.02)
-    with listening(tmp_path) as client:
+    with listening_client(tmp_path) as client:
         asked = client.cells if name == "_PATIENCE_S" else lambda: client.stop("arm")
         with raises_code(ServiceError, "RID-SERVICE-UNREACHABLE", "0.02", "s"):
             asked()
@@ -62,7 +62,7 @@ def test_a_service_that_does_not_answer_gives_a_timeout_error(
 
 def test_a_broken_connection_gives_the_same_error_for_every_request(tmp_path: Path) -> None:
     (tmp_path / "motion.yaml").write_text("kind: fourier\n")
-    with listening(tmp_path, lambda connection: connection.close()) as client:
+    with listening_client(tmp_path, lambda connection: connection.close()) as client:
         for asked in (
             client.cells,
             lambda: client.stop("arm"),

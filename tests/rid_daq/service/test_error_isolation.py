@@ -29,7 +29,7 @@ class Worker:
     stdin = None
 
 
-class Broken(RunningJob):
+class BrokenJob(RunningJob):
     """A job that cannot be watched."""
 
     told: tuple[StopCode, ...] = ()
@@ -41,7 +41,7 @@ class Broken(RunningJob):
         self.stopping, self.told = why, (*self.told, code)
 
 
-def begun(service: CellService, kind: type[RunningJob], worker: Worker) -> Any:
+def start_job(service: CellService, kind: type[RunningJob], worker: Worker) -> Any:
     """Start a job."""
     job = Job(
         id="1",
@@ -96,7 +96,7 @@ def test_an_error_of_one_cell_does_not_end_the_service(
 
 
 def test_a_job_that_cannot_be_monitored_is_stopped_once(service: CellService) -> None:
-    running = begun(service, Broken, Worker())
+    running = start_job(service, BrokenJob, Worker())
     for _ in range(3):
         asyncio.run(service.job_runner.poll())
     assert running.told == (StopCode.INTERRUPTED,)
@@ -107,7 +107,7 @@ def test_the_end_of_a_job_is_written_when_the_disk_has_space_again(
     service: CellService, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     worker = Worker()
-    begun(service, RunningJob, worker)
+    start_job(service, RunningJob, worker)
     worker.returncode = 0
 
     def full(*_: object, **_more: object) -> None:

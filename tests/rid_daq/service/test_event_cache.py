@@ -33,7 +33,7 @@ def job(service: CellService) -> Job:
     return job
 
 
-def say(events: Path, *texts: str) -> None:
+def write_events(events: Path, *texts: str) -> None:
     with events.open("ab") as file:
         file.writelines(
             EVENT.dump_json(MessageEvent(at_s=1.0, text=text)) + b"\n" for text in texts
@@ -50,11 +50,11 @@ def test_a_viewer_gets_only_new_events_and_old_lines_are_not_read_again(
 ) -> None:
     events = service.job_runner.events(job.id)
     assert event_texts(service, 0) == []
-    say(events, "one", "two")
+    write_events(events, "one", "two")
     assert event_texts(service, 0) == ["one", "two"]
     content = events.read_bytes()
     events.write_bytes(b"?" * (len(content) - 1) + b"\n")  # a second read would find no events
-    say(events, "three")
+    write_events(events, "three")
     assert event_texts(service, 0) == ["one", "two", "three"]
     assert event_texts(service, 2) == ["three"]
     assert event_texts(service, 3) == event_texts(service, 4) == []
@@ -62,10 +62,10 @@ def test_a_viewer_gets_only_new_events_and_old_lines_are_not_read_again(
 
 def test_a_damaged_line_is_not_counted_as_an_event(tmp_path: Path) -> None:
     events = tmp_path / "j1.jsonl"
-    say(events, "one")
+    write_events(events, "one")
     with events.open("ab") as file:
         file.write(b'{"kind": "said", "te\n')
-    say(events, "two")
+    write_events(events, "two")
     assert b'"two"' in EventCache(events).after(1)
     assert EventCache(events).after(2) == b"[]"
 
@@ -78,6 +78,6 @@ def test_event_files_are_read_outside_the_event_loop(
             asyncio.get_running_loop()
         return event_cache(events)
 
-    say(service.job_runner.events(job.id), "one")
+    write_events(service.job_runner.events(job.id), "one")
     monkeypatch.setattr(jobs, "event_cache", read_outside_loop)
     assert event_texts(service, 0) == ["one"]

@@ -31,7 +31,7 @@ RUNAWAY = StopReason(StopCode.FOLLOWING_ERROR, "axis1 follows by 0.3 rad, 0.1 ra
 
 
 @pytest.fixture
-def ready(service: CellService) -> CellService:
+def ready_service(service: CellService) -> CellService:
     """Return a service whose cell is ready to move."""
     cell = service.cell("ir361")
     passed = {"passed": True, "lines": [], "files_hash": cell.loaded.files_hash}
@@ -41,7 +41,7 @@ def ready(service: CellService) -> CellService:
 
 
 def test_a_fault_during_the_axis_test_is_a_fault_of_the_cell(
-    ready: CellService,
+    ready_service: CellService,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -56,14 +56,16 @@ def test_a_fault_during_the_axis_test_is_a_fault_of_the_cell(
     told = json.loads(capsys.readouterr().out)
     assert told["stop"] == {"code": "FOLLOWING_ERROR", "text": RUNAWAY.text}
     assert told["notes"] == ["the power was taken away at once"]
-    cell = ready.cell("ir361")
-    ready.readiness.note_end(cell, told)
-    status = ready.status(cell)
+    cell = ready_service.cell("ir361")
+    ready_service.readiness.note_end(cell, told)
+    status = ready_service.status(cell)
     assert status.state is CellState.FAULT
     assert RUNAWAY.text in status.fault
 
 
-async def begun_and_died(service: CellService, kind: JobKind, worker: Worker, moved: bool) -> None:
+async def start_and_kill_worker(
+    service: CellService, kind: JobKind, worker: Worker, moved: bool
+) -> None:
     begun = await service.job_runner.begin(job(kind), service.cell("ir361"), cleared=False)
     if moved:
         with EventFile(service.job_runner.events(begun.id)) as events:
@@ -73,31 +75,31 @@ async def begun_and_died(service: CellService, kind: JobKind, worker: Worker, mo
 
 
 def test_a_worker_that_dies_during_a_motion_causes_a_fault(
-    ready: CellService, worker: Worker
+    ready_service: CellService, worker: Worker
 ) -> None:
-    asyncio.run(begun_and_died(ready, JobKind("record"), worker, moved=True))
-    status = ready.status(ready.cell("ir361"))
+    asyncio.run(start_and_kill_worker(ready_service, JobKind("record"), worker, moved=True))
+    status = ready_service.status(ready_service.cell("ir361"))
     assert status.state is CellState.FAULT
     assert "the job's process died (exit code -9)" in status.fault
 
 
 @pytest.mark.parametrize(("kind", "moved"), [(JobKind("record"), False), (JobKind("check"), False)])
 def test_a_worker_that_dies_before_a_motion_causes_no_fault(
-    ready: CellService, worker: Worker, kind: JobKind, moved: bool
+    ready_service: CellService, worker: Worker, kind: JobKind, moved: bool
 ) -> None:
-    asyncio.run(begun_and_died(ready, kind, worker, moved))
-    assert ready.status(ready.cell("ir361")).state is CellState.READY
+    asyncio.run(start_and_kill_worker(ready_service, kind, worker, moved))
+    assert ready_service.status(ready_service.cell("ir361")).state is CellState.READY
 
 
 def test_an_unfinished_motion_of_a_killed_service_is_a_fault(
-    ready: CellService,
+    ready_service: CellService,
 ) -> None:
-    left = ready.jobs.change(job(JobKind("record")), state=JobState.RUNNING)
-    ready.jobs.add(left)
-    with EventFile(ready.job_runner.events(left.id)) as events:
+    left = ready_service.jobs.change(job(JobKind("record")), state=JobState.RUNNING)
+    ready_service.jobs.add(left)
+    with EventFile(ready_service.job_runner.events(left.id)) as events:
         events.write(MOTION)
-    assert ready.database.flush(60.0)
-    again = CellService(ready.folder, list(ready.cells.values()))
+    assert ready_service.database.flush(60.0)
+    again = CellService(ready_service.folder, list(ready_service.cells.values()))
     status = again.status(again.cell("ir361"))
     assert status.state is CellState.FAULT
     assert "the service was killed" in status.fault

@@ -28,7 +28,7 @@ from tests.rid_daq.service.conftest import PATIENCE_S, Worker, as_worker, job
 ANNA = Identity(name="Anna", role=Role.OPERATOR, person=True, token="a")
 
 
-def begun(service: CellService, kind: JobKind, policy: OnLostClient, lease: str | None) -> Job:
+def start_job(service: CellService, kind: JobKind, policy: OnLostClient, lease: str | None) -> Job:
     """Start a job that was ordered with a lease."""
     wanted = job(kind).model_copy(update={"lease": lease, "on_lost_client": policy})
     return asyncio.run(service.job_runner.begin(wanted, service.cell("ir361"), cleared=False))
@@ -49,7 +49,7 @@ def lease_end_s(service: CellService) -> float:
 def test_a_job_that_continues_without_its_client_has_no_lease_end(
     service: CellService, worker: Worker, kind: JobKind, policy: OnLostClient
 ) -> None:
-    begun(service, kind, policy, None)
+    start_job(service, kind, policy, None)
     assert lease_end_s(service) == inf
     (running,) = service.job_runner
     assert running.beat.reason(safety_now_s()) is None
@@ -61,7 +61,7 @@ def test_a_job_that_continues_without_its_client_has_no_lease_end(
 @pytest.mark.promise("service-heartbeat")
 def test_a_motion_is_permitted_as_long_as_its_lease(service: CellService, worker: Worker) -> None:
     lease = service.leases.take("ir361", ANNA, "", 60.0)
-    begun(service, JobKind("record"), "stop", lease.id)
+    start_job(service, JobKind("record"), "stop", lease.id)
     first_s = lease_end_s(service)
     assert 50.0 < first_s - safety_now_s() <= 60.0
     service.leases.renew("ir361", lease.key, 600.0)
@@ -167,7 +167,7 @@ def test_a_worker_terminated_during_its_imports_reports_it(tmp_path: Path) -> No
         process = worker.process
         assert process.stdin is not None
         process.stdin.write(json.dumps(order).encode() + b"\n")
-        while not catches(process.pid, signal.SIGTERM):
+        while not has_handler(process.pid, signal.SIGTERM):
             await asyncio.sleep(0.001)
         process.terminate()
         return await asyncio.wait_for(process.wait(), PATIENCE_S)
@@ -179,7 +179,7 @@ def test_a_worker_terminated_during_its_imports_reports_it(tmp_path: Path) -> No
     assert last.error == "Terminated"
 
 
-def catches(pid: int, number: signal.Signals) -> bool:
+def has_handler(pid: int, number: signal.Signals) -> bool:
     """Return True if a process has a handler for a signal."""
     status = Path(f"/proc/{pid}/status").read_text()
     mask = int(status.partition("SigCgt:")[2].split(maxsplit=1)[0], 16)

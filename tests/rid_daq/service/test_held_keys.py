@@ -89,7 +89,7 @@ class Holder:
 
 
 @contextmanager
-def jogging(served: ServedProcess, motion: str) -> Iterator[tuple[Holder, Job]]:
+def running_jog(served: ServedProcess, motion: str) -> Iterator[tuple[Holder, Job]]:
     """Start a jog that waits for keys, and yield a program that holds them."""
     with leased_cell(served, motion) as lease, served.client as client:
         body = {"kind": "jog", "request": {}}
@@ -123,7 +123,7 @@ def test_a_key_held_during_a_suspension_moves_nothing_afterwards(
     realtime_service: ServedProcess, motion: str, suspended: str
 ) -> None:
     served = realtime_service
-    with jogging(served, motion) as (holder, job):
+    with running_jog(served, motion) as (holder, job):
         pid = served.process.pid if suspended == "service" else job.pid
         assert pid is not None
         holder.press_until_motion()
@@ -131,7 +131,7 @@ def test_a_key_held_during_a_suspension_moves_nothing_afterwards(
         time.sleep(1.0)
         os.kill(pid, signal.SIGCONT)
         time.sleep(1.0)  # waiting samples are processed
-        assert holder.stays_at_rest(2.0), "the key was held all the time, and must be pressed again"
+        assert holder.stays_at_rest(2.0), "a key that was held throughout must be pressed again"
         with served.client as client:
             until(lambda: has_event(client, job, "link too slow"))
         holder.press_until_motion()

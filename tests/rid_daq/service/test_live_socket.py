@@ -50,7 +50,7 @@ class Viewer:
         assert told["job"] == JOB.id
         return str(told["value"])
 
-    async def ends(self) -> tuple[int, str]:
+    async def wait_for_close(self) -> tuple[int, str]:
         """Wait until the service closes the socket; return code and reason."""
         while (told := await self.got.get())["type"] != "websocket.close":
             pass
@@ -126,7 +126,7 @@ def test_a_key_held_with_a_revoked_token_moves_nothing(
             await keys.next()
             service.tokens.revoke(token.id)
             viewer.say(job="1", lease=lease.key, held="down", sequence=2)
-            return await viewer.ends()
+            return await viewer.wait_for_close()
 
     assert asyncio.run(jog()) == (1008, "Unauthorized")
     assert [each.key for each in keys.passed_on] == ["up"]
@@ -243,6 +243,6 @@ def test_the_socket_of_a_silent_viewer_closes_when_its_token_is_revoked(
     async def stream_to_viewer() -> tuple[int, str]:
         async with connected_viewer(app, secret) as viewer:
             service.tokens.revoke(token.id)
-            return await viewer.ends()
+            return await viewer.wait_for_close()
 
     assert asyncio.run(stream_to_viewer()) == (1008, "Unauthorized")

@@ -26,7 +26,7 @@ def cell() -> ServedCell:
     return ServedCell("ir361", 1.0)
 
 
-def opened(folder: Path, clock: Clock) -> Readiness:
+def open_readiness(folder: Path, clock: Clock) -> Readiness:
     """Return the readiness of a service that starts now."""
     store = CellStore(open_database(folder / "service.db"))
     store.add("ir361")
@@ -35,10 +35,10 @@ def opened(folder: Path, clock: Clock) -> Readiness:
 
 @pytest.fixture
 def readiness(tmp_path: Path, clock: Clock) -> Readiness:
-    return opened(tmp_path, clock)
+    return open_readiness(tmp_path, clock)
 
 
-def checked(cell: ServedCell, *red: str, problem: str | None = None) -> dict[str, object]:
+def check_document(cell: ServedCell, *red: str, problem: str | None = None) -> dict[str, object]:
     """Return the document of a check with red lines."""
     lines = [{"what": what, "verdict": "red"} for what in red]
     return {
@@ -53,7 +53,7 @@ def checked(cell: ServedCell, *red: str, problem: str | None = None) -> dict[str
 def test_a_jump_of_the_date_neither_extends_nor_voids_a_preflight(
     cell: ServedCell, readiness: Readiness, clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    readiness.note_check(cell, checked(cell))
+    readiness.note_check(cell, check_document(cell))
     for date_s in (0.0, 4e9):
         monkeypatch.setattr("time.time", lambda date_s=date_s: date_s)
         assert readiness.obstacle(cell) == ""
@@ -69,9 +69,9 @@ def test_a_restart_of_the_service_voids_a_preflight(
     database = open_database(tmp_path / "service.db")
     store = CellStore(database)
     store.add("ir361")
-    Readiness(store, clock).note_check(cell, checked(cell))
+    Readiness(store, clock).note_check(cell, check_document(cell))
     database.close()
-    again = opened(tmp_path, clock)
+    again = open_readiness(tmp_path, clock)
     assert again.obstacle(cell) == NOT_SINCE_START
     told = again.preflight(cell)
     assert told is not None
@@ -85,7 +85,7 @@ def test_a_restart_of_the_service_voids_a_preflight(
 def test_only_axis_test_and_jog_are_allowed_without_an_axis_test(
     kind: JobKind, cell: ServedCell, readiness: Readiness
 ) -> None:
-    readiness.note_check(cell, checked(cell, AXIS_TEST))
+    readiness.note_check(cell, check_document(cell, AXIS_TEST))
     held = kind in (JobKind("axes"), JobKind("jog"))
     assert (readiness.obstacle(cell, kind) == "") is held
     assert "preflight has failed" in readiness.obstacle(cell)
@@ -95,7 +95,7 @@ def test_only_axis_test_and_jog_are_allowed_without_an_axis_test(
 def test_a_robot_in_an_unexpected_pose_moves_only_with_a_held_key(
     kind: JobKind, cell: ServedCell, readiness: Readiness
 ) -> None:
-    readiness.note_check(cell, checked(cell, LAST_POSE))
+    readiness.note_check(cell, check_document(cell, LAST_POSE))
     held = kind in (JobKind("axes"), JobKind("jog"))
     assert (readiness.obstacle(cell, kind) == "") is held
 
@@ -105,14 +105,14 @@ def test_a_robot_in_an_unexpected_pose_moves_only_with_a_held_key(
 def test_any_other_red_line_also_prevents_axis_test_and_jog(
     kind: JobKind, cell: ServedCell, readiness: Readiness, clock: Clock
 ) -> None:
-    readiness.note_check(cell, checked(cell, AXIS_TEST, "heartbeat"))
+    readiness.note_check(cell, check_document(cell, AXIS_TEST, "heartbeat"))
     assert "preflight has failed" in readiness.obstacle(cell, kind)
-    readiness.note_check(cell, checked(cell, "heartbeat"))
+    readiness.note_check(cell, check_document(cell, "heartbeat"))
     assert "preflight has failed" in readiness.obstacle(cell, kind)
-    readiness.note_check(cell, checked(cell, AXIS_TEST, problem="a drive is silent"))
+    readiness.note_check(cell, check_document(cell, AXIS_TEST, problem="a drive is silent"))
     assert "preflight has failed" in readiness.obstacle(cell, kind)
-    readiness.note_check(cell, checked(cell, problem="a drive is silent"))
+    readiness.note_check(cell, check_document(cell, problem="a drive is silent"))
     assert "preflight has failed" in readiness.obstacle(cell, kind)
-    readiness.note_check(cell, checked(cell, AXIS_TEST))
+    readiness.note_check(cell, check_document(cell, AXIS_TEST))
     clock.now_s += PREFLIGHT_LIMIT_S + 1.0
     assert "min old" in readiness.obstacle(cell, kind)

@@ -69,14 +69,14 @@ def begin(client: ServiceClient, lease: str, kind: str, **request: object) -> Jo
     return Job.model_validate(client.ask("POST", JOBS, body, lease))
 
 
-def checked(client: ServiceClient, lease: str, **request: object) -> list[dict[str, str]]:
+def check_lines(client: ServiceClient, lease: str, **request: object) -> list[dict[str, str]]:
     """Check the cell; return the lines of the preflight."""
     client.follow(begin(client, lease, "check", **CHECK, **request))
     lines: list[dict[str, str]] = client.ask("GET", "/cells/ir361/preflight")["lines"]
     return lines
 
 
-def red_of(lines: list[dict[str, str]]) -> dict[str, str]:
+def red_values(lines: list[dict[str, str]]) -> dict[str, str]:
     """Return the found values of the red lines by their subject."""
     return {line["what"]: line["found"] for line in lines if line["verdict"] == "red"}
 
@@ -88,7 +88,7 @@ def open_question(client: ServiceClient, job: Job) -> dict[str, object] | None:
     return next((each for each in asked if each["question"] not in answered), None)
 
 
-def attend(client: ServiceClient, job: Job, lease: str, holder: Holder) -> None:
+def answer_axis_test(client: ServiceClient, job: Job, lease: str, holder: Holder) -> None:
     """Hold the key for every axis, and answer for each that it has turned by two degrees."""
     end_s = time.monotonic() + PATIENCE_S
     while not client.job(job.id).state.is_over:
@@ -118,7 +118,7 @@ def test_a_real_cell_is_recorded_after_an_axis_test_through_the_service(
 ) -> None:
     with served.client as client:
         lease = client.ask("POST", "/cells/ir361/lease", {"seconds": 3600.0})["key"]
-        assert [*red_of(checked(client, lease))] == [AXIS_TEST]
+        assert [*red_values(check_lines(client, lease))] == [AXIS_TEST]
         with pytest.raises(PreflightError) as refused:
             begin(client, lease, "record", motion="motion.yaml")
         assert refused.value.refusal == "RID-CELL-NOT-READY"
@@ -129,12 +129,12 @@ def test_a_real_cell_is_recorded_after_an_axis_test_through_the_service(
         headers = {"Authorization": f"Bearer {secret}"}
         job = begin(client, lease, "axes")
         with connect(address, additional_headers=headers, ping_interval=None) as socket:
-            attend(client, job, lease, Holder(socket, job.id, lease))
+            answer_axis_test(client, job, lease, Holder(socket, job.id, lease))
         client.follow(job).require_done()
         with pytest.raises(PreflightError):
             begin(client, lease, "record", motion="motion.yaml")  # another check is required first
-        lines = checked(client, lease)
-        assert red_of(lines) == {}
+        lines = check_lines(client, lease)
+        assert red_values(lines) == {}
         (line,) = (line for line in lines if line["what"] == AXIS_TEST)
         assert line["found"].endswith(f", {job.owner}"), line
         assert client.cell("ir361").state is CellState.READY
@@ -149,7 +149,7 @@ def test_a_real_cell_is_recorded_after_an_axis_test_through_the_service(
 
 def refuse_a_displaced_robot(client: ServiceClient, lease: str, loaded: LoadedCell) -> None:
     """Require that a robot does not move if its pose differs from that after the last run."""
-    assert red_of(checked(client, lease)) == {}
+    assert red_values(check_lines(client, lease)) == {}
     known = known_pose(loaded, binding=True)
     assert known is not None
     assert known.source.startswith("run ")
@@ -158,6 +158,6 @@ def refuse_a_displaced_robot(client: ServiceClient, lease: str, loaded: LoadedCe
     refused = begin(client, lease, "record", motion="motion.yaml")
     client.follow(refused)
     assert events(client, refused)[-1]["code"] == "RID-POSE-MOVED"
-    assert [*red_of(checked(client, lease))] == [LAST_POSE]
-    assert red_of(checked(client, lease, accept_pose=True)) == {}
-    assert red_of(checked(client, lease)) == {}
+    assert [*red_values(check_lines(client, lease))] == [LAST_POSE]
+    assert red_values(check_lines(client, lease, accept_pose=True)) == {}
+    assert red_values(check_lines(client, lease)) == {}

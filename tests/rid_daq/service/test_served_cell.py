@@ -42,7 +42,7 @@ def halve_velocity_limit(cell_file: Path) -> None:
     os.utime(robot, ns=(0, robot.stat().st_mtime_ns + 1))
 
 
-def checked(path: Path) -> dict[str, object]:
+def check_document(path: Path) -> dict[str, object]:
     """Return the document of a successful check that reads the cell now."""
     files_hash = load_cell(str(path)).files_hash
     return {"passed": True, "problem": None, "lines": [], "files_hash": files_hash}
@@ -94,16 +94,16 @@ def test_two_cells_with_the_same_name_are_refused(tmp_path: Path, cell_file: Pat
 
 def test_a_check_is_void_if_files_changed_during_it(cell_file: Path, readiness: Readiness) -> None:
     cell = ServedCell(str(cell_file), 1.0)
-    document = checked(cell_file)
+    document = check_document(cell_file)
     halve_velocity_limit(cell_file)
     cell.reload_if_changed()
     readiness.note_check(cell, document)
     assert readiness.obstacle(cell).startswith("its files have changed after the preflight")
-    readiness.note_check(cell, checked(cell_file))
+    readiness.note_check(cell, check_document(cell_file))
     assert readiness.obstacle(cell) == ""
 
 
 def test_a_check_without_a_hash_of_its_files_is_void(cell_file: Path, readiness: Readiness) -> None:
     cell = ServedCell(str(cell_file), 1.0)
-    readiness.note_check(cell, {**checked(cell_file), "files_hash": None})
+    readiness.note_check(cell, {**check_document(cell_file), "files_hash": None})
     assert readiness.obstacle(cell).startswith("its files have changed after the preflight")

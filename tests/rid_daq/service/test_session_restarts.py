@@ -46,7 +46,7 @@ class Operator:
         body = {"kind": "payload_session", "request": asked, "cleared": True}
         return Job.model_validate(self.client.ask("POST", "/cells/ir361/jobs", body, self.key))
 
-    def lead(self, job: Job, end: State) -> list[str]:
+    def answer_until(self, job: Job, end: State) -> list[str]:
         """Answer questions until the session enters a state; return all states that it entered."""
         entered: list[str] = []
 
@@ -98,13 +98,13 @@ def test_a_session_continues_from_every_state(served: ServedProcess, motion: str
             (State.WARM_UP_WITHOUT, "killed", State.WARM_UP_WITHOUT),
             (State.RECORD_WITHOUT, "cancelled", State.WARM_UP_WITHOUT),
         ):
-            operator.lead(job, state)
+            operator.answer_until(job, state)
             operator.end(job, how)
             session, at = stored_state(served.folder)
             assert at is state
             job = operator.begin(resume=session)
-            assert operator.lead(job, again)[0] == again.value
-        operator.lead(job, State.ATTACH)
+            assert operator.answer_until(job, again)[0] == again.value
+        operator.answer_until(job, State.ATTACH)
     assert served.end(signal.SIGKILL) == -signal.SIGKILL  # while the user attaches the payload
     assert stored_state(served.folder) == (session, State.ATTACH)
     with serving(served.folder) as again_served, again_served.client as client:
@@ -112,15 +112,15 @@ def test_a_session_continues_from_every_state(served: ServedProcess, motion: str
         operator = Operator(client, operator.key)
         job = operator.begin(resume=session)
         for state in (State.WARM_UP_WITH, State.RECORD_WITH):
-            assert operator.lead(job, state)[0] == State.ATTACH.value
+            assert operator.answer_until(job, state)[0] == State.ATTACH.value
             operator.end(job, "cancelled")
             assert stored_state(served.folder) == (session, state)
             job = operator.begin(resume=session)
-        assert operator.lead(job, State.IDENTIFY)[:3] == [
+        assert operator.answer_until(job, State.IDENTIFY)[:3] == [
             *(State.ATTACH.value, State.WARM_UP_WITH.value, State.RECORD_WITH.value)
         ]
         until(lambda: client.job(job.id).state.is_over)
         job = operator.begin(
             resume=session
         )  # no payload was attached: the payload is estimated again
-        assert operator.lead(job, State.IDENTIFY) == [State.IDENTIFY.value]
+        assert operator.answer_until(job, State.IDENTIFY) == [State.IDENTIFY.value]

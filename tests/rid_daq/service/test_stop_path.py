@@ -122,7 +122,7 @@ def test_a_stop_reaches_the_motion_while_another_program_locks_the_database(
                 status, told = await made.ask(made.head())
                 assert (status, told["told"]) == (202, True)
                 assert control.program.stop_code == StopCode.STOP_BUTTON
-                assert holder.in_transaction, "it was held all the time"
+                assert holder.in_transaction, "the database is still locked"
         await made.end()
         noted = await asyncio.to_thread(service.audit.newest)
         assert [entry.what for entry in noted] == ["stopped"], "the note was written afterwards"
@@ -142,13 +142,13 @@ def test_a_job_that_cannot_be_stored_does_not_start(
             with pytest.raises(StoreBusyError) as refused:
                 await service.job_runner.begin(wanted, service.cell("ir361"), cleared=True)
             assert refused.value.refusal == "RID-STORE-BUSY"
-            assert not list(service.job_runner), "no process has it"
+            assert not list(service.job_runner), "no worker runs the job"
             kept = service.jobs.get(wanted.id)
             assert kept is not None
             assert kept.state is JobState.FAILED
         assert await asyncio.to_thread(service.database.flush, PATIENCE_S)
         again = await service.job_runner.begin(job(), service.cell("ir361"), cleared=False)
-        assert again.state is JobState.RUNNING, "another may begin"
+        assert again.state is JobState.RUNNING, "another job can start"
 
     run(main())
 
@@ -226,7 +226,9 @@ def test_from_another_computer_any_issued_token_can_stop(service: CellService) -
     assert service.database.flush(PATIENCE_S)
     again = CellService(service.folder, list(service.cells.values()))
     entrance, _ = entrance_of(again)
-    assert http_status(entrance.receive(stop_request(shown), FAR)) == 202, "also after a restart"
+    assert http_status(entrance.receive(stop_request(shown), FAR)) == 202, (
+        "the token also stops after a restart"
+    )
     cookie = f"Cookie: other=1; rid_daq_service_8642={secret}"
     assert http_status(entrance.receive(stop_request(cookie), FAR)) == 202
 

@@ -38,7 +38,7 @@ def test_install_writes_a_unit_with_the_same_options(
     assert words[5:] == [
         *("ir361", "--folder", str(folder), "--listen", "127.0.0.1:8642", "--pace", "5"),
     ]
-    assert lines["KillMode"] == "mixed", "workers end by the service's word"
+    assert lines["KillMode"] == "mixed", "the service ends its workers itself"
 
 
 def test_a_foreign_unit_is_not_changed(tmp_path: Path, home: Path) -> None:
@@ -53,7 +53,7 @@ def test_an_older_unit_is_updated_if_systemd_started_it(
 ) -> None:
     unit(tmp_path, "kr15").install()
     newer = unit(tmp_path)
-    assert not newer.keep_current(), "a person in a terminal starts something else"
+    assert not newer.keep_current(), "a service started in a terminal does not change the unit"
     monkeypatch.setenv("INVOCATION_ID", "1")
     assert newer.keep_current()
     assert (home / "rid-daq.service").read_text() == newer.text

@@ -132,7 +132,7 @@ def test_a_motion_stops_if_the_service_hangs(
             assert reason.code is StopCode.SERVICE_LOST
             assert reason.value is not None
             assert SERVICE_LIMIT_S < reason.value < waited_s + 1.0
-            assert control.task.ramp_s is not None, "it was seen to come to rest"
+            assert control.task.ramp_s is not None, "the axes are confirmed at rest"
         finally:
             shared.process.send_signal(signal.SIGCONT)
         with shared.client as client:

@@ -51,7 +51,7 @@ class Logged:
 
 
 @pytest.fixture
-def logged(tmp_path: Path) -> Iterator[Logged]:
+def logged_cell(tmp_path: Path) -> Iterator[Logged]:
     loaded = load_cell("ir361")
     config = loaded.config.model_copy(update={"plate": None})
     assert loaded.plant is not None
@@ -64,12 +64,15 @@ def logged(tmp_path: Path) -> Iterator[Logged]:
 
 @pytest.mark.fault(32)
 def test_a_second_session_on_the_bus_is_refused_and_sends_nothing(
-    logged: Logged, tmp_path: Path, measured: Callable[[str], None]
+    logged_cell: Logged, tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
     cell = tmp_path / "cell.json"
-    config = logged.simulated.cell.model_dump(mode="json") | {"simulated": False, "plant": None}
+    config = logged_cell.simulated.cell.model_dump(mode="json") | {
+        "simulated": False,
+        "plant": None,
+    }
     cell.write_text(json.dumps(config))
-    with hold_cell(logged.simulated.cell):
+    with hold_cell(logged_cell.simulated.cell):
         second = subprocess.run(
             [sys.executable, "-m", "rid_daq", "check", str(cell), "--i-have-cleared-the-cell"],
             capture_output=True,
@@ -78,38 +81,38 @@ def test_a_second_session_on_the_bus_is_refused_and_sends_nothing(
         )
     assert second.returncode == 8, second.stderr
     assert "[RID-CELL-BUSY]" in second.stderr
-    logged.simulated.__exit__(None, None, None)
-    sent = [frame for frame in logged.frames() if not 0x700 < frame[1] < 0x77F]
+    logged_cell.simulated.__exit__(None, None, None)
+    sent = [frame for frame in logged_cell.frames() if not 0x700 < frame[1] < 0x77F]
     assert sent == []
     measured("the second session: exit 8, 0 frames")
 
 
 @pytest.mark.fault(32)
 def test_a_foreign_master_before_the_session_is_refused(
-    logged: Logged, measured: Callable[[str], None]
+    logged_cell: Logged, measured: Callable[[str], None]
 ) -> None:
-    stranger = HubClient(Path(logged.simulated.channel), HubRole.OBSERVER)
+    stranger = HubClient(Path(logged_cell.simulated.channel), HubRole.OBSERVER)
     ours: list[int] = []
     try:
-        with open_cell(logged.simulated.cell, logged.loaded.robot) as cell:
+        with open_cell(logged_cell.simulated.cell, logged_cell.loaded.robot) as cell:
             stranger.send(0x080, b"", 0)
             with raises_code(LockedError, "RID-CAN-FOREIGN-MASTER") as refused:
                 cell.axes.bring_up()
     finally:
         stranger.close()
-    logged.simulated.__exit__(None, None, None)
+    logged_cell.simulated.__exit__(None, None, None)
     assert type(refused.value).__name__ == "LockedError"
-    ours = [frame[1] for frame in logged.frames() if not 0x700 < frame[1] < 0x77F]
-    assert ours == [0x080], "more was sent than the stranger's SYNC"
+    ours = [frame[1] for frame in logged_cell.frames() if not 0x700 < frame[1] < 0x77F]
+    assert ours == [0x080], "only the foreign SYNC is on the bus"
     measured("a foreign SYNC before the session: exit 8, 0 frames sent")
 
 
 @pytest.mark.fault(32)
 def test_a_foreign_master_in_motion_causes_a_quick_stop_in_the_next_cycle(
-    logged: Logged, tmp_path: Path, measured: Callable[[str], None]
+    logged_cell: Logged, tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
-    config = logged.simulated.cell
-    stranger = HubClient(Path(logged.simulated.channel), HubRole.OBSERVER)
+    config = logged_cell.simulated.cell
+    stranger = HubClient(Path(logged_cell.simulated.channel), HubRole.OBSERVER)
     once = threading.Lock()
 
     def intrude(progress: object) -> None:
@@ -118,22 +121,24 @@ def test_a_foreign_master_in_motion_causes_a_quick_stop_in_the_next_cycle(
 
     joints = tuple(
         FourierJoint(joint=name, offset=0.1, sine=(0.2,), cosine=(0.0,))
-        for name in logged.loaded.robot.joint_names
+        for name in logged_cell.loaded.robot.joint_names
     )
     motion = FourierMotion(
         kind="fourier", robot="ir361", period_s=2.0, periods=500, ramp_s=1.0, joints=joints
     )
-    samples = motion.plan(logged.loaded.robot, config.cycle_time_s)
+    samples = motion.plan(logged_cell.loaded.robot, config.cycle_time_s)
     folder = RunFolder.create(tmp_path / "runs", "intruded")
     try:
-        outcome = record_motion(config, logged.loaded.robot, samples, folder, on_progress=intrude)
+        outcome = record_motion(
+            config, logged_cell.loaded.robot, samples, folder, on_progress=intrude
+        )
     finally:
         stranger.close()
     assert outcome.stop is not None
     assert outcome.stop.code is StopCode.BUS
     assert "another master is active on this bus: it sends SDO requests" in outcome.stop.text
-    logged.simulated.__exit__(None, None, None)
-    frames = logged.frames()
+    logged_cell.simulated.__exit__(None, None, None)
+    frames = logged_cell.frames()
     intruded_s = next(time_s for time_s, cob_id, _ in frames if cob_id == PROBE)
     after = [frame for frame in frames if frame[0] > intruded_s and frame[1] == 0x201]
     stopped_s = next(time_s for time_s, _, data in after if data == QUICK_STOP)

@@ -132,7 +132,7 @@ fcntl.flock(forged, fcntl.LOCK_EX)
 """
     session = people.session(forge, user=COLLEAGUE)
     code, told = people.stop(user=0)
-    assert session.wait(120.0) == 143, "the session is his own, and so is what he loses"
+    assert session.wait(120.0) == 143, "only the colleague's own session ends"
     assert is_alive(innocent)
     ends = {(entry["process"], entry["stopped"]) for entry in told}
     assert (session.pid, True) in ends
@@ -267,7 +267,7 @@ def test_a_lock_left_by_another_user_belongs_to_the_new_session(
     dead.kill()
     dead.wait(120.0)
     left = {path.stat().st_uid for path in locks.iterdir()}
-    assert left == {COLLEAGUE}, "he was killed: his files stay"
+    assert left == {COLLEAGUE}, "the lock files of a killed session remain"
     session = people.session(user=NEXT)
     code, told = people.stop(user=COLLEAGUE)
     assert code == 4

@@ -55,7 +55,7 @@ def test_sessions_on_two_buses_are_independent(cell: CellConfig, tmp_path: Path)
     second = cell.model_copy(update={"can": cell.can.model_copy(update={"channel": "other"})})
     with hold_cell(cell, tmp_path), hold_cell(second, tmp_path):
         assert len([*tmp_path.glob("*.lock")]) == 2
-    assert os.listdir(tmp_path) == [], "nothing is left"
+    assert os.listdir(tmp_path) == [], "all lock files are deleted"
 
 
 def test_the_lock_is_released_after_the_with_block(cell: CellConfig, tmp_path: Path) -> None:

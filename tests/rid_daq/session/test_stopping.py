@@ -49,14 +49,14 @@ class FakeSession:
 
 
 @pytest.fixture(autouse=True)
-def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+def zero_timeouts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Set all timeouts to 0: a session has already reacted, or never reacts."""
     for name in ("STOP_PATIENCE_S", "REST_PATIENCE_S", "END_PATIENCE_S"):
         monkeypatch.setattr(stopping, name, 0.0)
 
 
 @pytest.fixture
-def stopped(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[SessionStop]]:
+def stop_all(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[SessionStop]]:
     """Return a function that stops fake sessions and returns each outcome."""
 
     def stop(*sessions: FakeSession) -> list[SessionStop]:
@@ -66,7 +66,7 @@ def stopped(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[SessionStop]]
     return stop
 
 
-def moving(
+def moving_control(
     *,
     reason: StopReason | None = None,
     rest_s: float | None = None,
@@ -87,10 +87,10 @@ def moving(
 
 
 def test_a_motion_counts_as_stopped_if_its_axes_are_confirmed_at_rest(
-    stopped: Callable[..., list[SessionStop]],
+    stop_all: Callable[..., list[SessionStop]],
 ) -> None:
-    control = moving(reason=COMMAND, rest_s=0.25)
-    (result,) = stopped(FakeSession(control, lives=lambda: True))
+    control = moving_control(reason=COMMAND, rest_s=0.25)
+    (result,) = stop_all(FakeSession(control, lives=lambda: True))
     assert control.program.stop_code == StopCode.STOP_COMMAND
     assert result.is_confirmed
     assert "quick stop seen" in result.sentence
@@ -99,59 +99,61 @@ def test_a_motion_counts_as_stopped_if_its_axes_are_confirmed_at_rest(
 
 
 def test_a_motion_that_was_already_stopping_gives_its_reason(
-    stopped: Callable[..., list[SessionStop]],
+    stop_all: Callable[..., list[SessionStop]],
 ) -> None:
-    (result,) = stopped(FakeSession(moving(reason=LIMIT, rest_s=0.1), lives=lambda: True))
+    (result,) = stop_all(FakeSession(moving_control(reason=LIMIT, rest_s=0.1), lives=lambda: True))
     assert result.is_confirmed
     assert f"earlier stop ({LIMIT.text})" in result.sentence
 
 
 def test_a_motion_that_does_not_answer_was_not_stopped(
-    stopped: Callable[..., list[SessionStop]],
+    stop_all: Callable[..., list[SessionStop]],
 ) -> None:
-    (result,) = stopped(FakeSession(moving(), lives=lambda: True))
+    (result,) = stop_all(FakeSession(moving_control(), lives=lambda: True))
     assert result == SessionStop(False, "did not answer within 0 s")
 
 
 def test_axes_without_confirmed_rest_do_not_count_as_stopped(
-    stopped: Callable[..., list[SessionStop]],
+    stop_all: Callable[..., list[SessionStop]],
 ) -> None:
-    ended = moving(reason=COMMAND, state=TaskState.FINISHED)
-    (result,) = stopped(FakeSession(ended))
+    ended = moving_control(reason=COMMAND, state=TaskState.FINISHED)
+    (result,) = stop_all(FakeSession(ended))
     assert result == SessionStop(False, "stopped, but the axes were not seen to come to rest")
 
 
 def test_after_a_crash_the_state_of_the_axes_is_reported_as_unknown(
-    stopped: Callable[..., list[SessionStop]],
+    stop_all: Callable[..., list[SessionStop]],
 ) -> None:
-    (result,) = stopped(FakeSession(moving(reason=COMMAND), lives=lambda: False))
+    (result,) = stop_all(FakeSession(moving_control(reason=COMMAND), lives=lambda: False))
     assert result == SessionStop(False, "did not end: the state of its axes is unknown")
 
 
 def test_a_motion_stopped_before_its_start_did_not_move(
-    stopped: Callable[..., list[SessionStop]],
+    stop_all: Callable[..., list[SessionStop]],
 ) -> None:
-    ended = moving(reason=COMMAND, state=TaskState.FINISHED, cycles=0)
-    assert stopped(FakeSession(ended)) == [
+    ended = moving_control(reason=COMMAND, state=TaskState.FINISHED, cycles=0)
+    assert stop_all(FakeSession(ended)) == [
         SessionStop(True, "stopped before the motion; the axes did not move")
     ]
 
 
-def test_a_motion_that_ended_by_itself_is_over(stopped: Callable[..., list[SessionStop]]) -> None:
-    (result,) = stopped(FakeSession(moving(state=TaskState.FINISHED)))
+def test_a_motion_that_ended_by_itself_counts_as_stopped(
+    stop_all: Callable[..., list[SessionStop]],
+) -> None:
+    (result,) = stop_all(FakeSession(moving_control(state=TaskState.FINISHED)))
     assert result == SessionStop(True, "ended by itself in the meantime; the drives are off")
 
 
 @pytest.mark.parametrize("reason", [None, COMMAND])
 def test_drives_without_confirmed_power_off_are_not_reported_as_off(
-    stopped: Callable[..., list[SessionStop]], reason: StopReason | None
+    stop_all: Callable[..., list[SessionStop]], reason: StopReason | None
 ) -> None:
-    ended = moving(reason=reason, state=TaskState.FINISHED, cycles=0, power_off=False)
+    ended = moving_control(reason=reason, state=TaskState.FINISHED, cycles=0, power_off=False)
     ended.task.add_note("the drives of axis3 did not confirm being disabled")
     error = DeviceTimeoutError("the drives could not be enabled in time")
     error.add_note("while leaving the cell: axis3 is silent")
     ended.task.fail(error)
-    (result,) = stopped(FakeSession(ended))
+    (result,) = stop_all(FakeSession(ended))
     assert result == SessionStop(
         False,
         "ended without confirmation that power is off: make sure that power is off before you enter"
@@ -160,26 +162,26 @@ def test_drives_without_confirmed_power_off_are_not_reported_as_off(
     )
 
 
-def test_a_session_without_a_motion_is_ended(stopped: Callable[..., list[SessionStop]]) -> None:
+def test_a_session_without_a_motion_is_ended(stop_all: Callable[..., list[SessionStop]]) -> None:
     quiet = FakeSession()
-    assert stopped(quiet) == [SessionStop(True, "ended; there was no motion")]
+    assert stop_all(quiet) == [SessionStop(True, "ended; there was no motion")]
     assert quiet.terminated == 1
 
 
 def test_a_session_that_does_not_end_is_not_stopped(
-    stopped: Callable[..., list[SessionStop]],
+    stop_all: Callable[..., list[SessionStop]],
 ) -> None:
-    assert stopped(FakeSession(lives=lambda: True)) == [
+    assert stop_all(FakeSession(lives=lambda: True)) == [
         SessionStop(False, "did not end within 0 s")
     ]
 
 
 @pytest.mark.parametrize("broken", [PermissionError("no"), ValueError("no block")])
 def test_an_unobservable_session_is_terminated_and_not_reported_as_stopped(
-    broken: Exception, stopped: Callable[..., list[SessionStop]]
+    broken: Exception, stop_all: Callable[..., list[SessionStop]]
 ) -> None:
     guarded = FakeSession(broken=broken)
-    (result,) = stopped(guarded)
+    (result,) = stop_all(guarded)
     assert guarded.terminated == 1
     assert result == SessionStop(
         False, "termination requested; it was not observed if its axes are at rest"
@@ -187,17 +189,17 @@ def test_an_unobservable_session_is_terminated_and_not_reported_as_stopped(
 
 
 def test_a_session_of_another_user_is_not_terminated(
-    stopped: Callable[..., list[SessionStop]],
+    stop_all: Callable[..., list[SessionStop]],
 ) -> None:
     other = FakeSession(refusal="belongs to another user")
-    assert stopped(other) == [SessionStop(False, "belongs to another user")]
+    assert stop_all(other) == [SessionStop(False, "belongs to another user")]
     assert other.terminated == 0
 
 
 def test_all_stops_are_requested_before_waiting_despite_a_failure(
-    stopped: Callable[..., list[SessionStop]],
+    stop_all: Callable[..., list[SessionStop]],
 ) -> None:
-    second = moving(reason=COMMAND, rest_s=0.1)
+    second = moving_control(reason=COMMAND, rest_s=0.1)
     asked_by_then: list[int] = []
 
     def lives() -> bool:
@@ -206,7 +208,7 @@ def test_all_stops_are_requested_before_waiting_despite_a_failure(
 
     first = FakeSession(lives=lives)
     broken = FakeSession(broken=RuntimeError("unforeseen"))
-    results = stopped(first, broken, FakeSession(second, lives=lambda: True))
+    results = stop_all(first, broken, FakeSession(second, lives=lambda: True))
     assert [each.is_confirmed for each in results] == [True, False, True]
     assert results[1].sentence == "could not be stopped from here: unforeseen"
     assert asked_by_then[0] == StopCode.STOP_COMMAND

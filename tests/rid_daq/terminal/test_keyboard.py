@@ -36,7 +36,7 @@ class Desk:
 def test_a_key_is_held_from_its_second_repeat_on() -> None:
     desk = Desk()
     assert desk.press("+", 0.0) is None
-    assert desk.press("+", 0.5) is None, "the first repeat comes late"
+    assert desk.press("+", 0.5) is None, "the first repetition is delayed"
     assert desk.press("+", 0.03) == "+"
     assert desk.press("+", 0.1) == "+"
 
@@ -49,7 +49,7 @@ def test_a_key_is_held_until_the_stated_time_after_its_last_repeat() -> None:
     assert desk.held() == "+"
     desk.now_s += 0.02 * DEAD_MAN_S
     assert desk.held() is None
-    assert desk.press("+", 0.0) is None, "after a pause it is pressed anew"
+    assert desk.press("+", 0.0) is None, "after a pause the key counts as pressed again"
 
 
 def test_another_key_releases_the_first() -> None:

@@ -40,7 +40,7 @@ def motion(*, periodic: bool) -> MotionSamples:
     )
 
 
-def at(row: int, state: TaskState = TaskState.MOVING) -> TaskProgress:
+def progress_at(row: int, state: TaskState = TaskState.MOVING) -> TaskProgress:
     return TaskProgress(state=state, phase=Phase.MAIN, sample_index=row, cycles=max(row, 0))
 
 
@@ -77,9 +77,9 @@ def test_a_motion_is_counted_in_periods_seconds_points_or_cycles() -> None:
 def test_progress_is_shown_in_its_unit(samples: MotionSamples | None, done: float) -> None:
     shown: list[tuple[float, str]] = []
     update = progress_callback(samples, ("axis1",), lambda *what: shown.append(what), lambda: "")
-    update(at(-1, TaskState.BRING_UP))
-    update(at(100))
-    update(at(-1, TaskState.FINISHED))
+    update(progress_at(-1, TaskState.BRING_UP))
+    update(progress_at(100))
+    update(progress_at(-1, TaskState.FINISHED))
     assert shown == [
         (0.0, "configuring the drives"),
         (pytest.approx(done), "measuring"),
@@ -93,7 +93,7 @@ def test_periods_omitted_by_an_early_end_do_not_count_as_measured() -> None:
     update = progress_callback(
         samples, ("axis1",), lambda *what: shown.append(what), lambda: "", lambda: next(enough)
     )
-    update(at(100))
+    update(progress_at(100))
     run_out = TaskProgress(state=TaskState.MOVING, phase=Phase.RUN_OUT, sample_index=0, cycles=1)
     update(replace(run_out, sample_index=150))  # of a motion that is executed completely
     update(replace(run_out, sample_index=199))
@@ -111,10 +111,10 @@ def test_an_estimate_is_shown_only_while_the_robot_moves() -> None:
     update = progress_callback(
         None, ("axis1",), lambda _done, line: shown.append(line), lambda: "2 kg"
     )
-    update(at(-1, TaskState.ENABLING))
-    update(at(1))
+    update(progress_at(-1, TaskState.ENABLING))
+    update(progress_at(1))
     assert shown == ["switching the drives on", "measuring; 2 kg"]
-    assert describe_state(at(1, TaskState.STOPPING)) == "stopping"
+    assert describe_state(progress_at(1, TaskState.STOPPING)) == "stopping"
 
 
 def test_the_worst_joint_of_each_load_is_named() -> None:

@@ -21,7 +21,7 @@ def test_a_question_is_written_to_stderr(
     assert captured.out.strip() == ""
 
 
-def test_no_answer_is_a_refusal(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_question_without_an_answer_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO(""))
     with raises_code(PreflightError, "RID-ANSWER-NOBODY"):
         Console().ask("The cell's name", str)

@@ -21,7 +21,7 @@ from rid_daq.terminal.remote_terminal import (
 OF_SSH = {"SSH_CONNECTION": "10.0.0.7 50022 10.0.0.2 22"}
 
 
-def processes(folder: Path, *tree: tuple[int, str, int]) -> Path:
+def proc_folder(folder: Path, *tree: tuple[int, str, int]) -> Path:
     """Return a folder like /proc with processes (id, name, parent); our own process is 100."""
     for number, name, parent in tree:
         shown = folder / str(number)
@@ -68,13 +68,13 @@ FROM_HERE = [(80, "foot", 1), (81, "bash", 80), (82, "tmux: client", 81)]
 def test_a_remote_terminal_is_detected_by_variables_and_parent_processes(
     tmp_path: Path, tree: list[tuple[int, str, int]], environment: dict[str, str], shown: str
 ) -> None:
-    found = remote_terminal_evidence(environment, processes(tmp_path, *tree))
+    found = remote_terminal_evidence(environment, proc_folder(tmp_path, *tree))
     assert (shown in found) if shown else (found == "")
 
 
 def test_a_remote_terminal_is_refused_with_advice_to_use_a_browser(tmp_path: Path) -> None:
     with pytest.raises(PreflightError) as refused:
-        refuse_remote_terminal(OF_SSH, processes(tmp_path, *LOCAL))
+        refuse_remote_terminal(OF_SSH, proc_folder(tmp_path, *LOCAL))
     assert refused.value.refusal == CODE == "RID-KEY-REMOTE"
     for words in ("rid-daq serve", "ssh -L", "--certificate"):
         assert words in str(refused.value)

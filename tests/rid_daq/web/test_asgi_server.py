@@ -93,7 +93,7 @@ class Place:
         """Return status, head and body of the whole answer; status 0 without an answer."""
         reader, writer = await self.open(local)
         writer.write(sent)
-        received = await rest(reader)
+        received = await read_to_end(reader)
         writer.close()
         head, _, body = received.partition(b"\r\n\r\n")
         return int(head.split()[1]) if head else 0, head, body
@@ -103,7 +103,7 @@ class Place:
         await self.serving
 
 
-async def rest(reader: asyncio.StreamReader) -> bytes:
+async def read_to_end(reader: asyncio.StreamReader) -> bytes:
     received = b""
     with contextlib.suppress(ConnectionError):
         while data := await reader.read(65536):
@@ -111,7 +111,7 @@ async def rest(reader: asyncio.StreamReader) -> bytes:
     return received
 
 
-async def place(folder: Path, limits: Limits, tls: ssl.SSLContext | None = None) -> Place:
+async def start_server(folder: Path, limits: Limits, tls: ssl.SSLContext | None = None) -> Place:
     until = asyncio.Event()
     app = Starlette(
         routes=[
@@ -148,7 +148,7 @@ def test_the_application_is_reached_by_port_and_socket_and_can_distinguish_them(
     tmp_path: Path,
 ) -> None:
     async def main() -> None:
-        made = await place(tmp_path, LONG)
+        made = await start_server(tmp_path, LONG)
         for local in (False, True):
             status, head, body = await made.ask(GET, local)
             assert (status, json.loads(body)) == (200, {"local": local, "body": ""})
@@ -163,14 +163,14 @@ def test_the_application_is_reached_by_port_and_socket_and_can_distinguish_them(
 
 def test_a_request_sent_in_single_bytes_is_answered(tmp_path: Path) -> None:
     async def main() -> None:
-        made = await place(tmp_path, LONG)
+        made = await start_server(tmp_path, LONG)
         reader, writer = await made.open()
         line = writer.get_extra_info("socket")
         line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         for byte in b"POST / HTTP/1.1\r\nHost: x\r\nContent-Length: 3\r\n\r\nabc":
             writer.write(bytes((byte,)))
             await asyncio.sleep(0)
-        assert b'"body":"abc"' in await rest(reader)
+        assert b'"body":"abc"' in await read_to_end(reader)
         writer.close()
         chunked = b"POST / HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n\r\n"
         status, _, body = await made.ask(chunked + b"2\r\nab\r\n1\r\nc\r\n0\r\n\r\n")
@@ -193,7 +193,7 @@ def test_a_client_that_does_not_finish_its_request_is_disconnected(
     tmp_path: Path, sent: bytes
 ) -> None:
     async def main() -> None:
-        made = await place(tmp_path, SHORT)
+        made = await start_server(tmp_path, SHORT)
         assert (await made.ask(sent))[0] == 0
         assert (await made.ask(GET))[0] == 200
         await made.end()
@@ -203,7 +203,7 @@ def test_a_client_that_does_not_finish_its_request_is_disconnected(
 
 def test_a_client_that_does_not_read_its_answer_is_disconnected(tmp_path: Path) -> None:
     async def main() -> None:
-        made = await place(tmp_path, SHORT)
+        made = await start_server(tmp_path, SHORT)
         line = socket.create_connection(("127.0.0.1", made.port))
         line.sendall(GET.replace(b"/ ", b"/big ", 1))
         while not any(groups.answering for groups in made.server._groups):
@@ -219,9 +219,11 @@ def test_a_client_that_does_not_read_its_answer_is_disconnected(tmp_path: Path) 
 
 def test_an_oversized_head_or_body_is_refused(tmp_path: Path) -> None:
     async def main() -> None:
-        made = await place(tmp_path, LONG)
+        made = await start_server(tmp_path, LONG)
         head = b"POST / HTTP/1.1\r\nHost: x\r\nX: " + b"y" * (LONG.head_bytes + 1)
-        assert (await made.ask(head))[0] in (431, 0), "0: it sent more than was read"
+        assert (await made.ask(head))[0] in (431, 0), (
+            "0 if the client sent more than the server read"
+        )
         assert (await made.ask(head + b"\r\n\r\n"))[0] in (431, 0)
         long = b"POST / HTTP/1.1\r\nHost: x\r\nContent-Length: %d\r\n\r\n" % (LONG.body_bytes + 1)
         reader, writer = await made.open()
@@ -236,14 +238,16 @@ def test_an_oversized_head_or_body_is_refused(tmp_path: Path) -> None:
 def test_a_new_connection_displaces_the_oldest_of_the_same_listener(tmp_path: Path) -> None:
     async def main() -> None:
         limits = Limits(waiting=4, request_s=PATIENCE_S)
-        made = await place(tmp_path, limits)
+        made = await start_server(tmp_path, limits)
         beside = await made.open(local=True)
         crowd = [await made.open() for _ in range(20)]
         for reader, _ in crowd[:-4]:
-            assert await rest(reader) == b"", "the oldest were ended"
-        assert (await made.ask(GET))[0] == 200, "a new one is let in"
+            assert await read_to_end(reader) == b"", "the oldest connections are closed"
+        assert (await made.ask(GET))[0] == 200, "a new connection is accepted"
         beside[1].write(GET)
-        assert b" 200 " in await rest(beside[0]), "who waits at the other groups is not pushed out"
+        assert b" 200 " in await read_to_end(beside[0]), (
+            "a connection of the other listener is kept"
+        )
         for _, writer in (beside, *crowd):
             writer.close()
         await made.end()
@@ -253,7 +257,7 @@ def test_a_new_connection_displaces_the_oldest_of_the_same_listener(tmp_path: Pa
 
 def test_too_many_streams_are_refused_with_retry_after(tmp_path: Path) -> None:
     async def main() -> None:
-        made = await place(tmp_path, Limits(streams=2))
+        made = await start_server(tmp_path, Limits(streams=2))
         viewers = [await made.open() for _ in range(2)]
         for reader, writer in viewers:
             writer.write(EVENTS)
@@ -268,10 +272,12 @@ def test_too_many_streams_are_refused_with_retry_after(tmp_path: Path) -> None:
         assert (await made.ask(GET))[0] == 200
         async with unix_connect(str(made.path), uri="ws://x/ws") as here:
             await here.send("from here")
-            assert await here.recv() == "from here", "the other groups has its own places"
+            assert await here.recv() == "from here", "the other listener has separate places"
         made.until.set()
         for reader, writer in viewers:
-            assert b"data: last" in await rest(reader), "the last words come before the end"
+            assert b"data: last" in await read_to_end(reader), (
+                "the last messages arrive before the end"
+            )
             writer.close()
         await made.serving
 
@@ -280,7 +286,7 @@ def test_too_many_streams_are_refused_with_retry_after(tmp_path: Path) -> None:
 
 def test_a_viewer_that_reads_nothing_is_disconnected_with_little_memory(tmp_path: Path) -> None:
     async def main() -> None:
-        made = await place(tmp_path, SHORT)
+        made = await start_server(tmp_path, SHORT)
         line = socket.create_connection(("127.0.0.1", made.port))
         line.sendall(EVENTS.replace(b"events", b"flood"))
         line.setblocking(False)
@@ -296,7 +302,7 @@ def test_a_viewer_that_reads_nothing_is_disconnected_with_little_memory(tmp_path
 
 def test_a_websocket_is_served_and_closed_with_a_code_at_the_end(tmp_path: Path) -> None:
     async def main() -> None:
-        made = await place(tmp_path, LONG)
+        made = await start_server(tmp_path, LONG)
         async with connect(f"ws://127.0.0.1:{made.port}/ws") as line:
             await line.send("ä")
             assert await line.recv() == "ä"
@@ -311,7 +317,7 @@ def test_a_websocket_is_served_and_closed_with_a_code_at_the_end(tmp_path: Path)
 
 def test_a_too_long_message_closes_its_websocket(tmp_path: Path) -> None:
     async def main() -> None:
-        made = await place(tmp_path, LONG)
+        made = await start_server(tmp_path, LONG)
         async with connect(f"ws://127.0.0.1:{made.port}/ws") as line:
             await line.send("x" * (LONG.message_bytes + 1))
             with pytest.raises(ConnectionClosedError) as closed:
@@ -327,7 +333,7 @@ def test_an_error_of_the_application_gives_an_answer_and_the_server_continues(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     async def main() -> None:
-        made = await place(tmp_path, LONG)
+        made = await start_server(tmp_path, LONG)
         assert (await made.ask(GET.replace(b"/ ", b"/fail ", 1)))[0] == 500
         assert (await made.ask(GET))[0] == 200
         await made.end()
@@ -342,7 +348,7 @@ def test_after_random_bytes_the_next_request_is_answered(
     tmp_path_factory: pytest.TempPathFactory, garbage: list[bytes], in_header: bool
 ) -> None:
     async def main() -> None:
-        made = await place(tmp_path_factory.mktemp("any"), SHORT)
+        made = await start_server(tmp_path_factory.mktemp("any"), SHORT)
         start = b"GET / HTTP/1.1\r\nHost: " if in_header else b""
         answers = await asyncio.gather(*(made.ask(start + each + b"\r\n\r\n") for each in garbage))
         assert {status for status, _, _ in answers} <= {0, 200, 400, 403, 404, 405, 413, 431}
@@ -359,21 +365,23 @@ def test_limits_apply_to_tls_from_the_first_byte(tmp_path: Path, certificate: Pa
         trust = ssl.create_default_context(cafile=str(certificate))
         trust.check_hostname = False
         limits = Limits(waiting=4, request_s=1.0)
-        made = await place(tmp_path, limits, context)
+        made = await start_server(tmp_path, limits, context)
         hanging = [await made.open() for _ in range(20)]
 
         async def ask() -> bytes:
             reader, writer = await asyncio.open_connection("127.0.0.1", made.port, ssl=trust)
             writer.write(GET)
-            answer = await rest(reader)
+            answer = await read_to_end(reader)
             writer.close()
             return answer
 
-        assert b'"local":false' in await ask(), "those who hang in their handshake do not keep it"
+        assert b'"local":false' in await ask(), (
+            "connections that hang in the TLS handshake are closed"
+        )
         for reader, writer in hanging:
-            assert await rest(reader) == b""
+            assert await read_to_end(reader) == b""
             writer.close()
-        assert (await made.ask(GET))[0] == 0, "no plain text"
+        assert (await made.ask(GET))[0] == 0, "plain text is refused"
         assert b'"local":false' in await ask()
         async with connect(f"wss://127.0.0.1:{made.port}/ws", ssl=trust) as line:
             await line.send("by tls")

@@ -18,7 +18,7 @@ def test_a_full_pool_removes_the_oldest_of_the_largest_owner() -> None:
     assert pool.add(10, "anna") == 0
     assert pool.add(11, "ben") == 1
     assert sorted(pool) == [2, 3, 10, 11]
-    assert pool.add(4, "crowd") == 2, "its own oldest"
+    assert pool.add(4, "crowd") == 2, "the oldest of the same owner"
 
 
 def test_an_owner_has_a_limited_number_of_connections() -> None:
@@ -80,7 +80,7 @@ def test_many_requests_of_one_owner_do_not_block_others() -> None:
 
     order = asyncio.run(main())
     assert order.count("crowd") == 8
-    assert order.index("ben") <= 5, "in the rotation, not behind the crowd"
+    assert order.index("ben") <= 5, "its turn comes before most of the waiting requests"
 
 
 def test_too_many_waiting_requests_are_refused_and_a_release_counts_once() -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from rid_daq.web.feed import MOST_EVENTS, Feed
 
 
-async def take(view: AsyncIterator[bytes], count: int) -> list[bytes]:
+async def next_messages(view: AsyncIterator[bytes], count: int) -> list[bytes]:
     return [await anext(view) for _ in range(count)]
 
 
@@ -20,14 +20,17 @@ def test_a_slow_viewer_misses_pictures_but_no_event() -> None:
         feed = Feed()
         feed.publish_picture(b"before")
         fast, slow = feed.view(), feed.view()
-        assert await take(fast, 1) == await take(slow, 1) == [b"before"]
+        assert await next_messages(fast, 1) == await next_messages(slow, 1) == [b"before"]
         for number in range(100):
             feed.publish_picture(b"picture %d" % number)
             if number % 10 == 0:
                 feed.publish_event(b"event %d" % number)
-                assert await take(fast, 2) == [b"event %d" % number, b"picture %d" % number]
+                assert await next_messages(fast, 2) == [
+                    b"event %d" % number,
+                    b"picture %d" % number,
+                ]
             else:
-                assert await take(fast, 1) == [b"picture %d" % number]
+                assert await next_messages(fast, 1) == [b"picture %d" % number]
         feed.end()
         assert [each async for each in fast] == []
         events = [b"event %d" % number for number in range(0, 100, 10)]
@@ -42,10 +45,10 @@ def test_only_a_viewer_that_would_miss_an_event_is_disconnected() -> None:
         feed = Feed()
         hanging, going = feed.view(), feed.view()
         feed.publish_picture(b"now")
-        assert await take(hanging, 1) == await take(going, 1) == [b"now"]
+        assert await next_messages(hanging, 1) == await next_messages(going, 1) == [b"now"]
         for number in range(MOST_EVENTS + 1):
             feed.publish_event(b"%d" % number)
-            assert await take(going, 1) == [b"%d" % number]
+            assert await next_messages(going, 1) == [b"%d" % number]
         assert [each async for each in hanging] == []
         assert feed.viewers == 1
         feed.end()
@@ -70,7 +73,7 @@ def test_events_arrive_once_in_order_and_pictures_never_go_back(steps: list[str]
         feed = Feed()
         feed.publish_picture(b"p 0")
         view = feed.view()
-        seen, told, ready = await take(view, 1), 0, 0
+        seen, told, ready = await next_messages(view, 1), 0, 0
         for number, step in enumerate(steps, 1):
             if step == "show":
                 feed.publish_picture(b"p %d" % number)
@@ -78,7 +81,7 @@ def test_events_arrive_once_in_order_and_pictures_never_go_back(steps: list[str]
                 feed.publish_event(b"e %d" % told)
                 told += 1
             elif any(each != "take" for each in steps[ready : number - 1]):
-                seen += await take(view, 1)
+                seen += await next_messages(view, 1)
                 ready = number
         feed.end()
         seen += [each async for each in view]
@@ -95,13 +98,13 @@ def test_a_slow_viewer_gets_the_newest_picture_of_each_subject() -> None:
         feed = Feed()
         feed.publish_picture(b"left 0", "left")
         slow = feed.view(first=[b"hello"])
-        assert await take(slow, 2) == [b"hello", b"left 0"]
+        assert await next_messages(slow, 2) == [b"hello", b"left 0"]
         for number in range(1, 9):
             feed.publish_picture(b"left %d" % number, "left")
             feed.publish_picture(b"right %d" % number, "right")
-        assert await take(slow, 2) == [b"left 8", b"right 8"]
+        assert await next_messages(slow, 2) == [b"left 8", b"right 8"]
         feed.forget_picture("left")
-        assert await take(feed.view(), 1) == [b"right 8"]
+        assert await next_messages(feed.view(), 1) == [b"right 8"]
 
     asyncio.run(main())
 
@@ -110,7 +113,7 @@ def test_a_feed_stores_at_most_the_given_number_of_events() -> None:
     async def main() -> None:
         feed = Feed(most_events=3)
         view = feed.view(first=[b"hello"])
-        assert await take(view, 1) == [b"hello"]
+        assert await next_messages(view, 1) == [b"hello"]
         for number in range(4):
             feed.publish_event(b"%d" % number)
         assert [each async for each in view] == []

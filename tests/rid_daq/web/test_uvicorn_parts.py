@@ -45,13 +45,13 @@ class Line(asyncio.Transport):
         pass
 
 
-async def silent(scope: Scope, receive: Receive, send: Send) -> None:
+async def silent_app(scope: Scope, receive: Receive, send: Send) -> None:
     await receive()
 
 
 def received(protocol: type[H11Protocol], data: bytes) -> Line:
     async def run() -> Line:
-        config = Config(silent, http="h11", ws="none", lifespan="off", log_config=None)
+        config = Config(silent_app, http="h11", ws="none", lifespan="off", log_config=None)
         config.load()
         line = Line()
         one = protocol(config, ServerState(), {})
@@ -68,7 +68,7 @@ def test_the_protocol_is_constructed_from_config_and_states() -> None:
 
 
 def test_tasks_and_lifespan_have_their_expected_attributes() -> None:
-    parts = Uvicorn(silent, 1000, 1.0)
+    parts = Uvicorn(silent_app, 1000, 1.0)
     assert parts.tasks == ()
     assert isinstance(ServerState().tasks, set)
     assert {"startup", "shutdown", "should_exit", "state"} <= set(dir(parts.lifespan()))

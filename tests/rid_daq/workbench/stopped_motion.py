@@ -29,7 +29,7 @@ class StoppedMotion:
 
     def require_stopped(self, pressed_s: float, within_s: float = SOON_S) -> None:
         """Require that the drives received the stop within a time after the press."""
-        assert self.stopped.wait(60.0), "the stop did not arrive"
+        assert self.stopped.wait(60.0), "the process did not receive the stop"
         assert 0.0 < self.stopped_s - pressed_s <= within_s
 
 

@@ -194,7 +194,7 @@ def test_loops_are_measured_and_a_path_is_compensated_compared_refined_and_strea
 
     take_cell(page)
     buttons = ("#drive-plain", "#drive")
-    runs = [moved(page, served_pages, button, "Record: done") for button in buttons]
+    runs = [run_by_button(page, served_pages, button, "Record: done") for button in buttons]
     page.locator("#before").select_option(runs[0])
     expect(page.locator("#after")).to_have_value(runs[1])
     page.locator("#compare").click()
@@ -210,7 +210,7 @@ def test_loops_are_measured_and_a_path_is_compensated_compared_refined_and_strea
     assert (served_pages.folder / "refined.json").is_file()
 
     expect(page.locator("#compensated")).to_be_checked()
-    streamed = moved(page, served_pages, "#stream", "Stream: done")
+    streamed = run_by_button(page, served_pages, "#stream", "Stream: done")
     assert streamed not in runs
     assert newest(served_pages).request["options"] == {"compensated": True}
     give_back(page)
@@ -227,7 +227,7 @@ def test_loops_are_measured_and_a_path_is_compensated_compared_refined_and_strea
     )
 
 
-def moved(page: Page, served: ServedProcess, button: str, end: str) -> str:
+def run_by_button(page: Page, served: ServedProcess, button: str, end: str) -> str:
     """Press a button that moves the robot, wait for the job's end, and return its run."""
     before = newest(served).id
     page.locator(button).click()

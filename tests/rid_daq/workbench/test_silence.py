@@ -49,7 +49,7 @@ PICTURE = """{ type: "samples", cell: "ir361", job: "j1", picture: {
 } }"""
 
 
-def spend(page: Page, seconds: float, said: str | None) -> None:
+def pass_time(page: Page, seconds: float, said: str | None) -> None:
     """Let the page's time pass; the WebSocket sends a message ten times a second, or none."""
     for _ in range(round(10 * seconds)):
         page.clock.run_for(100)
@@ -80,12 +80,12 @@ def test_a_silent_channel_and_its_recovery_are_shown_within_seconds(
     page.evaluate("moving => fake(moving)", moving)
     said = PICTURE if moving else '{ type: "beat" }'
     reach, live = page.locator("#reach"), page.locator("#joints-words")
-    spend(page, 3.0, said)
+    pass_time(page, 3.0, said)
     expect(reach).to_be_hidden()
     shown = live.inner_text()
 
     page.evaluate("answering => { window.answering = answering; }", requests)
-    spend(page, 2.0, said if values else None)
+    pass_time(page, 2.0, said if values else None)
     expect(reach).to_contain_text(words)
     expect(page.locator("#state")).to_have_text(
         ("moving" if moving else "closed") if values or requests else "unknown"
@@ -93,6 +93,6 @@ def test_a_silent_channel_and_its_recovery_are_shown_within_seconds(
     if moving and not values:
         expect(live).to_contain_text("NOT LIVE")
     page.evaluate("window.answering = true")
-    spend(page, 2.5, said)
+    pass_time(page, 2.5, said)
     expect(reach).to_be_hidden()
     expect(live).to_have_text(shown)

@@ -60,7 +60,7 @@ def squatting(port: int = 0) -> Iterator[Squatter]:
             thread.join()
 
 
-def shown(service: str, headers: dict[str, str]) -> int:
+def status_with(service: str, headers: dict[str, str]) -> int:
     """Return the service's status for a program that repeats received headers."""
     kept = {
         name: value for name, value in headers.items() if name.lower() not in ("host", "origin")
@@ -78,7 +78,7 @@ def test_another_port_receives_no_valid_secret(
     with squatting() as other:
         page.context.new_page().goto(f"http://127.0.0.1:{other.server_port}/")
         assert other.sent
-        assert {shown(service, headers) for headers in other.sent} == {401}
+        assert {status_with(service, headers) for headers in other.sent} == {401}
     assert page.context.cookies() == []
     problems.clear()
 
@@ -99,9 +99,9 @@ def test_a_later_program_on_the_port_gets_no_secret_valid_after_a_restart(
         assert kept  # a page of that program can read the storage of our page
     with serving(tmp_path, "--listen", f"127.0.0.1:{port}", cell="exercise") as second:
         service = second.url.partition("/?")[0]
-        assert {shown(service, headers) for headers in other.sent} <= {401, 403}
+        assert {status_with(service, headers) for headers in other.sent} <= {401, 403}
         for secret in kept.values():
-            assert shown(service, {"authorization": f"Bearer {secret}"}) == 401
+            assert status_with(service, {"authorization": f"Bearer {secret}"}) == 401
 
 
 def test_a_page_opens_and_downloads_data_of_the_service(

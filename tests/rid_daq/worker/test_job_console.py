@@ -52,7 +52,7 @@ def console(events: Path, orders: Orders) -> Iterator[JobConsole]:
         yield JobConsole(events=file, orders=orders)
 
 
-def speak(console: Console) -> None:
+def write_output(console: Console) -> None:
     console.say("Cell ir361: 3 drives.\x1b[31m")
     columns = (Column(title="drive", is_text=True), Column(title="is", is_text=True))
     rows = (("axis1", "ok"), ("axis2", "RED"))
@@ -65,9 +65,9 @@ def speak(console: Console) -> None:
 def test_displayed_events_equal_the_output_of_the_command(
     console: JobConsole, events: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    speak(Console())
+    write_output(Console())
     here = capsys.readouterr().out
-    speak(console)
+    write_output(console)
     assert capsys.readouterr().out == ""
     shown = _EventDisplay(Console())
     for event in EventTail(events).read_new():
@@ -107,7 +107,7 @@ def test_a_displayed_result_equals_the_output_of_the_command(
 def test_the_json_document_equals_that_of_the_command(
     console: JobConsole, events: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    speak(console)
+    write_output(console)
     shown = _EventDisplay(Console(as_json=True))
     for event in EventTail(events).read_new():
         shown(None, event)
@@ -136,7 +136,7 @@ def test_progress_is_reported_periodically_and_at_its_end(
     assert len(told) < 50
 
 
-def answers(orders: Orders, events: Path, *texts: str) -> None:
+def answer_questions(orders: Orders, events: Path, *texts: str) -> None:
     """Answer the next questions in a separate thread, like a service."""
 
     def work() -> None:
@@ -158,7 +158,7 @@ def test_a_question_is_repeated_until_its_answer_is_valid(
             raise ConfigError("give a number")
         return int(text)
 
-    answers(orders, events, "two", "2")
+    answer_questions(orders, events, "two", "2")
     assert console.ask("How many?", number) == 2
     asked = [each.text for each in EventTail(events).read_new() if isinstance(each, QuestionEvent)]
     assert asked == ["How many?", "give a number. How many?"]
@@ -167,7 +167,7 @@ def test_a_question_is_repeated_until_its_answer_is_valid(
 def test_a_question_contains_the_answers_for_buttons_of_a_page(
     console: JobConsole, orders: Orders, events: Path
 ) -> None:
-    answers(orders, events, "-")
+    answer_questions(orders, events, "-")
     assert console.ask("Which way?", str, [("As was said", "+"), ("The other way", "-")]) == "-"
     (asked,) = [each for each in EventTail(events).read_new() if isinstance(each, QuestionEvent)]
     assert [(each.label, each.text) for each in asked.choices] == [
@@ -180,7 +180,7 @@ def test_a_question_contains_the_answers_for_buttons_of_a_page(
 def test_only_yes_confirms(
     console: JobConsole, orders: Orders, events: Path, text: str, meant: bool
 ) -> None:
-    answers(orders, events, text)
+    answer_questions(orders, events, text)
     assert console.confirm("Attached?") is meant
 
 
@@ -218,7 +218,7 @@ def test_a_key_is_requested_when_the_robot_is_ready_and_earlier_keys_are_ignored
         keys.begin()
         assert [event.kind for event in EventTail(events).read_new()] == ["asked"]
         holder.send(held="+")
-        assert keys.look() is None, "it was held before"
+        assert keys.look() is None, "the key was already held"
         holder.send(held="")
         holder.send(held="+")
         assert keys.look() is not None
@@ -344,7 +344,7 @@ def test_a_late_tap_selects_nothing_and_keys_are_ignored_until_the_next_tap(
     with held_keys(console, taps.append) as keys:
         holder.send(tapped="2", late_s=0.31)
         holder.send(held="+")
-        assert keys.look() is None, "it would move another axis than was chosen"
+        assert keys.look() is None, "the key would move another axis than the selected one"
         holder.send(held="")
         holder.send(tapped="2")
         holder.send(held="+")

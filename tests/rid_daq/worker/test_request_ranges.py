@@ -49,22 +49,22 @@ def numbers(schema: Schema, whole: Schema, place: Place = ()) -> Iterator[tuple[
         yield place, schema
 
 
-def least_document(schema: Schema, whole: Schema) -> Any:
+def smallest_document(schema: Schema, whole: Schema) -> Any:
     """Return a document with only the required values."""
     schema = resolved(schema, whole)
     for choice in ("anyOf", "oneOf"):
         if choice in schema:
-            return least_document(schema[choice][0], whole)
+            return smallest_document(schema[choice][0], whole)
     if "const" in schema or "enum" in schema:
         return schema.get("const", schema.get("enum", [None])[0])
     match schema.get("type"):
         case "object":
             properties = schema["properties"]
             required = schema.get("required", [])
-            return {name: least_document(properties[name], whole) for name in required}
+            return {name: smallest_document(properties[name], whole) for name in required}
         case "array":
             inner = schema.get("prefixItems") or [schema["items"]] * schema.get("minItems", 0)
-            return [least_document(each, whole) for each in inner]
+            return [smallest_document(each, whole) for each in inner]
         case "number" | "integer":
             return schema.get("minimum", 1)
         case "boolean":
@@ -83,20 +83,22 @@ def document_with(kind: JobKind, place: Place, value: object) -> dict[str, Any]:
         for each in (*schema.get("anyOf", ()), *schema.get("oneOf", ())):
             if any(found[: len(place)] == place for found, _ in numbers(each, whole)):
                 begun = document if isinstance(document, (dict, list)) else None
-                return put(each, place, begun or least_document(each, whole))
+                return put(each, place, begun or smallest_document(each, whole))
         key, *rest = place
         if isinstance(key, str):
             document = dict(document or {})
             inner = schema["properties"][key]
-            document[key] = put(inner, tuple(rest), document.get(key, least_document(inner, whole)))
+            document[key] = put(
+                inner, tuple(rest), document.get(key, smallest_document(inner, whole))
+            )
             return document
         document = list(document or ())
         inner = schema["prefixItems"][key] if "prefixItems" in schema else schema["items"]
-        document += [least_document(inner, whole)] * (key + 1 - len(document))
+        document += [smallest_document(inner, whole)] * (key + 1 - len(document))
         document[key] = put(inner, tuple(rest), document[key])
         return document
 
-    found: dict[str, Any] = put(whole, place, least_document(whole, whole))
+    found: dict[str, Any] = put(whole, place, smallest_document(whole, whole))
     return found
 
 
@@ -125,11 +127,11 @@ def test_the_list_of_numbers_covers_the_main_jobs() -> None:
 def test_every_number_of_every_request_has_a_range(
     kind: JobKind, place: Place, schema: Schema
 ) -> None:
-    assert any(side in schema for side in LOW), "say the least value in the field's type"
-    assert any(side in schema for side in HIGH), "say the largest value in the field's type"
+    assert any(side in schema for side in LOW), "state the smallest value in the field's type"
+    assert any(side in schema for side in HIGH), "state the largest value in the field's type"
 
 
-def outside(schema: Schema) -> Iterator[float]:
+def values_outside(schema: Schema) -> Iterator[float]:
     """Yield values just outside a range."""
     whole_number = schema["type"] == "integer"
     if "minimum" in schema:
@@ -145,7 +147,7 @@ def outside(schema: Schema) -> Iterator[float]:
 def test_a_number_outside_its_range_is_refused_by_service_and_worker(
     kind: JobKind, place: Place, schema: Schema, tmp_path: Path
 ) -> None:
-    for value in outside(schema):
+    for value in values_outside(schema):
         told = document_with(kind, place, value)
         for refuse in (
             lambda told=told: check_request(kind, told, tmp_path),

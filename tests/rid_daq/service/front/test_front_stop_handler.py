@@ -51,7 +51,7 @@ def test_the_front_process_stops_known_jobs_and_reports_to_the_service() -> None
     control.program.declare_task_gone()
     found.note_jobs({"b": 0})
     assert not found.stop("a", "").told
-    assert found.stop("b", "").told, "its worker is starting: the service gets the stop"
+    assert found.stop("b", "").told, "the worker is starting: the service receives the stop"
     with raises_code(UnknownError, "RID-CELL-UNKNOWN", "'c'"):
         found.stop("c", "")
     assert told == [("a", ""), ("*", "key"), ("a", ""), ("b", "")]
