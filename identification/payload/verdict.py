@@ -127,11 +127,6 @@ class PayloadResult:
         """True if every limit is satisfied, and there is at least one."""
         return bool(self.checks) and all(line.passed for line in self.checks)
 
-    @property
-    def fits(self) -> bool:
-        """True if the residual of every axis satisfies its limit."""
-        return all(line.passed for line in self.checks if line.advice == BAD_FIT)
-
 
 @dataclass(frozen=True, eq=False)
 class Repeats:

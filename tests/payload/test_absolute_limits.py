@@ -16,7 +16,13 @@ from identification.choices import PayloadLimits
 from identification.payload.body import PayloadBody
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.file import read_payload, write_payload
-from identification.payload.verdict import PayloadCheck, PayloadResult, Reached, check_payload
+from identification.payload.verdict import (
+    BAD_FIT,
+    PayloadCheck,
+    PayloadResult,
+    Reached,
+    check_payload,
+)
 from tests.builders.certified import estimate_of
 from tests.builders.raised_codes import raises_code
 
@@ -62,11 +68,10 @@ def test_a_missed_absolute_limit_does_not_affect_a_met_relative_one() -> None:
 
 def test_a_residual_limit_in_newton_metres_is_an_alternative_limit_of_the_fit() -> None:
     poor = replace(estimate_of(load_cell("kr15"), ()), residual_nm=np.full(6, 30.0))
-    for limits, fits in ((PayloadLimits(), False), (PayloadLimits(residual_nm=31.0), True)):
-        result = PayloadResult(poor, check_payload(poor, limits))
-        assert result.fits is fits
-    nearly = PayloadResult(poor, check_payload(poor, PayloadLimits(residual_nm=29.0)))
-    assert not nearly.fits
+    for limit_nm, fits in ((None, False), (29.0, False), (31.0, True)):
+        checks = check_payload(poor, PayloadLimits(residual_nm=limit_nm))
+        failed = [line.advice for line in checks if not line.passed]
+        assert (BAD_FIT not in failed) is fits
 
 
 def test_the_met_limit_is_stored_in_the_payload_file(tmp_path: Path) -> None:

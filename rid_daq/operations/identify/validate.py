@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Self
 
 from pydantic import Field, ValidationInfo, model_validator
 
+from config.errors import ConfigError
 from identification.choices import STANDSTILL_RAD_S, BandHz, BaseMassKg, StandstillRadS
 from rid_daq.blocks.block import AnyBlock, Next, Text, Verdict, note_blocks
 from rid_daq.operations.operation import Context, Operation
@@ -82,13 +83,26 @@ class ValidateRequest(Request):
     @property
     def is_motion_file(self) -> bool:
         """True if `run` names a motion file instead of a run."""
-        path = Path(self.run)
-        return path.suffix in (".yaml", ".yml") and path.is_file()
+        return self._is_named_like_motion and Path(self.run).is_file()
+
+    @property
+    def _is_named_like_motion(self) -> bool:
+        return Path(self.run).suffix in (".yaml", ".yml")
 
     @model_validator(mode="after")
     def _refuse_cell_of_run(self, info: ValidationInfo) -> Self:
-        """Refuse a cell together with a run; a JSON request always has one, set by the service."""
+        """Refuse a cell together with a run; a JSON request always has one, set by the service.
+
+        Raises:
+            ConfigError: The cell has no effect (RID-OPTION-NO-EFFECT), or it is that of a motion
+                file that does not exist (RID-FILE-READ).
+        """
         if info.mode == "python" and not self.is_motion_file:
+            if self.cell is not None and self._is_named_like_motion:
+                raise ConfigError(
+                    f"{self.run}: there is no such motion file; check its path and name",
+                    code="RID-FILE-READ",
+                )
             refuse_unused(self, ("cell",), "with a run, because a run contains its cell")
         return self
 

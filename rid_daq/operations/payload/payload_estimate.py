@@ -149,7 +149,8 @@ def report_payload(
     """Add an estimated payload to the result of a folder, and write the report.
 
     Args:
-        payload: The payload with its verdict.
+        payload: The payload with its verdict, of `estimate_payload`: a payload file does not keep
+            the advice of a check, which says whether the check is of the fit.
         repeats: Estimates of each run alone; None without them.
         path: The payload file, which is written.
         folder: The session, or the run that gets the report.
@@ -164,7 +165,8 @@ def report_payload(
     section = PayloadSection.of(payload, repeats, findings)
     verdict = payload_verdict(payload, empty)
     report = write_result(folder, result.updated(payload=section, verdict=verdict))
-    return IdentifiedPayload(section, verdict, path, report, payload.fits)
+    fits = all(line.passed for line in payload.checks if line.advice == BAD_FIT)
+    return IdentifiedPayload(section, verdict, path, report, fits)
 
 
 def _arm_checks(

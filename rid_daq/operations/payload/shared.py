@@ -37,7 +37,7 @@ class IdentifiedPayload:
         verdict: Verdict on the limits of its intervals.
         file: Path of the payload file.
         report: Path of the report.
-        fits: True if the residual of every axis is within its limit.
+        fits: True if no check failed that compares the model with the torques.
         notes: Defects of the runs' data.
         session: File of the guided session; None without a session.
     """

@@ -153,6 +153,7 @@ TABLE: list[tuple[str, int, str]] = [
     ("validate missing.json nothing", 2, "missing.json"),
     ("validate model.json nothing", 2, "not an estimate"),
     ("validate good.yaml nothing", 2, "this is a motion file; give an estimate"),
+    ("validate model.json moton.yaml --cell ir361", 2, "RID-FILE-READ"),
     ("report nothing", 7, "no result.json"),
     ("report spoilt", 7, "not valid JSON"),
     ("report real", 2, "no run"),
