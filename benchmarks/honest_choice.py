@@ -47,7 +47,7 @@ NOISE: Final = 0.01
 TUNING_SEEDS: Final = range(1, 10)
 JUDGING_SEEDS: Final = range(206, 211)
 OPEN_TERMS: Final[tuple[FrictionTerm, ...]] = (
-    "offset", "cubic", "cube_root", "stribeck", "load", "presliding", "temperature",
+    "offset", "cubic", "shear_thinning", "stribeck", "load", "presliding", "temperature",
 )  # fmt: skip
 FRICTIONS: Final[dict[str, Friction]] = {
     "plain": Friction(),

@@ -12,6 +12,7 @@ FrictionTerm = Literal[
     "cubic",
     "cube_root",
     "stribeck",
+    "shear_thinning",
     "temperature",
     "load",
     "presliding",

@@ -115,6 +115,8 @@ class Joint(ConfigModel):
             grows with the torque that the gear transmits. `presliding` is presliding hysteresis
             (section 4.1).
         stribeck_velocity: Initial value of the estimate [rad/s or m/s].
+        shear_thinning_velocity: Speed v_T of the friction term `shear_thinning` [rad/s or m/s]. It
+            is not estimated.
         presliding_distance: Initial value of the estimated presliding displacement [rad or m].
         presliding_share: Initial value of the fraction of the friction that has hysteresis; the
             rest is rigid. At 1 all friction has hysteresis, and the fraction is not estimated.
@@ -139,6 +141,9 @@ class Joint(ConfigModel):
     stribeck_velocity: Annotated[
         Positive, Plausible(1e-5, 10.0, "rad/s", Plausible(1e-5, 10.0, "m/s"))
     ] = 0.05
+    shear_thinning_velocity: Annotated[
+        Positive, Plausible(1e-3, 10.0, "rad/s", Plausible(1e-3, 10.0, "m/s"))
+    ] = 0.5
     presliding_distance: Annotated[Positive, Plausible(1e-7, 0.2, "rad")] = 1e-3
     presliding_share: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
     reference_temperature_k: Temperature = 298.15

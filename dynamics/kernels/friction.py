@@ -19,9 +19,9 @@ def friction_function(
 
     Args:
         function: 0 Coulomb, 1 viscous, 2 offset, 3 forward, 4 backward, 5 cubic, 6 cube root, 7
-            Stribeck.
+            Stribeck, 8 shear-thinning viscous.
         u: The actuator's speed.
-        scale: Stribeck velocity.
+        scale: Stribeck velocity, or speed of shear thinning.
         smoothing: sign(v) is tanh(v / smoothing); 0 for a hard sign.
         direction: Direction of the presliding hysteresis, which replaces sign(v); `BY_SPEED` for a
             joint without presliding.
@@ -45,4 +45,6 @@ def friction_function(
         return u * u * u
     if function == 6:
         return sign * float(abs(u) ** (1.0 / 3.0))
+    if function == 8:
+        return scale * math.asinh(u / scale)
     return smooth * math.exp(-abs(u) / scale)

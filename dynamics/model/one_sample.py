@@ -174,8 +174,14 @@ def _friction(term: Friction, values: list[float]) -> list[list[float]]:
                 " `temperature`",
                 code="RID-MODEL-TEMPERATURE",
             )
-        speed = speeds[column.joint] if column.function == "stribeck" else 1.0
-        rows.append([FRICTION, column.joint, value, kernel_number, speed])
+        match column.function:
+            case "stribeck":
+                scale = speeds[column.joint]
+            case "shear_thinning":
+                scale = column.shear_thinning_speed
+            case _:
+                scale = 1.0
+        rows.append([FRICTION, column.joint, value, kernel_number, scale])
     return rows
 
 

@@ -33,6 +33,7 @@ _FUNCTIONS: Final[dict[FrictionTerm, tuple[FrictionFunction, ...]]] = {
     "cubic": ("cubic",),
     "cube_root": ("cube_root",),
     "stribeck": ("stribeck",),
+    "shear_thinning": ("shear_thinning",),
     "temperature": ("coulomb_by_temperature", "viscous_by_temperature"),
     "load": (),  # a loss of the gear: see `Transmission`
     "presliding": (),  # changes the direction in the other functions: see `Memory`
@@ -41,13 +42,17 @@ _FUNCTIONS: Final[dict[FrictionTerm, tuple[FrictionFunction, ...]]] = {
 
 @dataclass(frozen=True)
 class FrictionColumn:
-    """One friction coefficient: function, joint (from 0), name and unit."""
+    """One friction coefficient: function, joint (from 0), name and unit.
+
+    `shear_thinning_speed` is v_T of the function `shear_thinning` [rad/s or m/s].
+    """
 
     joint: int
     function: FrictionFunction
     parameter_name: str
     unit: str
     reference_temperature_k: float
+    shear_thinning_speed: float
 
 
 @dataclass(frozen=True)
@@ -255,6 +260,9 @@ class Friction:
                 speed = self._stribeck_speed(column.joint)
                 falling = np.exp(-np.sign(v.real) * v / speed)
                 return self._sign(motion, column.joint, v) * falling
+            case "shear_thinning":
+                speed = column.shear_thinning_speed
+                return speed * np.arcsinh(v / speed)
             case "coulomb_by_temperature":
                 return self._sign(motion, column.joint, v) * _temperature_rise(column, motion)
             case "viscous_by_temperature":
@@ -288,6 +296,7 @@ def _column(j: int, joint: Joint, function: FrictionFunction) -> FrictionColumn:
         parameter_name=f"{own.symbol}_{joint.name}",
         unit=prismatic if joint.type == "prismatic" else revolute,
         reference_temperature_k=joint.reference_temperature_k,
+        shear_thinning_speed=joint.shear_thinning_velocity,
     )
 
 

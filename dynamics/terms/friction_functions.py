@@ -14,7 +14,7 @@ from config.errors import EstimationError
 
 FrictionFunction = Literal[
     "coulomb", "viscous", "offset", "forward", "backward", "cubic", "cube_root", "stribeck",
-    "coulomb_by_temperature", "viscous_by_temperature",
+    "shear_thinning", "coulomb_by_temperature", "viscous_by_temperature",
 ]  # fmt: skip
 Sign = Literal["braking", "curve", "free"]
 
@@ -63,6 +63,10 @@ FRICTION_FUNCTIONS: Final[dict[FrictionFunction, FunctionTraits]] = {
     ),
     "stribeck": FunctionTraits(
         "fs", _FORCE, "curve", by_direction=True, kernel=7, words="Stribeck"
+    ),
+    "shear_thinning": FunctionTraits(
+        "fvs", ("N m s/rad", "N s/m"), "braking", smooth=True, kernel=8,
+        words="shear-thinning viscous",
     ),
     "coulomb_by_temperature": FunctionTraits("fcT", ("N m/K", "N/K"), "free", by_direction=True),
     "viscous_by_temperature": FunctionTraits(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -29,12 +30,19 @@ RANK: Final = 1e-7
 
 def term_of_column(column: Column) -> FrictionTerm:
     """Return the friction term of a column."""
-    return column if isinstance(column, str) else "stribeck"
+    if isinstance(column, str):
+        return column
+    return "shear_thinning" if column[0] == "shear_thinning" else "stribeck"
 
 
 def columns_of_terms(terms: Sequence[Column]) -> Terms:
     """Return the columns of some terms; a Stribeck term adds its derivative by speed."""
-    return (*terms, *(("slope", term[1]) for term in terms if isinstance(term, tuple)))
+    return (*terms, *(("slope", speed) for speed in speeds_of(terms, "stribeck")))
+
+
+def speeds_of(terms: Sequence[Column], name: FrictionTerm) -> tuple[float, ...]:
+    """Return the speeds of the terms of this name [rad/s or m/s]."""
+    return tuple(term[1] for term in terms if isinstance(term, tuple) and term[0] == name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +140,7 @@ class Grams:
     def _with_identified(self) -> Grams:
         """Return the matrices with the friction-free columns that are linearly independent."""
         n, p = self.joints, self.width
-        total, _ = self._assembled([PLAIN] * n, np.arange(p))
+        total, _ = self._assembled([PLAIN] * n)
         matrix = total.sum(axis=0)
         size = np.sqrt(np.maximum(np.diagonal(matrix), 1e-300))
         matrix = matrix / np.outer(size, size)
@@ -160,28 +168,32 @@ class Grams:
         gram = self.gram / np.square(factor)[:, np.newaxis, np.newaxis, np.newaxis]
         return Grams(gram, self.rows, self.rigid, self.scale_nm * factor)
 
-    def _assembled(
-        self, chosen: Sequence[Terms], rigid: IntArray
-    ) -> tuple[FloatArray, list[IntArray]]:
+    @cached_property
+    def _shared(self) -> FloatArray:
+        """Each block's matrix of the columns without friction and the torque, all joints summed."""
+        at = np.append(self.rigid, -1)
+        return np.asarray(sum(gram[:, at[:, np.newaxis], at] for gram in self.gram))
+
+    def _assembled(self, chosen: Sequence[Terms]) -> tuple[FloatArray, list[IntArray]]:
         """Return each block's matrix for all joints, and the indices of each joint's columns.
 
         The last index is that of the torque.
         """
-        p, width = self.width, len(rigid)
+        width = len(self.rigid)
         count = width + sum(len(columns_of_terms(own)) for own in chosen) + 1
         total = np.zeros((self.gram.shape[1], count, count))
+        ends = np.append(np.arange(width), count - 1)
+        total[:, ends[:, np.newaxis], ends] = self._shared
         places, start = [], width
         for j, own in enumerate(chosen):
-            columns = columns_of_terms(own)
-            local = np.concatenate(
-                [rigid, [p + ALL_COLUMNS.index(column) for column in columns], [-1]]
-            ).astype(np.int64)
-            place = np.concatenate(
-                [np.arange(width), start + np.arange(len(columns)), [count - 1]]
-            ).astype(np.int64)
-            total[:, place[:, np.newaxis], place] += self.gram[j][:, local[:, np.newaxis], local]
+            local = self._local(own)
+            friction = np.arange(start, start + len(local) - len(ends))
+            place = np.concatenate([ends[:-1], friction, ends[-1:]])
+            rows = self.gram[j][:, local[width:-1, np.newaxis], local]
+            total[:, friction[:, np.newaxis], place] = rows
+            total[:, place[:, np.newaxis], friction] = rows.transpose(0, 2, 1)
             places.append(place)
-            start += len(columns)
+            start += len(friction)
         return total, places
 
     def _local(self, terms: Terms) -> IntArray:
@@ -195,7 +207,7 @@ class Grams:
         Raises:
             np.linalg.LinAlgError: The data do not identify the terms.
         """
-        total, places = self._assembled(chosen, self.rigid)
+        total, places = self._assembled(chosen)
         size = np.sqrt(np.maximum(np.diagonal(total.sum(axis=0))[:-1], 1e-300))
         scaled = total[:, :-1, :-1] / np.outer(size, size)
         torque = total[:, :-1, -1] / size
@@ -212,13 +224,12 @@ class Grams:
         errors = np.full((len(total), self.joints), np.nan)
         extended = np.column_stack([others / size, np.full(len(live), -1.0)])
         for j, place in enumerate(places):
-            x = extended[:, place]
-            local = self._local(chosen[j])
-            gram = self.gram[j][live][:, local[:, np.newaxis], local]
-            square = np.einsum("bi,bij,bj->b", x, gram, x)
-            floor = 1e-15 * gram[:, -1, -1]
-            rows = self.rows[live, j]
-            errors[live, j] = np.where(
+            x = np.zeros((len(total), self.gram.shape[2]))
+            x[live[:, np.newaxis], self._local(chosen[j])] = extended[:, place]
+            square = np.sum(x * np.matmul(self.gram[j], x[:, :, np.newaxis])[:, :, 0], axis=1)
+            floor = 1e-15 * self.gram[j, :, -1, -1]
+            rows = self.rows[:, j]
+            errors[:, j] = np.where(
                 rows > 0.0, np.maximum(square, floor) / np.maximum(rows, 1.0), np.nan
             )
         sigma = deviations(others - theta)

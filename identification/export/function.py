@@ -27,10 +27,10 @@ Language = Literal["c", "python"]
 
 # The functions of a speed u in each language.
 _C = {"sign": "sign", "smooth": "smooth_sign", "abs": "fabs", "exp": "exp", "cbrt": "cbrt",
-      "sin": "sin", "cos": "cos", "sqrt": "sqrt", "pow": "pow"}  # fmt: skip
+      "asinh": "asinh", "sin": "sin", "cos": "cos", "sqrt": "sqrt", "pow": "pow"}  # fmt: skip
 _PYTHON = {"sign": "np.sign", "smooth": "_smooth_sign", "abs": "np.abs", "exp": "np.exp",
-           "cbrt": "np.cbrt", "sin": "np.sin", "cos": "np.cos", "sqrt": "np.sqrt",
-           "pow": "np.power"}  # fmt: skip
+           "asinh": "np.arcsinh", "cbrt": "np.cbrt", "sin": "np.sin", "cos": "np.cos",
+           "sqrt": "np.sqrt", "pow": "np.power"}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -196,6 +196,9 @@ def _friction_function(term: Friction, column: FrictionColumn, language: Languag
         case "stribeck":
             speed = next(s.parameter.value for s in term.stribeck if s.joint == column.joint)
             return f"{smooth} * {f['exp']}(-{f['abs']}({u}) / {speed!r})"
+        case "shear_thinning":
+            speed = column.shear_thinning_speed
+            return f"{speed!r} * {f['asinh']}({u} / {speed!r})"
         case "coulomb_by_temperature":
             return f"{smooth} * {warmth}"
         case "viscous_by_temperature":

@@ -23,7 +23,7 @@ STRIBECK_RAD_S: Final = 0.05
 # For each quantity: the term that models it, and the prefixes of this term's parameter names.
 _SUSPECTS: Final[dict[str, tuple[str, tuple[str, ...]]]] = {
     "the direction of motion": ("friction term coulomb", ("fc_", "fcp_", "fcn_")),
-    "the speed": ("friction term viscous", ("fv_",)),
+    "the speed": ("friction term viscous", ("fv_", "fvs_")),
     "a constant": ("friction term offset", ("fo_",)),
     "the cube of the speed": ("friction term cubic", ("f3_",)),
     "the cube root of the speed": ("friction term cube_root", ("fcr_",)),

@@ -4,13 +4,16 @@ The joints' equations share the parameters of the links. Candidates are columns 
 Every model therefore uses a subset of the entries of one Gram matrix per block, both for its fit
 and for its error on a block that was left out of the fit. Stribeck friction is tried at a few
 speeds, each together with the derivative of its curve by the speed. Load-dependent friction is
-tried alone and together with Stribeck friction, because each can hide the other. Terms that are
-nonlinear in the speed are combined for the same reason. A candidate that the data do not identify
-is skipped; Coulomb and viscous friction alone is always a result.
+tried alone and together with Stribeck friction, because each can hide the other. Shear-thinning
+friction replaces viscous friction, so that it adds one value, its speed. It is tried on each joint
+and on all joints at once, because the joints of a robot share their kind of gear and lubricant. A
+candidate that the data do not identify is skipped; Coulomb and viscous friction alone is always a
+result.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -18,8 +21,15 @@ from typing import Final
 import numpy as np
 
 from config.robot.friction_terms import FrictionTerm
-from identification.equations.block_grams import PLAIN, Fit, Grams, Terms, term_of_column
-from identification.equations.friction_columns import SPEEDS_RAD_S, Column
+from identification.equations.block_grams import (
+    PLAIN,
+    Fit,
+    Grams,
+    Terms,
+    speeds_of,
+    term_of_column,
+)
+from identification.equations.friction_columns import SPEEDS_RAD_S, THINNING_RAD_S, Column
 from identification.regression.nested_choice import (
     DISTINCT_SIGMAS,
     LEAST_GAIN,
@@ -31,22 +41,22 @@ ROUNDS: Final = 4
 CLEAR_SIGMAS: Final = 2.0
 CLEAR_GAIN: Final = 0.1
 CLEAR_GAIN_SIGMAS: Final = 3.0
-_POSITIVE: Final[tuple[FrictionTerm, ...]] = ("stribeck", "load")
-_SINGLE: Final[tuple[FrictionTerm, ...]] = ("offset", "cubic", "cube_root", "load")
+_POSITIVE: Final[tuple[FrictionTerm, ...]] = ("stribeck", "load", "cubic", "shear_thinning")
+_SINGLE: Final[tuple[FrictionTerm, ...]] = ("offset", "cubic", "load")
 CANDIDATES: Final[tuple[Terms, ...]] = (
     *((name,) for name in _SINGLE),
     *((("stribeck", speed),) for speed in SPEEDS_RAD_S),
-    ("cubic", "cube_root"),
-    *((name, ("stribeck", speed)) for name in ("load", "cube_root") for speed in SPEEDS_RAD_S),
+    *((("shear_thinning", speed),) for speed in THINNING_RAD_S),
+    *(("load", ("stribeck", speed)) for speed in SPEEDS_RAD_S),
 )
-"""Combinations of terms that are tried in addition to those of a joint."""
-TOGETHER: Final[tuple[Terms, ...]] = (
-    ("offset",), ("offset", "cubic", "load"), ("offset", "cube_root", "load"),
-)  # fmt: skip
+"""Combinations of terms that are added to those of a joint; shear thinning replaces `viscous`."""
+TOGETHER: Final[tuple[Terms, ...]] = (("offset",), ("offset", "cubic", "load"))
 """Terms that are tried on all joints at once.
 
 Joints share the links' parameters, so that a missing term of one joint hides those of the others.
 """
+BESIDE_THINNING: Final[Terms] = (*PLAIN, "offset", "load")
+"""Terms of all joints in which shear thinning then replaces viscous friction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,10 +85,15 @@ def choose_terms(grams: Grams) -> FrictionChoice:
     for extra in TOGETHER:
         fit = _fit_or_none(grams, [PLAIN + extra] * n)
         if fit is not None and Gain.between(plain.errors, fit.errors).exceeds():
-            left = _remove_weak_terms(grams, [PLAIN + extra] * n, fit)
-            found.append(_remove_weak_terms(grams, *_add_terms(grams, *left)))
-    found[0] = _remove_weak_terms(grams, *found[0])
-    found.sort(key=lambda own: sum(map(len, own[0])))
+            left = remove_weak_terms(grams, [PLAIN + extra] * n, fit)
+            found.append(remove_weak_terms(grams, *_add_terms(grams, *left)))
+    found[0] = remove_weak_terms(grams, *found[0])
+    thinning = _thinning_of_all_joints(grams)
+    if thinning is not None:
+        left = remove_weak_terms(grams, *thinning, kept="shear_thinning")
+        added = _add_terms(grams, *left)
+        found.append(remove_weak_terms(grams, *added, kept="shear_thinning"))
+    found.sort(key=lambda own: sum(map(_count, own[0])))
     chosen, now = found[simplest_model([fit.errors for _, fit in found])]
     # A joint whose error grew returns to Coulomb and viscous friction.
     worse = [j for j in range(n) if np.nanmean(now.errors[:, j]) > np.nanmean(plain.errors[:, j])]
@@ -97,7 +112,7 @@ def _add_terms(grams: Grams, start: Sequence[Terms], fit: Fit) -> tuple[list[Ter
         }
         if not added:
             break
-        tried = [own + added.get(j, ()) for j, own in enumerate(chosen)]
+        tried = [_with_terms(own, added.get(j, ())) for j, own in enumerate(chosen)]
         richer = _fit_or_none(grams, tried)
         if richer is None:
             break
@@ -105,14 +120,123 @@ def _add_terms(grams: Grams, start: Sequence[Terms], fit: Fit) -> tuple[list[Ter
     return chosen, fit
 
 
-def _remove_weak_terms(grams: Grams, start: Sequence[Terms], fit: Fit) -> tuple[list[Terms], Fit]:
-    """Return the terms after removing those that do not improve the fit, and their solution."""
-    chosen = list(start)
-    while (worst := _weakest_term(grams, chosen, fit)) is not None:
+def _thinning_of_all_joints(grams: Grams) -> tuple[list[Terms], Fit] | None:
+    """Return terms with shear thinning on all joints at once, and their solution.
+
+    Half a minute of data does not show this term on each joint, but on all joints together. The
+    joints share a speed; a joint that it predicts distinctly worse has the closest speed that does
+    not. None if the held-out error of all joints does not clearly fall.
+    """
+    plain = _fit_or_none(grams, [BESIDE_THINNING] * grams.joints)
+    if plain is None:
+        return None
+    fits = {s: found for s in THINNING_RAD_S if (found := _common_thinning(grams, s)) is not None}
+    if not fits:
+        return None
+    speed = max(fits, key=lambda s: Gain.between(plain.errors, fits[s][1].errors).mean)
+    chosen, fit = fits[speed]
+    for _ in range(ROUNDS):
+        before = list(chosen)
+        for j in range(grams.joints):
+            chosen, fit = _closest_thinning(grams, chosen, j, speed)
+        if chosen == before:
+            break
+    clear = Gain.between(plain.errors, fit.errors).exceeds(CLEAR_GAIN_SIGMAS, CLEAR_GAIN)
+    return (chosen, fit) if clear else None
+
+
+def _common_thinning(grams: Grams, speed: float) -> tuple[list[Terms], Fit] | None:
+    """Return terms with shear thinning at a speed on all joints whose friction then brakes.
+
+    None if the data do not identify the terms.
+    """
+    thin = _terms_with_thinning(speed)
+    chosen = [thin] * grams.joints
+    while (fit := _fit_or_none(grams, chosen)) is not None:
+        driving = [j for j, own in enumerate(chosen) if own == thin and not _is_braking(fit, j)]
+        if not driving:
+            return chosen, fit
+        chosen = [BESIDE_THINNING if j in driving else own for j, own in enumerate(chosen)]
+    return None
+
+
+def _closest_thinning(
+    grams: Grams, chosen: list[Terms], joint: int, speed: float
+) -> tuple[list[Terms], Fit]:
+    """Return the terms with another speed of one joint's shear thinning, and their solution.
+
+    Of the speeds that do not predict the joint distinctly worse than the best, the one closest to
+    `speed` is used. Viscous friction counts as an infinite speed.
+    """
+    trials = []
+    for other in (*THINNING_RAD_S, None):
+        own = BESIDE_THINNING if other is None else _terms_with_thinning(other)
+        tried = [own if j == joint else terms for j, terms in enumerate(chosen)]
+        fit = _fit_or_none(grams, tried)
+        if fit is not None and (other is None or _is_braking(fit, joint)):
+            away = math.inf if other is None else abs(math.log(other / speed))
+            trials.append((away, tried, fit))
+    trials.sort(key=lambda trial: trial[0])
+    _, tried, fit = trials[simplest_model([fit.errors[:, joint] for _, _, fit in trials])]
+    return tried, fit
+
+
+def _terms_with_thinning(speed: float) -> Terms:
+    """Return `BESIDE_THINNING` with shear thinning at a speed."""
+    return _with_terms(BESIDE_THINNING, (("shear_thinning", speed),))
+
+
+def remove_weak_terms(
+    grams: Grams, start: Sequence[Terms], fit: Fit, kept: FrictionTerm | None = None
+) -> tuple[list[Terms], Fit]:
+    """Return the terms after removing those that do not improve the fit, and their solution.
+
+    Args:
+        kept: Term that all joints share, which is not removed. The others are then removed, the
+            weakest first, only until the held-out error of all joints grows distinctly: joints
+            share the links' parameters, so that one joint's term also lowers the others' error.
+            That error does not replace a term's own evidence: a term within `CLEAR_SIGMAS` of zero,
+            or with the wrong sign, is always removed.
+    """
+    chosen, first = list(start), fit
+    while (worst := _weakest_term(grams, chosen, fit, kept)) is not None:
         j, term = worst
-        chosen[j] = tuple(own for own in chosen[j] if own != term)
-        fit = grams.fit(chosen)
+        fewer: list[Terms] = [
+            _without_term(own, term) if k == j else own for k, own in enumerate(chosen)
+        ]
+        left = grams.fit(fewer)
+        if (
+            kept is not None
+            and _is_possible(fit, j, term)
+            and Gain.between(left.errors, first.errors).exceeds()
+        ):
+            break
+        chosen, fit = fewer, left
     return chosen, fit
+
+
+def _with_terms(own: Terms, extra: Terms) -> Terms:
+    """Return a joint's terms with others; shear thinning takes the place of viscous friction."""
+    thin: Column = "viscous"
+    for term in extra:
+        if term_of_column(term) == "shear_thinning":
+            thin = term
+    return (
+        *(thin if term == "viscous" else term for term in own),
+        *(term for term in extra if term != thin),
+    )
+
+
+def _without_term(own: Terms, left: Column) -> Terms:
+    """Return a joint's terms without one; viscous friction takes the place of shear thinning."""
+    if term_of_column(left) == "shear_thinning":
+        return tuple("viscous" if term == left else term for term in own)
+    return tuple(term for term in own if term != left)
+
+
+def _count(own: Terms) -> int:
+    """Return the number of a joint's terms, with the speed of shear thinning."""
+    return len(own) + len(speeds_of(own, "shear_thinning"))
 
 
 def _fit_or_none(grams: Grams, chosen: Sequence[Terms]) -> Fit | None:
@@ -124,26 +248,26 @@ def _fit_or_none(grams: Grams, chosen: Sequence[Terms]) -> Fit | None:
 
 def _candidate_fits(
     grams: Grams, chosen: Sequence[Terms], joint: int
-) -> Iterator[tuple[Terms, Fit]]:
-    """Yield terms that can be added to a joint and that the data identify, with their fit."""
+) -> Iterator[tuple[Terms, list[Terms], Fit]]:
+    """Yield terms to add to a joint that the data identify, all joints' terms, and their fit."""
     have = {term_of_column(term) for term in chosen[joint]}
     for extra in CANDIDATES:
         if have.isdisjoint(map(term_of_column, extra)):
-            tried = [own + extra if j == joint else own for j, own in enumerate(chosen)]
+            tried = [_with_terms(own, extra) if j == joint else own for j, own in enumerate(chosen)]
             fit = _fit_or_none(grams, tried)
             if fit is not None:
-                yield extra, fit
+                yield extra, tried, fit
 
 
 def _best_addition(grams: Grams, chosen: Sequence[Terms], joint: int, now: Fit) -> Terms:
     """Return the fewest terms to add to a joint that are not worse than the best; () for none."""
     good = []
-    for extra, fit in _candidate_fits(grams, chosen, joint):
+    for extra, tried, fit in _candidate_fits(grams, chosen, joint):
         found = Gain.between(now.errors[:, joint], fit.errors[:, joint])
         if (
-            _is_braking(fit, joint)
-            and all(_is_distinct(fit, joint, term, found) for term in extra)
-            and found.exceeds(least=LEAST_GAIN * len(extra))
+            found.exceeds(least=LEAST_GAIN * len(extra))
+            and _is_braking(fit, joint)
+            and all(_is_distinct(grams, tried, joint, term, fit, found) for term in extra)
         ):
             good.append((extra, fit))
     return preferred_terms(good, now, joint) if good else ()
@@ -178,36 +302,66 @@ def preferred_terms(trials: Sequence[tuple[Terms, Fit]], now: Fit, joint: int) -
 
 
 def _is_braking(fit: Fit, joint: int) -> bool:
-    """Return True if Coulomb and viscous friction oppose the motion.
+    """Return True if Coulomb and viscous or shear-thinning friction oppose the motion.
 
     Other terms must not replace them.
     """
-    return all(fit.value(joint, term) > 0.0 for term in PLAIN)
+    return all(
+        fit.value(j, column) > 0.0
+        for j, column in fit.places
+        if j == joint and (column in PLAIN or term_of_column(column) == "shear_thinning")
+    )
 
 
-def _is_distinct(fit: Fit, joint: int, term: Column, gain: Gain) -> bool:
+def _is_possible(fit: Fit, joint: int, term: Column) -> bool:
+    """Return True if a term's 95 % interval excludes zero, on the positive side if required."""
+    sigmas = fit.sigmas_from_zero(joint, term)
+    return (sigmas if term_of_column(term) in _POSITIVE else abs(sigmas)) > CLEAR_SIGMAS
+
+
+def _is_distinct(
+    grams: Grams, chosen: Sequence[Terms], joint: int, term: Column, fit: Fit, gain: Gain
+) -> bool:
     """Return True if a term is distinct from zero, and positive if required.
 
     The limit is lower for a term that clearly reduces the error on held-out data: few blocks, as in
-    half a minute of data, give wide intervals.
+    half a minute of data, give wide intervals. Shear thinning is distinct if its coefficient is so
+    beside viscous friction.
     """
-    if term_of_column(term) in _POSITIVE and fit.value(joint, term) <= 0.0:
+    if term_of_column(term) == "shear_thinning":
+        beside: list[Terms] = [
+            (*own, "viscous") if j == joint else own for j, own in enumerate(chosen)
+        ]
+        both = _fit_or_none(grams, beside)
+        if both is None:
+            return False
+        fit = both
+    if not _is_possible(fit, joint, term):
         return False
     clear = gain.exceeds(CLEAR_GAIN_SIGMAS, CLEAR_GAIN)
-    return abs(fit.sigmas_from_zero(joint, term)) > (CLEAR_SIGMAS if clear else DISTINCT_SIGMAS)
+    return clear or abs(fit.sigmas_from_zero(joint, term)) > DISTINCT_SIGMAS
 
 
-def _weakest_term(grams: Grams, chosen: Sequence[Terms], now: Fit) -> tuple[int, Column] | None:
-    """Return the term closest to zero among those that do not improve the fit."""
-    weak: list[tuple[float, int, Column]] = []
+def _weakest_term(
+    grams: Grams, chosen: Sequence[Terms], now: Fit, kept: FrictionTerm | None
+) -> tuple[int, Column] | None:
+    """Return the term closest to zero among those that do not improve the fit.
+
+    Terms of the wrong sign come first.
+    """
+    weak: list[tuple[bool, float, int, Column]] = []
     for j, own in enumerate(chosen):
-        for term in own[len(PLAIN) :]:
-            left: Terms = tuple(other for other in own if other != term)
+        for term in own:
+            if term in PLAIN or term_of_column(term) == kept:
+                continue
+            left = _without_term(own, term)
             fit = grams.fit([*chosen[:j], left, *chosen[j + 1 :]])
             gain = Gain.between(fit.errors[:, j], now.errors[:, j])
-            if not (_is_distinct(now, j, term, gain) and gain.exceeds()):
-                weak.append((abs(now.sigmas_from_zero(j, term)), j, term))
+            if not (gain.exceeds() and _is_distinct(grams, chosen, j, term, now, gain)):
+                weak.append(
+                    (_is_possible(now, j, term), abs(now.sigmas_from_zero(j, term)), j, term)
+                )
     if not weak:
         return None
-    _, j, term = min(weak, key=lambda each: each[0])
+    *_, j, term = min(weak, key=lambda each: each[:2])
     return j, term

@@ -15,7 +15,7 @@ import numpy as np
 
 from acquisition.processing.smoothing import SmoothedSignals
 from acquisition.processing.torque_channel import ChannelKind, TorqueChannel
-from config.arrays import FloatArray
+from config.arrays import BoolArray, FloatArray
 from config.errors import EstimationError
 from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import RobotDescription
@@ -24,6 +24,7 @@ from identification.equations.block_grams import (
     Grams,
     Terms,
     columns_of_terms,
+    speeds_of,
     term_of_column,
 )
 from identification.equations.candidate_equations import CandidateEquations
@@ -32,11 +33,16 @@ from identification.equations.warming import Warming
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.model.base_parameters import base_parameters
+from identification.regression.nested_choice import joints_that_gain
 from identification.validation.channel_choice import FLEXIBLE, KINDS, choose_channel
 from identification.validation.friction_choice import FrictionChoice, choose_terms
 from identification.validation.held_out import held_out_errors, identified_values
 from identification.validation.presliding_choice import PreslidingChoice, choose_presliding
-from identification.validation.robot_terms import with_friction, with_stribeck
+from identification.validation.robot_terms import (
+    with_friction,
+    with_shear_thinning,
+    with_stribeck,
+)
 from identification.validation.warming_choice import choose_warming
 
 BLOCK_S: Final = 2.0
@@ -59,6 +65,7 @@ class ModelChoice:
         joint_names: Joints from base to flange.
         terms: Friction terms of each joint, without presliding and temperature.
         stribeck_rad_s: Stribeck speed of each joint that has one [rad/s or m/s].
+        thinning_rad_s: Speed of shear thinning of each joint that has it [rad/s or m/s].
         error_nm: Shape (2, n). RMS error of each joint on blocks left out of the fit, with Coulomb
             and viscous friction and with the chosen terms, both with the channel applied [N m or
             N].
@@ -72,6 +79,7 @@ class ModelChoice:
     joint_names: tuple[str, ...]
     terms: tuple[tuple[FrictionTerm, ...], ...]
     stribeck_rad_s: tuple[float | None, ...]
+    thinning_rad_s: tuple[float | None, ...]
     error_nm: FloatArray
     channel: TorqueChannel
     presliding: PreslidingChoice | None = None
@@ -81,6 +89,7 @@ class ModelChoice:
     def robot(self, robot: RobotDescription) -> RobotDescription:
         """Return a robot with the chosen friction."""
         robot = with_stribeck(with_friction(robot, self.terms), self.stribeck_rad_s)
+        robot = with_shear_thinning(robot, self.thinning_rad_s)
         robot = robot if self.presliding is None else self.presliding.robot(robot)
         return robot if self.warming is None else self.warming.robot(robot)
 
@@ -152,7 +161,7 @@ def _confirm_stribeck(
     plain, full = (fit_smoothed(each.robot(robot), parts, options) for each in (without, chosen))
     shown = identified_values(full.estimate(), held_out_errors(plain, full), "vs")
     kept = [not twice or value is not None for twice, value in zip(both, shown, strict=True)]
-    return replace(
+    confirmed = replace(
         chosen,
         stribeck_rad_s=tuple(
             speed if keep else None for speed, keep in zip(chosen.stribeck_rad_s, kept, strict=True)
@@ -160,6 +169,44 @@ def _confirm_stribeck(
         terms=tuple(
             old if keep else new
             for old, new, keep in zip(chosen.terms, without.terms, kept, strict=True)
+        ),
+    )
+    return _confirm_thinning(confirmed, ~np.array(kept), robot, parts, options)
+
+
+def _confirm_thinning(
+    chosen: ModelChoice,
+    lost: BoolArray,
+    robot: RobotDescription,
+    parts: Sequence[SmoothedSignals],
+    options: EstimationOptions,
+) -> ModelChoice:
+    """Return a choice in which joints keep shear thinning without Stribeck friction if confirmed.
+
+    It was chosen beside Stribeck friction, and one curve can compensate the other.
+
+    Args:
+        lost: Shape (n,). True for joints that lost Stribeck friction.
+    """
+    doubtful = lost & np.array([speed is not None for speed in chosen.thinning_rad_s])
+    if not doubtful.any():
+        return chosen
+    viscous = _with_viscous(chosen, doubtful)
+    plain, thin = (fit_smoothed(each.robot(robot), parts, options) for each in (viscous, chosen))
+    return _with_viscous(chosen, doubtful & ~joints_that_gain(*held_out_errors(plain, thin)))
+
+
+def _with_viscous(chosen: ModelChoice, joints: BoolArray) -> ModelChoice:
+    """Return a choice in which viscous friction takes the place of some joints' shear thinning."""
+    return replace(
+        chosen,
+        thinning_rad_s=tuple(
+            None if changes else speed
+            for speed, changes in zip(chosen.thinning_rad_s, joints, strict=True)
+        ),
+        terms=tuple(
+            tuple("viscous" if changes and term == "shear_thinning" else term for term in own)
+            for own, changes in zip(chosen.terms, joints, strict=True)
         ),
     )
 
@@ -220,14 +267,16 @@ def _with_gear_load(
 def _choice(
     robot: RobotDescription, friction: FrictionChoice, channel: TorqueChannel, scale_nm: FloatArray
 ) -> ModelChoice:
-    speeds = tuple(
-        next((term[1] for term in own if isinstance(term, tuple)), None) for own in friction.terms
-    )
     errors = [np.nanmean(fit.errors, axis=0) for fit in (friction.plain, friction.fit)]
     return ModelChoice(
         joint_names=robot.joint_names,
         terms=tuple(tuple(term_of_column(term) for term in own) for own in friction.terms),
-        stribeck_rad_s=speeds,
+        stribeck_rad_s=tuple(
+            next(iter(speeds_of(own, "stribeck")), None) for own in friction.terms
+        ),
+        thinning_rad_s=tuple(
+            next(iter(speeds_of(own, "shear_thinning")), None) for own in friction.terms
+        ),
         error_nm=np.sqrt(errors) * scale_nm,
         channel=channel,
     )

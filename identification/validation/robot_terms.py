@@ -34,6 +34,20 @@ def with_stribeck(robot: RobotDescription, speeds: Sequence[float | None]) -> Ro
     return robot.model_copy(update={"joints": tuple(joints)})
 
 
+def with_shear_thinning(
+    robot: RobotDescription, speeds: Sequence[float | None]
+) -> RobotDescription:
+    """Return a robot with shear-thinning friction on exactly the joints that have a speed."""
+    joints = []
+    for joint, speed in zip(robot.joints, speeds, strict=True):
+        friction = tuple(term for term in joint.friction if term != "shear_thinning")
+        update: dict[str, object] = {"friction": friction}
+        if speed is not None:
+            update = {"friction": (*friction, "shear_thinning"), "shear_thinning_velocity": speed}
+        joints.append(joint.model_copy(update=update))
+    return robot.model_copy(update={"joints": tuple(joints)})
+
+
 def with_presliding(
     robot: RobotDescription,
     distances: Sequence[float | None],

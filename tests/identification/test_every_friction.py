@@ -35,6 +35,7 @@ TERMS: dict[FrictionFunction, tuple[FrictionTerm, ...]] = {
     "cubic": ("cubic",),
     "cube_root": ("cube_root",),
     "stribeck": ("stribeck",),
+    "shear_thinning": ("shear_thinning",),
     "coulomb_by_temperature": ("coulomb", "viscous", "temperature"),
     "viscous_by_temperature": ("coulomb", "viscous", "temperature"),
 }

@@ -26,7 +26,7 @@ from identification.export.model import ExportModel
 from tests.builders.raised_codes import raises_code
 
 STEP = 1e-6
-KINDS = ("coulomb", "viscous", "offset", "cubic", "stribeck")
+KINDS = ("coulomb", "viscous", "offset", "cubic", "stribeck", "shear_thinning")
 
 
 def arm(armature: bool = False) -> RobotDescription:

@@ -17,6 +17,7 @@ def friction_choice_blocks(section: ComparisonSection) -> Iterator[AnyBlock]:
         " out. A term is selected only if it differs from zero and reduces the error by"
         " more than the error's standard error."
     )
+    thinning = section.shear_thinning_speed or (None,) * len(section.joints)
     yield table(
         range(len(section.joints)),
         Cells("axis", lambda j: section.joints[j]),
@@ -24,6 +25,7 @@ def friction_choice_blocks(section: ComparisonSection) -> Iterator[AnyBlock]:
         Cells("coulomb, viscous", lambda j: section.plain[j]),
         Cells("chosen", lambda j: section.with_terms[j]),
         Cells("Stribeck speed", lambda j: section.stribeck_speed[j], digits=3),
+        Cells("shear-thinning speed", lambda j: thinning[j], digits=3),
     )
     if section.memory is not None and any(d is not None for d in section.memory.distance):
         yield Text(

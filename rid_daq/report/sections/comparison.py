@@ -122,6 +122,8 @@ class ComparisonSection(Section):
         with_terms: RMS error of each joint with the chosen terms, on data that the fit left out [N
             m or N].
         stribeck_speed: Stribeck speed of each joint [rad/s or m/s]; null for a joint without one.
+        shear_thinning_speed: Speed of shear thinning of each joint [rad/s or m/s]; null for a
+            joint without it. Left out if no joint has it.
         memory: Presliding; left out if the data do not identify it.
         channel: Delay and filter of the recorded torque; left out if none was found.
         warming: Warming of joints; left out if no joint's friction shows it.
@@ -134,6 +136,7 @@ class ComparisonSection(Section):
     plain: Numbers
     with_terms: Numbers
     stribeck_speed: tuple[float | None, ...]
+    shear_thinning_speed: tuple[float | None, ...] | None = None
     memory: MemoryTrial | None = None
     channel: ChannelTrial | None = None
     warming: WarmingTrial | None = None
@@ -149,6 +152,7 @@ class ComparisonSection(Section):
             plain=tuple(plain),
             with_terms=tuple(with_terms),
             stribeck_speed=choice.stribeck_rad_s,
+            shear_thinning_speed=choice.thinning_rad_s if any(choice.thinning_rad_s) else None,
             memory=None if choice.presliding is None else _memory(choice.presliding),
             channel=ChannelTrial.from_attributes(choice.channel)
             if choice.channel.changes

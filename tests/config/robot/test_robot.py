@@ -40,10 +40,11 @@ def assert_refused(where: str, *details: str, addition: str = "", joint: str = "
 
 class TestFriction:
     def test_every_friction_term_can_be_selected(self) -> None:
-        terms = "asymmetric, viscous, cubic, cube_root, stribeck, temperature, load"
-        starts = "stribeck_velocity: 0.1\n    reference_temperature_k: 300.0"
+        terms = "asymmetric, viscous, cubic, cube_root, stribeck, shear_thinning, temperature, load"
+        speeds = "stribeck_velocity: 0.1\n    shear_thinning_velocity: 0.4"
+        starts = f"{speeds}\n    reference_temperature_k: 300.0"
         robot = read(joint=f"friction: [{terms}]\n    {starts}")
-        assert len(robot.joints[0].friction) == 7
+        assert len(robot.joints[0].friction) == 8
         assert robot.joints[1].friction == ("coulomb", "viscous")
 
     @pytest.mark.parametrize("twice", ["coulomb", "offset"])

@@ -25,7 +25,9 @@ ARMS = [(n, seed, None) for n in range(1, 8) for seed in range(2)]
 ARMS += [(1, 0, "P"), (3, 0, "PPP"), (4, 0, "RPRP"), (7, 0, "R" * 7)]
 STEP = 1e-5
 WRIST = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, -0.2], [0.0, 0.3, 0.9]])
-EVERY_FRICTION = ("coulomb", "viscous", "offset", "cubic", "cube_root", "stribeck")
+EVERY_FRICTION = (
+    "coulomb", "viscous", "offset", "cubic", "cube_root", "stribeck", "shear_thinning",
+)  # fmt: skip
 
 
 def links_only(robot) -> RobotModel:

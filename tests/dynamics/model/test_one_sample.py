@@ -54,7 +54,10 @@ def test_the_torque_of_any_chain_agrees(
 def test_every_kind_of_friction_and_loss_agrees(
     smoothing: float, ir361: RobotDescription, random_motion: Motions
 ) -> None:
-    kinds = ("coulomb", "viscous", "offset", "asymmetric", "cubic", "cube_root", "stribeck", "load")
+    kinds = (
+        "coulomb", "viscous", "offset", "asymmetric", "cubic", "cube_root", "stribeck",
+        "shear_thinning", "load",
+    )  # fmt: skip
     changes: tuple[dict[str, object], ...]
     changes = ({}, {"efficiency": 0.8}, {"armature": True, "rotor": None})
     joints = tuple(

@@ -15,7 +15,10 @@ from dynamics.model.robot_model import RobotModel, load_torque, torque
 from dynamics.terms.conditions import Conditions
 
 DISTANCE, SHARE = 0.05, 0.4
-KINDS = ("coulomb", "viscous", "offset", "asymmetric", "cubic", "cube_root", "stribeck", "load")
+KINDS = (
+    "coulomb", "viscous", "offset", "asymmetric", "cubic", "cube_root", "stribeck",
+    "shear_thinning", "load",
+)  # fmt: skip
 
 
 def arm(ir361: RobotDescription) -> RobotDescription:

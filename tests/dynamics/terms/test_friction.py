@@ -91,6 +91,12 @@ def one_axis(ir361, *terms, kind: str = "revolute"):
     return ir361.model_copy(update={"joints": joints, "spring": None})
 
 
+def thinning(robot, speed: float):
+    """Return the robot with a speed of shear thinning."""
+    joints = (joint.model_copy(update={"shear_thinning_velocity": speed}) for joint in robot.joints)
+    return robot.model_copy(update={"joints": tuple(joints)})
+
+
 def friction_torque(robot, coefficients, speed, conditions=None, **options) -> np.ndarray:
     model = RobotModel.from_description(robot, **options)
     assert len(model.parameter_names) == 30 + len(coefficients)
@@ -129,6 +135,45 @@ class TestAsymmetric:
             one_axis(ir361, "asymmetric"), [5.0, 3.0], speed, sign_smoothing_rad_s=0.01
         )
         np.testing.assert_allclose(tau, 1.0, atol=1e-5)
+
+
+class TestShearThinning:
+    SPEED = np.array([-1.2, -0.4, -1e-6, 0.0, 1e-6, 0.4, 1.2])
+
+    def test_is_viscous_at_low_speed_and_logarithmic_at_high_speed(self, ir361) -> None:
+        robot = thinning(one_axis(ir361, "shear_thinning"), 0.4)
+        tau = friction_torque(robot, [10.0], self.SPEED)
+        np.testing.assert_allclose(tau, 10.0 * 0.4 * np.arcsinh(self.SPEED / 0.4))
+        assert tau[4] / 1e-6 == pytest.approx(10.0, rel=1e-5)
+        fast, faster = friction_torque(robot, [10.0], [40.0, 80.0])
+        assert faster - fast == pytest.approx(4.0 * np.log(2.0), rel=1e-4)
+
+    def test_its_speed_is_stated_and_not_estimated(self, ir361) -> None:
+        model = RobotModel.from_description(thinning(one_axis(ir361, "shear_thinning"), 0.4))
+        assert model.nonlinear_names == ()
+        assert model.parameter_names[30:] == ("fvs_axis1",)
+        assert model.parameter_units[30:] == ("N m s/rad",)
+
+    def test_each_joint_has_its_own_speed(self, ir361) -> None:
+        joints = [
+            joint.model_copy(
+                update={"friction": ("shear_thinning",), "shear_thinning_velocity": speed}
+            )
+            for joint, speed in zip(ir361.joints, (0.1, 0.2, 0.4), strict=True)
+        ]
+        model = RobotModel.from_description(ir361.model_copy(update={"joints": tuple(joints)}))
+        v = np.full((1, 3), 0.2)
+        phi = regressor(model, 0 * v, v, 0 * v)[0][:, model.parameter_groups["friction"]]
+        expected = [0.1 * np.arcsinh(2.0), 0.2 * np.arcsinh(1.0), 0.4 * np.arcsinh(0.5)]
+        np.testing.assert_allclose(phi, np.diag(expected))
+
+    def test_has_a_slope_at_standstill(self, ir361) -> None:
+        """A controller that linearises its model at rest finds the viscosity at low speed."""
+        model = RobotModel.from_description(thinning(one_axis(ir361, "shear_thinning"), 0.4))
+        rest = np.zeros((1, 3))
+        theta = np.array([*(0.0,) * 30, 10.0])
+        _, by_v, _ = torque_derivatives(model, rest, rest, rest, theta)
+        assert by_v[0, 0, 0] == pytest.approx(10.0)
 
 
 class TestStribeck:

@@ -39,7 +39,7 @@ LIMITS = JointLimits(
 EVERYTHING: Features = {
     "friction": [
         ("asymmetric", "viscous", "temperature"),
-        ("coulomb", "viscous", "stribeck", "load"),
+        ("coulomb", "viscous", "stribeck", "shear_thinning", "load"),
         ("coulomb", "viscous", "offset", "cubic"),
         ("coulomb", "cube_root"),
     ],

@@ -199,7 +199,10 @@ class TestBaseParameters:
 
     def test_all_parameters_of_payload_and_friction_are_identifiable(self, arm: KnownArm) -> None:
         terms: tuple[FrictionTerm, ...]
-        terms = ("asymmetric", "viscous", "cubic", "cube_root", "stribeck", "temperature")
+        terms = (
+            "asymmetric", "viscous", "cubic", "cube_root", "stribeck", "shear_thinning",
+            "temperature",
+        )  # fmt: skip
         model = ModelOptions(payload=True, friction_terms=terms).build(arm.robot)
         base = base_parameters(model)
         groups = model.parameter_groups

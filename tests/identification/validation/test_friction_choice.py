@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
-from identification.equations.block_grams import PLAIN, Fit, Terms
+from config.robot.friction_terms import FrictionTerm
+from identification.equations.block_grams import PLAIN, Fit, Grams, Terms
 from identification.equations.friction_columns import Column
-from identification.validation.friction_choice import preferred_terms
+from identification.validation.friction_choice import preferred_terms, remove_weak_terms
 
 BLOCKS = 12
 SCATTER = 0.01 * np.resize([1.0, -1.0], BLOCKS)
@@ -51,3 +55,64 @@ def test_more_terms_are_chosen_only_if_they_predict_clearly_better() -> None:
     both: Terms = ("cubic", "cube_root")
     assert preferred_terms([CUBIC, trial(both, 0.799, 5.0)], NOW, 0) == ("cubic",)
     assert preferred_terms([CUBIC, trial(both, 0.7, 5.0)], NOW, 0) == both
+
+
+THIN: Terms = ("coulomb", ("shear_thinning", 0.5))
+
+
+@dataclass(frozen=True, eq=False)
+class HiddenByLinks(Grams):
+    """Two joints of which the first one's term lowers the error of the second one only.
+
+    Attributes:
+        sigmas: The term's value divided by its standard deviation.
+    """
+
+    sigmas: float = 0.0
+
+    def fit(self, chosen: Sequence[Terms]) -> Fit:
+        sizes = {"load": self.sigmas, "offset": self.sigmas}
+        places: dict[tuple[int, Column], int] = {}
+        values: list[float] = []
+        for j, own in enumerate(chosen):
+            for term in own:
+                places[j, term] = len(values)
+                values.append(sizes.get(str(term), 9.0))
+        errors = np.ones((BLOCKS, 2))
+        errors[:, 1] = (0.8 if len(chosen[0]) > len(THIN) else 1.0) * np.exp(SCATTER)
+        return Fit(places, np.array(values), np.ones(len(values)), errors)
+
+
+def left(term: FrictionTerm, sigmas: float, kept: FrictionTerm | None) -> bool:
+    """Return True if a joint's term is left beside the shear thinning of all joints."""
+    grams = HiddenByLinks(
+        np.zeros((2, BLOCKS, 1, 1)), np.ones((BLOCKS, 2)), np.arange(0), np.ones(2), sigmas
+    )
+    start: list[Terms] = [(*THIN, term), THIN]
+    chosen, fit = remove_weak_terms(grams, start, grams.fit(start), kept)
+    assert set(fit.places) == {(j, own) for j, terms in enumerate(chosen) for own in terms}
+    return term in chosen[0]
+
+
+def test_a_term_may_lower_the_error_of_other_joints_only_if_all_share_a_term() -> None:
+    assert left("load", 2.5, "shear_thinning")
+    assert not left("load", 2.5, None)
+
+
+@pytest.mark.parametrize(
+    ("term", "sigmas", "stays"),
+    [
+        ("load", 1.9, False),
+        ("load", 2.1, True),
+        ("load", -1.4, False),
+        ("load", -6.0, False),
+        ("offset", 1.9, False),
+        ("offset", -1.9, False),
+        ("offset", -2.1, True),
+    ],
+)
+def test_the_error_of_other_joints_is_no_evidence_that_a_term_is_not_zero(
+    term: FrictionTerm, sigmas: float, stays: bool
+) -> None:
+    """Nine seconds of data once chose a negative load-dependent friction of 1.4 sigma."""
+    assert left(term, sigmas, "shear_thinning") == stays

@@ -102,6 +102,28 @@ def test_half_a_minute_is_enough_for_a_filter_common_to_all_joints() -> None:
     assert friction(found) == [PLAIN] * 3
 
 
+def thinned(share: float, duration_s: float) -> SmoothedSignals:
+    """Return a recording whose joints' viscous friction thins at 0.4 rad/s.
+
+    Args:
+        share: Viscous friction at low speed, relative to that of the arm.
+    """
+    driven = drive("three", "sines", 1, FRICTIONS["plain"], duration_s)
+    v, viscous = driven.velocity, np.array(ARMS["three"].viscous)
+    more = viscous * (share * 0.4 * np.arcsinh(v / 0.4) - v)
+    driven = replace(driven, torque_nm=driven.torque_nm + more)
+    run, _ = recording(Case("three", "plain", "none", 1), driven, 0, robot())
+    return smooth_nonperiodic(run, BAND_HZ)
+
+
+@pytest.mark.parametrize("duration_s", [14.0, DURATION_S])
+def test_shear_thinning_replaces_viscous_friction(duration_s: float) -> None:
+    choice = choose_model(robot(), [thinned(2.0, duration_s)])
+    assert [set(own) for own in friction(choice)] == [{"coulomb", "shear_thinning"}] * 3
+    assert choice.thinning_rad_s == pytest.approx([0.4] * 3, rel=0.3)
+    assert np.all(choice.error_nm[1] < choice.error_nm[0])
+
+
 @pytest.mark.parametrize("away_s", [1.0, 20.0])
 def test_a_filter_is_not_chosen_without_rows_away_from_standstill(
     away_s: float, monkeypatch: pytest.MonkeyPatch
