@@ -291,9 +291,7 @@ def test_after_a_long_pause_the_stop_is_the_first_action(
     assert bench.axes.stopped_at == sent_before
     gaps = np.diff(bench.axes.sync_times_s)
     assert gaps.min() > 0.9 * T, "skipped cycles are not repeated"
-    assert bench.rows()["lateness_s"].max() == pytest.approx(0.2), (
-        "the reason of the stop is recorded"
-    )
+    assert bench.rows()["lateness_s"].max() == pytest.approx(0.2), "its reason is recorded"
 
 
 def test_a_lost_bus_ends_the_motion_and_the_clean_up_continues(

@@ -26,7 +26,7 @@ from tests.builders.raised_codes import raises_code
 LIMIT = '<limit lower="-2" upper="2" effort="50" velocity="2"/>'
 
 
-def xml_numbers(values) -> str:
+def spaced(values) -> str:
     return " ".join(f"{value:.17g}" for value in values)
 
 
@@ -38,8 +38,8 @@ def link(name: str, rng: np.random.Generator | None = None) -> str:
     xx, xy, xz, yy, yz, zz = inertia[np.triu_indices(3)]
     return (
         f'<link name="{name}"><inertial>'
-        f'<origin xyz="{xml_numbers(rng.normal(0, 0.3, 3))}" '
-        f'rpy="{xml_numbers(rng.uniform(-3, 3, 3))}"/>'
+        f'<origin xyz="{spaced(rng.normal(0, 0.3, 3))}" '
+        f'rpy="{spaced(rng.uniform(-3, 3, 3))}"/>'
         f'<mass value="{rng.uniform(0.5, 9.0)}"/>'
         f'<inertia ixx="{xx}" ixy="{xy}" ixz="{xz}" iyy="{yy}" iyz="{yz}" izz="{zz}"/>'
         "</inertial></link>"
@@ -77,11 +77,9 @@ def chain(joints: list[tuple[str, str, str, str, int]]) -> tuple[bytes, str]:
     for i, (kind, axis, place, turn, seed) in enumerate(joints, start=1):
         rng = np.random.default_rng(seed)
         chosen = {
-            "axis": {"skew": xml_numbers(rng.normal(0, 1, 3)), "near": "1e-4 -2e-4 1"}.get(
-                axis, axis
-            ),
-            "xyz": xml_numbers(rng.normal(0, 0.4, 3)) if place == "skew" else place,
-            "rpy": xml_numbers(rng.uniform(-3, 3, 3)) if turn == "skew" else turn,
+            "axis": {"skew": spaced(rng.normal(0, 1, 3)), "near": "1e-4 -2e-4 1"}.get(axis, axis),
+            "xyz": spaced(rng.normal(0, 0.4, 3)) if place == "skew" else place,
+            "rpy": spaced(rng.uniform(-3, 3, 3)) if turn == "skew" else turn,
         }
         parts += [link(f"l{i}", rng), joint(f"j{i}", kind, f"l{i - 1}", f"l{i}", **chosen)]
     return robot(*parts), f"l{len(joints)}"
