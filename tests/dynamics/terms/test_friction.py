@@ -91,8 +91,8 @@ def one_axis(ir361, *terms, kind: str = "revolute"):
     return ir361.model_copy(update={"joints": joints, "spring": None})
 
 
-def thinning(robot, speed: float):
-    """Return the robot with a speed of shear thinning."""
+def with_thinning_speed(robot, speed: float):
+    """Return the robot with a shear-thinning speed in every joint."""
     joints = (joint.model_copy(update={"shear_thinning_velocity": speed}) for joint in robot.joints)
     return robot.model_copy(update={"joints": tuple(joints)})
 
@@ -140,21 +140,25 @@ class TestAsymmetric:
 class TestShearThinning:
     SPEED = np.array([-1.2, -0.4, -1e-6, 0.0, 1e-6, 0.4, 1.2])
 
-    def test_is_viscous_at_low_speed_and_logarithmic_at_high_speed(self, ir361) -> None:
-        robot = thinning(one_axis(ir361, "shear_thinning"), 0.4)
+    def test_shear_thinning_is_viscous_at_low_speed_and_logarithmic_at_high_speed(
+        self, ir361
+    ) -> None:
+        robot = with_thinning_speed(one_axis(ir361, "shear_thinning"), 0.4)
         tau = friction_torque(robot, [10.0], self.SPEED)
         np.testing.assert_allclose(tau, 10.0 * 0.4 * np.arcsinh(self.SPEED / 0.4))
         assert tau[4] / 1e-6 == pytest.approx(10.0, rel=1e-5)
         fast, faster = friction_torque(robot, [10.0], [40.0, 80.0])
         assert faster - fast == pytest.approx(4.0 * np.log(2.0), rel=1e-4)
 
-    def test_its_speed_is_stated_and_not_estimated(self, ir361) -> None:
-        model = RobotModel.from_description(thinning(one_axis(ir361, "shear_thinning"), 0.4))
+    def test_the_shear_thinning_speed_is_stated_and_not_estimated(self, ir361) -> None:
+        model = RobotModel.from_description(
+            with_thinning_speed(one_axis(ir361, "shear_thinning"), 0.4)
+        )
         assert model.nonlinear_names == ()
         assert model.parameter_names[30:] == ("fvs_axis1",)
         assert model.parameter_units[30:] == ("N m s/rad",)
 
-    def test_each_joint_has_its_own_speed(self, ir361) -> None:
+    def test_each_joint_has_its_own_shear_thinning_speed(self, ir361) -> None:
         joints = [
             joint.model_copy(
                 update={"friction": ("shear_thinning",), "shear_thinning_velocity": speed}
@@ -167,9 +171,11 @@ class TestShearThinning:
         expected = [0.1 * np.arcsinh(2.0), 0.2 * np.arcsinh(1.0), 0.4 * np.arcsinh(0.5)]
         np.testing.assert_allclose(phi, np.diag(expected))
 
-    def test_has_a_slope_at_standstill(self, ir361) -> None:
-        """A controller that linearises its model at rest finds the viscosity at low speed."""
-        model = RobotModel.from_description(thinning(one_axis(ir361, "shear_thinning"), 0.4))
+    def test_shear_thinning_has_a_slope_at_standstill(self, ir361) -> None:
+        """A controller that linearises its model at rest gets the viscous friction of low speed."""
+        model = RobotModel.from_description(
+            with_thinning_speed(one_axis(ir361, "shear_thinning"), 0.4)
+        )
         rest = np.zeros((1, 3))
         theta = np.array([*(0.0,) * 30, 10.0])
         _, by_v, _ = torque_derivatives(model, rest, rest, rest, theta)

@@ -83,8 +83,8 @@ class HiddenByLinks(Grams):
         return Fit(places, np.array(values), np.ones(len(values)), errors)
 
 
-def left(term: FrictionTerm, sigmas: float, kept: FrictionTerm | None) -> bool:
-    """Return True if a joint's term is left beside the shear thinning of all joints."""
+def is_kept(term: FrictionTerm, sigmas: float, kept: FrictionTerm | None) -> bool:
+    """Return True if a joint keeps its term in addition to the shear thinning of all joints."""
     grams = HiddenByLinks(
         np.zeros((2, BLOCKS, 1, 1)), np.ones((BLOCKS, 2)), np.arange(0), np.ones(2), sigmas
     )
@@ -95,8 +95,8 @@ def left(term: FrictionTerm, sigmas: float, kept: FrictionTerm | None) -> bool:
 
 
 def test_a_term_may_lower_the_error_of_other_joints_only_if_all_share_a_term() -> None:
-    assert left("load", 2.5, "shear_thinning")
-    assert not left("load", 2.5, None)
+    assert is_kept("load", 2.5, "shear_thinning")
+    assert not is_kept("load", 2.5, None)
 
 
 @pytest.mark.parametrize(
@@ -115,4 +115,4 @@ def test_the_error_of_other_joints_is_no_evidence_that_a_term_is_not_zero(
     term: FrictionTerm, sigmas: float, stays: bool
 ) -> None:
     """Nine seconds of data once chose a negative load-dependent friction of 1.4 sigma."""
-    assert left(term, sigmas, "shear_thinning") == stays
+    assert is_kept(term, sigmas, "shear_thinning") == stays

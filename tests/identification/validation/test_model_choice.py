@@ -102,8 +102,8 @@ def test_half_a_minute_is_enough_for_a_filter_common_to_all_joints() -> None:
     assert friction(found) == [PLAIN] * 3
 
 
-def thinned(share: float, duration_s: float) -> SmoothedSignals:
-    """Return a recording whose joints' viscous friction thins at 0.4 rad/s.
+def shear_thinning_recording(share: float, duration_s: float) -> SmoothedSignals:
+    """Return a recording whose joints' viscous friction has shear thinning above 0.4 rad/s.
 
     Args:
         share: Viscous friction at low speed, relative to that of the arm.
@@ -118,7 +118,7 @@ def thinned(share: float, duration_s: float) -> SmoothedSignals:
 
 @pytest.mark.parametrize("duration_s", [14.0, DURATION_S])
 def test_shear_thinning_replaces_viscous_friction(duration_s: float) -> None:
-    choice = choose_model(robot(), [thinned(2.0, duration_s)])
+    choice = choose_model(robot(), [shear_thinning_recording(2.0, duration_s)])
     assert [set(own) for own in friction(choice)] == [{"coulomb", "shear_thinning"}] * 3
     assert choice.thinning_rad_s == pytest.approx([0.4] * 3, rel=0.3)
     assert np.all(choice.error_nm[1] < choice.error_nm[0])
