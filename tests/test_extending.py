@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from tests.builders.code_lines import PACKAGES, ROOT
-from tests.test_tutorials import require_shown
+from tests.builders.console_blocks import require_shown
 
 PAGE = ROOT / "docs" / "extending.md"
 COPIED = (*PACKAGES, "tests")
@@ -97,7 +97,7 @@ def run_commands(content: str, work: Path, program: Path, environment: dict[str,
             check=False,
         )
         assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
-        require_shown(shown, done.stdout.splitlines(), command)
+        require_shown(shown, done.stdout, command)
 
 
 def test_every_example_is_tested() -> None:

@@ -41,7 +41,7 @@ REPLACED = {
     r"equations_apart": "equations_of_two_robots",
     r"weigh_\w+|is_weighed|PayloadWeighed": "identify_payload, estimate_payload",
     r"Reaction(?:Validation|Equations)|(?:predict|validate|whiten)_reaction": "base wrench",
-    r"(?<!data[ -])sheets?(?!/)|(?!data_sheets)\w+_sheets?|Sheets|SheetFinding": "EDS",
+    r"(?<!data[ -])sheets?(?!/)|(?!(?:test_)?data_sheets)\w+_sheets?|Sheets|SheetFinding": "EDS",
     r"deaf": "blocked, ignored, cut off",
     r"doz(?:e|es|ing)": "deep CPU idle states",
     r"hangs? together": "correlated",

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import ast
 import re
+import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 
 import click
 import pytest
+import yaml
 
 from config.errors import RidDaqError
 from rid_daq.command_line import operation_command
@@ -15,12 +18,20 @@ from rid_daq.command_line.operation_command import OperationCommand
 from rid_daq.command_line.root import Root, command_words
 from rid_daq.operations.catalogue import operation
 from tests.builders.code_lines import ROOT
-from tests.builders.console_blocks import PROGRAM, console_steps, program_arguments
+from tests.builders.console_blocks import (
+    PROGRAM,
+    console_steps,
+    program_arguments,
+    require_shown,
+)
 
 GUIDES = sorted((ROOT / "docs" / "guide").glob("*.md"))
-PAGES = [ROOT / "README.md", *GUIDES, *sorted((ROOT / "docs" / "tutorial").glob("*.md"))]
+README = ROOT / "README.md"
+PAGES = [README, *GUIDES, *sorted((ROOT / "docs" / "tutorial").glob("*.md"))]
 EACH_GUIDE = pytest.mark.parametrize("page", GUIDES, ids=lambda page: page.stem)
 EACH_PAGE = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+MOST_WORDS = 5
+"""Longest text in a file that a guide shows; an output has longer ones."""
 PARTS = ("What you need", "What can go wrong", "Next")
 OF_A_SCRIPT = {"--unsigned"}
 """Options of scripts in the repository."""
@@ -46,9 +57,8 @@ def check_command(root: Root, arguments: list[str]) -> None:
 
 
 def inline(page: Path) -> Iterator[str]:
-    """Yield the inline code of a page, without its blocks."""
-    text = re.sub(r"^ *```.*?^ *```$", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
-    text = re.sub(r"^    .*$", "", text, flags=re.M)
+    """Yield the code in a page's sentences, without its blocks."""
+    text = re.sub(r"^    .*$", "", without_blocks(page), flags=re.M)
     for found in re.findall(r"`([^`]+)`", text):
         yield " ".join(found.split())
 
@@ -61,6 +71,63 @@ def options() -> set[str]:
     ]  # fmt: skip
     parameters = [each for command in found for each in command.get_params(click.Context(command))]
     return {name for each in parameters for name in (*each.opts, *each.secondary_opts)}
+
+
+def without_blocks(page: Path) -> str:
+    """Return a page without its fenced blocks."""
+    text = page.read_text(encoding="utf-8")
+    return re.sub(r"^ *```.*?^ *```$", "", text, flags=re.M | re.S)
+
+
+def comparisons(test: str) -> set[tuple[str, str]]:
+    """Return page and command of each output that a test compares with a guide."""
+    file, *names = test.split("::")
+    module = ast.parse((ROOT / file).read_text(encoding="utf-8"))
+    body: ast.AST = module
+    for name in names:
+        body = next(each for each in ast.walk(body) if getattr(each, "name", "") == name)
+    texts = {
+        target.id: str(node.value.value)
+        for node in (*module.body, *ast.walk(body))
+        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Constant)
+        for target in node.targets
+        if isinstance(target, ast.Name)
+    }
+
+    def text(argument: ast.expr) -> str:
+        if isinstance(argument, ast.Name):
+            return texts[argument.id]
+        return str(ast.literal_eval(argument))
+
+    return {
+        (text(call.args[0]), text(call.args[1]))
+        for call in ast.walk(body)
+        if isinstance(call, ast.Call) and getattr(call.func, "id", "") == "assert_shown"
+    }
+
+
+def texts_in(value: object) -> Iterator[str]:
+    """Yield the texts in the values of a file."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict | list):
+        for each in value.values() if isinstance(value, dict) else value:
+            yield from texts_in(each)
+
+
+def is_data(text: str) -> bool:
+    """Return True for Python, and for YAML and JSON without sentences."""
+    try:
+        found = yaml.safe_load(text)
+    except yaml.YAMLError:
+        found = None
+    if isinstance(found, dict | list):
+        return all(len(each.split()) <= MOST_WORDS for each in texts_in(found))
+    try:
+        ast.parse(text)
+    except SyntaxError:
+        return False
+    return True
 
 
 @EACH_PAGE
@@ -102,8 +169,50 @@ def test_an_option_in_a_sentence_exists(page: Path) -> None:
 
 @EACH_PAGE
 def test_commands_are_in_console_blocks(page: Path) -> None:
-    text = re.sub(r"^ *```.*?^ *```$", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
-    assert not re.findall(rf"^ {{4,}}(?:\$ |(?:\S*/)?{PROGRAM} ).*$", text, re.M)
+    commands = rf"^ {{4,}}(?:\$ |(?:\S*/)?{PROGRAM} ).*$"
+    assert not re.findall(commands, without_blocks(page), re.M)
+
+
+@pytest.mark.parametrize("page", [README, *GUIDES], ids=lambda page: page.stem)
+def test_an_output_names_the_test_that_compares_it(page: Path) -> None:
+    """The tutorials need no names: `tests/test_tutorials.py` runs them."""
+    for step in console_steps(page):
+        if step.shown:
+            assert step.test, f"{step.place}: name the test that compares this output"
+            assert (page.stem, step.command) in comparisons(step.test), step.place
+
+
+@EACH_GUIDE
+def test_a_named_test_stands_directly_before_its_block(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert not re.findall(r"^ *<!-- shown by .*\n(?! *```console\n)", text, re.M)
+
+
+@EACH_GUIDE
+def test_an_indented_block_is_no_output(page: Path) -> None:
+    for block in re.findall(r"(?:^ {4,}.*\n|^\n(?= {4}))+", without_blocks(page), re.M):
+        assert is_data(textwrap.dedent(block)), block
+
+
+@pytest.mark.parametrize(
+    ("shown", "printed"),
+    [
+        ("mass 9.58 kg", "mass 9.59 kg"),
+        ("settled after 4 periods", "settled after 4 cycles"),
+        ("Passed", "Warning\nPassed"),
+        ("first\n…\nlast", "first"),
+        ("second\nfirst", "first\nsecond"),
+    ],
+)
+def test_an_output_that_differs_is_found(shown: str, printed: str) -> None:
+    with pytest.raises(AssertionError):
+        require_shown(shown.splitlines(), printed, "guide.md:1", same_numbers=True)
+
+
+def test_paths_runs_and_on_request_numbers_may_differ() -> None:
+    shown = ["Report: /home/anna/runs/01M8FBPNY744RHWHGCP4CFPHBD/report.html", "…", "9.58 kg"]
+    printed = "Report: /tmp/01M8FBR81CXDKMV4X5XK5PM7G9/report.html\nof run 1\n-9.6  kg\nNext"
+    assert require_shown(shown, printed, "guide.md:1") == "Next"
 
 
 @EACH_GUIDE

@@ -11,20 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.builders.console_blocks import console_steps
+from tests.builders.console_blocks import console_steps, require_shown
 
 TUTORIALS = Path(__file__).resolve().parent.parent / "docs" / "tutorial"
 NAMES = ("your-own-robot", "first-hour", "accurate-path", "payload-day")
-
-_NUMBER = re.compile(r"[-−+]?\d[\d.,]*(?:·10[⁻⁰¹²³⁴-⁹]+)?")
-_RUN = re.compile(r"\b[0-9A-HJKMNP-TV-Z]{26}\b")
-_PATH = re.compile(r"/\S+")
-
-
-def normalised(line: str) -> str:
-    """Return a line without its numbers, paths, ids of runs and column widths."""
-    names = _RUN.sub("RUN", _PATH.sub("PATH", line))
-    return re.sub(r"\s+", " ", _NUMBER.sub("#", names)).strip()
 
 
 def files_of(page: Path) -> Iterator[tuple[str, str]]:
@@ -34,21 +24,6 @@ def files_of(page: Path) -> Iterator[tuple[str, str]]:
         named = re.match(r"(?:# |<!-- )([\w.-]+)(?: -->)?\n", block)
         assert named, block
         yield named[1], block
-
-
-def require_shown(shown: list[str], said: list[str], command: str) -> None:
-    """Compare the output on a page with that of the command; an ellipsis stands for any lines."""
-    parts = "\n".join(map(normalised, shown)).split("…\n") if shown else []
-    text = "\n".join(map(normalised, said)) + "\n"
-    at = 0
-    for number, part in enumerate(each.rstrip("…").rstrip("\n") for each in parts):
-        found = text.find(part, at)
-        assert found >= 0, (
-            f"{command}: after {text[:at]!r} the page shows {part!r}, not in {text!r}"
-        )
-        if number == 0:
-            assert found == 0, f"{command}: begins with {text.splitlines()[0]!r}"
-        at = found + len(part)
 
 
 @pytest.mark.parametrize(
@@ -76,7 +51,7 @@ def test_a_tutorial_shows_the_output_of_its_commands(name: str, tmp_path: Path) 
             check=False,
         )
         assert done.returncode == 0, f"{step.place}: {step.command}\n{done.stdout}{done.stderr}"
-        require_shown(list(step.shown), done.stdout.splitlines(), step.command)
+        require_shown(step.shown, done.stdout, f"{step.place}: {step.command}")
 
 
 def test_every_tutorial_is_tested() -> None:

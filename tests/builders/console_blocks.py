@@ -1,11 +1,16 @@
-"""Console blocks of Markdown pages: commands after a prompt, and the output that a page shows."""
+"""Console blocks of Markdown pages: commands after a prompt, and the output that a page shows.
+
+An output of a guide names the test that compares it with what the command prints, in a comment
+before its block; that test calls `assert_shown`.
+"""
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -13,6 +18,11 @@ from typing import Final
 from tests.builders.code_lines import ROOT
 
 PROGRAM: Final = "rid-daq"
+GUIDES: Final = ROOT / "docs" / "guide"
+_NUMBER: Final = re.compile(r"[-−+]?\d+(?:\.\d+)*(?:e-?\d+|·10[⁻⁰¹²³⁴-⁹]+)?")
+_HEXADECIMAL: Final = re.compile(r"(?<![\w.])[0-9A-F]{4}(?:[0-9A-F]{4})?(?![\w.])")
+_RUN: Final = re.compile(r"\b[0-9A-HJKMNP-TV-Z]{26}\b")
+_PATH: Final = re.compile(r"/\S+")
 _BLOCK: Final = re.compile(
     r"(?:^[ ]*<!-- shown by (?P<test>\S+) -->\n)?^[ ]*```console\n(?P<text>.*?)^[ ]*```$",
     re.DOTALL | re.MULTILINE,
@@ -49,6 +59,58 @@ def console_steps(page: Path) -> Iterator[ConsoleStep]:
                 command = command.removesuffix("\\") + shown.pop(0).strip()
             place = f"{page.relative_to(ROOT)}:{first + start}"
             yield ConsoleStep(place, command.removeprefix("$ "), tuple(shown), block["test"] or "")
+
+
+def assert_shown(page: str, command: str, output: str, *, same_numbers: bool = True) -> None:
+    """Compare what a command printed with the block of a guide that names the running test.
+
+    Args:
+        page: Name of the guide, without `.md`.
+        command: The command as the guide shows it, without its prompt.
+        output: What the command printed, to its end.
+        same_numbers: False if the numbers depend on the run or on the computer.
+    """
+    test = os.environ["PYTEST_CURRENT_TEST"].partition(" (")[0].partition("[")[0]
+    steps = [
+        step
+        for step in console_steps(GUIDES / f"{page}.md")
+        if step.command == command and step.shown and step.test == test
+    ]
+    assert steps, f"{page}.md shows no output of `{command}` that names {test}"
+    for step in steps:
+        end = require_shown(step.shown, output, step.place, same_numbers=same_numbers)
+        assert not end or step.shown[-1] == "…", f"{step.place}: then the command prints {end!r}"
+
+
+def require_shown(
+    shown: Sequence[str], output: str, place: str, *, same_numbers: bool = False
+) -> str:
+    """Compare the lines that a page shows with an output, and return the rest of the output.
+
+    Paths, ids of runs and the widths of columns may differ. An ellipsis stands for any text.
+
+    Args:
+        shown: Lines of the page.
+        output: What the command printed.
+        place: Page and line, for messages.
+        same_numbers: True to compare the numbers too.
+    """
+    text, at = _comparable(output, same_numbers), 0
+    for number, part in enumerate("\n".join(shown).split("…")):
+        wanted = _comparable(part, same_numbers)
+        found = text.find(wanted, at)
+        assert found >= 0, f"{place} shows {wanted!r}, after {text[:at]!r} is {text[at:]!r}"
+        assert number or not found, f"{place}: begins with {text[:found]!r}"
+        at = found + len(wanted)
+    return text[at:].strip()
+
+
+def _comparable(text: str, same_numbers: bool) -> str:
+    """Return a text on one line, without paths and ids of runs, and without numbers if wanted."""
+    text = _RUN.sub("RUN", _PATH.sub("PATH", text))
+    if not same_numbers:
+        text = _NUMBER.sub("#", _HEXADECIMAL.sub("#", text))
+    return " ".join(text.split())
 
 
 def program_arguments(command: str) -> Iterator[list[str]]:

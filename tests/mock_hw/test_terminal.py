@@ -14,7 +14,16 @@ import tty
 from collections.abc import Callable
 from typing import Any
 
+from tests.builders.console_blocks import assert_shown
+
 PATIENCE_S = 120.0
+MINITERM = (
+    "python -m serial.tools.miniterm --eol CR --echo /run/user/1000/rid-daq/ir361.plate 460800"
+)
+TYPED = (
+    *("ID?", "RO?", "3:RG?", "RG2500", "3:RG1250", "3:RG?", "XX?", "9:RG?"),
+    *("SE-7.5", "LP200", "SR2", "SF0", "RO1", "VA?", "OV?", "ST1"),
+)
 
 
 class Terminal:
@@ -37,8 +46,11 @@ class Terminal:
         line, _, self._text = self._text.partition(b"\r")
         return line.decode("ascii").lstrip("\n")
 
-    def ask(self, said: str) -> str:
+    def say(self, said: str) -> None:
         os.write(self._fd, said.encode() + b"\r")
+
+    def ask(self, said: str) -> str:
+        self.say(said)
         return self.line()
 
     def close(self) -> None:
@@ -69,3 +81,22 @@ def test_a_person_at_a_terminal_can_operate_the_amplifier(
         assert numbers == list(range(numbers[0], numbers[0] + 20))
     finally:
         terminal.close()
+
+
+def test_the_dialog_of_the_guide(serve_amplifier: Callable[..., Any]) -> None:
+    amplifier = serve_amplifier()
+    amplifier.stream_s = 5.0
+    terminal = Terminal(amplifier.address)
+    shown = []
+    try:
+        for typed in TYPED:
+            shown += [typed, terminal.ask(typed)]
+        shown += [terminal.line() for _ in range(5)]
+        for typed, reply in (("TM?", "!04"), ("ST0", "OK"), ("RO0", "OK")):
+            terminal.say(typed)
+            shown += [typed, terminal.line()]
+            while not shown[-1].startswith(reply):
+                shown.append(terminal.line())
+    finally:
+        terminal.close()
+    assert_shown("force-plate", MINITERM, "\n".join(shown), same_numbers=False)

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from config.load import load_cell, to_yaml
+from tests.builders.console_blocks import assert_shown
 from tests.builders.screens import WIDTHS, Screen, store_screen, too_wide
 from tests.builders.typist import Typist
 
@@ -75,6 +76,7 @@ def test_a_service_shows_the_address_of_its_pages(
     assert any(line.strip().startswith(("Workbench: http", "http")) for line in lines)
     assert lines[-1].endswith("  ended")
     assert "{" not in "".join(lines)
+    assert_shown("run-the-service", "rid-daq serve ir361", "\n".join(lines), same_numbers=False)
 
 
 def test_a_jog_is_stopped_from_another_terminal(
@@ -95,10 +97,8 @@ def test_a_jog_is_stopped_from_another_terminal(
     assert "Ready: hold the key." in jogged
     assert "Chosen: axis3." in jogged
     assert any(line.startswith("jog ") and "cycles" in line for line in jogged)
-    stopped = " ".join(" ".join(shown_lines(other, columns, ["stop"])).split())
-    assert stopped.startswith("Session on arm (process ")
-    assert "all axes at rest" in stopped
-    assert stopped.endswith("before the next motion.")
+    stopped = "\n".join(shown_lines(other, columns, ["stop"]))
+    assert_shown("watch-and-stop", "rid-daq stop", stopped, same_numbers=False)
 
 
 def test_a_jog_ended_by_its_key_shows_its_run_folder(

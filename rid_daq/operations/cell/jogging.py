@@ -115,7 +115,7 @@ class JogKeys:
     def help(self) -> str:
         """Sentence that lists the keys."""
         numbers = ", ".join(f"{i} {each.name}" for i, each in enumerate(self._joints[:9], start=1))
-        home = "" if self._home is None else "hold h to go to the home pose;"
+        home = "" if self._home is None else "hold h to go to the home pose; "
         return (
             f"Choose a joint: {numbers}. Hold + or - to move it; {home}release the key to stop; q"
             f" ends. Chosen: {self._joints[self._choose_sessions].name}."

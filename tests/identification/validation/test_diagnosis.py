@@ -14,6 +14,7 @@ from identification.model.base_parameters import base_parameters
 from identification.model.options import ModelOptions
 from identification.validation.diagnosis import JointDiagnosis, diagnose, ljung_box
 from identification.validation.torque_prediction import Validation
+from tests.builders.console_blocks import assert_shown
 
 SAMPLES = 4000
 STEP_S = 0.01
@@ -87,6 +88,9 @@ def test_each_missing_effect_is_named(estimate: Estimate) -> None:
         assert first.suspect_share > 0.5
         assert remedy in first.sentence
         assert second.suspect == ""
+    slow = diagnose(estimate, validation(5.0 * np.sign(v) * np.exp(-np.abs(v) / 0.1)))[0]
+    command = "rid-daq validate model.json latest"
+    assert_shown("identify-a-robot", command, slow.sentence, same_numbers=False)
 
 
 def test_noise_is_diagnosed_as_noise(estimate: Estimate) -> None:

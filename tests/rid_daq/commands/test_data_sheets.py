@@ -19,6 +19,7 @@ from config.cell.servo_profile import ServoProfile
 from config.load import load_cell
 from rid_daq.app import run
 from rid_daq.preflight.eds_check import eds_lines, refuse_unfit_eds
+from tests.builders.console_blocks import assert_shown
 from tests.builders.told import document
 
 pytestmark = pytest.mark.slow
@@ -196,9 +197,14 @@ class TestFit:
         assert told["servo"] == {}
 
     def test_unknown_numbers_become_placeholders_that_a_cell_file_refuses(
-        self, workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+        self,
+        workshop: Path,
+        tmp_path: Path,
+        capsys: pytest.CaptureFixture[str],
+        monkeypatch: pytest.MonkeyPatch,
     ) -> None:
-        sheet = tmp_path / "drive.eds"
+        monkeypatch.chdir(tmp_path)
+        sheet = Path("drive.eds")
         text = (workshop / "sheets" / "node1.eds").read_text()
         for gone, other in (("6076", "2FF0"), ("608F", "2FF1")):
             text = text.replace(f"0x{gone}", f"0x{other}").replace(f"[{gone}", f"[{other}")
@@ -207,7 +213,9 @@ class TestFit:
         told = document(capsys)
         assert told["servo"] == {"encoder_increments": "?", "rated_torque_nm": "?"}
         assert run(["drives", "fit", str(sheet)]) == 0
-        servo = "\n".join(capsys.readouterr().out.splitlines()[: 1 + len(told["servo"])])
+        said = capsys.readouterr().out
+        assert_shown("your-own-drives", "rid-daq drives fit drive.eds", said)
+        servo = "\n".join(said.splitlines()[: 1 + len(told["servo"])])
         cell = tmp_path / "cell.yaml"
         cell.write_text((workshop / "cell.yaml").read_text() + servo + "\n")
         assert run(["check", str(cell), "--json"]) == 2

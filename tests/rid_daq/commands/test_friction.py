@@ -17,6 +17,7 @@ from acquisition.motion.motion_file import load_motion
 from acquisition.runs.folder import RunFolder
 from config.load import load_cell, to_yaml
 from rid_daq.app import run
+from tests.builders.console_blocks import assert_shown
 
 pytestmark = pytest.mark.slow
 
@@ -102,6 +103,9 @@ def test_the_friction_law_of_the_plant_is_selected(
     assert values["fv_axis1"] == pytest.approx(25.0, rel=0.03)
     assert values["fs_axis1"] == pytest.approx(5.0, rel=0.3)
     assert values["vs_axis1"] == pytest.approx(0.04, rel=0.35)
+    assert run(["friction", "steady", "--runs", str(runs)]) == 0
+    said = capsys.readouterr().out
+    assert_shown("friction", "rid-daq friction steady", said, same_numbers=False)
 
 
 def test_a_path_in_both_directions_gives_the_plants_friction(

@@ -22,6 +22,7 @@ from config.load import to_yaml
 from identification.estimation.file import read_estimate
 from rid_daq.app import run
 from rid_daq.runs.run_data import RunData
+from tests.builders.console_blocks import assert_shown
 from tests.builders.foreign_tables import as_lines, sound_table, two_joint_map, two_joint_robot
 from tests.builders.screens import recorded_calls, require_fitting
 
@@ -246,6 +247,10 @@ def test_import_identify_and_validate_report_the_number_of_repeated_rows(
         assert found.clock["repeated_rows"] == 72
         assert found.clock["repeated_percent"] == pytest.approx(9.0)
         assert found.clock["clock"] == "rebuilt"
+        report = RunData.load(RunFolder.open(Path(found.folder))).import_report
+        assert report is not None
+        command = "rid-daq import recording.csv --map map.yaml"
+        assert_shown("someone-elses-recording", command, "\n".join(report.lines()))
     runs, model = ["--runs", str(tmp_path / "runs")], str(tmp_path / "model.json")
     run(["identify", "first", "-o", model, "--json", *runs])
     identified = json.loads(capsys.readouterr().out)

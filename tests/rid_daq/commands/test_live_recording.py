@@ -26,6 +26,7 @@ from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
 from rid_daq.live.live_page import LivePage, live_page
 from rid_daq.requests.cell_options import Live
+from tests.builders.console_blocks import assert_shown
 
 pytestmark = pytest.mark.slow
 
@@ -145,7 +146,7 @@ def test_record_prints_the_address_of_the_page_and_closes_it_at_the_end(
     command = ["record", "ir361", str(motion), "--runs", str(tmp_path / "runs")]
     assert run([*command, "--live", "--listen", "127.0.0.1:0"]) == 0
     said = capsys.readouterr().err
-    assert "not an emergency stop" in said
+    assert_shown("watch-and-stop", "rid-daq record ir361 excitation.yaml --live", said)
     found = re.search(r"Live page: http://127\.0\.0\.1:(\d+)/\?t=[\w-]{40,}\n", said)
     assert found is not None
     with socket.socket() as line:

@@ -28,6 +28,7 @@ from mock_hw.plant.rigid_bodies import BaseWrench
 from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
 from rid_daq.operations.cell import zeroed_plate
+from tests.builders.console_blocks import assert_shown
 from tests.builders.screens import recorded_calls, require_fitting
 
 pytestmark = pytest.mark.slow
@@ -276,6 +277,7 @@ def test_without_write_the_lines_are_printed_and_the_file_is_unchanged(
     assert "turned by 124 degrees" in said
     assert "do not allow half a turn" in said
     assert "    offset_n: [" in said
+    assert_shown("force-plate", "rid-daq plate zero ir361", said, same_numbers=False)
     assert cell.read_bytes() == before
 
 

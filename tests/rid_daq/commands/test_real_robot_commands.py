@@ -7,10 +7,14 @@ from pathlib import Path
 
 import pytest
 
+from acquisition.imports.import_map import load_import_map
 from acquisition.runs.catalogue import find_run
+from config.load import load_robot, to_yaml
+from config.robot.robot import RobotDescription
 from rid_daq.app import run
 from rid_daq.report.model_file import ModelFile
 from rid_daq.report.result_file import read_result
+from tests.builders.console_blocks import assert_shown
 
 FILES = {
     "long": ("ur-20_02_12-50sec_12harm.csv", "355-5090"),
@@ -169,3 +173,44 @@ def test_drive_gains_from_a_weighed_payload_pass_three_cross_checks(
     assert "physically consistent" in findings
     assert run([*words[:3], *words[5:], "--load-mass", "2.805", "--overwrite"]) == 2
     assert "RID-PAYLOAD-RUNS" in capsys.readouterr().err
+
+
+def identified_with(
+    robot: RobotDescription, source: Path, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> str:
+    """Import rows of the UR10e with another robot file, and return what `identify` prints."""
+    (folder / "robot.yaml").write_text(to_yaml(robot))
+    import_map, _ = load_import_map("ur10e_31")
+    changed = import_map.model_copy(update={"robot": "robot.yaml"})
+    (folder / "map.yaml").write_text(to_yaml(changed))
+    words = ["import", str(source), "--map", str(folder / "map.yaml"), "--rows", "700-4200"]
+    runs = ["--runs", str(folder / "runs")]
+    assert run([*words, *runs]) == 0
+    capsys.readouterr()
+    assert run(["identify", "latest", *runs]) == 6
+    return capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_a_robot_file_with_wrong_lengths_is_named(
+    real_robot: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    robot = load_robot("ur10e")
+    rows = tuple(
+        row.model_copy(update={"a_m": 0.6 * row.a_m, "d_m": 0.6 * row.d_m})
+        for row in robot.kinematics.rows
+    )
+    table = robot.kinematics.model_copy(update={"rows": rows})
+    short = robot.model_copy(update={"kinematics": table, "cad": None})
+    said = identified_with(short, real_robot / FILES["points"][0], tmp_path, capsys)
+    assert_shown("find-a-mistake", "rid-daq identify latest", said, same_numbers=False)
+
+
+@pytest.mark.slow
+def test_the_file_of_another_robot_is_named(
+    real_robot: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = {"kinematics": load_robot("kr15").kinematics, "cad": None}
+    robot = load_robot("ur10e").model_copy(update=other)
+    said = identified_with(robot, real_robot / FILES["long"][0], tmp_path, capsys)
+    assert_shown("find-a-mistake", "rid-daq identify latest", said, same_numbers=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from dataclasses import replace
 
 import pytest
@@ -14,6 +15,9 @@ from mock_hw.host.runtime_directory import plate_path, registers_path, runtime_d
 from mock_hw.simulation import CellSimulation
 from rid_daq.preflight.monitor_check import monitor_lines
 from rid_daq.session.cells import hold_reachable_cell
+from tests.builders.console_blocks import assert_shown
+from tests.builders.screens import screen_lines
+from tests.builders.typist import Typist
 
 pytestmark = pytest.mark.slow
 
@@ -82,3 +86,15 @@ def test_the_serial_port_of_the_drives_of_a_served_cell_is_found(
         assert cell.monitor.link.address == str(registers_path(can.channel))
         lines = monitor_lines(cell, loaded.robot, loaded.drive_profile)
     assert [line.found for line in lines if line.what == "motor temperature [°C]"] == ["25.0"] * 6
+
+
+def test_a_served_cell_names_the_port_of_its_plate(
+    monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("run")))
+    with Typist("mock", "ir361") as person:
+        person.wait_for_text("rid-daq check ir361")
+        shown = "\n".join(screen_lines(person.shown))
+        person.program.send_signal(signal.SIGINT)
+        assert person.wait_for_end() == 0
+    assert_shown("force-plate", "rid-daq mock ir361", shown)

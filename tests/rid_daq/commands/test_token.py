@@ -9,6 +9,7 @@ import httpx
 import pytest
 
 from rid_daq.app import run
+from tests.builders.console_blocks import assert_shown
 from tests.rid_daq.service.conftest import ServedProcess, shared
 
 __all__ = ["shared"]
@@ -33,16 +34,22 @@ def test_a_lost_administrator_token_is_replaced(
 
 
 @pytest.mark.promise("lost-token")
+@pytest.mark.parametrize("role", ["operator", "administrator"])
 def test_a_device_is_paired_by_its_code(
-    shared: ServedProcess, capsys: pytest.CaptureFixture[str]
+    role: str, shared: ServedProcess, capsys: pytest.CaptureFixture[str]
 ) -> None:
     service = shared.url.partition("/?")[0]
     begun = httpx.post(f"{service}/api/v1/pairing", headers=HEADERS, json={}).json()
     code = f"{begun['code'][:3]} {begun['code'][3:]}"
-    assert run(["token", "laptop", "--code", code, "--folder", str(shared.folder)]) == 0
+    words = ["token", "my laptop", "--code", code, "--folder", str(shared.folder)]
+    named = [] if role == "operator" else ["--role", role]
+    assert run([*words, *named]) == 0
+    if named:
+        command = 'rid-daq token "my laptop" --role administrator --code 123456'
+        assert_shown("run-the-service", command, capsys.readouterr().out)
     asked = {"secret": begun["secret"]}
     state = httpx.post(f"{service}/api/v1/pairing/state", headers=HEADERS, json=asked).json()
-    assert role_of(shared, state["key"]) == "operator"
+    assert role_of(shared, state["key"]) == role
 
 
 def test_pairing_without_a_service_is_refused(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,7 +18,8 @@ from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
 from rid_daq.operations.cell.mock import MockRequest
 from rid_daq.operations.cell.served_devices import serve_cell
-from tests.builders.screens import recorded_calls, require_fitting
+from tests.builders.console_blocks import assert_shown
+from tests.builders.screens import recorded_calls, require_fitting, screen_lines
 from tests.builders.typist import Typist
 
 pytestmark = pytest.mark.slow
@@ -81,17 +83,21 @@ def test_a_wrong_gear_ratio_is_found_from_the_motion(
 def test_a_reversed_direction_reported_by_the_user_is_named(
     served: SimulatedCell, tmp_path: Path
 ) -> None:
-    words = ["axes", "ir361", "--joint", "axis2", "--runs", tmp_path]
-    with Typist(*words) as person:
+    (tmp_path / "cell.yaml").write_bytes(read_named("ir361", "cells", None)[0])
+    words = ["axes", "cell.yaml", "--joint", "axis2", "--runs", tmp_path]
+    with contextlib.chdir(tmp_path), Typist(*words) as person:
         person.wait_for_text("Hold SPACE")
         with person.hold_key(" "):
             person.wait_for_text("Simulated: axis2 has turned by")
         person.wait_for_text("Did axis2 move as announced")
         person.type("-\n")
         person.wait_for_text("By about how much")
-        person.type("2\n")
+        person.type("30mm\n")
         assert person.wait_for_end() == 1
-        assert "axis2: direction: -1 (is 1)" in " ".join(person.shown.split())
+        person.wait_for_text("Next: ")
+    shown = "\n".join(screen_lines(person.shown))
+    assert "axis2: direction: -1 (is 1)" in " ".join(shown.split())
+    assert_shown("first-motion", "rid-daq axes cell.yaml --joint axis2", shown, same_numbers=False)
 
 
 def test_record_needs_the_axis_test_or_notes_its_waiver_in_the_manifest(

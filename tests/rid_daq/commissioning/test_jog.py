@@ -16,6 +16,8 @@ from config.load import load_cell
 from mock_hw.cell import SimulatedCell
 from mock_hw.host.runtime_directory import runtime_directory
 from mock_hw.simulation import CellSimulation
+from tests.builders.console_blocks import assert_shown
+from tests.builders.screens import screen_lines
 from tests.builders.typist import Typist, wait_for
 
 pytestmark = pytest.mark.slow
@@ -64,6 +66,8 @@ def test_a_joint_moves_only_while_its_key_is_held(served: SimulatedCell, tmp_pat
             wait_for(lambda: bool(served.axes().position[2] < before[2] - 0.1))
         person.type("q")
         assert person.wait_for_end() == 0
+    shown = "\n".join(screen_lines(person.shown))
+    assert_shown("first-motion", "rid-daq jog cell.yaml", shown)
     after = served.axes().position
     assert is_off(served)
     np.testing.assert_allclose(after[:2], before[:2], atol=1e-3)

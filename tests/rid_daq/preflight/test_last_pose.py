@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
@@ -10,7 +11,10 @@ import pytest
 
 from config.errors import RidDaqError
 from config.load import LoadedCell, load_cell
+from rid_daq.preflight.check_words import show_devices
 from rid_daq.preflight.last_pose import LAST_POSE, PoseRule, known_pose, pose_lines, store_pose
+from rid_daq.terminal.console import Console
+from tests.builders.console_blocks import assert_shown
 
 HERE, ELSEWHERE = [0.1, 0.2, 0.3], [0.1, 0.2, 0.5]
 
@@ -46,6 +50,15 @@ def test_an_accepted_pose_replaces_the_stored_one(real_cell: LoadedCell) -> None
     assert verdict(real_cell, ELSEWHERE, PoseRule.ACCEPTED) == "allowed"
     assert verdict(real_cell, ELSEWHERE) == "ok"
     assert verdict(real_cell, HERE) == "red"
+
+
+def test_a_lost_turn_of_the_motor_is_named(
+    real_cell: LoadedCell, capsys: pytest.CaptureFixture[str]
+) -> None:
+    store_pose(real_cell, HERE, "run 01M8FBPNY744RHWHGCP4CFPHBD")
+    turned = [HERE[0], HERE[1] + 2.0 * math.pi / real_cell.robot.joints[1].gear_ratio, HERE[2]]
+    show_devices(Console(), pose_lines(real_cell, turned, PoseRule.COMPARED))
+    assert_shown("when-it-stops", "rid-daq check CELL", capsys.readouterr().out)
 
 
 def test_another_pose_of_a_served_simulated_cell_is_allowed(real_cell: LoadedCell) -> None:

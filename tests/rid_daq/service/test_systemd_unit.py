@@ -8,6 +8,7 @@ import pytest
 from config.errors import ConfigError
 from rid_daq.app import run
 from rid_daq.service.systemd_unit import SystemdUnit
+from tests.builders.console_blocks import assert_shown
 from tests.builders.raised_codes import raises_code
 
 
@@ -30,7 +31,7 @@ def test_install_writes_a_unit_with_the_same_options(
     folder.mkdir()
     assert run(["serve", "ir361", "--folder", str(folder), "--pace", "5", "--install"]) == 0
     said = capsys.readouterr().out
-    assert "systemctl --user daemon-reload" in said
+    assert_shown("run-the-service", "rid-daq serve cell.yaml --install", said)
     text = (home / "rid-daq.service").read_text()
     lines = dict(line.split("=", 1) for line in text.splitlines() if "=" in line)
     words = shlex.split(lines["ExecStart"])

@@ -12,11 +12,11 @@ from acquisition.task.joint_values import JointValues
 from acquisition.task.states import TaskProgress, TaskState
 from rid_daq.terminal.motion_progress import (
     describe_end_position,
-    describe_load,
     describe_state,
     motion_total,
     progress_callback,
 )
+from tests.builders.console_blocks import assert_shown
 
 CYCLE_S = 0.01
 PERIOD = 50
@@ -129,9 +129,12 @@ def test_the_worst_joint_of_each_load_is_named() -> None:
         following_error_share=np.array([0.1, 0.04]),
         valid=np.ones(2, dtype=np.bool_),
     )
-    assert describe_load(joints, ("axis1", "axis2")) == (
-        "torque 50% (axis2), following error 10% (axis1) of the limit"
+    shown: list[str] = []
+    update = progress_callback(
+        None, ("axis1", "axis2"), lambda _done, line: shown.append(line), lambda: "sx3 ± 0.8 %"
     )
+    update(replace(progress_at(1), joints=joints))
+    assert_shown("watch-and-stop", "rid-daq record ir361 excitation.yaml", shown[0])
 
 
 def test_the_time_of_a_stop_is_given_in_seconds_phase_and_period() -> None:
