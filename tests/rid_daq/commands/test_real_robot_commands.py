@@ -172,7 +172,7 @@ def test_drive_gains_from_a_weighed_payload_pass_three_cross_checks(
         assert words_of_method in findings
     assert "physically consistent" in findings
     assert run([*words[:3], *words[5:], "--load-mass", "2.805", "--overwrite"]) == 2
-    assert "RID-PAYLOAD-RUNS" in capsys.readouterr().err
+    assert "RID-REQUEST-INVALID" in capsys.readouterr().err
 
 
 def identified_with(
