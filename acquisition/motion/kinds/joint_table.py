@@ -27,6 +27,8 @@ from config.robot.robot import RobotDescription
 AT_REST: Final = 0.02
 MOST_FACTOR: Final = 5.0
 """Largest ratio between the velocities of a table and the changes of its positions."""
+STILL: Final = 1e-3
+"""Share of the velocity limit below which velocities count as zero."""
 STOPPING: Final = 5.77
 """Largest acceleration of a quintic from rest to rest, over distance / time^2: 10 / sqrt(3)."""
 POSITIONS: Final = Plausible(0.0, 50.0, "rad or m")
@@ -258,16 +260,16 @@ def _check_velocities(
     for j, joint in enumerate(robot.joints):
         columns = " or ".join(form.format(joint.name) for form in VELOCITIES)
         remedy = f"correct the velocities (in a CSV file the column {columns}), or leave them out"
-        size = float(np.sum(mean[:, j] ** 2))
-        if size == 0.0 and stops[j] > joint.limits.acceleration:
+        is_still = np.abs(mean[:, j]).max() <= STILL * joint.limits.velocity
+        if is_still and stops[j] > joint.limits.acceleration:
             raise ConfigError(
                 f"the velocities of joint {joint.name!r} are zero in each row of the table, but its"
                 f" positions change faster than it can stop in each row: {remedy}",
                 code="RID-TABLE-INVALID",
             )
-        if len(time_s) < FEWEST_ROWS or size == 0.0:
+        if len(time_s) < FEWEST_ROWS or is_still:
             continue
-        factor = float(np.sum(mean[:, j] * change[:, j])) / size
+        factor = float(np.sum(mean[:, j] * change[:, j]) / np.sum(mean[:, j] ** 2))
         if not 1.0 / MOST_FACTOR <= factor <= MOST_FACTOR:
             raise ConfigError(
                 f"the positions of joint {joint.name!r} change by {factor:.3g} times its velocities"

@@ -197,6 +197,16 @@ def test_positions_and_velocities_define_the_curve(tmp_path: Path, names: str) -
     assert load_motion(again) == motion
 
 
+def test_a_joint_at_rest_may_have_velocities_of_rounding(tmp_path: Path) -> None:
+    path = planned_csv(tmp_path, VELOCITY_NAMES[0], planned_rows()[1])
+    lines = [line.split(",") for line in (tmp_path / "path.csv").read_text().splitlines()]
+    for line in lines[1:]:
+        line[2], line[5] = "0.3", "1e-9"
+    (tmp_path / "path.csv").write_text("\n".join(map(",".join, lines)))
+    samples = load_motion(path).plan(ROBOT, T)
+    np.testing.assert_allclose(samples.position[:, 1], 0.3, atol=1e-8)
+
+
 @pytest.mark.parametrize(
     ("key", "stamp"),
     [
