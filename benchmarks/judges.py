@@ -1,11 +1,12 @@
 """Published recordings of real robots: `python -m benchmarks.judges --data DIR`.
 
-A folder below DIR is used if it has a `judge.yaml` or if a bundled split has its name
-(`benchmarks.judge_split`: recordings, their map, training and validation sets). Its data go through
-the commands `import`, `identify`, `identify --choose` and `validate`, in both directions. The
-output has the errors, the number of rigid base parameters of both directions that agree within 95 %
-intervals, and the physical consistency of the models. `--peer-python` names a Python with figaroh,
-which identifies the same arrays. The last line is one JSON object.
+A split names the recordings of a robot, their import map, and which of them train and which
+validate (`benchmarks.judge_split`). It is the file `judge.yaml` of a folder below DIR, or a bundled
+one with the folder's name. The data go through the commands `import`, `identify`, `identify
+--choose` and `validate`; then the two sets are exchanged. The output has the errors, the number of
+rigid base parameters of both ways that agree within 95 % intervals, and the physical consistency of
+the models. With `--peer-python PYTHON`, figaroh identifies the same arrays in that Python. The last
+line is one JSON object.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ class PositionLoop:
 
     Attributes:
         gain_per_s: K_v [1/s].
-        velocity_limit: Length joints. Largest command [rad/s or m/s]; commands are clip_text to it,
+        velocity_limit: Length joints. Largest command [rad/s or m/s]; commands are clipped to it,
             while the supervisor checks measured velocities.
     """
 

@@ -164,7 +164,7 @@ def append_return(values: FloatArray, step_s: float) -> FloatArray:
         step_s: Time between rows [s].
 
     Returns:
-        Shape (samples + count_padding_rows, n).
+        Shape (samples + rows, n), with the rows that `count_padding_rows` returns.
     """
     rows = count_padding_rows(step_s)
     x = np.clip((np.arange(1, rows + 1) * step_s - REST_S) / RETURN_S, 0.0, 1.0)[:, np.newaxis]

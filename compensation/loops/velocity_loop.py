@@ -135,8 +135,8 @@ def fit_velocity_loop(measured: FrequencyResponse) -> VelocityLoop:
     lines = len(measured.frequency_hz)
     if lines < FEWEST_LINES:
         raise EstimationError(
-            f"joint {measured.joint_name}: {lines} lines are too few for a velocity controller,"
-            f" {FEWEST_LINES} are needed",
+            f"joint {measured.joint_name}: the frequency response has {lines} lines, but a velocity"
+            f" controller needs at least {FEWEST_LINES}: excite it at more frequencies",
             code="RID-LOOP-WEAK",
         )
     fits = [_fit(measured, extras) for extras in _choices()]

@@ -28,7 +28,7 @@ class FullCommands:
 
     Args:
         node_ids: The drives, base to flange.
-        enables: The controlword of each that enables its operation.
+        enables: Controlword of each drive that sets it to Operation enabled.
     """
 
     def __init__(self, node_ids: Sequence[int], enables: Sequence[int]) -> None:

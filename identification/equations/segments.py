@@ -115,7 +115,7 @@ def unfiltered_period(average: PeriodAverage, band_hz: float) -> SmoothedSignals
 def single_periods(
     recording: Recording, band_hz: float, start: int | None = None
 ) -> dict[int, SmoothedSignals]:
-    """Return each complete period of a recording, as `period_signals` does, by number.
+    """Return the signals of each complete period of a recording, by its number.
 
     Args:
         recording: Recording of a periodic motion, or a part that begins with a period.

@@ -80,8 +80,8 @@ class Triangle:
     def add(self, matrix: FloatArray, rhs: FloatArray, rows: int | None = None) -> Triangle:
         """Return the triangle with a block added: `matrix` (rows, c), `rhs` (rows,).
 
-        `rows` is the number of independent equations of the block, if free torque was projected
-        out.
+        `rows` is the number of independent equations of the block; without it, each row counts as
+        one. It is less than the rows if unknown torques were eliminated from them.
         """
         if len(rhs) == 0:
             return self

@@ -94,14 +94,15 @@ def choose_channel(
     kinds: Sequence[ChannelKind] = tuple(KINDS),
     before: TorqueChannel | None = None,
 ) -> TorqueChannel:
-    """Choose the channel of all joints.
+    """Choose the delays and filters of the recorded torques, by cross-validation.
 
     Args:
         equations: The recordings.
         terms: Friction columns of each joint.
         block_s: Length of a block that is left out [s].
         kinds: Kinds to compare, from the simplest to the richest; the first is "none".
-        before: The channel of the previous round: rows that it mixes with standstill are left out.
+        before: Result of the previous round. Rows that its filters mix with rows of standstill are
+            left out.
     """
     known = TorqueChannel.none(equations.joints) if before is None else before
     reaches = [

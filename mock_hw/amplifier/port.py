@@ -101,7 +101,7 @@ class AmplifierPort:
 
     @property
     def watches(self) -> bool:
-        """True if the amplifier needs the loads on the sensors, because it operates."""
+        """True if the amplifier measures and needs the forces on its sensors."""
         return self._device.physics.operating
 
     @property

@@ -20,7 +20,7 @@ _SLEEP_S: Final = 0.002
 
 
 def measure_lateness() -> str:
-    """Return the median and the largest measure_lateness of some sleeps, as text."""
+    """Return a text with the median and the largest lateness of some sleeps."""
     context = multiprocessing.get_context("spawn")
     pipe, theirs = context.Pipe()
     process = context.Process(target=sleep_like_the_task, args=(theirs,), daemon=True)

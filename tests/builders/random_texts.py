@@ -19,6 +19,7 @@ from tests.builders.plain_text import Passage, files, passages
 
 _READ = (*PACKAGES, "README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs", "benchmarks", "tests")
 _FEWEST_WORDS = 4
+_CODE = re.compile(r"=>|&&|\|\||\);|\.map\(")
 
 
 def kind_of(path: Path, passage: Passage) -> str:
@@ -33,9 +34,11 @@ def kind_of(path: Path, passage: Passage) -> str:
 
 
 def texts(path: Path) -> Iterator[Passage]:
-    """Yield the texts of a file that are sentences; a document's paragraphs one by one."""
+    """Yield the texts of a file that are sentences, without code between the texts of a page."""
     for passage in passages(path):
-        if len(passage.text.split()) >= _FEWEST_WORDS and not re.match(r"\W*<", passage.text):
+        if len(passage.text.split()) < _FEWEST_WORDS or re.match(r"\W*<", passage.text):
+            continue
+        if path.suffix != ".js" or not _CODE.search(passage.text):
             yield passage
 
 

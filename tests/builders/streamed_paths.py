@@ -33,7 +33,7 @@ def joint_path() -> NDArray[np.float64]:
 
 
 def model_of(workshop: Path) -> list[str]:
-    """Return the options for model, loops and folder of the runs."""
+    """Return the options for the model, the velocity loops and the folder of runs."""
     return [*model_and_loops(workshop), "--runs", str(workshop / "runs")]
 
 

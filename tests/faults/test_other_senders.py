@@ -91,7 +91,7 @@ def test_identical_second_answers_are_tolerated_up_to_a_limit(
     cycles = run.quick_stop_cycle() - AT + 1
     assert 20 <= cycles <= 21
     moved = run.rows["sample_index"] >= 0
-    assert run.rows["valid"][moved][:-1].all(), "the answers are used"
+    assert run.rows["valid"][moved][:-1].all(), "duplicate answers do not make values invalid"
     run.assert_at_rest()
     measured(f"the same twice in every cycle: quick stop in the {cycles}th cycle")
 

@@ -153,7 +153,7 @@ def serve(interface: str, folder: Path) -> Iterator[Served]:
 
 
 def on(*interfaces: str) -> Callable[[Scenario], Callable[..., None]]:
-    """Make a test that runs on each of these buses with separate drives."""
+    """Return a decorator: the test runs once per bus, each time with new simulated drives."""
 
     def decorate(scenario: Scenario) -> Callable[..., None]:
         @pytest.mark.parametrize("interface", interfaces)

@@ -4,8 +4,8 @@ const LIMIT_MS = 300; // CHALLENGE_LIMIT_S of acquisition/hold_to_run/held_key.p
 const WATCH_MS = 50;
 
 export class HeldKey {
-  // `send(message)` sends it with the lease and returns true if this is possible; `tell(job, text)` shows
-  // why a key does not count.
+  // `send(message)` adds the operator's lease to a message and sends it; it returns false if there is no connection
+  // or no lease. `tell(job, text)` shows why a key does not count.
   constructor(send, tell) {
     this.send = send;
     this.tell = tell;

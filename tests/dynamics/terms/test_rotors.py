@@ -76,7 +76,7 @@ class TestAppendixD:
         return [joint.gear_ratio for joint in ir361.joints]
 
     def test_torque_of_actuator_2_agrees_with_appendix_d(self, column, motion, ratios) -> None:
-        """(D.29), with the rotor's lumped part I_M e e^T, part of Izz2, added back."""
+        """Compare with (D.29): its Im2 contains a part that the model counts in the link's Izz2."""
         _, mu2, mu3 = ratios
         _, a2, a3 = motion[2].T
         np.testing.assert_allclose((column("Im2") + column("Izz2"))[:, 1], (1 + mu2) ** 2 * a2)

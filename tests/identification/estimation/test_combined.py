@@ -103,7 +103,7 @@ class TestEstimate:
     def test_offset_and_drift_have_no_effect(
         self, arm: KnownArm, weigh: Weigh, combined: list[Estimate]
     ) -> None:
-        """Random 20 N and 0.05 N/s on each channel shift it by less than half a sigma (issue 4)."""
+        """Offsets of 20 N and drifts of 0.05 N/s shift the estimate by less than sigma / 2."""
         drifting = weigh(0, torque_filter=FILTER, plate={"offset_n": 20.0, "drift_n_s": 0.05})
         changed = identify(arm, drifting)
         assert combined[0].sigma_noise is not None
