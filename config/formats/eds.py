@@ -1,9 +1,10 @@
 """`ElectronicDataSheet`: identity and objects of a CANopen device, from its EDS or DCF file.
 
 Source: CiA 306-1. Vendors' files differ from it. Missing or unknown sections, keys and counters are
-therefore skipped, and objects are read from their own sections and not from the lists. Anything
-that is read must be valid; an error names file and line. A value or limit that cannot be read is
-stored as a fault of its object, because many files contain one.
+therefore skipped, and objects are read from their own sections and not from the lists. Sections and
+keys must be valid; an error names file and line. A type, access, value or limit of an object that
+cannot be read is stored as a fault of this object, because many files contain one at an object that
+nobody uses.
 """
 
 from __future__ import annotations
@@ -229,33 +230,26 @@ class _Reader:
         return items
 
     def _object(self, section: EdsSection, index: int, subindex: int) -> EdsObject:
-        data_type = self.integer(section, "datatype", range(1 << 16))
-        if data_type is None and self.integer(section, "objecttype", range(0x100)) == _DOMAIN:
-            data_type = DataType.DOMAIN
         faults: list[EdsFault] = []
+        data_type = _number(section, "datatype", range(1 << 16), faults)
+        if data_type is None and _number(section, "objecttype", range(0x100), []) == _DOMAIN:
+            data_type = DataType.DOMAIN
+        access = _parse_or_note(section, "accesstype", _parse_access, faults)
+        mappable = _number(section, "pdomapping", range(0x100), faults)
         return EdsObject(
             index=index,
             subindex=subindex,
             name=self.text(section, "parametername"),
             line=section.line,
             data_type=data_type,
-            access=self._access(section),
-            mappable=bool(self.integer(section, "pdomapping", range(0x100))),
+            access=access,
+            mappable=bool(mappable),
             default=self._value(section, "defaultvalue", data_type, faults),
             value=self._value(section, "parametervalue", data_type, faults),
             low=self._limit(section, "lowlimit", data_type, faults),
             high=self._limit(section, "highlimit", data_type, faults),
             faults=tuple(faults),
         )
-
-    def _access(self, section: EdsSection) -> Access | None:
-        entry = section.get("accesstype")
-        if entry is None:
-            return None
-        access = _ACCESS.get(entry.text.lower())
-        if access is None:
-            self._refuse_key(section, "accesstype", f"use one of {', '.join(ACCESSES)}")
-        return access
 
     def _value(
         self, section: EdsSection, key: str, data_type: int | None, faults: list[EdsFault]
@@ -271,6 +265,30 @@ class _Reader:
         entry = section.entries[key]
         where = f"{entry.key} of [{section.name}]"
         refuse_line(self.name, entry.line, f"{where} is {shown(entry.text)}: {advice}")
+
+
+def _number(section: EdsSection, key: str, allowed: range, faults: list[EdsFault]) -> int | None:
+    """Return the integer of a key; None if it is missing, cannot be read, or is out of range."""
+
+    def parse(text: str) -> int:
+        number = parse_integer(text)
+        if number not in allowed:
+            raise ConfigError(
+                f"{shown(text)} is out of range; give {allowed[0]} to {allowed[-1]:#x}",
+                code="RID-EDS-INVALID",
+            )
+        return number
+
+    return _parse_or_note(section, key, parse, faults)
+
+
+def _parse_access(text: str) -> Access:
+    access = _ACCESS.get(text.lower())
+    if access is None:
+        raise ConfigError(
+            f"{shown(text)} is unknown; use one of {', '.join(ACCESSES)}", code="RID-EDS-INVALID"
+        )
+    return access
 
 
 def _parse_or_note(

@@ -94,7 +94,7 @@ class EdsValue:
 
 @dataclass(frozen=True, slots=True)
 class EdsFault:
-    """A value that cannot be read, with its line."""
+    """A key of an object that cannot be read, with its line."""
 
     line: int
     text: str
@@ -114,7 +114,7 @@ class EdsObject:
         default: Its value after a reset.
         value: Its configured value, in a DCF.
         low, high: LowLimit and HighLimit as written.
-        faults: Its values and limits that cannot be read; they matter only if the object is used.
+        faults: Its keys that cannot be read; they matter only if the object is used.
     """
 
     index: int

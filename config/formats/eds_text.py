@@ -102,6 +102,14 @@ def parse_sections(data: bytes, name: str) -> dict[str, EdsSection]:
                 section = _begin(sections, title, name, number)
         elif section is not None:
             _enter(section, _without_comment(line), name, number)
+        elif not begun and line[0] == "<":
+            refuse_line(
+                name,
+                number,
+                "an XML device description (XDD or XDC, CiA 311) is not read: ask the manufacturer"
+                " for the EDS or DCF, or convert the file to an EDS",
+                "RID-FILE-TYPE",
+            )
         elif not begun:
             refuse_line(
                 name,
