@@ -232,7 +232,10 @@ def _refuse_mimics(tree: UrdfTree, arm: UrdfArm) -> UrdfArm:
     lines = [
         f"{joint.where}: joint {joint.name!r} mimics {joint.mimic.joint!r} in the middle of the"
         " arm: a motor that turns two joints of the chain cannot be identified. Give --tip"
-        f" {joint.parent} for the arm before it, or remove <mimic> if the joint has its own motor"
+        f" {joint.parent} for the arm before it. If the joint has its own motor, remove <mimic>; if"
+        " this motor turns it through a parallelogram, also set `coupling` in the robot file, with"
+        f" {joint.mimic.multiplier:g} for {joint.mimic.joint!r} and 1 for {joint.name!r} in the row"
+        f" of {joint.name!r}"
         for joint in path[:last]
         if joint.mimic is not None
     ]

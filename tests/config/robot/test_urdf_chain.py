@@ -83,5 +83,5 @@ def test_an_arm_that_ends_at_a_mimic_joint_is_refused() -> None:
 
 
 def test_a_mimic_joint_within_the_arm_is_refused_with_a_remedy() -> None:
-    with raises_code(ConfigError, "RID-URDF-MIMIC", "'cd'", "'ab'", "--tip"):
+    with raises_code(ConfigError, "RID-URDF-MIMIC", "'cd'", "'ab'", "--tip", "`coupling`"):
         arm("a>b", "b>c", "c>d:mimic", "d>e", tip="e")
