@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.imports.import_map import ImportJoint, ImportMap, JointReading
+from acquisition.imports.import_joint import ImportJoint, JointReading
+from acquisition.imports.import_map import ImportMap
 from acquisition.imports.time_column import TimeColumn
 from config.arrays import FloatArray
 from config.errors import ConfigError, DataQualityError, RidDaqError, system_errors

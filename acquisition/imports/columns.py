@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
 import numpy as np
 
-from acquisition.imports.import_map import ImportJoint, ImportMap
+from acquisition.imports.import_joint import ImportJoint
+from acquisition.imports.import_map import RATED, ImportMap
 from acquisition.imports.table import ImportTable
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import ConfigError
 from config.plausible import ZERO_CELSIUS_K
 from config.robot.robot import Joint, RobotDescription
 
-_POSITION = {"rad": 1.0, "deg": math.pi / 180.0, "rev": 2.0 * math.pi, "m": 1.0, "mm": 1e-3}
+_TURN = 2.0 * math.pi
+_POSITION = {"rad": 1.0, "deg": _TURN / 360.0, "rev": _TURN, "m": 1.0, "mm": 1e-3}
 _VELOCITY = {
     "rad/s": 1.0,
-    "deg/s": math.pi / 180.0,
-    "rpm": 2.0 * math.pi / 60.0,
+    "deg/s": _TURN / 360.0,
+    "rpm": _TURN / 60.0,
     "m/s": 1.0,
     "mm/s": 1e-3,
 }
@@ -82,19 +85,30 @@ class ImportColumns:
         gears = [_gear_ratio(import_map, *pair) for pair in zip(joints, known, strict=True)]
         columns = [joint.position for joint in joints]
         turns = [gear * joint.position_sign for gear, joint in zip(gears, joints, strict=True)]
-        factors = [_POSITION[units.position] / turn for turn in turns]
+        factors = [
+            _unit_value(units.position, _POSITION, _increment(joint)) / turn
+            for joint, turn in zip(joints, turns, strict=True)
+        ]
         offsets = [-f * joint.zero_offset for f, joint in zip(factors, joints, strict=True)]
         for joint, gear, description in zip(joints, gears, known, strict=True):
             if joint.torque is not None:
                 columns.append(joint.torque)
-                factors.append(_TORQUE[units.torque] * gear * joint.torque_sign)
+                torque = _unit_value(
+                    units.torque, _TORQUE, _rated(units.torque, joint.rated_torque_nm)
+                )
+                factors.append(torque * gear * joint.torque_sign)
             else:
                 columns.append(joint.position if joint.current is None else joint.current)
                 constant = _torque_constant(import_map, joint, gear, description)
-                factors.append(_CURRENT[units.current] * constant * joint.torque_sign)
+                current = _unit_value(
+                    units.current, _CURRENT, _rated(units.current, joint.rated_current_a)
+                )
+                factors.append(current * constant * joint.torque_sign)
         for joint, turn in zip(joints, turns, strict=True):
             columns.append(joint.position if joint.velocity is None else joint.velocity)
-            factor = math.nan if joint.velocity is None else _VELOCITY[units.velocity]
+            factor = math.nan
+            if joint.velocity is not None:
+                factor = _unit_value(units.velocity, _VELOCITY, _increment(joint))
             factors.append(factor / turn)
         warmths = [joint.temperature for joint in joints if joint.temperature is not None]
         offsets += [0.0] * (len(columns) - len(offsets))
@@ -118,6 +132,24 @@ class ImportColumns:
     def joint_positions(self, read: FloatArray) -> FloatArray:
         """Return the joint positions from those read, (samples, n): q = C alpha (5.18)."""
         return read if self.coupling is None else np.asarray(read @ self.coupling.T)
+
+
+def _unit_value(unit: str, fixed: Mapping[str, float], of_joint: float | None) -> float:
+    """Return the SI value of a unit; that of a drive's unit differs between joints."""
+    if unit in fixed:
+        return fixed[unit]
+    assert of_joint is not None  # the map was checked
+    return of_joint
+
+
+def _increment(joint: ImportJoint) -> float | None:
+    """Return the angle of one increment of the encoder [rad]."""
+    return None if joint.increments_per_rev is None else _TURN / joint.increments_per_rev
+
+
+def _rated(unit: str, rated: float | None) -> float | None:
+    """Return the value of one per mille or percent of a rated value."""
+    return None if rated is None else RATED[unit] * rated
 
 
 def _described_joint(

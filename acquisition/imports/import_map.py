@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import accumulate
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field, model_validator
 
-from acquisition.imports.time_column import Column, TimeColumn
+from acquisition.imports.import_joint import ImportJoint, JointReading
+from acquisition.imports.time_column import TimeColumn
 from config.errors import ConfigError
 from config.formats.yaml_tree import parse_yaml
 from config.load import read_named, validate
@@ -18,10 +19,15 @@ from config.robot.robot import MOST_JOINTS, Positive, RobotDescription
 
 Columns = Annotated[int, Field(ge=2, le=10_000)]
 
-PositionUnit = Literal["rad", "deg", "rev", "m", "mm"]
-VelocityUnit = Literal["rad/s", "deg/s", "rpm", "m/s", "mm/s"]
+PositionUnit = Literal["rad", "deg", "rev", "m", "mm", "increments"]
+VelocityUnit = Literal["rad/s", "deg/s", "rpm", "m/s", "mm/s", "increments/s"]
+RatedUnit = Literal["permille", "percent"]
+RATED: Final[dict[str, float]] = {"permille": 1e-3, "percent": 1e-2}
+"""Units that are fractions of a rated value, and their values."""
 
-_LARGEST_OFFSET = {"rad": 15.0, "deg": 900.0, "rev": 2.5, "m": 50.0, "mm": 5e4}
+_LARGEST_OFFSET = {
+    "rad": 15.0, "deg": 900.0, "rev": 2.5, "m": 50.0, "mm": 5e4, "increments": 1e9
+}  # fmt: skip
 _LARGEST_GEAR = 5e3
 
 
@@ -36,41 +42,6 @@ class FurtherFile(ConfigModel):
 
     columns: Columns
     time: TimeColumn | None = None
-
-
-class JointReading(ConfigModel):
-    """Conversion of the numbers of one joint, in any kind of file.
-
-    Attributes:
-        joint: Name of the joint in the robot file.
-        torque_constant_nm_per_a: Torque per ampere [N m/A]: that of the motor if `gear_ratio` is
-            given, else that of the link side. Left out, it is the constant of the robot file.
-        gear_ratio: Motor turns per joint turn, to convert values of the motor to the link side;
-            negative if motor and joint turn in opposite directions.
-        zero_offset: Recorded position at position 0 of the robot file's joint, in the unit of the
-            recorded position.
-        position_sign: -1 if recorded positions and velocities have the opposite direction to the
-            robot file's joint.
-        torque_sign: -1 if recorded torques have the opposite direction to the robot file's joint.
-    """
-
-    joint: str
-    torque_constant_nm_per_a: Annotated[Positive, Plausible(1e-3, 5e3, "N m/A")] | None = None
-    gear_ratio: Annotated[float, Plausible(0.05, 1e5, "")] | None = None
-    zero_offset: float = 0.0
-    position_sign: Literal[1, -1] = 1
-    torque_sign: Literal[1, -1] = 1
-
-    @model_validator(mode="after")
-    def _check_gear_sign(self) -> JointReading:
-        if self.gear_ratio == 0.0:
-            raise ValueError("gear_ratio must not be 0")
-        if self.gear_ratio is not None and self.gear_ratio < 0.0 and self.position_sign < 0:
-            raise ValueError(
-                "gear_ratio is negative and position_sign is -1: the signs cancel. Give one sign"
-                " only"
-            )
-        return self
 
 
 class JointStates(ConfigModel):
@@ -108,49 +79,19 @@ class ImportUnits(ConfigModel):
     """Units of the columns; all values are converted to SI units during the import.
 
     Attributes:
-        position: Unit of position.
-        velocity: Unit of velocity.
-        current: Unit of current.
-        torque: Unit of torque, or of force for a prismatic joint.
+        position: Unit of position; `increments` of the encoder need `increments_per_rev`.
+        velocity: Unit of velocity; `increments/s` need `increments_per_rev`.
+        current: Unit of current; `permille` and `percent` need `rated_current_a`.
+        torque: Unit of torque, or of force for a prismatic joint; `permille` and `percent` need
+            `rated_torque_nm`.
         temperature: Unit of temperature.
     """
 
     position: PositionUnit = "rad"
     velocity: VelocityUnit = "rad/s"
-    current: Literal["A", "mA"] = "A"
-    torque: Literal["Nm", "mNm", "N"] = "Nm"
+    current: Literal["A", "mA"] | RatedUnit = "A"
+    torque: Literal["Nm", "mNm", "N"] | RatedUnit = "Nm"
     temperature: Literal["C", "K"] = "C"
-
-
-class ImportJoint(JointReading):
-    """Columns of one joint, counted from 0.
-
-    Attributes:
-        position: Column of the position.
-        velocity: Column of the velocity. It does not replace the derivative of the position: both
-            are compared to detect a wrong column, unit or clock.
-        current: Column of the motor current; give this or `torque`.
-        torque: Column of the torque; give this or `current`.
-        temperature: Column of the drive's temperature, for temperature-dependent friction: all
-            joints have it, or none.
-    """
-
-    position: Column
-    velocity: Column | None = None
-    current: Column | None = None
-    torque: Column | None = None
-    temperature: Column | None = None
-
-    @model_validator(mode="after")
-    def _check_torque_columns(self) -> ImportJoint:
-        if (self.current is None) == (self.torque is None):
-            raise ValueError("give either a torque column or a current column, not both")
-        if self.current is None and self.torque_constant_nm_per_a is not None:
-            raise ValueError(
-                "torque_constant_nm_per_a applies to a current column only: give a"
-                " current column, or remove it"
-            )
-        return self
 
 
 class DamageLimits(ConfigModel):
@@ -284,6 +225,32 @@ class ImportMap(PhysicalFile, Derived):
                 f"{', '.join(without)} has no temperature column, but other joints have: give"
                 " every joint one, or none"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _check_drive_units(self) -> ImportMap:
+        """Check that the joints have the values that the units need, and no others."""
+        units, states = self.units, self.joint_states
+        joints: Sequence[JointReading] = self.joints if states is None else states.joints
+        increments = [
+            unit
+            for unit in (units.position, units.velocity)
+            if unit in ("increments", "increments/s")
+        ]
+        needs = {
+            "increments_per_rev": increments,
+            "rated_torque_nm": [units.torque] if units.torque in RATED else [],
+            "rated_current_a": [units.current] if units.current in RATED else [],
+        }
+        for key, needing in needs.items():
+            if needing and states is not None:
+                raise ValueError(f"unit {needing[0]} is for CSV files, not for joint_states")
+            for joint in joints:
+                given = getattr(joint, key) is not None
+                if given and not needing:
+                    raise ValueError(f"{key} of {joint.joint} is not used: no unit needs it")
+                if needing and not given:
+                    raise ValueError(f"unit {needing[0]}: give {key} of {joint.joint}")
         return self
 
     def derived(self) -> dict[str, tuple[float, Plausible]]:

@@ -13,7 +13,8 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from acquisition.imports.import_map import ImportJoint, ImportMap
+from acquisition.imports.import_joint import ImportJoint
+from acquisition.imports.import_map import ImportMap
 from acquisition.imports.time_column import TimeColumn
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import MANIFEST

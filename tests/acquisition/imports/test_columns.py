@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -169,6 +169,34 @@ class TestCurrents:
             read(table(), layout(*CURRENTS))
         with raises_code(ConfigError, "RID-IMPORT-MOTOR-SIDE", "'a'", "torque_constant_nm_per"):
             read(table(), layout(*CURRENTS), robot().model_copy(update={"joints": tuple(bare)}))
+
+
+class TestDriveUnits:
+    """Increments of the motors' encoders, and fractions of rated values."""
+
+    TURN: ClassVar = {"increments_per_rev": 131072}
+
+    @pytest.mark.parametrize(("unit", "whole"), [("permille", 1000.0), ("percent", 100.0)])
+    def test_a_drives_own_units_give_the_same_recording(
+        self, read: Read, unit: str, whole: float
+    ) -> None:
+        own = motor_table()
+        own[:, 1:5] = np.rint(own[:, 1:5] * 131072 / (2.0 * np.pi))
+        own[:, 5:7] *= whole / 4.0
+        units = {"position": "increments", "velocity": "increments/s", "torque": unit}
+        joint = self.TURN | {"rated_torque_nm": 4.0}
+        recording, report = read(own, layout(joint, joint, side="motor", units=units), robot())
+        step = 2.0 * np.pi / 131072 / 20.0
+        np.testing.assert_allclose(recording.position, table()[:, 1:3], atol=step)
+        np.testing.assert_allclose(recording.torque_nm, table()[:, 5:7] * GEARS, atol=1e-6)
+        assert report.velocity_ratio == pytest.approx((1.0, 1.0), abs=1e-3)
+
+    def test_a_share_of_the_rated_current_gives_the_torque(self, read: Read) -> None:
+        joints = [current | {"rated_current_a": 8.0} for current in CURRENTS]
+        recording, _ = read(table(), layout(*joints, units={"current": "percent"}), robot())
+        np.testing.assert_allclose(
+            recording.torque_nm, 0.08 * table()[:, 5:7] * [60.0, 30.0], atol=1e-7
+        )
 
 
 class TestTemperatures:

@@ -92,7 +92,18 @@ def test_a_minimal_map_is_enough() -> None:
             "joint_states",
             ("torque_constant_nm_per_a of a", "effort: current"),
         ),
-        ({"units": {"position": "grad"}}, "units.position", ("'rad', 'deg', 'rev', 'm' or 'mm'",)),
+        (
+            {"units": {"position": "grad"}},
+            "units.position",
+            ("'rad', 'deg', 'rev', 'm', 'mm' or 'increments'",),
+        ),
+        (
+            {"units": {"position": "increments"}},
+            "",
+            ("unit increments", "increments_per_rev of a"),
+        ),
+        ({"units": {"torque": "permille"}}, "", ("unit permille", "rated_torque_nm of a")),
+        ({"joints": [JOINT | {"rated_torque_nm": 3.0}]}, "", ("rated_torque_nm of a", "not used")),
     ],
 )
 def test_contradictions_are_refused(
