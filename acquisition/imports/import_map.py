@@ -232,12 +232,12 @@ class ImportMap(PhysicalFile, Derived):
         """Check that the joints have the values that the units need, and no others."""
         units, states = self.units, self.joint_states
         joints: Sequence[JointReading] = self.joints if states is None else states.joints
-        increments = [
+        increments: list[str] = [
             unit
             for unit in (units.position, units.velocity)
             if unit in ("increments", "increments/s")
         ]
-        needs = {
+        needs: dict[str, list[str]] = {
             "increments_per_rev": increments,
             "rated_torque_nm": [units.torque] if units.torque in RATED else [],
             "rated_current_a": [units.current] if units.current in RATED else [],
