@@ -83,7 +83,7 @@ class _Point(BaseModel):
     @property
     def time_s(self) -> float:
         at = self.time_from_start
-        return at if isinstance(at, float) else at.seconds + 1e-9 * at.nanoseconds
+        return at.seconds + 1e-9 * at.nanoseconds if isinstance(at, _Duration) else at
 
 
 class _JointTrajectory(BaseModel):
