@@ -259,12 +259,10 @@ class CyclicTask:
         )
 
     def _send_command(self, cycle: Cycle) -> StopReason | None:
-        """Send the command of a cycle; send zero velocity if no drive has answered."""
+        """Send the command of a cycle; send and record none if no drive has answered."""
         self._velocity[:] = cycle.command
-        if not any(cycle.received):
-            cycle.command = (
-                self._rest
-            )  # a bus without drives would keep a command until they return
+        if not any(cycle.received):  # the bus would keep a command until drives return
+            cycle.command = self._rest
         elif not self._axes.command(self._velocity):
             return StopReason(
                 StopCode.NOT_ENABLED, "the drives accept no more commands: a drive is not enabled"
