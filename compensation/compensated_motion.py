@@ -35,8 +35,9 @@ def compensated_motion(
 ) -> MotionSamples:
     """Return the motion with its precompensated feedforward.
 
-    The compensation is computed on frequency lines: one period separately, so that all periods are
-    equal, and the whole motion as one long period with a return to its start.
+    The compensation is computed in the frequency domain. One period is computed separately, so that
+    the feedforward of all periods is equal. The whole motion is computed as one long period; a
+    return to its start closes this period.
 
     Args:
         estimate: Model of the robot.

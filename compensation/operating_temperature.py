@@ -43,9 +43,10 @@ def at_operating_temperature(
     """Return a model at the requested temperature.
 
     Args:
-        asked: For a model identified with measured temperatures, degrees Celsius: one value, or one
-            per joint separated by commas. For a model that follows warming without thermometers:
-            `cold`, or `warm` for the state after many repetitions of the motion.
+        asked: Requested temperature. For a model identified with measured temperatures: degrees
+            Celsius, as one value, or as one per joint separated by commas. For a model that
+            computes warming without thermometers: `cold`, or `warm` for the steady state after many
+            repetitions of the motion.
         velocity: Shape (samples, n). The whole motion [rad/s or m/s]; None if it is not known in
             advance.
 

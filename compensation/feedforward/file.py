@@ -59,7 +59,8 @@ class RefinementEntry(ConfigModel):
     """One step of refinement: its runs, their remaining error, and the convergence bound.
 
     `rms` is the RMS of each joint's mean error [rad or m], `over_noise` the ratio of its power to
-    that of the noise, and `bound` the largest share of an error that remains, up to `band_hz`.
+    that of the noise, and `bound` the largest fraction of an error that can remain after one step,
+    up to `band_hz`.
     """
 
     runs: tuple[str, ...]

@@ -1,17 +1,18 @@
 """Refinement of a feedforward over repetitions: each run corrects the error of the last one.
 
-The command R (K_v e + v_ff) was sent. By the model, the motion that the robot made takes jw q +
-G_c^-1 tau(q), and the desired motion takes jw q_d + G_c^-1 tau(q_d). The difference is added to the
-next command:
+The command that acted was R (K_v e + v_ff). According to the model, the robot's actual motion q
+needs jw q + G_c^-1 tau(q), and the desired motion q_d needs jw q_d + G_c^-1 tau(q_d). The
+difference of these two is added to the next command:
 
     v_ff' = v_ff + K_v e + (jw e + G_c^-1 (tau(q_d) - tau(q))) / R .
 
-With an exact model one repetition would be enough. With a real one the error shrinks by
+With an exact model one repetition would be enough. With a real model the error is multiplied by
 
     rho(w) = |1 - L(w) / L_true(w)| ,   L = R K_v + jw + G_c^-1 (jw f_v - w^2 M) ,
 
-from one repetition to the next if rho < 1 (Bristow, Tharayil and Alleyne 2006). `stability_bound`
-is the largest rho in the band, along the motion, for loops and inertia within their intervals.
+in each repetition, and it decreases if rho < 1 (Bristow, Tharayil and Alleyne 2006).
+`stability_bound` computes the largest rho along the motion at each frequency of the band, for loops
+and inertia within their intervals.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ _LOSSES: Final = ("cl_", "eta_")
 
 @dataclass(frozen=True, eq=False)
 class StabilityBound:
-    """Upper bound of the share of an error that remains after one repetition.
+    """Upper bound of the fraction of an error that remains after one repetition.
 
     Attributes:
         frequency_hz: Shape (lines,). Frequencies of the bound [Hz].
@@ -150,7 +151,7 @@ def stability_bound(
     """Return the convergence bound of refinement for loops of known uncertainty.
 
     Raises:
-        DataQualityError: An error below 0.5 Hz could keep more than 80 % of itself.
+        DataQualityError: Below 0.5 Hz, more than 80 % of an error could remain after a repetition.
     """
     step_s = samples.sample_period_s
     frequency_hz = np.geomspace(0.1, BAND_SHARE / step_s, 120)

@@ -2,10 +2,12 @@
 
     velocity / torque = 1 / (J s + B)
 
-at the pose of the multisine. Both are apparent values for the margins of the loops. Friction
-depends on the amplitude: B approximates it at this amplitude, and stiction acts like a spring
-against the inertia. The other joints' loops are not rigid, so J is smaller than the diagonal
-element of the mass matrix: by up to 17 % on the simulated arm, where noise alone causes 1.5 %.
+at the pose of the multisine. J and B are apparent values; use them only for the stability margins
+of the loops, for two reasons:
+- Friction depends on the amplitude. B approximates it at this amplitude, and stiction acts like a
+  spring against the inertia.
+- The loops of the other joints are not rigid. Therefore J is smaller than the diagonal element of
+  the mass matrix, by up to 17 % on the simulated arm. Noise alone causes 1.5 % there.
 """
 
 from __future__ import annotations
@@ -34,8 +36,8 @@ class AxisMechanics:
     Attributes:
         inertia: J [kg m^2 or kg].
         damping: B [N m s/rad or N s/m].
-        covariance: Shape (2, 2). Covariance of J and B; the misfit is included as an error common
-            to all lines. It serves the margins and is not a confidence interval of J.
+        covariance: Shape (2, 2). Covariance of J and B. The misfit is included as an error common
+            to all lines. Use it for the margins only, not as a confidence interval of J.
         misfit: Median over the lines of the relative residual of torque per speed. A large value
             means that the axis is not a single inertia: usually it is elastic.
         noise: The same median if only the noise between periods remained.

@@ -1,10 +1,11 @@
 """`FrequencyResponse`: the best linear approximation of one part of a drive's cascade.
 
-The measurement is in closed loop, so input and output contain the same noise and their plain ratio
-is biased. The multisine is known and free of noise: both signals are referred to it, realisation by
-realisation (Pintelon and Schoukens 2012, chapter 7; theory: section 13). Differences between
-periods are noise. Differences between realisations beyond that are nonlinear distortion. So is
-output at lines that were not excited, unless input at these lines explains it.
+The measurement is in closed loop. Input and output therefore contain the same noise, and their
+plain ratio is biased. The multisine is known and free of noise, so both signals are referred to it
+in each realisation (Pintelon and Schoukens 2012, chapter 7; theory: section 13).
+- Differences between periods are noise.
+- Differences between realisations that noise does not explain are nonlinear distortion.
+- Output at lines that were not excited is also distortion, unless input at these lines explains it.
 """
 
 from __future__ import annotations
@@ -35,8 +36,8 @@ ONE_REALISATION: Final = "RID-LOOP-ONE-REALISATION"
 class Distortion:
     """Output at lines that no joint excites.
 
-    Levels are the RMS over realisations of the mean over periods. The linear response explains the
-    output caused by input at these lines; the rest is the distortion of this part.
+    Levels are the RMS over realisations of the mean over periods. Input at these lines causes
+    output through the linear response; the remaining output is the distortion.
 
     Attributes:
         frequency_hz: Shape (lines,). Frequencies [Hz].

@@ -1,9 +1,10 @@
 """`LoopMeasurement`: the loops of all drives that a multisine run shows, identified in two passes.
 
 Commands are linear between samples, so their spectrum has images of each line around the multiples
-of the cycle frequency. The axis follows the images a little, and sampling folds this motion back
+of the cycle frequency. The axis follows the images a little. Sampling then folds this motion back
 onto the line: about 0.1 % of the velocity error at a sixth of the cycle frequency. The first pass
-neglects it. Its result predicts the images, and the second pass removes them.
+neglects the images and fits the loops. The second pass computes the images with these loops and
+removes them.
 """
 
 from __future__ import annotations

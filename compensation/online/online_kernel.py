@@ -1,17 +1,19 @@
 """One cycle of the on-line compensation: compiled, without memory allocation.
 
-The path's head runs some cycles ahead of the set-points that are sent, because drives need their
-speeds in advance. At the head the model torque passes the inverse of each velocity loop,
+The path's head is some cycles ahead of the set-points that are sent, because the drives need their
+speeds in advance. At the head, the model torque passes the inverse of each velocity loop,
 
     v_ff = v + e ,    tau = K_p e + x ,    x' = (K_p / T_i) e ,
 
-in which x is the torque of the loop's integrator. It starts as the torque at rest, so that a robot
-at rest needs no correction. If e is limited, x follows the limited value, as the drive's own
-integrator does (anti-windup).
+in which x is the torque of the loop's integrator. At the start, x is the torque at rest; therefore
+a robot at rest needs no correction. If e is limited, x is computed with the limited value, as in
+the drive's own integrator (anti-windup).
 
-Presliding hysteresis follows the head. Until the path leaves its first point, the state of the
-joints comes from their measured approach and settling. A joint at rest is carried by its integrator
-in either direction of stiction, so the measured state changes x but needs no correction.
+Presliding hysteresis is computed at the head:
+- Until the path leaves its first point, the state of the hysteresis comes from the measured
+  approach and settling of the joints.
+- The drive's integrator holds a joint at rest, whatever the direction of its stiction. Therefore a
+  measured state changes x and causes no correction.
 
 Numba's disk cache notices changes in this file only. After a change in `path_kernels` or
 `dynamics.model.one_sample`, delete the cache (`compensation/online/__pycache__/*.nb*`).

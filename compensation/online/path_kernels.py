@@ -1,15 +1,18 @@
 """Points become a path that can be driven and stopped: compiled, without memory allocation.
 
-A point is accepted only if the path through it is within all limits, so that accepted points can be
-driven at full rate or slower. The path between two points is the quintic of their positions and of
-velocities and accelerations from five-point differences. Its control points bound it between the
-points (a Bezier curve stays within the hull of its control points).
+A point is accepted only if the path through it is within all limits. Accepted points can therefore
+be driven at full rate or slower. The path between two points is a quintic: it has the positions of
+the points, and velocities and accelerations from five-point differences. A Bezier curve stays
+within the hull of its control points, so the control points are checked against the limits.
 
-A pass backwards over the points, as in TOPP-RA (Pham and Pham 2018), finds the rate from which the
-path can still stop before its last known point. x is the square of the rate. From x = 0 at the last
-point, the pass finds the largest x at each point from which the next one is reachable within the
-joints' accelerations on the whole segment. While this is 1, the path runs at full rate. Otherwise
-it follows the profile of the pass, down to rest.
+The rate is the path's speed relative to full speed, and x is its square. A pass backwards over the
+points finds the rate at which the path can still stop before its last known point, as in TOPP-RA
+(Pham and Pham 2018):
+1. At the last point, x is 0.
+2. At each earlier point, x is the largest value from which the next point can be reached within the
+   joints' accelerations on the whole segment.
+3. While x is 1 at the present point, the path runs at full rate. Otherwise it follows the computed
+   profile down to rest.
 """
 
 from __future__ import annotations

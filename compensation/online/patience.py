@@ -1,4 +1,5 @@
-"""Waiting times of a stream of set-points, without numerics for the help of the command line."""
+"""Waiting times of a stream of set-points; without slow imports, because the help uses them.
+"""
 
 from __future__ import annotations
 

@@ -210,7 +210,8 @@ class PointSource:
     def watch(self, position: FloatArray, counts: NDArray[np.int32]) -> None:
         """Observe the approach of the joints to the first point, and their settling there.
 
-        A joint that reads one count off is treated as unmoved: its last digit flickers.
+        A change by one encoder count does not count as motion, because the last digit fluctuates at
+        rest.
         """
         beginning = self._row < 0 or self._counts[stage.SEEING]
         if beginning and self._counts[stage.REMEMBERS]:

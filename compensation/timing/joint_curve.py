@@ -16,7 +16,7 @@ from config.arrays import FloatArray
 from config.errors import ConfigError
 
 KNOTS: Final = (1000, 2000, 4000, 8000)
-"""Numbers of poses that are tried; the first sufficient one is used. A file has at most 10,000."""
+"""Numbers of poses to try; the first sufficient one is used. A motion file has 10,000 at most."""
 SLOW: Final = 1e-3  # of the largest speed
 STRAIGHT_ON: Final = 0.9999
 TURN_BACK: Final = -0.5

@@ -1,15 +1,17 @@
 """Scan over path position and squared speed: controllable sets backwards, then a pass forwards.
 
 x is the squared speed along the path, u the acceleration. Each limit is a row A u + B x + C + f(x)
-between two bounds, with f the friction at the speed of x. u is constant between two points of the
-grid, and the rows of both ends must hold. As in TOPP-RA (Pham and Pham 2018), the pass backwards
-finds the largest x at each point from which the end is reachable, and the pass forwards is as fast
-as that allows.
+between two bounds, in which f is the friction at the speed of x. u is constant between two points
+of the grid, and the rows of both points must hold. There are two passes, as in TOPP-RA (Pham and
+Pham 2018):
+1. The pass backwards finds the largest x at each point from which the end can be reached.
+2. The pass forwards drives as fast as these values of x allow.
 
-For a given x each row bounds u, so the allowed u form an interval. If it is empty, Newton's method
-follows the two conflicting rows, as straight lines with the slope of friction, to their
-intersection. The final x is consistent with its own friction, so friction is exact. A row without u
-(a zero-inertia point) bounds x directly, in the same iteration.
+For a given x, each row bounds u, so the allowed values of u form an interval. If the interval is
+empty, x must decrease. Newton's method then approximates the two conflicting rows by straight
+lines, with the slope of friction, and goes to their intersection. The iteration ends with an x that
+is consistent with its own friction, so friction is exact. A row without u (a zero-inertia point)
+bounds x directly, in the same iteration.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """A timed path as rows of a motion, one per cycle.
 
-The speed profile has jumps in its acceleration. If the path begins and ends at rest, its length
-over time is averaged over a window, exactly, so that accelerations and torques are continuous: the
-rows stay on the path and are half a window later.
+The acceleration of the speed profile has jumps. If the path begins and ends at rest, its length
+over time is averaged exactly over a window. Accelerations and torques are then continuous. The rows
+stay on the path, and reach each place half a window later.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Fastest rows along a path: scanned, resampled at the cycle, and each row verified.
 
-The result of the scan holds at the points of its grid. Rows lie between them and are averaged, so
-each row is checked against the whole model again. If one exceeds a limit, this limit is tightened
-on the part of the path that the row comes from, and the scan is repeated. The result never exceeds
-a limit.
+The result of the scan satisfies the limits at the points of its grid. The rows lie between these
+points and are averaged. Therefore each row is checked again, against the whole model. If a row
+exceeds a limit, this limit is tightened on the part of the path that the row comes from, and the
+scan is repeated. The result never exceeds a limit.
 """
 
 from __future__ import annotations

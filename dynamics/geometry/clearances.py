@@ -22,11 +22,11 @@ _ROUNDED_M = 1e-9
 
 @dataclass(frozen=True)
 class _Solid:
-    """A shape of coal, the link that carries it, and its pose in that link's frame.
+    """A shape of the library coal, the link that carries it, and its pose in the link's frame.
 
-    `half` and `radius` describe a capsule around `centre` that contains the shape: half its line,
-    from the centre to an end. They are not used for solids around the robot. `body` is the name of
-    a body of the robot.
+    A capsule around `centre` contains the shape. `half` is half of the capsule's line, from the
+    centre to an end, and `radius` is its radius. Solids around the robot have no capsule. `body` is
+    the name of a body of the robot.
     """
 
     name: str

@@ -8,7 +8,7 @@ from typing import Final
 from dynamics.kernels.simd import kernel
 
 BY_SPEED: Final = math.nan
-"""Replaces the direction of the hysteresis model for a joint that slides by sign(v)."""
+"""Value for a joint without hysteretic direction: its friction follows sign(v)."""
 
 
 @kernel

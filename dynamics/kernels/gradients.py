@@ -1,7 +1,10 @@
 """Compiled reverse mode of the regressor: gradients of weighted sums by the motion.
 
-A sweep outwards stores the motion of every link. Each row's screw then carries the weights inwards
-from link to link, and a last sweep inwards carries them through the motion.
+For each motion there are three sweeps along the chain:
+1. The first one, outwards, stores the motion of every link.
+2. The second one, inwards, carries the weights from link to link with the screw of each row. A
+   screw is the unit motion that belongs to a row (`dynamics.kernels.rigid_body`).
+3. The third one, inwards, converts the result to derivatives by the joints' motion.
 """
 
 from __future__ import annotations
@@ -61,7 +64,7 @@ each position.
 
 
 def weights_of(values: FloatArray) -> FloatArray:
-    """Return a read-only view, because numba compiles once more for a writable array."""
+    """Return a read-only view; numba would compile a second version for a writable array."""
     weights = values.view()
     weights.setflags(write=False)
     return weights
@@ -195,7 +198,8 @@ def _contract_link(
 ) -> tuple[Vector, Vector]:
     """Add the weights on link i's ten columns; return the gains of the screw's two vectors.
 
-    The weights act as the parameters of a body, so that the gains are that body's moment and force.
+    The calculation treats the weights as the parameters of a body. The gains are then the moment
+    and the force of this body.
     """
     m = gather(weights, samples, 0)
     h = (gather(weights, samples, 1), gather(weights, samples, 2), gather(weights, samples, 3))

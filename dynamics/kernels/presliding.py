@@ -1,11 +1,14 @@
 """State of presliding hysteresis (Maxwell slip): a set of elastic elements, driven by a path.
 
 A joint that reverses does not slide at once: asperities, teeth and balls deform first, one after
-the other. Each of `ELEMENTS` elements follows the displacement and slips if it is stretched by its
-own distance, s <- min(max(s + dq, -w d), w d): the stop operators of Prandtl and Ishlinskii, the
-Iwan model, or the Maxwell slip model with equal stiffness. If only a fraction of the friction has
-presliding hysteresis, the rest is rigid (Coulomb): one more element that slips at `AT_ONCE`. The
-sum over its largest value is the hysteretic direction of motion, between -1 and 1.
+the other. The model has `ELEMENTS` elastic elements. Each element follows the displacement dq and
+slips when its stretch s reaches its own distance: s <- min(max(s + dq, -w d), w d). This is the
+Maxwell slip model with equal stiffness, also known as the stop operators of Prandtl and Ishlinskii
+or as the Iwan model.
+
+If only a fraction of the friction has presliding hysteresis, the rest is rigid (Coulomb). One more
+element represents the rigid part; it already slips at the distance `AT_ONCE`. The hysteretic
+direction of motion, between -1 and 1, is the sum of all elements divided by its largest value.
 """
 
 from __future__ import annotations

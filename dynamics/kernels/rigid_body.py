@@ -1,10 +1,11 @@
 """The compiled sweeps along the chain that fill the regressors' columns.
 
-Both carry, from the base outwards, the motion of each link and the *screws* of the rows, all in the
-link's own frame. A screw is a unit motion: of a joint, for the torque of its actuator, or of the
-base, for a component of the base wrench. The entry of a load on a link in a row is its virtual
-power on that row's screw. This is the modified recursive Newton-Euler method (appendix B) with the
-backward recursion replaced by its transpose.
+There are two sweeps, for the links and for the rotors. Both start at the base. They carry the
+motion of each link and the *screws* of the rows, in the link's own frame. A screw is the unit
+motion that belongs to a row: the motion of one joint for the torque of its actuator, or a motion of
+the base for one component of the base wrench. The entry of a load in a row is the virtual power of
+this load on the row's screw. The method is the modified recursive Newton-Euler method (appendix B),
+with the backward recursion replaced by its transpose.
 
 Eight samples are computed at once, `first` to `last` - 1 of the motion. Numba's cache on disk
 detects a change only in a kernel's own file: after a change in `simd` or `vectors`, touch the

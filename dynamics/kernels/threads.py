@@ -14,9 +14,9 @@ SHARE: Final = 1024  # samples per task; distributing smaller tasks costs more t
 def share_out(samples: int, fill: Callable[[int, int], object]) -> None:
     """Call fill(first, last) for ranges that cover all samples, on several cores if that pays.
 
-    Each thread takes the next range when it is free, so that a core that is busy otherwise delays
-    nothing. `fill` must release the interpreter's lock to gain speed, and its results must not
-    depend on how the samples are divided.
+    A thread takes the next range as soon as it is free. Therefore a core that is busy with other
+    programs does not delay the others. `fill` must release the interpreter's lock to gain speed.
+    Its results must not depend on the division of the samples.
     """
     shares = iter(range(0, samples, SHARE))
 

@@ -36,8 +36,9 @@ def update_presliding(
         q: Shape (n,). Positions of the actuators, link side [rad or m].
         presliding: Shape (2, n). `SampleTorque.presliding`.
         state: Shape (n, STATE). State of the hysteresis; updated.
-        found: Shape (n, FOUND). Written: the results of `drive_presliding`, of which the direction,
-            -1 to 1, replaces sign(v); `BY_SPEED` for joints without presliding.
+        found: Shape (n, FOUND). Written: the results of `drive_presliding`. The first one is the
+            direction, -1 to 1, which replaces sign(v); it is `BY_SPEED` for joints without
+            presliding.
     """
     for j in range(len(q)):
         if presliding[0, j] > 0.0:

@@ -48,7 +48,7 @@ def with_presliding_history(
 
 
 def sliding_samples(conditions: Conditions, moving: BoolArray) -> BoolArray:
-    """Return the samples in which a whole joint slides, (samples, n): friction is sign(v)'s.
+    """Return the samples in which a whole joint slides, (samples, n): friction follows sign(v).
 
     These are the samples that move. For a joint with presliding, samples that are still affected by
     a reversal are excluded.

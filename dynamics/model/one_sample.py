@@ -60,7 +60,7 @@ class SampleTorque:
         arrays: Arguments of `sample_torque`.
         presliding: Shape (2, n). Presliding distance of each actuator [rad or m], 0 without
             presliding, and the fraction of its friction with hysteresis. A single sample does not
-            contain the history of a joint: here it slides by sign(v);
+            contain the joint's history, so friction follows sign(v) here.
             `dynamics.model.hysteretic_sample` uses the hysteresis.
     """
 

@@ -31,10 +31,10 @@ class GearLoss:
 class Transmission:
     """Losses proportional to the torque that a gear transmits.
 
-    With s = 1 if the motor drives the load and s = -1 if the load drives the motor, the torque
-    behind the gear is multiplied by eta^-s (5.16, 5.17), or by 1 + c s: friction c |load| sign(v).
-    A gear does not transmit its own rotor's inertia; if an estimate cannot separate that from the
-    link's, both count as load.
+    Let s = 1 if the motor drives the load, and s = -1 if the load drives the motor. The torque
+    behind the gear is multiplied by eta^-s (5.16, 5.17), or by 1 + c s for a friction of
+    c |load| sign(v). A gear does not transmit the inertia torque of its own rotor. If an estimate
+    cannot separate the rotor's inertia from the link's, both count as transmitted load.
     """
 
     losses: tuple[GearLoss, ...] = ()

@@ -21,8 +21,8 @@ class Conditions:
             needed by transmission efficiency and load-dependent friction. `load_torque` computes it
             from parameters.
         payload: Whether the unknown payload is attached.
-        memory: Direction of the presliding hysteresis; needed by friction with presliding, which
-            otherwise slides by sign(v). `dynamics.model.memory` computes it along a motion.
+        memory: Direction of the presliding hysteresis; without it, friction with presliding follows
+            sign(v). `dynamics.model.memory` computes it along a motion.
     """
 
     temperature_k: FloatArray | None = None

@@ -2,7 +2,8 @@
 
 There is one row per function. Its values and derivatives are in `dynamics.terms.friction`, its
 kernel is in `dynamics.kernels.friction`, its text for an export in
-`identification.export.function`. Each of these raises an error for a function that it lacks.
+`identification.export.function`. Each of these three modules raises an error for a friction
+function that it does not support.
 """
 
 from __future__ import annotations
@@ -26,14 +27,14 @@ class FunctionTraits:
     Attributes:
         symbol: Symbol of its coefficient; a parameter is named SYMBOL_JOINT.
         units: Units of its coefficient for a revolute and for a prismatic joint.
-        sign: Constraint of a physically consistent coefficient: `braking` is not negative, a joint
-            with a `curve` brakes at every speed, `free` has no constraint.
+        sign: Constraint of a physically consistent coefficient. `braking`: it is not negative.
+            `curve`: the joint's total friction brakes at every speed. `free`: no constraint.
         by_direction: Whether it depends on the direction of motion, which presliding hysteresis
             replaces.
         smooth: Whether it may stay in a model that is differentiated at zero speed.
         kernel: Number in `dynamics.kernels.friction`; None if it depends on a temperature.
-        words: Name in the list of terms that a format without curved friction omits; None if the
-            format supports it.
+        words: Name of this friction in an exported file's list of omitted effects, if the format
+            supports only a straight friction line; None if such a format supports it.
     """
 
     symbol: str

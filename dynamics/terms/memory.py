@@ -1,8 +1,8 @@
 """`Memory`: the hysteretic direction of motion of joints with presliding, sample by sample.
 
-It is a condition of a motion, as the load is. The direction of sliding depends on the joint's past
-path, so it is computed along the whole path, and each part of the motion gets its part. Terms that
-jump with sign(v) use this direction instead, for joints with presliding.
+The memory is a condition of a motion, like the load of the gears. The direction depends on the
+joint's past path. Therefore it is computed along the whole path first, and each block of samples
+gets its part. For joints with presliding, friction terms use this direction instead of sign(v).
 """
 
 from __future__ import annotations

@@ -21,9 +21,9 @@ class Rotors:
     """Polar inertias of the rotors, `Im{i}` for the motor of joint i (theory: section 3).
 
     A rotor's mass, its transverse inertia and I_M e e^T are lumped into the link that carries it.
-    The remaining effects are the load I_M mu (q.. e + q. w x e) on that link, and
-    I_M (mu^2 q.. + mu e.w') on its joint's actuator. Only the first acts on the base. If a wrist
-    couples the axes, q of the rotor's own motion is its actuator's coordinate.
+    Two effects remain: the load I_M mu (q.. e + q. w x e) on that link, and the torque
+    I_M (mu^2 q.. + mu e.w') on its joint's actuator. Only the load on the link acts on the
+    base. With a coupled wrist, the rotor's own motion q is its actuator's coordinate.
 
     Attributes:
         chain: The arm.

@@ -13,11 +13,11 @@ from dynamics.terms.term_parameter import NonlinearParameter
 class Term(Protocol):
     """A part of the model: names, units, and the columns that belong to them.
 
-    A term computes its part of the regressor, of its gradient and of the base wrench, and thereby
-    of the torque. Two other modules compute without columns and list the terms that they support:
-    the torque of one sample (`dynamics.model.one_sample`) and the exports
-    (`identification.export.model`). Both refuse a model with any other term. To add an effect,
-    write a class like this, and add it to `RobotModel.from_description` and to those two.
+    A term computes its part of the regressor, of the regressor's gradient, of the base wrench, and
+    thereby of the torque. Two other modules compute without columns: the torque of one sample
+    (`dynamics.model.one_sample`) and the exports (`identification.export.model`). They list the
+    terms that they support, and refuse a model with any other term. To add an effect, write a class
+    like this one, and add it to `RobotModel.from_description` and to those two modules.
     """
 
     @property

@@ -59,8 +59,9 @@ class WeakParameter:
 def weak_parameters(estimate: Estimate, most: int = 5) -> tuple[WeakParameter, ...]:
     """Return the rigid-body parameters that are not distinct from zero, the least certain first.
 
-    For each, motions of one joint or two joints at their limits are tried. Their information is
-    added to that of the estimate, as one more run of the same length and colour of residuals.
+    For each parameter, motions of one joint or of two joints at their limits are tried. Each counts
+    as one more run of the same length and with the same colour of residuals: its information is
+    added to that of the estimate.
 
     Args:
         most: Largest number of parameters returned.

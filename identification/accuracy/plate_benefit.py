@@ -1,8 +1,12 @@
 """`Improvement`: additional information of a force plate, parameter by parameter (table 4.1).
 
-All three models use the same equations and weights. The internal model is the combined one without
-the plate's outputs, and the external model is the combined one without the joints' outputs. Leaving
-out equations can only reduce information, so that the combined model is never less certain.
+All three models use the same equations and weights:
+- The combined model uses all outputs.
+- The internal model uses only the joints' outputs.
+- The external model uses only the plate's outputs.
+
+Leaving out equations can only reduce the information. Therefore the combined model is never less
+certain than the other two.
 """
 
 from __future__ import annotations

@@ -1,14 +1,17 @@
 """`DriveGains`: ratio of true to measured torque of each drive, from a load of known mass.
 
-Torques that are all too large by one factor fit a robot that is too heavy by this factor equally
-well. A weighed load determines the common factor. Differences between the joints follow from the
-parameters that their equations share.
+If all torques are too large by one common factor, a robot that is too heavy by this factor explains
+them equally well. A weighed load determines this factor. The differences between the joints follow
+from the parameters that the joints' equations share.
 
-The usual equation g tau - Phi beta = Phi_L theta_L contains the measured torque, with its noise,
-among the regressors. Least squares then underestimates the gains, and can make them negative. Total
-least squares gives the unmodelled torque the same freedom; Gautier and Briot 2014 need long and
-clean recordings for it. Here the noise remains on the torque, tau = (Phi beta + Phi_L theta_L) / g
-+ noise, which is bilinear and solved by Gauss-Newton.
+The usual equation is g tau - Phi beta = Phi_L theta_L. It uses the measured torque, with its noise,
+as a regressor. This has two known consequences:
+- Least squares underestimates the gains, and can make them negative.
+- Total least squares allows errors of the torque; but it needs long and clean recordings (Gautier
+  and Briot 2014).
+
+Here the noise stays on the torque: tau = (Phi beta + Phi_L theta_L) / g + noise. This equation is
+bilinear, and is solved by Gauss-Newton.
 """
 
 from __future__ import annotations

@@ -1,10 +1,14 @@
 """`ConsistentEstimate`: the physically consistent standard parameters closest to an estimate.
 
 Torques determine base parameters, which are sums over several links. Because of noise there may be
-no robot with the estimated sums. Here every link's pseudo-inertia is positive definite (Wensing,
-Kim and Slotine 2018, "Linear matrix inequalities for physically consistent inertial parameter
-identification"), no rotor's inertia and no braking friction is negative. Of all such robots, the
-one is computed whose base parameters are closest to the estimate, in its own standard deviations.
+no real robot with the estimated sums. A robot is physically consistent under three conditions:
+- The pseudo-inertia of every link is positive definite (Wensing, Kim and Slotine 2018, "Linear
+  matrix inequalities for physically consistent inertial parameter identification").
+- No rotor has a negative inertia.
+- No braking friction is negative.
+
+The result is the consistent robot whose base parameters are closest to the estimate. The distance
+is measured in the estimate's own standard deviations.
 """
 
 from __future__ import annotations
@@ -91,14 +95,17 @@ class ConsistentEstimate:
 def consistent(estimate: Estimate) -> ConsistentEstimate:
     """Find the physically consistent robot that is closest to an estimate.
 
-    The squared distance has the metric of `jackknife_metric`, like a chi-squared statistic.
-    Directions that the measurement does not determine are set by a small cost, a thousandth of a
-    chi-squared each, towards the drawings' values in their sigmas, or without drawings towards a
-    plausible robot (`nominal_parameters`).
+    The squared distance is computed with `jackknife_metric`, so that it is comparable to a
+    chi-squared value. Some directions are not determined by the measurement. A small cost, a
+    thousandth of a chi-squared value each, sets them close to the values of the drawings, in units
+    of their sigmas. Without drawings, a plausible robot replaces these values
+    (`nominal_parameters`).
 
-    Positive definite means at least a hundredth of the nominal body. Friction of Coulomb and
-    viscous terms has no negative coefficient. Any other friction brakes at every speed from 2 % to
-    100 % of the joint's limit. Stiffness and preload of a spring are not negative.
+    The constraints are:
+    - Each pseudo-inertia is at least a hundredth of that of the nominal body.
+    - Coulomb and viscous friction have no negative coefficients.
+    - Any other friction brakes at every speed from 2 % to 100 % of the joint's limit.
+    - Stiffness and preload of a spring are not negative.
 
     Raises:
         EstimationError: The solver found no solution, or a term's constraints are not known.

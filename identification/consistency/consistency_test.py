@@ -1,22 +1,20 @@
 """`ConsistencyTest`: test whether identified parameters can be those of a real robot.
 
-There are two statistics, each with its distribution for a consistent robot. The smaller p-value is
-doubled (Bonferroni).
+There are two test statistics. For both, the distribution for a consistent robot is known. The
+smaller p-value is doubled (Bonferroni).
 
-The first statistic is the largest violation by a single parameter that cannot be negative. The test
-is one-sided, and corrected for the number of such parameters (Holm 1979). It keeps its power with
-many parameters.
+1. The largest violation by a single parameter that cannot be negative. This test is one-sided, and
+   corrected for the number of such parameters (Holm 1979). It keeps its power with many parameters.
+2. The distance d2 from the cone of consistent robots, in the estimate's own metric. The
+   distribution of d2 is a mixture of chi-squares (Shapiro 1988), which is simulated. Estimates of a
+   robot near the estimate are drawn and projected onto the cone, until enough of them have at least
+   this distance (Besag and Clifford 1991).
 
-The second statistic is the distance d2 to the cone of consistent robots, in the estimate's own
-metric. Its distribution is a mixture of chi-squares (Shapiro 1988), which is simulated. Estimates
-of a robot near the estimate are drawn and projected until enough estimates have at least this
-distance (Besag and Clifford 1991).
-
-The distribution of d2 depends on the number of constraints that are active for the true robot. For
-the simulation, everything of the nearest consistent robot within `BORDER_SIGMAS` of the border is
-moved to the border (Andrews and Soares 2010). Moving a robot towards the cone's apex never makes
-the distribution too narrow. The cone is convex, so that the distance of beta + k + e is at most
-that of beta + e for every k in the cone.
+The distribution of d2 depends on the number of constraints that are active for the true robot,
+which is unknown. Therefore the simulation starts from the nearest consistent robot; each of its
+values within `BORDER_SIGMAS` of the border is moved to the border (Andrews and Soares 2010). Moving
+a robot towards the cone's apex never makes the distribution too narrow. The cone is convex, so that
+the distance of beta + k + e is at most that of beta + e for every k in the cone.
 """
 
 from __future__ import annotations

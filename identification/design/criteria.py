@@ -62,9 +62,9 @@ class DOptimal:
 class Condition:
     """Condition number of the weighted base regressor (2.25, 2.26).
 
-    By default each column is scaled to length one, so that units have no effect. The condition
-    number then does not depend on the size of a motion, so that the search also uses a fraction of
-    the log determinant. If `parameter_size` (b,) is given, the columns are multiplied by it
+    By default each column is scaled to length one, so that units have no effect. This condition
+    number does not depend on the size of a motion. Therefore the search also uses a fraction of the
+    log determinant. If `parameter_size` (b,) is given, each column is multiplied by its element
     instead.
     """
 

@@ -1,9 +1,9 @@
 """`BaseWrenchEquations`: the base wrench of one mean period as equations on its DFT bins.
 
-They complement the equations of the joints in `BinEquations`. Every channel of the plate
-contributes to several of the six components of the wrench. The components' noise is therefore
-correlated, and is measured as one covariance matrix per bin. If a channel is left out, the
-equations contain only those combinations of the six components that do not depend on this channel.
+These equations complement those of the joints in `BinEquations`. Every channel of the plate
+contributes to several of the six components of the wrench. The noise of the components is therefore
+correlated; it is measured as one covariance matrix per bin. If a channel is left out, some
+combinations of the six components do not depend on it, and only these are used.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """`Grams`: Gram matrices of every candidate column, block by block.
 
-Every choice of friction terms uses a subset of their entries, both for its fit and for its error on
-a block that was left out of the fit. The joints' equations share the parameters of the links.
+The Gram matrices are computed once. A model with some of the friction terms needs only a subset of
+their entries: for its fit, and for its error on a block that was left out of the fit. The equations
+of the joints share the parameters of the links.
 """
 
 from __future__ import annotations

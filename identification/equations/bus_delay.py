@@ -1,10 +1,13 @@
-"""Delays of a torque that no bus explains: they are reported, and not used in the model.
+"""Delays of a torque that no bus explains; these are reported, and the model does not use them.
 
-A drive samples its torque and its position in the same cycle or in the next one, and each may be
-sent a cycle later than the other. Cycles in common use for motion on CANopen, and on the monitoring
-interfaces of controllers, are at most 10 ms (125 Hz or faster), so that the bus explains two cycles
-of 10 ms. A logger that polls adds up to one of its own periods to each of the two. A longer delay
-is due to a wrong clock, or to a term that the model lacks.
+A bus and a logger can delay a torque relative to the position:
+- A drive samples torque and position in the same cycle or in two consecutive cycles, and may send
+  one of them a cycle later than the other. Cycles for motion on CANopen, and on the monitoring
+  interfaces of controllers, usually take at most 10 ms (125 Hz or faster). Therefore a bus explains
+  up to two cycles of 10 ms.
+- A logger that polls delays each of the two values by up to one period of its own.
+
+A longer delay comes from a wrong clock, or from an effect that the model does not contain.
 """
 
 from __future__ import annotations

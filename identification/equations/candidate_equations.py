@@ -1,9 +1,9 @@
 """`CandidateEquations`: the torque equations of recordings with every candidate column.
 
-Torque and columns pass the same low-pass, a Hann window of finite length; the columns also pass the
-joint's torque channel. Both are applied to the spectrum, which ends at the fourth zero of the
-low-pass. The inverse transform then yields only the few rows that the band needs. The velocity's
-sign is filtered like every other column.
+Torque and columns pass the same low-pass, a Hann window of finite length. The columns also pass the
+joint's torque channel. Both filters are applied to the spectrum, which ends at the fourth zero of
+the low-pass. The inverse transform then yields only as many rows as the band needs. The column of
+sign(v) is filtered like every other column.
 """
 
 from __future__ import annotations

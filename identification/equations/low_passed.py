@@ -1,8 +1,9 @@
 """`LowPassedColumns`: low-passed columns of equations, with a cache of the constant ones.
 
-A low-pass costs more than the columns do, and a fit of nonlinear parameters evaluates a recording
-about a dozen times. Only few columns depend on the nonlinear parameters: those of friction with
-presliding, and the derivatives. All other columns are computed and low-passed once and then reused.
+A fit of nonlinear parameters evaluates a recording about a dozen times, and the low-pass takes more
+time than the computation of the columns. Only few columns depend on the nonlinear parameters: those
+of friction with presliding, and the derivatives. All other columns are computed and low-passed
+once, and then reused.
 """
 
 from __future__ import annotations

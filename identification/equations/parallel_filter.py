@@ -1,8 +1,9 @@
 """`ParallelFilter`: the low-pass that is applied to a recording's torque and to all columns alike.
 
-tau = X(q, v, a) theta gives h * tau = (h * X) theta for every linear filter h. Columns of a
-recording are computed from its unfiltered signals (`UnfilteredSignals`). A mean period and its
-columns are known only below its cut-off.
+If tau = X(q, v, a) theta, then h * tau = (h * X) theta for every linear filter h. Therefore the
+same filter is applied to the torque and to the columns. The columns of a recording are computed
+from its unfiltered signals (`UnfilteredSignals`). A mean period and its columns are known only
+below the period's cut-off.
 """
 
 from __future__ import annotations

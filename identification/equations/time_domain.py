@@ -134,13 +134,14 @@ def time_blocks(
 ) -> Iterator[TimeBlock]:
     """Yield the equations of some recordings; `standard` as in `torque_columns`.
 
-    Columns and torque of a recording pass the same filter (`UnfilteredSignals`), and 8 rows per
-    period of the cut-off contain all information. The columns of a mean period are low-passed if
-    `low_passed` is true, if its torque passed a channel, or if friction has presliding.
+    Columns and torque of a recording pass the same filter (`UnfilteredSignals`). 8 rows per period
+    of the cut-off contain all information. The columns of a mean period are low-passed in three
+    cases: if `low_passed` is true, if its torque passed a channel, or if friction has presliding.
 
-    A joint's rows within the filter's length of standstill or reversal are left out, because its
-    friction is unknown there. If friction has presliding they are used. Of a pause, only the rows
-    within one period of the cut-off from motion are used, because the others repeat one value.
+    The friction of a joint is unknown near standstill and reversal. Rows within the filter's length
+    of either are therefore left out. Friction with presliding is known there, so these rows are
+    used. Of a pause, only the rows within one period of the cut-off from motion are used, because
+    the others repeat one value.
     """
     first_event = 0
     for run in runs:

@@ -1,11 +1,12 @@
 """Correction of sampled torques at kinks, so that their sums over rows equal their integrals.
 
-If a joint reverses between two rows, its Coulomb friction jumps, and the acceleration of every
-joint jumps with it. The other joints' controllers respond with torques that are continuous but have
-a kink. Columns follow a spline through the positions, so that their sums over rows are integrals.
-The sum of sampled torques misses its integral by B2(phi)/2 times the change of slope, and by terms
-of higher order, if the joint reverses phi rows after a row (Euler and Maclaurin). At 100 Hz this
-error alone shifts friction by 0.1 %.
+If a joint reverses between two rows, its Coulomb friction jumps, and with it the acceleration of
+every joint. The controllers of the other joints respond with torques that are continuous but have a
+kink. Least squares uses sums over rows. For the columns these sums equal integrals, because the
+columns follow a spline through the positions. For a sampled torque with a kink they do not: if the
+joint reverses phi rows after a row, the sum misses the integral by B2(phi)/2 times the change of
+slope, and by terms of higher order (Euler and Maclaurin). At 100 Hz this error alone shifts
+friction by 0.1 %.
 """
 
 from __future__ import annotations

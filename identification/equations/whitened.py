@@ -119,8 +119,9 @@ def whiten_base_wrench(
 def _significant_directions(free: FloatArray) -> FloatArray:
     """Return an orthonormal basis of the effect of free torque on whitened rows, shape (rows, any).
 
-    Each column is a piece of free torque as large as the joint's RMS torque. Directions in which it
-    stays below a tenth of the noise are ignored, because each direction removes one equation.
+    Each column is the effect of a piece of free torque that is as large as the joint's RMS torque.
+    If the effect in a direction stays below a tenth of the noise, this direction is ignored,
+    because each direction removes one equation.
     """
     basis, size, _ = np.linalg.svd(free, full_matrices=False)
     return np.asarray(basis[:, size > NEGLIGIBLE_SIGMAS])

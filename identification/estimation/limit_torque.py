@@ -1,8 +1,8 @@
 """`limit_torque`: predicted torque of a motion, for the check of torque limits before the motion.
 
 The joints' temperatures during the motion are not known in advance. For joints that warm up by
-their own friction both extremes are known, cold and warm. Torque is linear in the temperature, so
-that at any temperature in between it does not exceed the larger of both.
+their own friction, the two extremes are known: cold and warm. Torque is linear in the temperature.
+Therefore the torque at any temperature in between does not exceed the larger of these two.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Nonlinear parameters, fitted together with the linear ones by Gauss-Newton steps on one cost.
 
-Stribeck speeds and gear losses enter the torque nonlinearly. If they are given, the rest is linear
-and solved exactly (variable projection: Golub and Pereyra 1973). Their step comes from the
-equations linearised with `torque_columns`; it is halved until the cost falls, and stays in bounds.
+The torque is nonlinear in Stribeck speeds and gear losses. If these are given, it is linear in all
+other parameters, which are solved for exactly (variable projection: Golub and Pereyra 1973). The
+step of the nonlinear parameters comes from the equations linearised with `torque_columns`. It is
+halved until the cost falls, and limited to the parameters' bounds.
 """
 
 from __future__ import annotations

@@ -38,8 +38,8 @@ class PriorRows:
     def of(cls, base: BaseParameters, values: FloatArray, sigmas: FloatArray) -> PriorRows:
         """Convert values and standard deviations of standard parameters to equations.
 
-        With beta = K theta, those combinations of beta are known that contain no parameter of
-        infinite sigma; their covariance follows from K.
+        With beta = K theta, a combination of beta is known if it contains no parameter of infinite
+        sigma. The covariance of these combinations follows from K.
 
         Args:
             base: The base parameters.

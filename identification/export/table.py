@@ -29,11 +29,15 @@ _HEAT = (
 class TableRow:
     """One value.
 
-    `kind` is "identified" for a base parameter and "shape" for a nonlinear parameter (Stribeck
-    speed, efficiency). It is "warming" for a parameter of a joint's temperature that was not
-    measured. It is "consistent" for a standard parameter of the physically consistent estimate, and
-    "link" for a property of a link about its centre of gravity. `words` is the combination of
-    standard parameters. Sigmas are standard deviations, None if unknown.
+    `kind` is one of:
+    - "identified": a base parameter,
+    - "shape": a nonlinear parameter (Stribeck speed, efficiency),
+    - "warming": a parameter of a joint's temperature that was not measured,
+    - "consistent": a standard parameter of the physically consistent estimate,
+    - "link": a property of a link about its centre of gravity.
+
+    `words` is the combination of standard parameters. Sigmas are standard deviations; None if
+    unknown.
     """
 
     kind: Kind

@@ -40,10 +40,13 @@ def constant_velocity_curves(
 ) -> tuple[FrictionCurve, ...]:
     """Return the friction of every motor whose joint was run at constant speeds.
 
-    The positions of each run are divided into blocks. In a block, half the difference of the two
-    directions is friction. Half their sum is gravity, plus the friction that depends on the
-    direction. Gravity is fitted as a function of the joint's position, with the functions of the
-    robot's model. If these cannot be distinguished from a constant, the standard deviations are
+    The positions of each run are divided into blocks. In each block the torques of both directions
+    are compared:
+    - Half of their difference is friction.
+    - Half of their sum is gravity, plus the friction that depends on the direction.
+
+    Gravity is fitted as a function of the joint's position, with the functions of the robot's
+    model. If these functions cannot be distinguished from a constant, the standard deviations are
     large. The scatter between blocks (cogging, load) counts as uncertainty.
 
     Args:
@@ -72,11 +75,11 @@ def reversed_curves(
 ) -> tuple[FrictionCurve, ...]:
     """Return the friction of every motor that moves in a path driven in both directions of time.
 
-    tau(q, v, a) - tau(q, -v, a) = 2 tau_f(v): rigid bodies, spring and gravity cancel, and so does
-    all friction that does not change its sign with the speed. The mean periods are evaluated on
-    their bins, up to the anti-alias filter's cut-off, and the filter is divided out. At a reversal,
-    friction makes the accelerations of the two directions differ a little. The inertia torque of
-    this difference is fitted together with friction, and subtracted.
+    tau(q, v, a) - tau(q, -v, a) = 2 tau_f(v). In this difference rigid bodies, spring and gravity
+    cancel, and so does friction that does not change its sign with the speed. The mean periods are
+    evaluated on their bins, up to the anti-alias filter's cut-off, and the filter is divided out.
+    At a reversal, friction makes the accelerations of the two directions differ a little. The
+    inertia torque of this difference is fitted together with friction, and subtracted.
 
     Args:
         recording: The run.

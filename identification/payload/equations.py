@@ -29,10 +29,12 @@ from identification.regression.least_squares import triangular_factor
 Procedure = Literal["together", "difference", "model", "apart"]
 """Procedure that separates the payload from the robot (theory: section 11).
 
-`together`: estimate robot and payload from runs with and without the payload. `difference`:
-subtract the torques of the same motion with and without it. `model`: use only runs with the
-payload, and subtract the torques of a robot model that was identified before. `apart`: identify
-the robot with the payload as part of its last link, and subtract the robot without it.
+- `together`: estimate robot and payload from runs with and without the payload.
+- `difference`: subtract the torques of the same motion with and without the payload.
+- `model`: use only runs with the payload, and subtract the torques of a robot model that was
+  identified before.
+- `apart`: identify the robot with the payload as part of its last link, and subtract the robot
+  without payload.
 """
 
 DEPENDENT: Final = 1e-8

@@ -1,9 +1,9 @@
 """Design of a payload session's motion, by a small search for low uncertainty of payloads.
 
-The objective is the uncertainty of mass and centre of gravity, not of the robot's parameters: the
-robot cancels between a run with the payload and one without. Speeds stay moderate, because fast
-joints heat the motors, and so does an arm held out against gravity. At moderate speed, the main
-information on a payload is gravity in many poses of the wrist.
+The objective is the uncertainty of mass and centre of gravity. The parameters of the robot do not
+matter, because they cancel between a run with the payload and one without. Fast joints heat the
+motors, and so does an arm that is held out against gravity. Therefore speeds stay moderate. At
+moderate speed, gravity in many poses of the wrist gives most of the information on a payload.
 """
 
 from __future__ import annotations
@@ -189,12 +189,13 @@ class PayloadSearch:
     def objective(self, coefficients: FloatArray) -> float:
         """Return the expected uncertainty of payloads; infinite if a payload is not determined.
 
-        It is averaged over six nominal payloads, each 0.3 m away along one of the flange's axes.
-        The objective contains the variances of mass and centre of gravity, with 2 mm equivalent to
-        40 g. The causes are noise, a fraction of each joint's torque limit, and torque constants,
-        0.3 % of each, independent. Motions whose RMS torque (from the links' drawings) exceeds a
-        tenth of a limit are penalised: motors can sustain about a third of the limit, and warm
-        motors drift.
+        The objective is averaged over six nominal payloads, each 0.3 m away along one of the
+        flange's axes. It contains:
+        - the variances of mass and centre of gravity, with 2 mm equivalent to 40 g, caused by noise
+          (a fraction of each joint's torque limit) and by torque constants (0.3 % of each,
+          independent);
+        - a penalty for motions whose RMS torque, from the links' drawings, exceeds a tenth of a
+          limit. Motors can sustain about a third of the limit, but warm motors drift.
         """
         model, motion = self.model, self.path(coefficients)
         limits = np.array([joint.limits.torque for joint in self.robot.joints])

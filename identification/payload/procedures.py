@@ -39,8 +39,8 @@ class PayloadOptions:
         procedure: Procedure that separates the payload from the robot.
         options: The terms of the robot's model.
         robot: The robot without payload, for `model` and `apart`. With the other procedures, the
-            runs without payload are compared with it. Its friction terms replace those of the robot
-            file.
+            runs without payload are checked against this model. Its friction terms replace those of
+            the robot file.
         known: Quantities of the payload that are known from another source.
         torque_constant_sigma: Relative standard deviation of every joint's torque constant.
             `TORQUE_CONSTANT_SIGMA` is that of drives without calibration. The procedure `apart`
@@ -241,8 +241,8 @@ def _subtract_two_robots(
 ) -> PayloadEquations:
     """Identify the robot with the payload and without, and subtract.
 
-    A payload on the last link adds to the ten parameters of this link, so that the base parameters
-    change by the corresponding columns of K.
+    The payload's ten parameters add to those of the last link. Therefore each base parameter
+    changes by the columns of K that belong to this link.
     """
     options = replace(_options(how), payload=False)
     described = _robot_with_model_joints(robot, how)

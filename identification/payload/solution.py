@@ -70,9 +70,9 @@ def solve_payload(
 ) -> PayloadSolution:
     """Solve the equations by weighted least squares.
 
-    Rows are weighted by their noise, which is smaller than their error because of model error.
-    Therefore known quantities are weighted against the cluster-robust scatter of the rows' result,
-    not against their noise.
+    Rows are weighted by their noise. Because of model error, the real error of the rows is larger
+    than this noise. Therefore a known quantity is weighted against the cluster-robust scatter of
+    the rows' result, and not against the noise.
 
     Args:
         equations: Equations of the measurement.

@@ -28,11 +28,14 @@ class Grade(StrEnum):
 class FitGrade:
     """Residual of one joint in several measures, and the grade.
 
-    The grade depends on the part of the residual that noise does not explain, relative to the
-    torque: up to 10 % is good, more than 30 % is bad. Recordings of industrial robots with the
-    usual friction terms have 3 to 10 %, and the small joints of a wrist up to 20 %. A doubtful fit
-    becomes bad if the residual on held-out parts of the recording is more than 30 %. Then the
-    parameters explain only the fitted torques, as for a robot with other lengths or axes.
+    The grade depends on the residual that noise does not explain, relative to the torque:
+    - Up to 10 % is good, more than 30 % is bad, in between is doubtful.
+    - A doubtful fit becomes bad if the residual on held-out parts of the recording is more than 30
+      %. Then the parameters explain only the fitted torques, as for a robot with other lengths or
+      axes.
+
+    Recordings of industrial robots with the usual friction terms have 3 to 10 %, and the small
+    joints of a wrist up to 20 %.
 
     Attributes:
         residual_nm, torque_nm: RMS of measured minus predicted torque, and of the measured torque

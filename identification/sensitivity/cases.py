@@ -36,8 +36,8 @@ class SensitivityCase:
         assumed: The wrong assumption.
         motion: Moving axes: 3 to the last, or all.
         against: Comparison for which the row is meaningful. A wrong torque constant also scales the
-            unloaded robot's torques. A robot model that was identified with the same constant is
-            then no better than a second run. Errors of links and rotors cancel between two runs.
+            torques of the unloaded robot: a model identified with the same constant is then no
+            better than a second run. Errors of links and rotors cancel between two runs.
     """
 
     number: int
