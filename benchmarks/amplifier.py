@@ -1,9 +1,9 @@
 """Cost of reading the amplifier's stream in pieces, compared with pyserial's `readline`.
 
-A separate process simulates the amplifier on a pseudo-terminal. It sends 1000 rows a second to
-measure the CPU time per row. Then it sends ever faster, and drops rows if the buffer is full, to
-find the highest rate without loss. `readline` gets the same text rows, each with the line feed that
-it needs, and does not decode them.
+A separate process simulates the amplifier on a pseudo-terminal. First it sends 1000 rows a second
+to measure the CPU time per row. Then it increases the rate to find the highest one without loss; it
+drops rows if the terminal's buffer is full. `readline` needs a line feed after each row. It gets
+the same rows as text with line feeds, and does not decode them.
 
 Run it with ``python -m benchmarks.amplifier [--quick]``.
 """

@@ -1,14 +1,17 @@
 """Latency of STOP while a service is attacked: `python -m benchmarks.attacks`.
 
-One `rid-daq serve` has two simulated cells; one cell records a motion in real time. All attacks run
-at the same time and on this computer. They are bodies of 17 MB without a token (S8), a viewer that
-opens every WebSocket and sends nonsense (S13), another program that locks the database (S14), a
-viewer's slow requests, and a thousand slow clients. A busy process runs on every core.
+One `rid-daq serve` has two simulated cells, and one of them records a motion in real time. All
+attacks run at the same time and on this computer:
+- bodies of 17 MB without a token (S8),
+- a viewer that opens every WebSocket and sends nonsense (S13),
+- another program that locks the database (S14),
+- slow requests of a viewer, and a thousand slow clients,
+- a busy process on every core.
 
-STOP is pressed for the other cell, alternately by a new HTTP connection and over a
-`/api/v1/stop-line` that was open before. As often, a process that only echoes is measured; its
-latency is that of the computer itself. Then the recorded motion is stopped. Bars: p99 of the
-answers 50 ms, no STOP lost, and the cyclic task skips no cycle.
+STOP is pressed for the other cell, alternately over a new HTTP connection and over an open
+`/api/v1/stop-line`. For comparison, a process that only echoes is measured equally often; its
+latency is that of the computer itself. Then the recorded motion is stopped. Requirements: the p99
+of the answers is at most 50 ms, no STOP is lost, and the cyclic task skips no cycle.
 
 `--presses N` sets the number of presses, `--quick` reduces it to 100. The last line is one JSON
 object.

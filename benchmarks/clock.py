@@ -1,20 +1,22 @@
 """Detection of repeated rows and wrong time stamps, and accuracy of the rebuilt times.
 
 `python -m benchmarks.clock [--quick] [--seeds N] [--data DIR]`. Arms of three, six and seven axes
-are simulated with Pinocchio and logged by programs that poll, repeat rows or have jittering stamps.
-The clock of each recording is judged. Then the arm is identified three times, with the stamped, the
-judged and the true times, and its torques are predicted on a correct recording of another motion.
-`--data` names a folder with `ur10e/`, for the same test on a real robot, whose original stamps
-serve as the truth.
+are simulated with Pinocchio. Their motions are logged by programs that poll, repeat rows or have
+jittering stamps. `judge_clock` processes each recording. Then the arm is identified three times:
+with the stamped times, with those from `judge_clock`, and with the true times. Each model predicts
+the torques of a correct recording of another motion (the held-out error). `--data` names a folder
+with `ur10e/`, for the same test on a real robot. There the original stamps count as the true times.
 
-Bars: a correct clock keeps its stamps bit for bit. Velocities that are differences of positions
-rebuild nothing. Otherwise the time error falls at least ten times, and the held-out error of the
-worst joint is within 0.2 percentage points of that with the true times.
+Requirements:
+- A correct clock keeps its stamps bit for bit.
+- Velocities that are differences of positions do not lead to rebuilt times.
+- In all other cases the time error falls at least ten times, and the held-out error of the worst
+  joint is within 0.2 percentage points of that with the true times.
 
 Time errors are computed during motion only, since no motion shows the duration of a rest. They are
 weighted by speed, after removal of the best rate and of the shift of each stretch of motion. The
 UR10e's own stamps are not exact, so that only the held-out error counts for it. The last line is
-one JSON object; the exit code is 1 if a bar is missed.
+one JSON object; the exit code is 1 if a requirement is not met.
 """
 
 from __future__ import annotations

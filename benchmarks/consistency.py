@@ -3,14 +3,18 @@
 `python -m benchmarks.consistency [--quick]` draws estimates of a six-axis arm with 52 base
 parameters. The true robots are inside the cone of consistent parameters or on its border: a wrist
 without rotor inertia and viscous friction, links without thickness, or an arm without any friction.
-The first figure is the share that the test refuses at p = 0.05. Then one parameter that cannot be
-negative is set to -5 sigma; the second figure is the refused share. Times are processor times.
+The first figure is the fraction of these estimates that the test rejects at p = 0.05. Then one
+parameter that cannot be negative is set to -5 sigma; the second figure is the fraction rejected in
+this case. Times are processor times.
 
-Afterwards the programme (Clarabel) makes noisy estimates consistent. The peer parametrises bodies
-that are consistent by construction, P = floor + L L^T with exponentials on L's diagonal. It uses a
-general minimiser with exact derivatives (Gauss-Newton in a trust region). Both minimise the same
-cost under the same constraints. The programme's cost must not be higher, and it must be ten times
-faster.
+Afterwards two methods make noisy estimates consistent. They minimise the same cost under the same
+constraints:
+- the semidefinite programme of the project (Clarabel);
+- for comparison, a parametrisation whose bodies are consistent by construction, P = floor + L L^T
+  with exponentials on L's diagonal, with a general minimiser with exact derivatives (Gauss-Newton
+  in a trust region).
+
+The programme's cost must not be higher, and the programme must be ten times faster.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """Coverage of confidence intervals with an incomplete model, in 200 simulated experiments.
 
-`python -m benchmarks.coverage [--quick]`. A three-axis arm runs a periodic excitation. Besides
-white noise, every experiment has model errors of its own that repeat in each period, so that
-averaging does not remove them: ripple over the joint angle (gears, motors) with random wave
-numbers, and coloured torque with a first-order spectrum. At two standard deviations (nominal
-95.4 %) the cluster-robust interval must hold the truth in 90 to 98 % of the cases.
+`python -m benchmarks.coverage [--quick]`. A three-axis arm runs a periodic excitation. Every
+experiment has white noise and model errors of its own. The model errors repeat in each period, so
+that averaging does not remove them: ripple over the joint angle (gears, motors) with random wave
+numbers, and coloured torque with a first-order spectrum. The cluster-robust interval of two
+standard deviations (nominal 95.4 %) must contain the true value in 90 to 98 % of the cases.
 """
 
 from __future__ import annotations

@@ -7,12 +7,12 @@ SYNC, waits for all answers, reads every value, sets every value and sends.
 
 The CPU time of the C loop is the kernel's cost of wake-ups and packets, which every program has.
 CPU times are therefore compared after subtraction of the C loop's; the plain ratio is printed too.
-The C loop sleeps until each cycle's time; our clock also compensates the wake-up latency. Deep CPU
-idle states are disabled for all three.
+The C loop sleeps until each cycle's time. rid-daq also compensates the wake-up latency. Deep CPU
+idle states are disabled for all three programs.
 
-The three programs take turns. CPU times are compared by their median over the turns. Lateness is
-compared by `calm_p99` in windows of one second, since a computer's own stalls come in bursts and
-hit every process. The p99 of all cycles is printed as well.
+The three programs take turns. CPU times are compared by their median over the turns. Stalls of the
+computer come in bursts and affect every process. Therefore lateness is compared by `calm_p99` in
+windows of one second. The p99 of all cycles is printed as well.
 
 The exchange time runs from SYNC until the last answer is decoded; it is mostly wire time.
 

@@ -5,11 +5,13 @@
 profile, or with at most ten lines in the cell file, which are printed. Otherwise it is refused; the
 reason, its relevance for safety and the missing objects are printed.
 
-Other files are counted separately, by their own content: another device; a device without torque
-and current that does not call itself a servo drive (a stepper); a device without any
-manufacturer-specific object (a sample, or a simulated drive). In `sheets` each file counts; in
-`drives`, files with the same vendor, product and verdict count once. If the `canopen` package is
-installed, its reading of each file is compared with ours. The last line is JSON.
+Other files are counted separately, by their content: another device; a device without torque and
+current that does not call itself a servo drive (a stepper); a device without any
+manufacturer-specific object (a sample, or a simulated drive).
+
+The figure `sheets` counts each file. The figure `drives` counts files with the same vendor, product
+and verdict once. If the `canopen` package is installed, its reading of each file is compared with
+that of rid-daq. The last line is JSON.
 """
 
 from __future__ import annotations

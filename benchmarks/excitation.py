@@ -5,10 +5,10 @@ viscous and Coulomb friction and offsets. A motion counts only if it respects al
 time grid: position, speed, acceleration, torque (from CAD data), floor, wall and self-collision.
 
 The condition number is defined as in the published tools: of the base regressor in SI units,
-without scaling, with rotors at the link side. For the same motion, the condition number of (2.25,
-2.26) is printed too; its rows are divided by the torque limits and its columns have length one, so
-that it does not depend on units. The peer is the two-harmonic heuristic (3.22) with as many draws
-as fit into the same time on the same cores; it ignores torque limits and obstacles.
+without scaling, with rotors at the link side. The condition number of (2.25, 2.26) is printed too.
+Its rows are divided by the torque limits and its columns have length one, so that it does not
+depend on units. The two-harmonic heuristic (3.22) serves for comparison. It gets the same time on
+the same cores, for as many draws as possible, and ignores torque limits and obstacles.
 """
 
 from __future__ import annotations

@@ -5,9 +5,11 @@ mutated HTTP requests and WebSocket frames (`benchmarks/framing_streams.py`), at
 parts. Some disconnect early and some stay silent. At the same time STOP is pressed, by new
 connections and over one `/api/v1/stop-line`.
 
-Bars: no process of the service ends or writes a traceback. No STOP is lost, and the p99 latency is
-at most 50 ms. With all connections closed, the memory of both processes at the end is at most 5 %
-above that after the first fifth of the time.
+Requirements:
+- No process of the service ends or writes a traceback.
+- No STOP is lost, and the p99 latency is at most 50 ms.
+- The memory of both processes is measured without open connections, after the first fifth of the
+  time and at the end. It grows by at most 5 %.
 
 `--seed` repeats the streams. The last line is one JSON object.
 """

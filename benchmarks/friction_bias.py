@@ -5,11 +5,12 @@ axes in closed loop, from rest to rest and with quick reversals (`benchmarks.sim
 recordings, at 100 to 1000 Hz, are low-passed and identified as `rid-daq identify` does it.
 
 1. Without noise, every Coulomb and viscous coefficient is within 0.02 % of the truth from 200 Hz up
-   and within 0.08 % at 100 Hz, at the usual band and at 3 Hz.
+   and within 0.08 % at 100 Hz. This holds for the usual band and for a band of 3 Hz.
 2. The second test has encoders of 19 bits and torque noise of 1 %, with or without additional noise
-   of 0.5 % below 3 Hz. The 2-sigma intervals hold 93 to 97 % of the true friction and rigid
+   of 0.5 % below 3 Hz. The 2-sigma intervals contain 93 to 97 % of the true friction and rigid
    parameters. At least 94 % of the parameters of two recordings of one arm agree within 2 sigma.
-3. If the encoder's steps are the only noise, the same limits hold, or a finding warns.
+3. In the third test the encoder's steps are the only noise. The same limits hold, or a finding
+   warns.
 
 The last line is one JSON object. `--quick` takes less than a minute: a few recordings and wider
 limits, which it prints.

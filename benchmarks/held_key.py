@@ -1,10 +1,11 @@
 """Held keys over bad links: `python -m benchmarks.held_key [--quick]`.
 
 Three hundred simulated links stall, delay, reorder, repeat or lose messages for 0.1 to 10 s, or the
-service or worker hangs for as long. A few links run over sockets in real time. The robot must stop
-within 0.3 s after the release plus the stop ramp, and must not move again after a gap without a new
-press. Then false releases are counted: at most one a minute with a latency of 20 ms each way and
-1 % packet loss, and none on loopback in 10 minutes of real time.
+service or worker hangs for as long. A few links run over sockets in real time. Requirements:
+- The robot stops within 0.3 s after the release, plus the duration of the stop ramp.
+- After a gap it does not move again without a new press.
+- There is at most one false release a minute with a latency of 20 ms each way and 1 % packet loss,
+  and none on loopback in 10 minutes of real time.
 
 It uses 127.0.0.0/8 only. The last line is one JSON object; the exit code is 1 if a bar fails.
 """

@@ -2,8 +2,8 @@
 
 `python -m benchmarks.honest_choice` judges 84 cases of arms with three, six and seven axes;
 `--quick` judges a few of the three-axis arm. `--tuning` uses the seeds with which the thresholds
-were chosen. The judging seeds are different ones; they also exclude 201 to 205, whose failures led
-to changes. Pinocchio simulates the arms (`benchmarks.known_arms`).
+were chosen. The test uses other seeds. It also leaves out the seeds 201 to 205, because failures
+with them led to changes of the program. Pinocchio simulates the arms (`benchmarks.known_arms`).
 """
 
 from __future__ import annotations

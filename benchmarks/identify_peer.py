@@ -1,8 +1,9 @@
-"""The peer of `benchmarks.identify`: the same arrays identified by figaroh, in its own Python.
+"""Comparison for `benchmarks.identify`: figaroh identifies the same arrays, in its own Python.
 
-Run as `PYTHON identify_peer.py DATA`; prints the seconds and what was done. Regressor with
-friction, offset and actuator inertia, removal of zero columns, base parameters and least squares by
-its double QR decomposition: arrays to estimate. Its model has no coupled wrist and no cube root.
+Run it as `PYTHON identify_peer.py DATA`; it prints the seconds and a description of the
+computation. The time includes all steps from arrays to estimate: regressor with friction, offset
+and actuator inertia, removal of zero columns, base parameters and least squares by figaroh's double
+QR decomposition. figaroh's model has no coupled wrist and no cube-root friction.
 """
 
 from __future__ import annotations

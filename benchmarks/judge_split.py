@@ -32,11 +32,12 @@ class Bar(ConfigModel):
 
 
 class JudgeSplit(ConfigModel):
-    """Use of one robot's recordings.
+    """Recordings of one robot for training and for validation.
 
-    `map` is a file in the folder or a bundled name, and so is the robot file that it names. A model
-    of `train` predicts each piece of `judge`, and the other way round. `bar` applies to the first
-    direction.
+    `map` is an import map: a file in the folder, or the name of a bundled one. The same applies to
+    the robot file that the map names. In the first direction a model of the recordings `train`
+    predicts those of `judge`; in the second direction the two are exchanged. `bar` applies to the
+    first direction.
     """
 
     map: str

@@ -1,12 +1,14 @@
 """Published recordings of real robots: `python -m benchmarks.judges --data DIR`.
 
-A split names the recordings of a robot, their import map, and which of them train and which
-validate (`benchmarks.judge_split`). It is the file `judge.yaml` of a folder below DIR, or a bundled
-one with the folder's name. The data go through the commands `import`, `identify`, `identify
---choose` and `validate`; then the two sets are exchanged. The output has the errors, the number of
-rigid base parameters of both ways that agree within 95 % intervals, and the physical consistency of
-the models. With `--peer-python PYTHON`, figaroh identifies the same arrays in that Python. The last
-line is one JSON object.
+A file `judge.yaml` describes the data of a robot: the recordings, their import map, and which of
+them train and which validate (`benchmarks.judge_split`). It is in a folder below DIR, or is a
+bundled file with the folder's name. The data go through the commands `import`, `identify`,
+`identify --choose` and `validate`. Then the training and the validation recordings are exchanged.
+
+The output contains the prediction errors, the number of rigid base parameters that agree between
+both directions within 95 % intervals, and the physical consistency of the models. With
+`--peer-python PYTHON`, figaroh identifies the same arrays in that Python. The last line is one JSON
+object.
 """
 
 from __future__ import annotations

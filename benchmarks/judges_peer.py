@@ -1,9 +1,9 @@
-"""The peer of `benchmarks.judges`: figaroh, trained and judged on the same arrays.
+"""Comparison for `benchmarks.judges`: figaroh, trained and validated on the same arrays.
 
-Run in its own Python as `PYTHON judges_peer.py TRAIN JUDGE`; prints one JSON list, the relative
-error of each joint on the judge's moving samples [%]. Regressor with Coulomb and viscous friction,
-offset and actuator inertia, base parameters by its double QR decomposition, least squares on the
-moving samples.
+Run it in figaroh's Python as `PYTHON judges_peer.py TRAIN JUDGE`. It prints one JSON list: the
+relative error of each joint on the moving samples of the file JUDGE [%]. The model is a regressor
+with Coulomb and viscous friction, offset and actuator inertia. The base parameters come from
+figaroh's double QR decomposition, and are fitted to the moving samples by least squares.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 Pinocchio computes masses and forces; the project's dynamics are not used. The integrator is a
 leapfrog: position, velocity, acceleration and torque of a row belong to the same time, with an
-error of second order in the step. Coulomb friction is exact: a joint that friction can hold does
-not move.
+error of second order in the step. Coulomb friction is exact: a joint at rest does not move if
+friction can hold it.
 """
 
 from __future__ import annotations

@@ -1,10 +1,12 @@
 """Effect of the live page on the cyclic task, and latency of its stop button, in real time.
 
-Rows 22 and 23 of docs/faults.md. During one motion a thousand clients connect to the page and
-disconnect again every few seconds. The lateness of the cycles with clients is compared with that
-without, in the same run. Then motions are stopped by the button, with a thousand clients connected
-and a busy process on every core. The time is measured from the click, before the connection is
-opened, to the end of the last axis's quick-stop frame on the bus.
+The benchmark tests rows 22 and 23 of docs/faults.md. During one motion a thousand clients connect
+to the page and disconnect again every few seconds. The lateness of cycles with clients is compared
+with that of cycles without clients, in the same run.
+
+Then motions are stopped by the button, with a thousand clients connected and a busy process on
+every core. The time is measured from the click, before the connection is opened, to the end of the
+last axis's quick-stop frame on the bus.
 
 Run it with ``python -m benchmarks.live [--quick]``; the last line is one JSON object.
 """

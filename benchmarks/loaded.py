@@ -2,12 +2,13 @@
 
 Run it with ``python -m benchmarks.loaded [--quick]``. It uses the simulated bus.
 
-ir361 with 4 kg streams circles in three ways. First it is empty. Then it is loaded, and the payload
-is in the model, identified together with the robot. Last it is loaded, with the model of the robot
-alone.
+The robot ir361 streams circles in three cases:
+1. without payload;
+2. with a payload of 4 kg, which is in the model and was identified together with the robot;
+3. with the same payload, but with a model of the robot alone.
 
-kr15 with 9.6 kg uses a model of the robot alone and a payload file. The torque errors are measured
-on other motions of the empty and of the loaded robot.
+The robot kr15 carries 9.6 kg and uses a model of the robot alone, together with a payload file. The
+torque errors are measured on other motions, without and with the payload.
 """
 
 from __future__ import annotations

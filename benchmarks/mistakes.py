@@ -4,12 +4,13 @@
 identifies it with the commands, as a user would. The robots are invented three- and six-axis arms
 with effects that no model has and, if `RID_DAQ_DATA` names the folder of recordings, a real UR10e.
 
-A mistake is detected if a command refuses the data, or if `identify` names its kind and its joints.
-A mistake is visible if the true description explains the data far better than the wrong one.
-Invisible mistakes that are not refused do not count; they are printed.
+A mistake is detected if a command refuses the data, or if `identify` names the mistake's kind and
+its joints. A mistake is visible if the true description explains the data far better than the wrong
+one. A mistake that is neither visible nor refused is printed but not counted.
 
-False alarms: the correct recordings go through the same commands first, and must pass without a
-finding. Then correct runs, half as short as 4 to 9 s, are searched for mistakes; none may be found.
+False alarms: first, the correct recordings go through the same commands and must pass without a
+finding. Then further correct runs are searched for mistakes, half of them as short as 4 to 9 s;
+none may be found.
 `--sound` and `--arms` set the amount of work. The last line is one JSON object.
 """
 

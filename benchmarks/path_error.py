@@ -1,4 +1,4 @@
-"""Reduction of path errors by compensation on line: five circles and a path, on the simulated bus.
+"""Reduction of path errors by on-line compensation: five circles and a path, on the simulated bus.
 
 Model and velocity loops are identified in the same session; no motion is used for tuning. Each
 motion is recorded without compensation, then streamed with compensation in the cyclic task.

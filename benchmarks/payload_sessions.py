@@ -5,10 +5,13 @@
 motors, preflight, rehearsal, warm-up, the run without payload and the run with it. Each of the
 three reference payloads has ten sessions.
 
-Bars: mass within 40 g and centre of gravity within 2 mm. At least 90 % of the true values are
-inside two cluster-robust standard deviations. The scatter between sessions is 0.7 to 1.4 times the
-quoted standard deviation. `--quick` runs one short session and checks its intervals only.
-`--jobs 2` runs two sessions in parallel.
+Requirements:
+- The mass is within 40 g and the centre of gravity within 2 mm.
+- At least 90 % of the true values are inside two cluster-robust standard deviations.
+- The scatter between sessions is 0.7 to 1.4 times the quoted standard deviation.
+
+`--quick` runs one short session and checks its intervals only. `--jobs 2` runs two sessions in
+parallel.
 """
 
 from __future__ import annotations

@@ -39,7 +39,7 @@ class InjectedPlateMistake:
         kinds: The kinds that are a correct diagnosis.
         plate: The wrong description.
         channels: Shape (8, 8). Matrix that maps the real channels to the recorded ones.
-        of_all: True if all channels share the mistake, so that only the arm's weight shows it.
+        of_all: True if all channels have the mistake; then only the arm's weight reveals it.
     """
 
     name: str

@@ -4,8 +4,8 @@ A simulated cell and the whole program run in real time. Faults occur repeatedly
 program does not know. The reaction is measured in the hub's log: from the fault's own frame (or the
 unanswered SYNC, or the interrupt) until the last axis's quick stop.
 
-Then a flood of 1,000 emergency messages a second that stop nothing is sent, and the lateness of the
-loop's cycles is compared with and without the flood (p99 of windows of 2 s, lower quartile).
+Then 1,000 emergency messages a second are sent, which do not stop the motion. The lateness of the
+cycles is compared with and without these messages (p99 of windows of 2 s, lower quartile).
 
 `--rounds N` sets the number of occurrences of each fault (default: 25); `--quick` uses 3 and a
 shorter flood.

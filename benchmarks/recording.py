@@ -1,9 +1,9 @@
 """Time and memory of recording an hour of motion and six minutes: `python -m benchmarks.recording`.
 
 The command line records the starter cell's periodic motion in lock-step, once short and once ten
-times as long. The time must not grow faster than the motion, and the peak memory of the processes
-must not grow with it. Then the long run is averaged and identified. `--long-s` and `--short-s` set
-the durations; the last line is one JSON object.
+times as long. The time must not grow faster than the motion's duration, and the peak memory of the
+processes must not grow with this duration. Then the long run is averaged and identified. `--long-s`
+and `--short-s` set the durations; the last line is one JSON object.
 """
 
 from __future__ import annotations

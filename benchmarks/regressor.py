@@ -1,9 +1,9 @@
 """Time of the regressor, compared with writing its memory and with a loop over Pinocchio's.
 
-The bars hold for the joint torques of six revolute axes, 10,000 samples, links only, from q, v, a
-to a new array. The lower limit is `np.full` of a new array of the same size. The peer is a Python
-loop over `pinocchio.computeJointTorqueRegressor` that stores each result in an existing array. Each
-time is the best of several rounds, in which all programs take turns.
+The required values are for the joint torques of six revolute axes, 10,000 samples, links only, from
+q, v, a to a new array. The lower limit of the time is that of `np.full` for a new array of the same
+size. For comparison, a Python loop over `pinocchio.computeJointTorqueRegressor` stores each result
+in an existing array. Each time is the best of several rounds, in which all programs take turns.
 
 Run it with ``python -m benchmarks.regressor [--quick]``.
 """

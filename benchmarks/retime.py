@@ -2,14 +2,15 @@
 
 The robot is the bundled UR10e with inertias from CAD data, armatures, and Coulomb, viscous and
 offset friction. It follows 100 splines through six random poses, with 1,000 intervals and rows
-every 2 ms. Pinocchio's `rnea` with armatures, and friction computed here, check every row. The
-optimum solves the same problem on a grid eight times as fine, without averaging or resampling.
-Processor time is the best of some rounds for the whole call: model along the path, scans, rows and
-their verification.
+every 2 ms. Every row is checked with the torque of Pinocchio's `rnea` with armatures, plus friction
+that is computed here. For the optimum, the same problem is solved on a grid eight times as fine,
+without averaging or resampling. Processor time is the best of some rounds for the whole call: model
+along the path, scans, rows and their verification.
 
 If toppra (https://pypi.org/project/toppra) can be imported, it solves the same problems, with the
-same path, grid and limits, and torques by Pinocchio. It runs with its default settings, and again
-with its interpolating scheme and constant acceleration. It has Coulomb but no viscous friction.
+same path, grid and limits, and torques by Pinocchio. toppra runs twice: with its default settings,
+and with its interpolating scheme and constant acceleration. It includes Coulomb friction but no
+viscous friction.
 
 Run it with ``python -m benchmarks.retime [--quick]``.
 """

@@ -6,8 +6,8 @@ second, and reconnect when they are disconnected. A busy process runs on every c
 pressed. The time is measured from before the connection is opened until the last axis's quick stop
 is on the simulated bus (`benchmarks/service_stops.py`). Each stop ends one motion.
 
-Every second motion is stopped over shared memory, as `rid-daq stop` does it, while the server is
-frozen by SIGSTOP. The task must react within one cycle.
+Every second motion is stopped over shared memory, as by `rid-daq stop`, while the server is frozen
+by SIGSTOP. The cyclic task must react within one cycle.
 
 Finally 20 viewers connect and disconnect during one motion (`benchmarks/service_viewers.py`). The
 lateness of its cycles with viewers may be at most 1.1 times that without.

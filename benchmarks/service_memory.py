@@ -1,10 +1,13 @@
 """Memory growth of a service: `python -m benchmarks.service_memory`.
 
 The service first gets 10,000 requests. Then a simulated cell makes recordings of 30 simulated
-minutes, as fast as the computer can, for 8 simulated hours, with one viewer connected. The memory
-of the service after the first tenth of the requests, and after the first recording, is compared
-with that at the end. The memory of each recording's own processes is compared in the same way
-between its beginning and its end. The last line is one JSON object.
+minutes, for 8 simulated hours, as fast as the computer can. One viewer is connected. Three figures
+show the growth of memory:
+- the service at the end of the requests, relative to that after a tenth of them;
+- the service at the end, relative to that after the first recording;
+- the processes of each recording at its end, relative to those at its beginning.
+
+The last line is one JSON object.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Stop latency: until the cyclic task reacts, and until every axis has its quick stop on the bus.
+"""Latency of a stop: until the cyclic task reacts, and until each axis's quick stop is on the bus.
 
 A listener on the simulated bus receives the same frames as the drives. It connects before STOP is
 pressed and disconnects after the stop.

@@ -1,9 +1,9 @@
 """Serial arms in closed loop whose rigid bodies Pinocchio computes, with exact Coulomb friction.
 
 The project's plant and kernels are not used. A time step goes from the middle of one row to the
-middle of the next (leapfrog), so that position, velocity and torque of a row belong to the same
-time. Friction is set-valued: a joint slides at its Coulomb friction or sticks with less, whichever
-satisfies the equations of all joints (projected Gauss-Seidel).
+middle of the next (leapfrog). Therefore position, velocity and torque of a row belong to the same
+time. A joint slides at its Coulomb friction, or sticks with less friction. The solver finds the
+combination that satisfies the equations of all joints (projected Gauss-Seidel).
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ from identification.model.base_parameters import BaseParameters
 STEP_S: Final = 5e-4
 ROW_S: Final = 1e-3
 MIDDLE: Final = 0.55
-"""Place in a step at which Coulomb friction acts: a little late, so that a held joint rests."""
+"""Fraction of a step at which Coulomb friction acts; slightly late, so that a sticking joint rests.
+"""
 GAIN_RAD_S: Final = 50.0
 LAG_S: Final = 5e-4
 SWEEPS: Final = 60

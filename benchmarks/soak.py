@@ -1,11 +1,11 @@
 """Hours of simulated motion in lock-step with a fault every minute: `python -m benchmarks.soak`.
 
 The same simulated cell and program run for the whole time. Every simulated minute a fault occurs on
-the bus, in a drive, in a process of the program or by the operator. After each fault, the reaction
-must be correct, the axes must be at rest and the recording must be readable. After a reset of the
-faulty drives, the next motion must run normally. Memory and descriptors of program, hub and drives
-must not grow. `--hours H` sets the simulated time (default: 8), `--every S` the time between faults
-(default: 60 s).
+the bus, in a drive, in a process of the program or by the operator. Requirements:
+- After each fault the reaction is correct, the axes are at rest and the recording is readable.
+- After a reset of the faulty drives, the next motion runs normally.
+- Memory and descriptors of program, hub and drives do not grow. `--hours H` sets the simulated time
+(default: 8), `--every S` the time between faults (default: 60 s).
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
 """Processor time of the on-line compensation, compared with a Pinocchio-based loop in Python.
 
-The compiled stage reads points, checks them, controls the path speed, follows the presliding state,
-and computes the model's torque and the commanded speeds, for six axes with presliding hysteresis.
-It is also measured without presliding. The peer does the same in Python with numpy and Pinocchio's
-`rnea`: five-point differences, limits, torque, inverse of the velocity loops, look-ahead. Both
-follow the same path.
+The compiled stage reads points, checks them, controls the path speed and computes the presliding
+state, the model's torque and the commanded speeds. It is measured for six axes with presliding
+hysteresis, and also without. For comparison, a Python program with numpy and Pinocchio's `rnea`
+does the same: five-point differences, limits, torque, inverse of the velocity loops, look-ahead.
+Both follow the same path.
 
-Then the share of one core is measured for three axes at 1 kHz: stage, position loop, supervisor and
-the exchange with drives that another process simulates.
+Then the load of one core is measured for three axes at 1 kHz. It includes the stage, the position
+loop, the supervisor, and the exchange with drives that another process simulates.
 
 Run it with ``python -m benchmarks.stream [--quick]``.
 """

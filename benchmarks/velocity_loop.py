@@ -3,9 +3,10 @@
 `python -m benchmarks.velocity_loop [--quick]`. The bundled three-axis arm has effects that no model
 has: current loops of 300 Hz, tachometer ripple, cogging, Stribeck friction, one cycle of bus delay,
 rounded encoder, torque and set-point values, and torque noise behind the anti-alias filter. Each
-seed has other gains and integral times, up to a third off, and the multisine that `rid-daq design`
-makes. The peer is the plain estimate without the multisine as instrument: the cross spectrum of
-torque and error over the error's spectrum, fitted without weights.
+seed changes the gains and integral times by up to a third. The motion is the multisine that
+`rid-daq design` makes. For comparison, the loops are also estimated without the multisine as
+instrument: the cross spectrum of torque and error is divided by the error's spectrum and fitted
+without weights.
 """
 
 from __future__ import annotations

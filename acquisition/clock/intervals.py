@@ -1,10 +1,10 @@
 """Estimation of sample times from positions and velocities.
 
 Between two rows a joint moves by q1 - q0 = h (v0 + v1)/2 + h^2 (a0 - a1)/12. Weighted least squares
-over all joints gives each interval h. The scale of each velocity relative to the other joints and
-its delay are estimated over 0.1 s, because the errors of the stamps are negligible over this time.
-If the motion does not determine an interval, for example at rest, the interval gets the usual
-length of intervals with the same number of repeated rows before them.
+over all joints gives the length h of each interval. Each velocity has an unknown delay and an
+unknown scale relative to the other joints. Both are estimated over 0.1 s, because the errors of the
+stamps are negligible over this time. If the motion does not determine an interval, for example at
+rest, the usual length is used: that of intervals with the same number of dropped repeated rows.
 """
 
 from __future__ import annotations

@@ -30,8 +30,8 @@ def left_out_gain(samples: Samples, repeats: IntArray) -> float | None:
     Returns:
         Mean logarithm of the error with the stamps divided by the error with the other joints'
         times. None if fewer than two joints determine the times. 0 if the gain is not significant.
-        The gain is significant if it exceeds two standard errors and 5 %, if it exceeds 5 % in more
-        than half of the blocks in motion, and if at most a quarter of the joints get worse.
+        A significant gain exceeds two standard errors and 5 %, exceeds 5 % in more than half of the
+        blocks in motion, and makes at most a quarter of the joints worse.
     """
     begin = max(0, (len(samples) - JUDGED_ROWS) // 2)
     samples = samples.part(slice(begin, begin + JUDGED_ROWS))

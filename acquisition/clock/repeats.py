@@ -1,10 +1,12 @@
 """Detection of rows and positions that repeat the previous row although the robot moves.
 
 A logger that polls faster than its source reads the same value twice. At rest equal rows are
-correct. A run of equal rows counts as a repeat of a joint if three conditions hold. The joint moves
-in the same direction before, across and after the run. It is not much slower across the run than
-before and after it. It moves by more than three of its smallest steps per row. Then its position
-cannot have been constant during the run.
+correct. A run of equal rows counts as a repeat of a joint if three conditions hold:
+- The joint moves in the same direction before, across and after the run.
+- It is not much slower across the run than before and after it.
+- It moves by more than three of its smallest steps per row.
+
+Then the joint's position cannot have been constant during the run.
 """
 
 from __future__ import annotations

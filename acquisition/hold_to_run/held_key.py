@@ -124,11 +124,13 @@ class _Sender:
 class HeldKey:
     """The one held key, judged from the messages of several senders.
 
-    A press begins with a fresh message of a sender that has released its key before. It continues
-    while further messages of this sender arrive within `DEAD_MAN_S`, with increasing sequence
-    numbers and with challenges younger than `CHALLENGE_LIMIT_S`. After a gap, only a release
-    followed by a new press counts. A new sender must release its key first if another sender has
-    not released its key, because it may be the same key over another connection.
+    - A press begins with a message about a new challenge, from a sender that has released its key
+      before.
+    - The press continues while further messages of this sender arrive within `DEAD_MAN_S`, with
+      increasing sequence numbers and with challenges younger than `CHALLENGE_LIMIT_S`.
+    - After a gap, only a release followed by a new press counts.
+    - If a sender has not released its key, a new sender must first release its own: both may be the
+      same key over two connections.
     """
 
     def __init__(self) -> None:

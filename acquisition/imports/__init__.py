@@ -1,9 +1,11 @@
 """Import of tables and ROS bags from other programs, with an import map and checks.
 
 The program's own run folders are not read here. Begin with `import_map.py`, then `read.py`.
-`tables.py` converts text to numbers, `bags.py` converts ROS messages to such a table;
-`time_column.py` reads time stamps, and `merged_topics.py` interpolates between rows of several
-topics. `columns.py` converts the numbers to SI units; velocities that the source did not fill are
-left out before (`velocities.py`). `soundness.py` drops impossible rows, `findings.py` reports
-oddities of the other rows.
+- `bags.py` converts ROS messages to a table, and `tables.py` converts the text of a table to
+  numbers.
+- `time_column.py` reads time stamps; `merged_topics.py` interpolates between rows of several
+  topics.
+- `velocities.py` leaves out velocity columns that the source did not fill; `columns.py` then
+  converts the numbers to SI units.
+- `soundness.py` drops impossible rows, and `findings.py` reports oddities of the other rows.
 """

@@ -36,10 +36,13 @@ def convert_bag_to_table(
     """Write the messages of a bag as a CSV file, one message per row.
 
     The columns are the time since the first message, and the joints' positions, velocities (if
-    recorded) and efforts. The time is the stamp in the message's header. If these stamps are
-    constant, it is the time at which the bag recorded the message. Messages without any of the
-    joints belong to another device and are ignored; values that a message lacks are empty. If the
-    joints come in several messages, the map interpolates them to the messages of the first joint.
+    recorded) and efforts.
+    - The time is the stamp in the message's header. If these stamps are constant, it is the time at
+      which the bag recorded the message.
+    - Messages without any of the joints belong to another device and are ignored.
+    - Values that a message does not contain are empty cells.
+    - If the joints come in several messages, the map interpolates them to the messages of the first
+      joint.
 
     Args:
         path: Folder of a bag, or a file `.db3`, `.mcap` or `.bag`.

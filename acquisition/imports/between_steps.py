@@ -2,9 +2,9 @@
 
 Positions are often recorded in steps: increments of an encoder, or the last digit of a file. At
 rest and at reversals a joint moves by less than a step, and its friction changes with such small
-displacements. If a velocity was recorded too, its integral shows how the joint moved. The integral
-drifts slowly from the position. The drift is chosen such that the result stays within one step of
-the recorded position and the drift's total variation is minimal.
+displacements. If a velocity was recorded too, its integral shows how the joint moved. This integral
+drifts slowly from the position. The drift that is subtracted has the smallest total variation for
+which the result stays within one step of the recorded position.
 """
 
 from __future__ import annotations

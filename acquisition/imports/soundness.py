@@ -98,10 +98,11 @@ def _drop_jumps(
 ) -> tuple[ImportRows, tuple[str, ...]]:
     """Drop rows that the joints cannot have reached, or whose stamps are far away.
 
-    A run is a series of rows that can be reached from their neighbours. The longest run is sound.
-    From it outwards, in both directions, a run is sound if it can be reached from the last sound
-    run. A long run is also sound if it can be reached within 5 median steps: then a stamp was
-    wrong, not a position.
+    A run is a series of rows, each of which the joints can have reached from the previous one. The
+    longest run is sound. Starting from it, the other runs are checked in both directions:
+    - A run is sound if the joints can have reached it from the last sound run.
+    - A long run is also sound if they can have reached it within 5 median steps. Then a time stamp
+      was wrong, not a position.
     """
     if len(rows.row) < 2:
         return rows, ()

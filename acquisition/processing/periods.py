@@ -114,12 +114,14 @@ def average_periods(recording: Recording, *, rejected_limit: int = REJECTED_LIMI
     """Return the mean of the main periods of a recording, and the noise around it (3.9, 3.10).
 
     Rows are sorted by `sample_index`, so that a lost row does not shift others. Run-in, transient
-    periods and run-out are left out. A period is rejected if it is incomplete, lacks more than 2 %
-    of a joint's rows or more than 3 in sequence, or is an outlier. An outlier's deviation from the
-    median period (RMS or peak, any channel) is more than twice the common one and 6 robust standard
-    deviations above it, and more than 1e-4 of the channel's variation (for a joint at rest, of the
-    variation of the others). A single row of a good period that any joint lacks is left out of the
-    mean.
+    periods and run-out are left out. A period is rejected if:
+    - it is incomplete,
+    - it lacks more than 2 % of a joint's rows, or more than 3 in sequence, or
+    - it is an outlier. Then its deviation from the median period (RMS or peak, any channel) is more
+      than twice the common one, and 6 robust standard deviations above it, and more than 1e-4 of
+      the channel's variation (for a joint at rest, of the variation of the others).
+
+    If any joint lacks a single row of a good period, this row is left out of the mean.
 
     Args:
         recording: A periodic recording.

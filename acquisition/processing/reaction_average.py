@@ -148,8 +148,9 @@ def cut_reaction(
 ) -> ReactionPeriods | None:
     """Cut a plate's channels into periods; return None if too few channels are left.
 
-    A channel is left out if it lacks too many samples, or drifts faster than the plate's limit, in
-    more of the good periods than the limits allow or in a quarter of the good periods.
+    A period is unusable for a channel that lacks too many samples in it, or drifts faster in it
+    than the plate's limit. A channel is left out if more of the good periods are unusable for it
+    than the limits allow, or a quarter of them.
 
     Args:
         reaction: Measurement of the plate.
@@ -203,8 +204,8 @@ def _drift(
 ) -> tuple[FloatArray, FloatArray]:
     """Return each channel's linear drift and its standard deviation, (c,) [N/s].
 
-    The median of the steps of the mean from period to period: a single jump of the zero does not
-    count as drift.
+    The drift is the median of the changes of the mean from period to period. Therefore a single
+    jump of the zero does not count as drift.
     """
     c = values.shape[2]
     drift, sigma = np.zeros(c), np.zeros(c)
@@ -225,9 +226,10 @@ def _too_fast(
 ) -> FloatArray:
     """Return each period's drift if it exceeds a limit, zero otherwise, (periods, c) [N/s].
 
-    Repeated values cancel between the beginnings of a period and of the next one; for the last
-    period, between its end and that of the previous one. If short periods make the noise of this
-    difference larger than the limit, the noise is the limit.
+    The drift of a period is the difference between its beginning and the beginning of the next one.
+    The drift of the last period is the difference between its end and the end of the previous one.
+    Values that repeat in every period cancel in these differences. For short periods, the noise of
+    the difference can be larger than the limit; then this noise is the limit.
     """
     periods, samples, c = values.shape
     if periods < 2:

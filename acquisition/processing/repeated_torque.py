@@ -2,7 +2,7 @@
 
 A drive that updates its torque at 25 Hz and a logger that writes at 500 Hz produce a staircase:
 each value is repeated for twenty rows and is up to nineteen rows late. Each value is valid in its
-first row, so the model's columns are held over the same rows.
+first row. The model's columns are therefore held over the same rows as the torque.
 """
 
 from __future__ import annotations

@@ -137,11 +137,12 @@ def smooth_nonperiodic(
 ) -> SmoothedSignals:
     """Return a recording resampled from its time stamps, low-passed and differentiated.
 
-    Invalid rows are left out. A gap of more than 5 median steps divides the recording. Each segment
-    loses 2 / `cutoff_hz` at both ends, at which the filter has no past or future, and a segment
-    shorter than 6 / `cutoff_hz` is left out. Temperatures change slowly and in steps of their
-    sensor, so they are interpolated linearly. The signals before the low-pass are kept; see
-    `UnfilteredSignals`.
+    - Invalid rows are left out. A gap of more than 5 median steps divides the recording into
+      segments.
+    - Each segment loses 2 / `cutoff_hz` at both ends, at which the filter has no past or future. A
+      segment shorter than 6 / `cutoff_hz` is left out.
+    - Temperatures change slowly and in steps of their sensor, so they are interpolated linearly.
+    - The signals before the low-pass are kept; see `UnfilteredSignals`.
 
     Args:
         cutoff_hz: -3 dB frequency of the zero-phase low-pass, for position and torque [Hz].

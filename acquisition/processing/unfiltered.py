@@ -1,9 +1,10 @@
 """`UnfilteredSignals`: motion and torque of a recording at its full rate, before the low-pass.
 
-A low-passed torque is explained by columns with the same filter only: tau = X(q, v, a) theta gives
-h * tau = (h * X) theta for every linear filter h, but the sign of a low-passed velocity is not the
-low-passed sign (parallel filtering). The columns are therefore computed from these signals and
-pass, together with the torque, one filter of finite length.
+If tau = X(q, v, a) theta, then h * tau = (h * X) theta for every linear filter h. Therefore the
+columns for a low-passed torque must pass the same filter (parallel filtering). Columns computed
+from low-passed signals are not the same: the sign of a low-passed velocity is not the low-passed
+sign. The columns are therefore computed from these unfiltered signals. Columns and torque then pass
+the same filter of finite length.
 """
 
 from __future__ import annotations

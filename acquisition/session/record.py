@@ -100,11 +100,12 @@ def record_motion(
 ) -> RecordOutcome:
     """Approach the motion, stream it, record it in the run folder, stop and disable the drives.
 
-    Ctrl-C, SIGTERM and SIGHUP stop the motion (quick stop) and are reported in the outcome, however
-    often they come. The clean-up always completes. After the first signal this process ignores
-    further ones, so that it can save the recording. Every wait has a timeout. Ctrl-Z only prints a
-    sentence: the processes of a motion are independent of the terminal, and this process, which
-    watches them, is not suspended either.
+    - Ctrl-C, SIGTERM and SIGHUP stop the motion (quick stop), however often they come, and are
+      reported in the outcome. After the first signal this process ignores further ones, so that it
+      can save the recording.
+    - The clean-up always completes, and every wait has a timeout.
+    - Ctrl-Z only prints a sentence. The processes of a motion are independent of the terminal, and
+      this process, which watches them, is not suspended either.
 
     Args:
         cell, robot: The cell and its robot.

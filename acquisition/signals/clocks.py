@@ -1,10 +1,12 @@
 """`DeviceClock`: a device's own time on the SYNC time base, with its uncertainty.
 
 A device stamps its rows with its own clock, which has an offset and a rate error of some parts per
-million. Rows arrive late, never early: the straight line just below all arrivals is the clock,
-except for the shortest delay of the line, which arrivals do not show (theory: section 8 estimates
-it on the bins). Marks that travel to the device and back bound the clock from both sides, and edges
-of a wired trigger measure it directly.
+million. There are three sources for the clock:
+- Arrivals of rows. Rows arrive late, never early. Therefore the straight line just below all
+  arrivals is the clock plus the shortest delay of the line. Arrivals do not show this delay
+  (theory: section 8 estimates it on the bins).
+- Marks, which travel to the device and back. They bound the clock from both sides.
+- Edges of a wired trigger. They measure the clock directly.
 """
 
 from __future__ import annotations
@@ -248,10 +250,10 @@ def _deal(stretch: IntArray, hands: int) -> list[BoolArray]:
 def _gain(half: float, eighth: float) -> float:
     """Return the height of lines below eighths over the height of the line below all.
 
-    The lowest of N delays exceeds the shortest possible one by about N^-k. k is 1 if short delays
-    are as frequent as others, and less if they are rare. Lines below a half and below an eighth of
-    the reads, `half` and `eighth` above the line below all, show it. k is limited to 1/2, so that
-    the uncertainty is rather too large.
+    The lowest of N delays exceeds the shortest possible delay by about N^-k. k is 1 if short delays
+    are as frequent as others, and less if they are rare. It follows from `half` and `eighth`: the
+    heights of the lines below a half and below an eighth of the reads, above the line below all. k
+    is limited to 1/2. Then the uncertainty may be too large, but not too small.
     """
     ratio = max(eighth / half, 3.0) if half > 0.0 else np.inf  # (8^k - 1) / (2^k - 1)
     growth = min((np.sqrt(4.0 * ratio - 3.0) - 1.0) / 2.0, np.sqrt(2.0))  # 2^k

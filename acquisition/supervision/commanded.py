@@ -59,11 +59,12 @@ def commanded_motion(samples: MotionSamples, gain_per_s: float) -> MotionSamples
 def verify_command(samples: MotionSamples, cell: CellConfig, robot: RobotDescription) -> None:
     """Check the sum of a motion and its feedforward, row by row, before anything moves.
 
-    Positions must be within the robot's limits, velocities within those and the margin of the
-    cell's supervision. Accelerations of the command may be 1.5 times the joint's limit, as in the
-    supervisor: a velocity loop lags, so a motion at the limit needs larger commands. The
-    feedforward itself must not change faster either, at every possible transition between rows: at
-    the start, at the end, and if periods are left out.
+    - Positions must be within the robot's limits.
+    - Velocities must be within the robot's limits plus the margin of the cell's supervision.
+    - Accelerations of the command may be 1.5 times the joint's limit, as in the supervisor: a
+      velocity loop lags, so a motion at the limit needs larger commands.
+    - The feedforward itself must not change faster than that either. This applies to every possible
+      transition between rows: at the start, at the end, and if periods are left out.
 
     Args:
         samples: The planned motion; without a feedforward nothing is checked.

@@ -59,9 +59,10 @@ class SecondAnswers:
 
     @property
     def _in_a_bunch(self) -> bool:
-        """Return True if every drive has answered more than once now, and none in the last cycle.
+        """Return True if every drive answered more than once in this cycle, and none in the last.
 
-        Then SYNCs that this computer had sent in cycles without answers were transmitted together.
+        The cause is this computer or its adapter: SYNCs of earlier cycles were delayed and then
+        transmitted together.
         """
         return all(
             len(seen) > 0 and seen[-1] == self._cycle and self._cycle - 1 not in seen

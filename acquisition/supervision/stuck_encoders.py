@@ -12,10 +12,10 @@ STUCK_FRACTION = 0.02
 class StuckEncoders:
     """Counter of cycles in which a motor's encoder does not move although it is commanded (row 14).
 
-    A slow command may leave a joint in stiction. With a stuck encoder the torque keeps rising,
+    A joint may stay in stiction at a slow command. With a stuck encoder the torque keeps rising,
     because the velocity loop increases it. The torque that braked a fast joint is measured some
-    cycles late, behind the drive's filter; it is ignored for that long. Limits and cycles are those
-    of `Supervision`.
+    cycles later, because of the drive's filter; during these cycles the torque is ignored. Limits
+    and cycles are those of `Supervision`.
 
     Args:
         rules: Supervision of the cell.

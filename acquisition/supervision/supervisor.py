@@ -81,9 +81,12 @@ class Supervisor:
     def judge(self, cycle: Cycle) -> StopReason | None:
         """Return why the motion must stop; None if it may continue.
 
-        The first finding counts, in this order: reports of the drives (faults: rows 8, 9, 11), late
-        answers (row 5), second answers (row 49), the set-point (row 17), measured values joint by
-        joint (rows 1, 2, 6, 13, 14, 15), the command (row 17).
+        The first finding counts. The checks have this order (rows of docs/faults.md):
+        1. reports of the drives (8, 9, 11),
+        2. late answers (5) and second answers (49),
+        3. the set-point (17),
+        4. measured values, joint by joint (1, 2, 6, 13, 14, 15),
+        5. the command (17).
 
         Args:
             cycle: The complete cycle with its command, before anything is sent.

@@ -1,9 +1,14 @@
 """`CyclicTask`: the loop that moves the robot, once per cycle time.
 
-Each cycle consists of SYNC and the drives' answers, held positions, the position loop, the
-supervisor, the next velocities, a row for the recorder and a heartbeat. A command sent in cycle k
-acts from SYNC k+1. Deadlines are absolute; an overrun cycle is skipped and counted, and never made
-up for. Nothing is logged.
+Each cycle has these steps:
+1. SYNC, and the drives' answers;
+2. replacement of lost or implausible positions (`HeldPositions`);
+3. position loop and supervisor;
+4. the next velocities to the drives;
+5. a row for the recorder, and a heartbeat.
+
+A command sent in cycle k acts from SYNC k+1. Deadlines are absolute. If a cycle takes too long, the
+cycles that it covers are skipped and counted. They are never made up for. Nothing is logged.
 """
 
 from __future__ import annotations

@@ -1,5 +1,4 @@
-"""Waiting times of a stream of set-points; without slow imports, because the help uses them.
-"""
+"""Waiting times of a stream of set-points; without slow imports, because the help uses it."""
 
 from __future__ import annotations
 

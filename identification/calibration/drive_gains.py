@@ -7,8 +7,8 @@ from the parameters that the joints' equations share.
 The usual equation is g tau - Phi beta = Phi_L theta_L. It uses the measured torque, with its noise,
 as a regressor. This has two known consequences:
 - Least squares underestimates the gains, and can make them negative.
-- Total least squares allows errors of the torque; but it needs long and clean recordings (Gautier
-  and Briot 2014).
+- Total least squares lets unmodelled torque change the gains in the same way; it needs long and
+  clean recordings (Gautier and Briot 2014).
 
 Here the noise stays on the torque: tau = (Phi beta + Phi_L theta_L) / g + noise. This equation is
 bilinear, and is solved by Gauss-Newton.

@@ -5,7 +5,7 @@ A bus and a logger can delay a torque relative to the position:
   one of them a cycle later than the other. Cycles for motion on CANopen, and on the monitoring
   interfaces of controllers, usually take at most 10 ms (125 Hz or faster). Therefore a bus explains
   up to two cycles of 10 ms.
-- A logger that polls delays each of the two values by up to one period of its own.
+- A logger that polls adds up to one of its own periods to each of these two cycles.
 
 A longer delay comes from a wrong clock, or from an effect that the model does not contain.
 """

@@ -1,10 +1,13 @@
 """Choice of the torque channel's kind and values from the data.
 
 Each joint's equations are solved separately, so that the channel of one joint does not depend on
-another's. The channel's values are estimated by Gauss-Newton together with all linear parameters.
-Their intervals come from a jackknife over blocks of time. All joints have the same kind: the
-simplest one whose held-out error is not distinctly larger than the best one's. A value is kept if
-it is distinct from zero. Rows that depend on friction at standstill are left out.
+that of another. The choice has these rules:
+- The channel's values are estimated by Gauss-Newton together with all linear parameters. Their
+  intervals come from a jackknife over blocks of time.
+- All joints have the same kind of channel: the simplest one whose held-out error is not distinctly
+  larger than that of the best kind.
+- A value is kept if it is distinct from zero.
+- Rows that depend on friction at standstill are left out.
 """
 
 from __future__ import annotations
@@ -150,11 +153,11 @@ def _choose_kind(errors: dict[ChannelKind, FloatArray]) -> ChannelKind:
 def accepted_channel(fits: Sequence[JointChannel], none: Sequence[JointChannel]) -> TorqueChannel:
     """Return the channel with those values that are distinct from zero and inside their range.
 
-    A filter is a setting of the drives or of the logger: if few joints show one, the cause is
-    another effect. A filter must also lower the error at the jumps of friction. If it improves the
-    fit only away from reversals, it is not a filter: an elastic joint looks like a zero-phase
-    filter. A joint that sticks for long does not show the jumps; it keeps its lag if at least half
-    of the joints show a filter.
+    A filter is a setting of the drives or of the logger. Therefore the channel changes nothing if
+    fewer than half of the joints show a filter: then the cause is another effect. A joint shows a
+    filter if the filter also lowers the error at the jumps of friction. An elastic joint looks like
+    a zero-phase filter, but only away from reversals. A joint that sticks for long does not show
+    the jumps; it keeps its lag if at least half of the joints show a filter.
     """
     found = np.zeros((6, len(fits)))
     passes_jumps = np.zeros(len(fits), dtype=np.bool_)

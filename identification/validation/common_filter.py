@@ -1,9 +1,9 @@
 """Choice of a zero-phase filter of the torque that is common to all joints.
 
-With all columns of one joint free, half a minute of data does not determine a filter. The equations
-of all joints together do, because they share the links' parameters. Loggers and scripts that smooth
-torques without delay run a Butterworth filter forwards and backwards. Its order and width are
-chosen for the smallest error on blocks left out of the fit.
+Half a minute of data of one joint, with all columns of this joint free, does not determine a
+filter. The equations of all joints together do, because they share the links' parameters. Loggers
+and scripts that smooth torques without delay run a Butterworth filter forwards and backwards. The
+filter's order and width are chosen for the smallest error on blocks left out of the fit.
 """
 
 from __future__ import annotations

@@ -1,14 +1,18 @@
 """Choice of each joint's friction terms from the data, by forward selection and elimination.
 
-The joints' equations share the parameters of the links. Candidates are columns of these equations.
-Every model therefore uses a subset of the entries of one Gram matrix per block, both for its fit
-and for its error on a block that was left out of the fit. Stribeck friction is tried at a few
-speeds, each together with the derivative of its curve by the speed. Load-dependent friction is
-tried alone and together with Stribeck friction, because each can hide the other. Shear-thinning
-friction replaces viscous friction, so that it adds one value, its speed. It is tried on each joint
-and on all joints at once, because the joints of a robot share their kind of gear and lubricant. A
-candidate that the data do not identify is skipped; Coulomb and viscous friction alone is always a
-result.
+The joints' equations share the parameters of the links. Every friction term is a column of these
+equations. Therefore a model needs only a subset of the entries of one Gram matrix per block: for
+its fit, and for its error on a block that was left out of the fit.
+- Stribeck friction is tried at a few speeds, each together with the derivative of its curve by the
+  speed.
+- Load-dependent friction is tried alone and together with Stribeck friction, because each can hide
+  the other.
+- Shear-thinning friction replaces viscous friction, so it adds only one value, its speed. It is
+  tried on each joint, and on all joints at once, because the joints of a robot usually have the
+  same kind of gear and lubricant.
+
+A candidate that the data do not identify is skipped. Coulomb and viscous friction alone is always a
+possible result.
 """
 
 from __future__ import annotations
@@ -192,11 +196,11 @@ def remove_weak_terms(
     """Return the terms after removing those that do not improve the fit, and their solution.
 
     Args:
-        kept: Term that all joints share, which is not removed. The others are then removed, the
-            weakest first, only until the held-out error of all joints grows distinctly: joints
-            share the links' parameters, so that one joint's term also lowers the others' error.
-            That error does not replace a term's own evidence: a term within `CLEAR_SIGMAS` of zero,
-            or with the wrong sign, is always removed.
+        kept: Term that all joints share, which is not removed. The other terms are then removed,
+            the weakest first, until the held-out error of all joints grows distinctly. The error of
+            all joints counts, because a term of one joint also lowers the errors of the others
+            through the links' parameters. A term within `CLEAR_SIGMAS` of zero, or with the wrong
+            sign, is always removed.
     """
     chosen, first = list(start), fit
     while (worst := _weakest_term(grams, chosen, fit, kept)) is not None:

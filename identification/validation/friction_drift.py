@@ -58,9 +58,8 @@ class FrictionDrift:
 def friction_drift(parts: Iterable[Recording]) -> tuple[FrictionDrift, ...]:
     """Return each joint's trend of friction over the main periods of a recording.
 
-    Friction is measured as the mean of torque times the sign of the speed, because conservative
-    torques do not contribute to it over a whole period. The result is empty for fewer than four
-    periods.
+    The mean of torque times the sign of the speed is the measure of friction: over a whole period,
+    conservative torques do not contribute to it. The result is empty for fewer than four periods.
 
     Args:
         parts: Recording of a periodic motion, whole or in parts.

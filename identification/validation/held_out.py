@@ -34,8 +34,8 @@ def held_out_errors(
 ) -> FloatArray:
     """Return mean squared errors of two fits of the same recordings on held-out seconds.
 
-    Nonlinear parameters are those of all data in every fold. The linear parameters are fitted anew
-    to all parts but one.
+    The nonlinear parameters are fitted to all data and are the same in every fold. The linear
+    parameters are fitted anew in each fold, to all parts but one.
 
     Args:
         plain, full: The simpler and the richer fit. The errors of both are computed on the samples

@@ -1,15 +1,17 @@
 """Choice of the delay of each joint's torque in periodic recordings, from the data.
 
-On the bins of a mean period a delay d is exact: it multiplies a bin by exp(-j omega d). It is
-estimated as one more parameter per joint together with all others (Gauss-Newton). The torque near
-reversals is free in this fit, because there friction resembles a delay most and is known least. The
-other torques distinguish both by frequency and pose: viscous friction does not shift the phase of
-inertia and gravity torques.
+On the bins of a mean period, a delay d is exactly a factor exp(-j omega d). It is estimated as one
+more parameter per joint, together with all others (Gauss-Newton). Near reversals, friction
+resembles a delay most and is known least; therefore the torque is free there. Away from reversals,
+frequency and pose distinguish the two: viscous friction does not shift the phase of inertia and
+gravity torques.
 
-A joint's delay is accepted if it is two standard deviations from zero and the logarithm of the
-error on left-out bins falls by more than two standard errors. It must be below a quarter of the
-shortest period in the band: a longer delay shifts the highest bins by more than a right angle, and
-a step that is linear in the delay does not converge to it.
+A joint's delay is accepted under three conditions:
+- It is two standard deviations from zero.
+- The logarithm of the error on left-out bins falls by more than two standard errors.
+- It is below a quarter of the shortest period in the band. A longer delay shifts the highest bins
+  by more than a right angle. Gauss-Newton steps, which are linear in the delay, then do not
+  converge.
 """
 
 from __future__ import annotations

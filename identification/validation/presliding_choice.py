@@ -1,11 +1,15 @@
 """Choice of the joints whose friction has presliding hysteresis, from the data.
 
-With presliding, samples at standstill and reversal can be predicted. A joint gets it if its error
-on held-out parts, including standstill and reversal, falls by the rules of `nested_choice`. By the
-same rules only a fraction of its friction has presliding, and the rest is rigid (Coulomb). Stribeck
-friction was chosen before, from rows away from reversals. The nonlinear parameters are those of all
-data in every fold. A distance is rejected if the data do not distinguish it from zero, a fraction
-if they do not distinguish it from zero and one. Values at a bound are rejected as well.
+With presliding, a model can also predict samples at standstill and reversal. Held-out errors
+therefore include these samples. The rules are those of `nested_choice`:
+- A joint gets presliding if its held-out error falls enough.
+- Only a fraction of its friction has presliding, and the rest is rigid (Coulomb), if this again
+  lowers the error enough.
+- A distance is rejected if the data do not distinguish it from zero; a fraction, if they do not
+  distinguish it from zero and from one. Values at a bound are rejected as well.
+
+Stribeck friction was chosen before, from rows away from reversals. The nonlinear parameters are
+fitted to all data and are the same in every fold.
 """
 
 from __future__ import annotations

@@ -27,10 +27,10 @@ from identification.regression.fit_grade import FitGrade, grade_fit, limit_share
 class Validation:
     """Torque errors per joint, and the samples from which they were computed.
 
-    Errors use only moving samples, those at or above `standstill_rad_s`: below it, friction is
-    stiction, which sign(v) does not describe. `all_samples_percent` uses every sample. Neither uses
-    samples at which the friction depends on the joint's motion before the recording began or in a
-    gap, because this motion is unknown.
+    Errors use only moving samples, those at or above `standstill_rad_s`. Below this speed, friction
+    is stiction, which sign(v) does not describe. `all_samples_percent` uses all samples. Both leave
+    out samples whose friction depends on motion before the recording or in a gap, because this
+    motion is unknown.
 
     Attributes:
         joint_names: Joints from base to flange.
@@ -233,8 +233,8 @@ def common_relative_errors(one: Validation, other: Validation) -> FloatArray:
 def _moving_when_torque_acted(moving: BoolArray, signals: SmoothedSignals) -> BoolArray:
     """Return where joints move, and moved when the recorded torque acted, (samples, n).
 
-    If the torque is late, the first samples of a joint that starts to move still contain the torque
-    at rest.
+    If the recorded torque is delayed, the first samples of a joint that starts to move still
+    contain the torque at rest.
     """
     seen = moving.copy()
     if signals.channel is None:

@@ -1,11 +1,12 @@
 """Choice of the joints that warm up by their own friction, if temperatures were not measured.
 
-Friction that falls while a robot warms up is a function of time in every recording, but so are many
-other effects. Therefore a joint counts as warming up only under three conditions. First, Coulomb
-and viscous friction that change with the temperature rise (`Warming`) lower its squared error on
-held-out seconds by more than a standard error. Second, at least one of the two changes is distinct
-from zero. Third, the time constant plus and minus two standard deviations is above zero and below
-the length of the longest recording.
+Friction falls while a robot warms up. This is a function of time in every recording, but so are
+many other effects. Therefore a joint counts as warming up only under three conditions:
+1. Coulomb and viscous friction that change with the temperature rise (`Warming`) lower the joint's
+   squared error on held-out seconds by more than a standard error.
+2. At least one of the two changes is distinct from zero.
+3. The time constant plus and minus two standard deviations is above zero and below the length of
+   the longest recording.
 
 Time constants are first searched on a grid, for all joints at once because each affects only its
 own joint. Then they are estimated by Gauss-Newton together with all other parameters.

@@ -1,8 +1,9 @@
 """`FlexibleFit`: a fit with friction that also depends on the load and the cube root of the speed.
 
-Most of a simple model's residual is friction that it lacks. This hides the residual from wrong
-lengths, axes, gears and clocks. With the additional friction, that residual is visible in ten parts
-of the recordings, each predicted from the others.
+Most of a simple model's residual is friction that the model does not contain. It hides the residual
+from wrong lengths, axes, gears and clocks. With the additional friction terms, that residual
+becomes visible. The recordings are divided into ten parts, and each part is predicted from the
+others.
 """
 
 from __future__ import annotations

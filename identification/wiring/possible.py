@@ -20,9 +20,10 @@ LEAST_TORQUE: Final = 0.003
 def keeps_limits(mistake: Mistake, stated: WiredSignals, undone: WiredSignals) -> bool:
     """Return True if the joints are capable of the corrected motion and torques.
 
-    A joint that kept a limit of the robot file must not exceed it, and a joint that exceeded it
-    must not exceed it more. A joint that kept its limits must not become nearly motionless or
-    torque-free.
+    With the mistake corrected, three conditions must hold:
+    - A joint that kept a limit of the robot file before still keeps it.
+    - A joint that exceeded a limit before does not exceed it more.
+    - A joint that kept its limits does not become nearly motionless or torque-free.
 
     Args:
         mistake: The mistake to correct.

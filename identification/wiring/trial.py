@@ -61,9 +61,10 @@ class WiringTrial:
     def far_better_than(self, other: WiringTrial, *, few_data: bool = False) -> bool:
         """Return True if the other fit is impossible, or has twice the residual in a joint.
 
-        All joints together must improve as well. A smaller gain can come from any freedom that
-        happens to compensate missing friction. With few data such gains are much larger; then a
-        residual that is already good shows nothing.
+        The fit of all joints together must improve as well. A smaller gain is no evidence: it
+        occurs whenever an additional degree of freedom compensates missing friction. With few data
+        such gains are much larger. Then only joints count whose residual was not already that of a
+        good fit.
         """
         least, floor = (FEW_DATA_GAIN, GOOD_SHARE) if few_data else (LEAST_GAIN, 0.0)
         if not other.cost - self.cost >= least:

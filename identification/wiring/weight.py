@@ -1,7 +1,7 @@
 """`DrawnWeight`: weight of the arm in a fit, relative to its drawings or to its size.
 
-Torques in a wrong unit, or without gravity, fit a robot that is too light or too heavy by the same
-factor equally well. The drawings decide.
+Torques in a wrong unit, or without gravity, also fit a robot well: one that is too light or too
+heavy by the same factor. Only the comparison with the drawings reveals the mistake.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Paths: curves with their lengths, and the speeds at which they can be plan_speed.
+"""Paths: curves with their lengths, and the speeds at which they can be driven.
 
 The files do not depend on the other keys of a motion file or on the cycles of the task. Begin with
 `segments.py`.
