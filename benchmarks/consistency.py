@@ -208,7 +208,7 @@ def power(draws: int) -> Refusals:
 
 
 def log_cholesky(task: ConsistencyProgramme, target: FloatArray) -> FloatArray:
-    """Return the standard parameters found by the peer."""
+    """Return the standard parameters found with the log-Cholesky parametrisation."""
     p = len(task.centre)
     to_body = np.linalg.pinv(BASIS.reshape(len(BASIS), -1).T)
     roots = [np.linalg.cholesky(floor) for floor in task.floors]

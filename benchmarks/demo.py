@@ -1,8 +1,8 @@
 """Wall time of the demo as a user runs it, compared with its bar and its motions' duration.
 
-`python -m benchmarks.demo [--quick]`; the last line is one JSON object. The lower limit, measured
-in the same run, is a plain exchange of packets between processes, as many as the lock-step buses
-need: the time of the simulation without any computation.
+`python -m benchmarks.demo [--quick]`; the last line is one JSON object. The lower limit is the time
+of the simulation without any computation. It is measured in the same run: processes exchange as
+many packets as the lock-step buses need.
 """
 
 from __future__ import annotations

@@ -51,9 +51,9 @@ class Direction:
     """Results of one direction: training on some recordings, prediction of the others.
 
     Attributes:
-        plain, moving, every: Largest relative error of each joint in the predicted runs [%]: with
-            the terms of the robot file on moving samples, then with the chosen terms on moving and
-            on all samples.
+        plain, moving, every: Largest relative error of each joint in the predicted runs [%].
+            `plain`: with the terms of the robot file, on moving samples. `moving`, `every`: with
+            the chosen terms, on moving and on all samples.
         peer: Error of figaroh on moving samples; empty without it.
         consistent: True if the chosen model's parameters are physically consistent.
         values: Value and standard deviation of each rigid base parameter.

@@ -122,7 +122,7 @@ def motion(kind: str, joints: int, seconds: float, seed: int) -> tuple[FloatArra
             rest.
         joints: Number of joints.
         seconds: Duration [s].
-        seed: Of the motion.
+        seed: Random seed of the motion.
     """
     random = np.random.default_rng(seed)
     t = np.arange(0.0, seconds, FINE_S)

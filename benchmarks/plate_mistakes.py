@@ -98,7 +98,7 @@ def _condensed(arm: WeighedArm) -> tuple[PlateEquations, FloatArray]:
 
 
 def _far_better(truth: FloatArray, stated: FloatArray) -> bool:
-    """Return whether the truth halves a component's residual and lowers the sum of logarithms."""
+    """Return True if the truth halves a residual and lowers the residuals' sum of logs."""
     times = stated / truth
     return bool(np.any(times >= VISIBLE_TIMES)) and float(np.sum(np.log(times))) >= VISIBLE_GAIN
 

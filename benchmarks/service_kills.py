@@ -2,10 +2,11 @@
 
 The simulated drives run in another program (`rid-daq mock`) and are never killed. One service after
 the other is killed at a random time: while it starts, while it stores a new job, or while the job
-prepares, moves or writes its result. The next service starts at once, as with systemd. Before it
-gets a request, the worker of the killed service must have ended by itself, and no drive may be
-enabled. `--lanes` sets the number of services that are tested in parallel, each with a separate
-cell and folder. After `--minutes` the test ends early and reports the number of kills.
+prepares, moves or writes its result. The next service starts at once, as with systemd. Two
+conditions must hold before it gets a request: the worker of the killed service has ended by itself,
+and no drive is enabled. `--lanes` sets the number of services that are tested in parallel, each
+with a separate cell and folder. After `--minutes` the test ends early and reports the number of
+kills.
 
 At the end the service must know every accepted job; no job may be running, and none may have run
 twice. Other load on the computer does not matter. The last line is one JSON object.

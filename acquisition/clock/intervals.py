@@ -164,7 +164,8 @@ def _calibrate_velocities(
 def _common_delay(motion: _Motion, stamps: FloatArray) -> float:
     """Return the common delay of the velocities relative to the stamps; 0 if insignificant.
 
-    Times estimated from velocities cannot show this delay: it shifts them with the speed.
+    Times that are estimated from velocities cannot show this delay, because the delay changes them
+    too.
     """
     _, late, error = _scale_and_delay(motion, stamps)
     common = float(np.median(late))

@@ -34,8 +34,8 @@ def repeated_rows(samples: Samples) -> BoolArray:
     """Return True for each row with the position and torque of the previous row, shape (rows,).
 
     Velocities are ignored: a velocity computed from positions differs in such rows. At rest, equal
-    rows count if they are about as frequent as in motion and their runs are no longer: a noisy
-    torque that stays equal shows that the row is a repeat.
+    rows count if they are about as frequent as in motion and their runs are no longer. A torque has
+    noise; therefore an equal torque shows that the row is a repeat.
     """
     if len(samples) < FEWEST_ROWS:
         return np.zeros(len(samples), dtype=np.bool_)

@@ -43,9 +43,12 @@ def import_csv(
 ) -> tuple[Recording, ImportReport]:
     """Read CSV files with a map; damaged rows are left out and listed in the report.
 
-    A row is damaged if it has another number of columns than the map, has no number in a used
-    column, exceeds a limit of `plausible`, has a repeated or disordered time stamp, or is further
-    from its neighbours than the joints can move.
+    A row is damaged if it:
+    - has another number of columns than the map,
+    - has no number in a used column,
+    - exceeds a limit of `plausible`,
+    - has a repeated or disordered time stamp, or
+    - is further from its neighbours than the joints can move.
 
     Args:
         file: The first file.

@@ -11,7 +11,7 @@ from pathlib import Path
 from config.errors import RecordingError, system_errors
 
 RESERVE_BYTES = 16 << 20
-"More than the ring and the summary of a journal together."
+"Size of the reserve: more than the ring and the summary of a journal together."
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 

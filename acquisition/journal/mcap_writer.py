@@ -31,8 +31,8 @@ SYNC_PERIOD_S = 1.0
 def open_new(path: Path) -> FileIO:
     """Open a new file without a buffer.
 
-    Every write goes to the file's end: a file that another program cuts stays shorter than the data
-    written.
+    Every write goes to the file's end. If another program truncates the file, it therefore stays
+    shorter than the data written, and the loss can be detected.
     """
     return FileIO(path, "xb", opener=lambda name, flags: os.open(name, flags | os.O_APPEND, 0o666))
 

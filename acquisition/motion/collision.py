@@ -24,7 +24,7 @@ def refuse_collision(
     """Raise an error if two bodies come closer than the clearance on a path.
 
     Bodies that are too close at the start of the path may keep their distance but must not come
-    closer: a robot that is too near an obstacle can be moved away.
+    closer. Therefore a robot that is too near an obstacle can be moved away.
 
     Args:
         clearances: Pairs of bodies and their minimum clearance.

@@ -20,7 +20,8 @@ class BlockFile:
         shape: Rows and columns of each array.
 
     Raises:
-        RecordingError: There is no space for temporary files; setting an array can raise it too.
+        RecordingError: There is no space for temporary files; storing an array can also raise this
+        error.
     """
 
     def __init__(self, shape: tuple[int, int]) -> None:

@@ -25,7 +25,7 @@ class PeriodTable:
         joint_names: Base to flange.
         sample_period_s: Time between rows [s].
         torque_filter: Analog filter of the torques.
-        each_joint: True if each joint has valid rows of its own.
+        each_joint: True if the recording states for each joint which rows are valid.
         start: Row of the motion at which the first period begins.
         warm: True if the drives' temperatures were measured.
         blocks: Rows of each period: positions, torques, validity, and temperatures [K]; zero for

@@ -25,7 +25,8 @@ class RecordingTally:
         following_error: Shape (joints,). Largest following error after the approach [rad or m];
             None without set-points.
         last_row: Last row of the motion; -1 before it.
-        motion_rows: Driven rows of the motion up to there; an early end leaves some out.
+        motion_rows: Number of driven rows of the motion up to `last_row`, without rows that an
+            early end skipped.
         last_phase: Phase of the last row.
     """
 
@@ -89,7 +90,7 @@ class RecordingTally:
             self.following_error = np.maximum(self.following_error, error.max(axis=0, initial=0.0))
 
     def _add_motion(self, part: Recording) -> None:
-        """Count the answered rows of the motion once each; the last row repeats during the wait."""
+        """Count each answered row of the motion once; the last one repeats while the robot waits."""
         driven = part.sample_index >= 0
         if not driven.any():
             return

@@ -112,8 +112,8 @@ def require_amplifier_ready(amplifier: SerialAmplifier, config: AmplifierConfig)
 class _PlateRecorder:
     """One recording; `stream` is the number of the stream, which increases after each loss.
 
-    In simulated time no time marks are requested: they depend on the real clock, but the same seed
-    must give the same file. Overload flags are cleared also in simulated time, if any are set.
+    In simulated time no time marks are requested. They depend on the real clock, but the same seed
+    must give the same file. Overload flags that are set are cleared in simulated time too.
     """
 
     def __init__(self, task: PlateTask, block: PlateBlock, parent: int) -> None:

@@ -83,8 +83,8 @@ def clock_from_arrivals(
     """Fit a clock to rows that were stamped by the device and arrived later.
 
     The clock is the line below all arrivals that is nearest to them on average: a linear programme
-    in two variables. Its uncertainty comes from the same fit on eighths of the reads, reduced by
-    the gain of eight times as many.
+    in two variables. The uncertainty comes from the same fit on eighths of the reads. It is then
+    reduced, because the whole run has eight times as many reads.
 
     Args:
         device_s, arrival_s: Shape (rows,). Device time of each row, and SYNC time of its read [s].

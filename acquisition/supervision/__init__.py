@@ -1,4 +1,4 @@
-"""Decision in every cycle whether the motion may continue, and the reason of a stop.
+"""Supervision of each cycle: decides if the motion may continue, and gives the reason for a stop.
 
 Nothing here reads a clock or accesses a device. Begin with `supervisor.py`; `acquisition/task`
 carries out a stop.

@@ -24,12 +24,12 @@ class HeldPositions:
     Attributes:
         position: Length joints. Positions for the position loop [rad or m]: the plausible ones. For
             a missing one, the last plausible position plus the motion of the set-point since then,
-            so that a lost answer causes no correction and the previous correction remains.
+            so that a lost answer does not change the correction of the position loop.
         velocity: Length joints. Between the last two plausible positions [rad/s or m/s].
         missed, implausible: Length joints. Number of consecutive cycles without an answer, and
             without a plausible one.
-        unknown: Length joints. Number of cycles since the last plausible position in which a motor
-            that moves the joint was silent; the motors may take turns.
+        unknown: Length joints. Number of cycles since the last plausible position in which any
+            motor that moves the joint did not answer, not necessarily the same motor.
         jump, jump_limit: Length joints. Distance of the last answer from the last plausible one,
             and its limit [rad or m].
     """

@@ -1,9 +1,9 @@
 """`Deflection`: the tool error caused by elastic gears, which motor encoders cannot see.
 
-A gear of stiffness k that transmits the torque tau bends by tau/k, and encoders at the motors do
-not see this angle. Without a model, tau is taken from the measured motor torques: these include
-friction and the motors' own inertia, which the gear does not transmit. An identified model gives
-tau without both. Play, and bending of links and bearings, are not included.
+A gear of stiffness k that transmits the torque tau deflects by tau/k. Encoders at the motors do not
+measure this angle. Without a model, tau is taken from the measured motor torques. These contain
+friction and the torque for the motors' own inertia, which the gear does not transmit. An identified
+model gives tau without both. Backlash, and deflection of links and bearings, are not included.
 """
 
 from __future__ import annotations
@@ -27,12 +27,13 @@ from identification.estimation.estimate import Estimate
 
 @dataclass(frozen=True, eq=False)
 class Deflection:
-    """Estimated bending of the gears with known stiffness, over a motion.
+    """Estimated deflection of the gears with known stiffness, over a motion.
 
     Attributes:
-        joint: Shape (samples, n). Bending of each gear [rad or m]; 0 for gears of unknown
+        joint: Shape (samples, n). Deflection of each gear [rad or m]; 0 for gears of unknown
             stiffness.
-        distance_m: Shape (samples,). Distance of the tool point with and without this bending.
+        distance_m: Shape (samples,). Distance between the tool points with and without this
+            deflection.
         known: Shape (n,). True for gears with known stiffness.
     """
 
@@ -59,7 +60,7 @@ class Deflection:
 def deflection(
     robot: RobotDescription, position: FloatArray, torque_nm: FloatArray
 ) -> Deflection | None:
-    """Estimate the tool error caused by gear bending; return None if no stiffness is known.
+    """Estimate the tool error caused by gear deflection; return None if no stiffness is known.
 
     Args:
         robot: Kinematics and `stiffness_nm_rad`. With a coupled wrist each stiffness is that of the

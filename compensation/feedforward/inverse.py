@@ -5,8 +5,8 @@ feedforward is the desired speed plus the velocity error that generates the desi
 
     v_ff = v_d + G_c^-1 tau_d ,    G_c^-1 = (1 / K_p) T_i s / (T_i s + 1) ,
 
-a high-pass filter: the loop's own integrator carries constant torque. All values are shifted ahead
-by the delay with which commands act.
+a high-pass filter, because the loop's own integrator generates constant torque. All values are sent
+earlier by the delay with which commands act.
 """
 
 from __future__ import annotations
@@ -207,8 +207,8 @@ def feedforward(
         tuning: Correction from a reference run.
 
     Returns:
-        Shape (samples, n). Speeds to send, row by row. The commands that would have to be sent
-        before the first row are lost; the motion begins at rest.
+        Shape (samples, n). Speeds to send, row by row. Commands that would belong before the first
+        row are lost. The motion begins at rest.
     """
     n = velocity.shape[1]
     tuning = tuning or FeedforwardTuning.none(n)

@@ -40,9 +40,9 @@ PATH_STRIDE: Final = 10
 def velocity_loop_band_hz(cell: CellConfig) -> tuple[float, float]:
     """Return the lowest and highest frequency of multisines for a cell [Hz].
 
-    If the cell file has no band, it ends at half the cutoff frequency of the torque filter or at a
-    sixth of the cycle frequency, whichever is lower: torque is measured and commands are followed
-    up to there.
+    If the cell file has no band, torque and commands decide: the torque is measured up to half the
+    cutoff frequency of the torque filter, and commands are followed up to a sixth of the cycle
+    frequency. The band ends at the lower of these two frequencies.
     """
     if cell.velocity_loop_band_hz is not None:
         return cell.velocity_loop_band_hz
@@ -59,7 +59,7 @@ class MultisineOptions(Ranged):
     Attributes:
         band_hz: Lowest and highest frequency [Hz] (default: `velocity_loop_band_hz`).
         period_s: Period [s], a whole number of cycles (default: about 8 s).
-        periods, realisations: Numbers of periods and realisations that count.
+        periods, realisations: Numbers of measured periods and realisations.
         grid, phases: As in `MultisineMotion`.
         slow: True to add a slow sine.
         seed: Random seed of phases and empty lines, and of poses if bodies touch in the middle of
@@ -195,7 +195,7 @@ def multisine_motion(
 def limit_use(
     samples: MotionSamples, robot: RobotDescription, estimate: Estimate | None = None
 ) -> FloatArray:
-    """Return the largest shares of the speed, acceleration and torque limits that a motion uses.
+    """Return the largest fraction of each speed, acceleration and torque limit that a motion uses.
 
     Returns:
         Shape (joints, 3). Torque is 0 if neither a model nor the robot's `cad` predicts it.

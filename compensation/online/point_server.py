@@ -109,8 +109,8 @@ class PointServer:
 def listening(path: Path) -> Iterator[socket.socket]:
     """Listen at a path in a folder of the user, for this user only.
 
-    The path belongs to this session until the end of the `with`, even after the socket has closed
-    because its client has connected: a lock file next to it marks it.
+    A lock file next to the path reserves it for this session until the end of the `with` block. The
+    path stays reserved after the client has connected and the socket has closed.
 
     Raises:
         TransportError: The socket cannot be made there.

@@ -62,10 +62,10 @@ class TimingLimits:
         )
 
     def keeping_free(self, share: float) -> TimingLimits:
-        """Return limits that keep a share of the torque and of the base wrench free.
+        """Return limits with a fraction of the torque and base-wrench limits held in reserve.
 
         Raises:
-            ConfigError: The share is not between 0 and 1.
+            ConfigError: The fraction is not between 0 and 1.
         """
         if not 0.0 <= share < 1.0:
             raise ConfigError(

@@ -156,9 +156,9 @@ class PathRows:
         )
 
     def tightened(self, free: FloatArray) -> FloatArray:
-        """Return bounds that keep a further share `free` (points, rows) of each limit free.
+        """Return bounds with a further fraction `free` (points, rows) of each limit in reserve.
 
-        The share is reduced if the path could otherwise not even be driven slowly.
+        The fraction is reduced if the path could otherwise not even be driven slowly.
         """
         least, most = self.at_rest()
         room = np.minimum(self.bounds[:, :, 1] - most, least - self.bounds[:, :, 0])
@@ -185,7 +185,7 @@ class PathRows:
         """Refuse a path on which even standing still exceeds a limit.
 
         Args:
-            free: Shape (points, rows), or float. Share of each limit to keep free.
+            free: Shape (points, rows), or float. Fraction of each limit to hold in reserve.
 
         Raises:
             LimitError: Gravity and the friction of a slow motion exceed a limit; the message names

@@ -190,7 +190,7 @@ class _Search:
         return [r for r, other in enumerate(self._rows.labels) if other == label]
 
     def _margin_free(self, path: JointTrajectory) -> FloatArray:
-        """Return the margins at the grid points as shares of each row's limit."""
+        """Return the margins at the grid points as fractions of each row's limit."""
         free = np.zeros(self._rows.rows.shape[:2])
         if self._timer.margin is None:
             return free
@@ -258,7 +258,7 @@ class _Search:
         return exceeded
 
     def _keep(self, label: str, more: FloatArray) -> None:
-        """Keep more of a limit free, `more` (points,)."""
+        """Hold more of a limit in reserve, `more` (points,)."""
         self.worst = f"the {label}"
         for r in self._columns.get(label, ()):
             self._free[:, r] += more
@@ -330,7 +330,7 @@ class _Search:
 
 
 def _spread_margins(over: FloatArray, found: RowsInTime, points: int) -> FloatArray:
-    """Return the share to keep free at each grid point for rows that exceed a limit."""
+    """Return the fraction of exceeded limits to hold in reserve at each grid point."""
     rows = np.flatnonzero(over > 0.0)
     more = np.zeros(points)
     begin, end = found.begin[rows], found.end[rows] + 1

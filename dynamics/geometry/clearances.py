@@ -55,11 +55,11 @@ class _Touch:
 
 @dataclass(frozen=True, eq=False)
 class Clearances:
-    """The pairs of solids whose distance is checked.
+    """Pairs of solids whose distance is checked.
 
-    Bodies of the same link or of neighbouring links are not checked against each other, nor pairs
-    that the robot's `may_touch` names: they touch by design. For a robot without bodies, the tool
-    point is checked against the surroundings. If the capsules around two bodies are far apart,
+    Some bodies touch by design and are not checked against each other: bodies of the same link or
+    of neighbouring links, and pairs in the robot's `may_touch`. For a robot without bodies, the
+    tool point is checked against the surroundings. If the capsules around two bodies are far apart,
     their exact distance is not computed.
 
     Attributes:

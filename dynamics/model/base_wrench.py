@@ -40,8 +40,8 @@ def base_wrench_gradient(
 ) -> FloatArray:
     """Return the gradient of the sum of weights * base wrench by the motion, (3, samples, n).
 
-    Central differences are used: they are exact in v, in which the wrench is quadratic, and in a,
-    in which it is linear; in q the relative error is about 1e-8.
+    Central differences are used. They are exact in v, because the wrench is quadratic in v, and in
+    a, because it is linear in a. In q the relative error is about 1e-8.
 
     Args:
         model, q, v, a, parameters: As for `base_wrench`.

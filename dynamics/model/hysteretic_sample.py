@@ -1,4 +1,4 @@
-"""The model's torque with presliding hysteresis, for one sample of a path after another.
+"""The model's torque with presliding hysteresis, sample by sample along a path.
 
 The caller keeps the state of the hysteresis (`dynamics.kernels.presliding`), so that a path can be
 continued. The state depends on the joints' path, not on time.

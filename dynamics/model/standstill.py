@@ -16,8 +16,8 @@ SLOW_SHARE: Final = 0.1
 def standstill_speed(model: RobotModel, speed_rad_s: float) -> FloatArray:
     """Return the speed below which each actuator counts as standing, link side, (n,).
 
-    It is the given speed [rad/s or m/s], but at most a tenth of the joint's speed limit, because a
-    slow joint such as a lift would otherwise never move.
+    The speed is the given one [rad/s or m/s], but at most a tenth of the joint's speed limit.
+    Otherwise a slow joint, such as a lift, would never count as moving.
     """
     given = np.full(len(model.joint_names), speed_rad_s)
     if not model.speed_limits:
@@ -29,7 +29,7 @@ def standstill_speed(model: RobotModel, speed_rad_s: float) -> FloatArray:
 
 
 def moving_actuators(model: RobotModel, v: FloatArray, standstill_rad_s: float) -> BoolArray:
-    """Return where actuators move fast enough for their friction to be known, (samples, n).
+    """Return True while an actuator moves fast enough for its friction to be known, (samples, n).
 
     Args:
         model: The robot.
@@ -40,9 +40,10 @@ def moving_actuators(model: RobotModel, v: FloatArray, standstill_rad_s: float) 
 
 
 def moving_without_reversal(model: RobotModel, v: FloatArray, standstill_rad_s: float) -> BoolArray:
-    """Return where actuators move and do not reverse before the next or after the previous row.
+    """Return True for rows in which an actuator moves and does not reverse next to the row.
 
-    A slow recording may contain no row of a quick reversal, but friction jumps at it.
+    The rows before and after a reversal count as False, because friction jumps between them. A
+    recording with a low rate may contain no row of a quick reversal itself.
 
     Args:
         model, v, standstill_rad_s: As for `moving_actuators`; consecutive rows.

@@ -19,9 +19,9 @@ from dynamics.terms.rigid_body import SYMBOLS
 def true_parameters(model: RobotModel, robot: RobotDescription, plant: PlantConfig) -> FloatArray:
     """Return the plant's values of the model's standard parameters.
 
-    Link inertias are moved from the centre of gravity to the link frame's origin; the polar
-    inertia of a rotor is added, about its spin axis, to the link that carries it (theory:
-    section 3), as the rotor term expects.
+    Link inertias are moved from the centre of gravity to the origin of the link's frame. The polar
+    inertia of a rotor is added, about its spin axis, to the link that carries the rotor (theory:
+    section 3). The rotor term expects this.
 
     Args:
         model: The model whose parameters are needed; friction coefficients that the plant does not

@@ -20,7 +20,7 @@ class Conditions:
         load_nm: Shape (samples, n). Signed torque that each gear transmits, link side [N m or N];
             needed by transmission efficiency and load-dependent friction. `load_torque` computes it
             from parameters.
-        payload: Whether the unknown payload is attached.
+        payload: True if the unknown payload is attached.
         memory: Direction of the presliding hysteresis; without it, friction with presliding follows
             sign(v). `dynamics.model.memory` computes it along a motion.
     """

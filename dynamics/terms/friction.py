@@ -158,7 +158,7 @@ class Friction:
 
     @property
     def changing(self) -> tuple[bool, ...]:
-        """For each column, whether it depends on the nonlinear parameters."""
+        """For each column: True if it depends on the nonlinear parameters."""
         with_memory = {own.joint for own in self.presliding}
         return tuple(
             column.function == "stribeck"

@@ -29,9 +29,9 @@ class FunctionTraits:
         units: Units of its coefficient for a revolute and for a prismatic joint.
         sign: Constraint of a physically consistent coefficient. `braking`: it is not negative.
             `curve`: the joint's total friction brakes at every speed. `free`: no constraint.
-        by_direction: Whether it depends on the direction of motion, which presliding hysteresis
-            replaces.
-        smooth: Whether it may stay in a model that is differentiated at zero speed.
+        by_direction: True if it depends on the direction of motion; presliding hysteresis then
+            replaces this direction.
+        smooth: True if a model that is differentiated at zero speed may contain it.
         kernel: Number in `dynamics.kernels.friction`; None if it depends on a temperature.
         words: Name of this friction in an exported file's list of omitted effects, if the format
             supports only a straight friction line; None if such a format supports it.

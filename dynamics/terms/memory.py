@@ -57,8 +57,8 @@ class Memory:
             1/m].
         by_share: Shape (samples, columns). Its derivative by the fraction of the friction with
             hysteresis.
-        known: Shape (samples, columns). Whether it depends only on the motion, and no longer on the
-            joint's initial state.
+        known: Shape (samples, columns). True if the direction depends only on the motion, and no
+            longer on the joint's initial state.
     """
 
     joints: tuple[int, ...]
@@ -106,7 +106,7 @@ class Memory:
         )
 
     def known_through(self, segment: IntArray, rows: int) -> BoolArray:
-        """Return where a low-passed direction is known, (samples, columns).
+        """Return True for samples in which a low-passed direction is known, (samples, columns).
 
         Args:
             segment: Shape (samples,). Number of the segment of each row; each was low-passed

@@ -92,7 +92,7 @@ class NonlinearTerm(Protocol):
     @property
     @abstractmethod
     def changing(self) -> tuple[bool, ...]:
-        """For each column of the term, whether it depends on the nonlinear parameters."""
+        """For each column of the term: True if it depends on the nonlinear parameters."""
 
     @abstractmethod
     def with_changing_only(self) -> Term:

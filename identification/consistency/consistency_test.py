@@ -228,8 +228,8 @@ def _constrained(cone: ConsistencyProgramme) -> tuple[BoolArray, BoolArray]:
 def _towards_apex(cone: ConsistencyProgramme, y: FloatArray) -> FloatArray:
     """Return a robot with everything within `BORDER_SIGMAS` of the border moved to the border.
 
-    Each eigenvalue of a body's pseudo-inertia becomes zero if this moves the base parameters by
-    less than this distance; so does each scalar. Friction with several joint constraints always
+    Each eigenvalue of a body's pseudo-inertia, and each scalar, becomes zero if this changes the
+    base parameters by less than this distance. Friction with several joint constraints always
     becomes zero as a whole.
     """
     out = y.copy()

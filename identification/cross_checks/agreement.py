@@ -58,8 +58,8 @@ _SUSPECTS: Final = {
 _BY_EQUATIONS: Final = frozenset({CrossMethod.LINK_BY_LINK})
 """Methods that use the joints' torque equations, whose columns pass the channel of the torque.
 
-The other methods, by energy or by simulation, need the torque that acted, and the recorded torque
-is never deconvolved.
+The other methods, by energy or by simulation, need the torque that acted at the joint. They refuse
+recordings with a channel, because the recorded torque is never deconvolved.
 """
 
 

@@ -169,8 +169,8 @@ class Estimate:
     def nonlinear_unseen(self) -> tuple[str, ...]:
         """The nonlinear parameters that the data do not determine.
 
-        The value of each is at a bound of its range, or its 95 % interval is as wide as the whole
-        range, so that the value depends mostly on the start of the fit.
+        Each of these is at a bound of its range, or its 95 % interval is as wide as the whole
+        range. Its value then depends mostly on the starting value of the fit.
         """
         model = self.model
         low, high = model.nonlinear_bounds.T

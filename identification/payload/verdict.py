@@ -88,8 +88,8 @@ class Reached(NamedTuple):
     ) -> PayloadCheck:
         """Return the check of this relative limit and of an absolute alternative.
 
-        The check is of the limit that leaves more margin. If there are two, its text says which one
-        it is, and what the other is.
+        The returned check uses the limit that leaves more margin. If there are two limits, the
+        check's text names the one that is used, and the other one.
 
         Args:
             text: Name of the absolute value.

@@ -1,10 +1,11 @@
 """Intervals that are valid for coloured residuals, because model error is not white noise.
 
-Effects that a model lacks cause residuals that are correlated between rows and joints. Rows are
-therefore grouped into clusters, such as a bin of the spectrum or an interval of time. The
-estimate's covariance follows from the changes when one cluster after the other is left out: the
-cluster jackknife (MacKinnon, Nielsen and Webb 2023, CV3). Unlike the sandwich estimator, it does
-not underestimate residuals that the fit has adapted to.
+Effects that are not in a model cause residuals that are correlated between rows and joints. Rows
+are therefore grouped into clusters, such as a bin of the spectrum or an interval of time. One
+cluster after the other is left out, and the covariance follows from the changes of the estimate.
+This is the cluster jackknife (MacKinnon, Nielsen and Webb 2023, CV3). A fit adapts to the data, so
+its residuals are smaller than the errors. The sandwich estimator therefore underestimates the
+errors; the jackknife does not.
 """
 
 from __future__ import annotations

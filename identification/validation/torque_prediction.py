@@ -231,7 +231,7 @@ def common_relative_errors(one: Validation, other: Validation) -> FloatArray:
 
 
 def _moving_when_torque_acted(moving: BoolArray, signals: SmoothedSignals) -> BoolArray:
-    """Return where joints move, and moved when the recorded torque acted, (samples, n).
+    """Return True for samples in which a joint moves and moved when its torque acted, (samples, n).
 
     If the recorded torque is delayed, the first samples of a joint that starts to move still
     contain the torque at rest.
@@ -281,7 +281,7 @@ def _predict_filtered(
 
 
 def _friction_known_rows(signals: SmoothedSignals, conditions: Conditions) -> BoolArray:
-    """Return where friction depends only on the recorded motion, (samples, n).
+    """Return True for samples whose friction depends only on the recorded motion, (samples, n).
 
     Unknown friction affects later samples through the low-pass and the channel: for one period of
     the cut-off, and for the duration of the channel's response.

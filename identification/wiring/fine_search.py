@@ -1,7 +1,8 @@
 """`find_fine_mistake`: mistakes that hardly change the residual of a simple fit.
 
-On arms with six axes, the many parameters compensate most of the effect of wrong lengths, axes,
-gears or a wrong clock on the torques, and friction hides the rest. `FlexibleFit` shows it.
+On arms with six axes, wrong lengths, axes, gears or a wrong clock have little visible effect on the
+torques: the many parameters compensate most of it, and friction hides the rest. `FlexibleFit` makes
+the effect visible.
 """
 
 from __future__ import annotations

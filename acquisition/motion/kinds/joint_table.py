@@ -221,8 +221,9 @@ def _check_positions(position: FloatArray, robot: RobotDescription) -> None:
 def _end_speeds(time_s: FloatArray, position: FloatArray) -> FloatArray:
     """Return the lowest speed at an end that polynomials through its first rows have, shape (n,).
 
-    Polynomials of degree 1, 2 and 3 through two, three and four rows: a table with constant
-    acceleration from rest has a chord that moves, but a parabola that begins at rest.
+    Polynomials of degree 1, 2 and 3 pass through the first two, three and four rows. A motion from
+    rest with constant acceleration is not at rest on the straight line, but is at rest on the
+    parabola.
 
     Args:
         time_s: Shape (4,). Times from the end inwards [s].

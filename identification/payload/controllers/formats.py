@@ -96,8 +96,8 @@ def load_data(
 def rounding(body: PayloadBody, sigma: FloatArray) -> float:
     """Return the largest allowed `deviation` of a text from a body.
 
-    It is a twentieth of the interval of the best-known value, and at most half of the tolerance of
-    `read-back`.
+    The limit is a twentieth of the interval of the most accurate value, and at most half of the
+    tolerance of `read-back`.
 
     Args:
         body: The payload.
