@@ -75,7 +75,7 @@ class LineCheck:
         self._low, self._high = low + margin, high - margin
 
     def __call__(self, start: FloatArray, wanted: FloatArray) -> HoldLine:
-        """Return the line from a pose towards another one, (joints,) each, as far as it is clear.
+        """Return the clear part of the line from a pose towards another one, (joints,) each.
 
         The line ends before a joint's limit, or before two bodies come too close. If they are too
         close at the start, the line may lead away.

@@ -25,7 +25,7 @@ def run_in(trajectory: FourierTrajectory, samples: int) -> JointTrajectory:
 
     Args:
         trajectory: The periodic motion, joined at its time zero.
-        samples: Number of samples of the run-in; the path time advances by half of it.
+        samples: Number of samples of the run-in; the path time advances by half of this number.
     """
     x = np.arange(samples) / samples
     duration_s = samples * trajectory.sample_period_s

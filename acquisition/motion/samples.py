@@ -141,7 +141,7 @@ class MotionSamples:
         """Rows at which a whole number of main periods ends, and that number.
 
         All these rows are at the same point of the same path. Therefore the motion can continue
-        from each of them with the run-out that follows the last one. Empty if the motion is not
+        from each row with the run-out that follows the last period. Empty if the motion is not
         periodic.
         """
         if self.samples_per_period is None:

@@ -149,8 +149,8 @@ def cut_reaction(
     """Cut a plate's channels into periods; return None if too few channels are left.
 
     A period is unusable for a channel that lacks too many samples in it, or drifts faster in it
-    than the plate's limit. A channel is left out if more of the good periods are unusable for it
-    than the limits allow, or a quarter of them.
+    than the plate's limit. A channel is left out if more than `limits.rejected` good periods, or
+    more than a quarter of the good periods, are unusable for it.
 
     Args:
         reaction: Measurement of the plate.

@@ -90,7 +90,7 @@ class RecordingTally:
             self.following_error = np.maximum(self.following_error, error.max(axis=0, initial=0.0))
 
     def _add_motion(self, part: Recording) -> None:
-        """Count each answered row of the motion once; the last one repeats while the robot waits."""
+        """Count each answered row of the motion once; the last one repeats during a wait."""
         driven = part.sample_index >= 0
         if not driven.any():
             return

@@ -24,7 +24,7 @@ LAG_PERIODS: Final = 7.0
 """Time constants after which 0.1 % of an event remains in a first-order filter."""
 WIDTH_PERIODS: Final = 4.0
 ADVANCE_PERIODS: Final = 2.0
-"""Widths after and before an event over which a zero-phase filter spreads most of it."""
+"""Widths after and before an event over which a zero-phase filter spreads most of the event."""
 PADDING_S: Final = 0.5
 """Shortest time that a signal is extended by at its end before it is filtered."""
 

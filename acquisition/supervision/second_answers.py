@@ -16,8 +16,9 @@ WINDOW = 100
 class SecondAnswers:
     """Counter of cycles in which a drive's identifier answered more than once.
 
-    A rare second answer is harmless: a controller that saw an error at a frame's very end sends it
-    again. `supervision.second_answers_limit` of them in `WINDOW` cycles mean another sender.
+    A rare second answer is harmless: a CAN controller that detects an error at the very end of a
+    frame sends the frame again. `supervision.second_answers_limit` second answers in `WINDOW`
+    cycles mean that another device sends.
     """
 
     def __init__(self, cell: CellConfig, robot: RobotDescription) -> None:

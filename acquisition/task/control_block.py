@@ -48,7 +48,7 @@ class ControlBlock(SharedBlock):
 
     @classmethod
     def of_process(cls, pid: int) -> ControlBlock | None:
-        """Return the block of another process's present motion; None if there is none.
+        """Return the block of another process's present motion; None without a motion.
 
         Raises:
             PermissionError: The process belongs to another user.

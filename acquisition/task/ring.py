@@ -69,7 +69,7 @@ class Ring:
 
     @classmethod
     def of_process(cls, pid: int) -> Ring | None:
-        """Return the newest ring of another process, for reading; None if there is none.
+        """Return the newest ring of another process, for reading; None without a ring.
 
         The ring shows its last rows as long as this object exists, even after the end of that
         process. Use only `latest` and the counters of such a ring: it cannot be written, and its

@@ -29,7 +29,7 @@ class SharedError(ctypes.Structure):
         self._there = 1
 
     def get(self) -> RidDaqError | None:
-        """Return the error with its class and code; None if there is none."""
+        """Return the error with its class and code; None without an error."""
         if not self._there:
             return None
         kind = getattr(errors, self._kind.decode(errors="replace"), DriverError)

@@ -1,4 +1,4 @@
-"""`SharedMemory`: anonymous memory of several processes, freed with the last of them.
+"""`SharedMemory`: anonymous memory of several processes, freed when the last process ends.
 
 Another program of the same user can still find it through a process that has it. Therefore `rid-daq
 stop` reaches a motion even if the program is too busy to answer.

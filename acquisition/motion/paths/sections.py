@@ -43,7 +43,7 @@ class PathPiece:
     Attributes:
         label: Name of the curve in messages.
         curve: The curve as a function of its parameter.
-        knots, lengths: Parameters, and the length up to each of them [m].
+        knots, lengths: Parameters, and the length up to each parameter [m].
         speed_m_s: Requested speed.
     """
 
