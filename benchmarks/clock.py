@@ -67,10 +67,10 @@ class Case:
     Attributes:
         name: Robot, motion and case.
         clock: State of the judged clock.
-        made, found: Share of repeated rows, true and detected.
+        made, found: Fraction of repeated rows, true and detected.
         stamped_s, judged_s: RMS error of the stamped and of the judged times [s].
         errors: Held-out torque error of the worst joint with stamped, judged and true times [%].
-        passed: True if the bars hold.
+        passed: True if the requirements are met.
     """
 
     name: str

@@ -148,7 +148,7 @@ def border_robots(estimate: Estimate) -> list[tuple[str, FloatArray]]:
 
 @dataclass
 class Refusals:
-    """Counts of refused draws and of all draws, and the longest time of one test [s]."""
+    """Counts of rejected draws and of all draws, and the longest time of one test [s]."""
 
     refused: int = 0
     draws: int = 0
@@ -166,7 +166,7 @@ class Refusals:
 
     @property
     def share(self) -> float:
-        """Refused share of the draws."""
+        """Fraction of the draws that are rejected."""
         return self.refused / self.draws
 
 
@@ -177,7 +177,7 @@ def draw_estimate(estimate: Estimate, values: FloatArray, random: np.random.Gene
 
 
 def false_refusals(draws: int) -> dict[str, Refusals]:
-    """Return the refusals of consistent robots, inside the cone and on its border."""
+    """Return the rejections of consistent robots, inside the cone and on its border."""
     found: dict[str, Refusals] = {}
     for seed, noise_nm in enumerate(NOISES_NM):
         estimate = noisy_estimate(100 + seed, noise_nm)
@@ -193,7 +193,7 @@ def false_refusals(draws: int) -> dict[str, Refusals]:
 
 
 def power(draws: int) -> Refusals:
-    """Return the refusals of robots with one parameter at -5 sigma that cannot be negative."""
+    """Return the rejections of robots with a parameter at -5 sigma that cannot be negative."""
     found, random = Refusals(), np.random.default_rng(7)
     for seed, noise_nm in enumerate(NOISES_NM):
         estimate = noisy_estimate(200 + seed, noise_nm)
@@ -256,7 +256,7 @@ def log_cholesky(task: ConsistencyProgramme, target: FloatArray) -> FloatArray:
 
 
 def against_log_cholesky(count: int) -> tuple[bool, float, float]:
-    """Print the comparison; return whether the bar holds, the time [ms], and the speed-up."""
+    """Print the comparison; return True if it meets the bar, the time [ms], and the speed-up."""
     spent, cost = np.zeros((2, count)), np.zeros((2, count))
     for seed in range(count):
         estimate = noisy_estimate(seed)

@@ -41,7 +41,7 @@ LOW, HIGH = 0.90, 0.98
 
 @dataclass(frozen=True)
 class Coverage:
-    """Shares of base parameters whose truth lies within two standard deviations."""
+    """Fractions of base parameters whose true value lies within two standard deviations."""
 
     clustered: float
     white: float
@@ -49,7 +49,7 @@ class Coverage:
 
 
 def coverage(experiments: int) -> Coverage:
-    """Simulate and identify experiments; return the shares of intervals that hold the truth."""
+    """Simulate and identify experiments; return the fractions of intervals with the true value."""
     robot = load_robot("ir361")
     motion = design_two_harmonic(robot, TwoHarmonicOptions(PERIOD_S, tries=50), CYCLE_S)
     trajectory = motion.trajectory(robot, CYCLE_S)

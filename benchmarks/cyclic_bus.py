@@ -52,7 +52,7 @@ class Scenario:
 
     @property
     def load(self) -> float:
-        """Bus load, as a share of the bandwidth."""
+        """Bus load, as a fraction of the bandwidth."""
         return cyclic_load(
             self.axes,
             self.cycle_time_s,

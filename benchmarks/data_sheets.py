@@ -1,4 +1,4 @@
-"""Measure the share of servo drives' data sheets that rid-daq can use.
+"""Measure the fraction of servo drives' data sheets that rid-daq can use.
 
 `python -m benchmarks.data_sheets --eds DIR` compares every EDS and DCF file of a servo drive
 (CiA 402) below a folder with the requirements of rid-daq. A drive is accepted with a bundled
@@ -37,7 +37,8 @@ WORDS: Final = ((0x6040, 0), (0x6041, 0))
 MANUFACTURER_INDICES: Final = range(0x2000, 0x6000)
 TORQUES: Final = (0x6077, 0x6078)
 TYPE_BIT, SEVERAL = 1 << 17, 0xFF
-"""In 1000h: the bit for "servo drive", and the drive type of a module with several axes."""
+"""Values in object 1000h: the bit of a servo drive, and the drive type of a module with several
+axes."""
 
 Kind = Literal["servo drive", "other device", "stepper or without torque", "sample or simulated"]
 

@@ -18,7 +18,7 @@ import time
 BAR_S = 120.0
 CYCLE_S = 0.008
 WAKES_PER_CYCLE = 4
-"""Process switches of one lock-step cycle: twice the master, twice the drives."""
+"""Process switches of one lock-step cycle: two to the master and two to the drives."""
 
 
 def echo(peer: socket.socket) -> None:

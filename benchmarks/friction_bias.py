@@ -161,7 +161,7 @@ class Cell:
         return cls([], [], [], [])
 
     def shares(self) -> dict[str, float]:
-        """Return all shares [%]."""
+        """Return all fractions [%]."""
         return {
             name: 100.0 * float(np.mean(values)) if values else float("nan")
             for name, values in (

@@ -174,7 +174,7 @@ def _wait(jog: SimulatedJog, time_s: float) -> None:
 
 
 def report(links: int, minutes: float, loopback_s: float) -> bool:
-    """Measure and print; return whether all bars hold."""
+    """Measure and print; return True if all requirements are met."""
     outcomes = [over_link(seed) for seed in range(links)]
     late_s = max(each.late_s for each in outcomes)
     restarts = sum(each.restarts for each in outcomes)
@@ -220,7 +220,7 @@ def report(links: int, minutes: float, loopback_s: float) -> bool:
 
 
 def main() -> int:
-    """Measure and print; return 0 if all bars hold."""
+    """Measure and print; return 0 if all requirements are met."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="fewer links, seconds for minutes")
     quick = parser.parse_args().quick

@@ -27,7 +27,7 @@ SEEN_S: Final = 0.15
 """Largest delay of the samples that this benchmark receives [s]."""
 
 MOVING: Final = 0.005
-"""Share of a joint's velocity limit above which the joint counts as moving."""
+"""Fraction of a joint's velocity limit above which the joint counts as moving."""
 
 
 @dataclass
@@ -134,7 +134,7 @@ class Watcher:
                 self.refused.append(told["event"]["text"])
 
     def moved(self, from_s: float, to_s: float = float("inf")) -> bool:
-        """Return whether the robot moved in a time span."""
+        """Return True if the robot moved in a time span."""
         return any(from_s <= each < to_s for each in self.moving_s)
 
 
@@ -169,7 +169,7 @@ class RealLinks:
 
     @property
     def holds(self) -> bool:
-        """True if all bars hold."""
+        """True if all requirements are met."""
         return not (self.late or self.restarts or self.unmoved or self.lost)
 
     def document(self) -> dict[str, Any]:

@@ -149,7 +149,7 @@ class Tally:
         return "; ".join([*wrong, worst])
 
     def shares(self) -> dict[str, float]:
-        """Return the judged shares."""
+        """Return the fractions that the bars apply to."""
         return {
             "true terms": self.found_terms / max(self.true_terms, 1),
             "false terms": self.false_terms / max(self.open_terms, 1),

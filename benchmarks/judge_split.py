@@ -47,7 +47,7 @@ class JudgeSplit(ConfigModel):
 
 
 def find_splits(folder: Path) -> dict[Path, JudgeSplit]:
-    """Return the folders below `folder` that have a `judge.yaml`, or a bundled split of their name.
+    """Return the folders below `folder` that have a `judge.yaml`, or a bundled file of their name.
 
     Raises:
         ValueError: A file is not a valid split; the message names file and key.

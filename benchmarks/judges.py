@@ -140,7 +140,7 @@ def count_agreements(first: Direction, second: Direction) -> tuple[int, int]:
 
 
 def write_arrays(runs: Sequence[str], to: Path) -> Path:
-    """Write the low-passed arrays of some runs for the peer; return the file."""
+    """Write the low-passed arrays of some runs for figaroh; return the file."""
     data = [RunData.load(folder) for folder in find_runs(Path("runs"), runs)]
     signals: list[SmoothedSignals] = [smoothed_recording(each.recording, BAND_HZ) for each in data]
     robot = data[0].robot

@@ -35,8 +35,8 @@ class Friction:
     """Friction in addition to Coulomb and viscous friction, the same for every joint.
 
     Attributes:
-        stribeck: Additional friction at standstill, as a share of the Coulomb friction.
-        load: Share of the load's torque.
+        stribeck: Additional friction at standstill, as a fraction of the Coulomb friction.
+        load: Friction as a fraction of the load's torque.
     """
 
     stribeck: float = 0.0

@@ -1,4 +1,4 @@
-"""Measure the share of file and wiring mistakes that rid-daq detects.
+"""Measure the fraction of file and wiring mistakes that rid-daq detects.
 
 `python -m benchmarks.mistakes` injects each mistake into a correct recording, then imports and
 identifies it with the commands, as a user would. The robots are invented three- and six-axis arms

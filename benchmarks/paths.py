@@ -62,7 +62,7 @@ segments:
 REFINEMENTS = 2
 BARS = {FIRST: (10.0, 6.0), "refined": (20.0, 10.0), SPLINE: (6.0, 3.0), "others": (6.0, 4.0)}
 # The presliding state after rest depends on the motion before it, which is unknown in advance.
-# Compensation on line measures it; its bar is 10 and 8 (`benchmarks.path_error`).
+# On-line compensation measures this state; its bars are 10 and 8 (`benchmarks.path_error`).
 
 
 def circle_text(own: dict[str, Any], periods: int) -> str:
@@ -80,7 +80,7 @@ def circle_text(own: dict[str, Any], periods: int) -> str:
 
 
 def is_held(title: str, motion: dict[str, Any], bar: tuple[float, float]) -> bool:
-    """Print the reduction of a motion's error; return whether mean and maximum reach the bar."""
+    """Print the reduction of a motion's error; return True if mean and maximum reach `bar`."""
     mean, most = bar
     held: bool = motion["mean_ratio"] >= mean and motion["max_ratio"] >= most
     print(

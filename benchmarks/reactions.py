@@ -206,7 +206,7 @@ class Bench:
 
 
 def reactions(log: Path, sessions: list[Session], loaded: LoadedCell) -> dict[str, list[float]]:
-    """Return the reaction times as shares of the allowed time, for each fault."""
+    """Return the reaction times as fractions of the allowed time, for each fault."""
     kinds, cycle_s = _kinds(loaded), loaded.config.cycle_time_s
     commands = {rpdo_cob_id(axis.node_id) for axis in loaded.config.axes}
     found: dict[str, list[float]] = {}

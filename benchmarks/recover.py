@@ -1,4 +1,4 @@
-"""Measure the share of rows that `repair` recovers from damaged recordings.
+"""Measure the fraction of rows that `repair` recovers from damaged recordings.
 
 The recorder writes one recording. A thousand copies are truncated at random places, and a thousand
 have one bit flipped. Each copy is repaired and compared with the original rows: a recovered row
@@ -77,7 +77,7 @@ class Tally:
 
     @property
     def fraction(self) -> float:
-        """Share of the undamaged rows that were read."""
+        """Fraction of the undamaged rows that were read."""
         return self.kept / max(self.there, 1)
 
 

@@ -52,7 +52,7 @@ def pinocchio_arm(chain: Chain) -> pin.Model:
 
 
 def pinocchio_loop(model: pin.Model, motion: FloatArray) -> Callable[[], FloatArray]:
-    """Return the peer's result: one call per sample, stored in an array."""
+    """Return the result of Pinocchio: one call per sample, stored in an array."""
     data = model.createData()
     q, v, a = motion
     out = np.empty((len(q), model.nv, 10 * model.nv))
@@ -100,7 +100,7 @@ def on_one_core(call: Callable[[], object]) -> Callable[[], object]:
 
 
 def measure(axes: int, rounds: int) -> tuple[float, float, float]:
-    """Print one arm's figures; return those of the regressor, the limit and the peer [us]."""
+    """Print one arm's figures; return those of the regressor, the limit and Pinocchio [us]."""
     model = random_arm(axes)
     motion = np.random.default_rng(0).uniform(-2.0, 2.0, (3, SAMPLES, axes))
     peer = pinocchio_loop(pinocchio_arm(model.chain), motion)

@@ -66,7 +66,7 @@ class SixAxes:
         robot: Its description, with armatures.
         torque: Its torque model.
         limits: Limits of the timing.
-        judge: Pinocchio's model of links and armatures.
+        judge: Pinocchio's model of links and armatures, for the check of the rows.
     """
 
     robot: RobotDescription
@@ -102,7 +102,7 @@ class SixAxes:
         return np.array([pin.rnea(self.judge, data, *row) for row in zip(*path, strict=True)])
 
     def judged(self, path: JointTrajectory) -> FloatArray:
-        """Return the torques of rows, including friction, as shares of their limits."""
+        """Return the torques of rows, including friction, as fractions of their limits."""
         v = path.velocity
         friction = COULOMB * np.sign(v) + VISCOUS * v + OFFSET
         return np.asarray(np.abs(self.rigid(path) + friction) / self.limits.torque)

@@ -56,10 +56,10 @@ STATE: Final = 0x6F
 LEASE_S: Final = 3600.0
 REST_S: Final = 180.0
 STARTING: Final = 0.15
-"""Share of the kills that happen during a service's start."""
+"""Fraction of the kills that happen during a service's start."""
 
 ASKING: Final = 0.25
-"""Share of the other kills that happen within `ASKING_S` after the request."""
+"""Fraction of the other kills that happen within `ASKING_S` after the request."""
 
 ASKING_S: Final = 0.1
 MOTION: Final = """kind: fourier
@@ -143,7 +143,7 @@ def require_answer(folder: Path, process: subprocess.Popen[bytes]) -> None:
 
 
 def answers(folder: Path) -> bool:
-    """Return whether a service of the folder answers."""
+    """Return True if a service of the folder answers."""
     with contextlib.suppress(RidDaqError), ServiceClient.at(str(socket_path_of(folder))) as client:
         client.cells()
         return True
@@ -151,14 +151,14 @@ def answers(folder: Path) -> bool:
 
 
 def is_worker(pid: int) -> bool:
-    """Return whether a process exists and is a worker."""
+    """Return True if a process exists and is a worker."""
     with contextlib.suppress(OSError):
         return b"rid_daq.worker" in Path(f"/proc/{pid}/cmdline").read_bytes()
     return False
 
 
 def has_drives() -> bool:
-    """Return whether the drives are on their bus."""
+    """Return True if the drives are on their bus."""
     try:
         return enabled_drives() >= 0
     except can.CanError:

@@ -60,7 +60,7 @@ class BusListener:
             client.close()
 
     def is_stopped(self, wait_s: float) -> bool:
-        """Read frames for at most `wait_s`; return whether every axis has had its quick stop."""
+        """Read frames for at most `wait_s`; return True if every axis received a quick stop."""
         for _, can_id, length, _, data in self._client.take_all(wait_s):
             node = self._axis.get(can_id)
             if node is None or length < 2 or length == 4:  # a velocity alone

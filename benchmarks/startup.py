@@ -26,7 +26,8 @@ PROGRAM: Final = (sys.executable, "-m", "rid_daq")
 RUNS: Final = 100
 ROUNDS: Final = 7
 PEER_S: Final = 0.09
-"""Time of the peer on the idle computer on which the bars were set [s]."""
+"""Time of `python -c 'import numpy, scipy'` on the idle computer on which the limits were set [s].
+"""
 
 BARS_S: Final = {"--version": 0.1, "runs": 0.3, "--help": 0.3, "check": 1.0}
 

@@ -101,7 +101,7 @@ def stage_of(cell: LoadedCell, points: Points) -> Callable[[int], object]:
 
 
 def peer_of(cell: LoadedCell, points: Points) -> Callable[[int], object]:
-    """Return the same function in Python, with Pinocchio for the torque."""
+    """Return the same function, written in Python with Pinocchio for the torque."""
     n, step_s = points.shape[1], cell.config.cycle_time_s
     model = pin.Model()
     for j in range(n):
@@ -160,7 +160,7 @@ def cpu_us(at: Callable[[int], object], rows: int) -> float:
 
 
 def share_of_core(cycles: int) -> tuple[float, float]:
-    """Return the share of a core at 1 kHz for three axes with bus, and for the stage alone."""
+    """Return the load of a core at 1 kHz for three axes with bus, and for the stage alone."""
     cell = load_cell("ir361")
     cell = LoadedCell(
         cell.config.model_copy(update={"cycle_time_ms": 1}), cell.robot, cell.plant, cell.files

@@ -42,7 +42,7 @@ class Proof:
     Attributes:
         error: Shape (drives, 2). Relative errors of K_p and T_i.
         deviation: Shape (drives, 2). Errors divided by their standard deviations.
-        peer_error: Shape (drives, 2). Relative errors of the peer.
+        peer_error: Shape (drives, 2). Relative errors of the plain estimate.
         p_values: Shape (drives,). p-values of the fits.
         lag_s: Shape (drives,). Error of the sum of delay and lag [s].
     """

@@ -47,7 +47,7 @@ Share = Annotated[float, Field(ge=0.0), Plausible(0.1, 1e3, "%")]
 """Limit relative to a reference value [%]."""
 
 Millimetres = Annotated[float, Field(ge=0.0), Plausible(0.05, 500.0, "mm")]
-"""Largest length [mm]."""
+"""Limit of a length [mm]."""
 
 MassLimitKg = Annotated[float, Field(ge=0.0), Plausible(1e-3, 100.0, "kg")]
 """Limit of a mass [kg]."""

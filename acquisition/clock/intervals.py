@@ -20,25 +20,27 @@ from config.arrays import BoolArray, FloatArray, IntArray
 
 ROUNDS: Final = 4
 DETERMINED: Final = 0.05
-"""An interval is determined if its standard deviation is below this part of the usual length."""
+"""Largest standard deviation of a determined interval, relative to the usual length."""
 FEWEST_DETERMINED: Final = 50
 FEWEST_OF_CLASS: Final = 10
 SHORTEST: Final = 0.1
-"""Shortest permitted interval, as part of the usual one."""
+"""Shortest permitted interval, relative to the usual length."""
 ON_TICK: Final = 0.95
-"""If this share of intervals are whole multiples of one tick, all intervals are."""
+"""Smallest fraction of intervals on whole ticks from which all intervals are set to whole ticks."""
 COUNTED: Final = 0.12
 """Largest standard deviation of an interval that can be rounded to whole ticks [ticks]."""
 RATE_KEPT: Final = 0.005
-"""If the estimated mean rate differs by less from that of the stamps, the latter is kept."""
+"""Smallest relative difference from the stamps' mean rate for which the estimated rate is used."""
 LARGEST_RATE_ERROR: Final = 0.05
-"""Velocities that contradict the rate of the stamps by more are not used."""
+"""Largest relative difference between the velocities' rate and the stamps' rate; else velocities
+are not used."""
 SIGNIFICANT: Final = 3.0
-"""Number of standard deviations from which a common delay of the velocities is significant."""
+"""Smallest significant common delay of the velocities [standard deviations]."""
 WRONG_STEPS: Final = 0.5
-"""A common delay must exceed this part of the RMS error of the stamps' steps."""
+"""Smallest common delay of the velocities, relative to the RMS error of the stamps' steps."""
 FAR_OFF: Final = 4.0
-"""Residuals over 0.1 s beyond so many standard deviations are outliers, as at a motion's start."""
+"""Largest residual over 0.1 s that is not an outlier, as at a motion's start [standard deviations].
+"""
 _MAD: Final = 1.4826
 
 
@@ -96,7 +98,7 @@ def estimate_times(
         if np.count_nonzero(seen) < FEWEST_DETERMINED:
             return None
         if abs(delay_s) < WRONG_STEPS * float(np.std((length - given)[seen])):
-            delay_s = 0.0  # errors of the stamps that depend on the step length look the same
+            delay_s = 0.0  # stamp errors that depend on the step length look like a delay
         left = np.abs(moved - length[:, np.newaxis] * mean)[seen]
         noise = np.maximum(_MAD * np.median(left, axis=0), least)
         length = _shrink_to_usual_length(length, sigma, seen, repeats, usual)

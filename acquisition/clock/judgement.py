@@ -25,11 +25,12 @@ from config.arrays import BoolArray, FloatArray
 from config.robot.robot import RobotDescription
 
 UNEVEN: Final = 0.2
-"""Unconfirmed stamps are in doubt if their jitter exceeds this part of the median step."""
+"""Jitter, relative to the median step, above which unconfirmed stamps are in doubt."""
 TORQUE_WORSE: Final = -0.05
 TORQUE_SIGMAS: Final = 3.5
 SAME: Final = 0.02
-"""Times within this part of the median step, RMS, of the stamps confirm the stamps."""
+"""RMS difference of times and stamps, relative to the median step, up to which the times confirm
+the stamps."""
 
 
 @dataclass(frozen=True, eq=False)

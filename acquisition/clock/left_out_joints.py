@@ -12,7 +12,7 @@ from acquisition.clock.samples import STANDSTILL_SPEED, Samples, smallest_step
 from config.arrays import FloatArray, IntArray
 
 JUDGED_ROWS: Final = 60_000
-"""Longer recordings are judged by so many rows in their middle."""
+"""Largest number of rows that are used; of a longer recording, those in its middle."""
 BLOCK_ROWS: Final = 200
 FEWEST_BLOCKS: Final = 8
 LEAST_GAIN: Final = 0.05

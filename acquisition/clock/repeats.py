@@ -22,9 +22,11 @@ FEWEST_ROWS: Final = 100
 MOST_STEPS: Final = 3.0
 SHARE_OF_SPEED: Final = 0.3
 MOST_AT_REST: Final = 2.0
-"""Equal rows at rest are repeats if they are at most so many times as frequent as in motion."""
+"""Largest frequency of equal rows at rest, relative to that in motion, for which they are repeats.
+"""
 FEW: Final = 0.1
-"""Equal rows at rest also count as repeats up to this part of the repeats in motion.
+"""Number of equal rows at rest, relative to the repeats in motion, up to which they count as
+repeats.
 
 They are repeats at which a joint is slow or reverses.
 """

@@ -7,7 +7,7 @@ from enum import StrEnum
 from typing import Final
 
 NAMED_SHARE: Final = 0.005
-"""If the share of repeated rows or repeated positions is larger, the clock is in doubt."""
+"""Largest fraction of repeated rows or positions for which the clock is not in doubt."""
 MISSING_SHARE: Final = 0.01
 
 
@@ -38,8 +38,8 @@ class ClockReport:
         missing_rows: Number of missing rows according to the steps of the stamps.
         jitter_rms_s: Deviation of the stamps' steps from whole multiples of the median step, RMS
             [s].
-        held_share: For each joint, the share of positions that repeat the previous row although the
-            joint moves.
+        held_share: For each joint, the fraction of positions that repeat the previous row although
+            the joint moves.
         corrected_rms_s: Difference of rebuilt times and stamps, without the best shift and
             rate,
             RMS [s].

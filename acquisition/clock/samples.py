@@ -10,9 +10,9 @@ import numpy as np
 from config.arrays import BoolArray, FloatArray
 
 STANDSTILL_SPEED: Final = 0.02
-"""Slower joints are not used to judge a clock [rad/s or m/s]."""
+"""Lowest speed of a joint that is used to judge a clock [rad/s or m/s]."""
 WIDE_S: Final = 0.1
-"""Over this time the effect of jitter and rounding on a displacement is negligible [s]."""
+"""Time over which the effect of jitter and rounding on a displacement is negligible [s]."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,7 +27,7 @@ FRICTION: Final[tuple[FrictionTerm, ...]] = (
 )  # fmt: skip
 BAND_HZ: Final = 8.0
 GUARD_S: Final = 0.06
-"""Rows this close to a reversal are not used: the low-pass blurs the sign of the friction [s]."""
+"""Time around a reversal that is not used, because the low-pass blurs the friction's sign [s]."""
 MOST_ROWS: Final = 4000
 PARTS: Final = 8
 CONDITION: Final = 1e-6

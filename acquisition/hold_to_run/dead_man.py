@@ -19,7 +19,8 @@ from acquisition.task.shared_block import SharedBlock
 from config.arrays import FloatArray
 
 DEAD_MAN_S: Final = 0.2
-"""Time for which one sign of a held key is valid [s]; without another one the motion stops."""
+"""Time for which a message about a held key is valid [s]; without a further message the motion
+stops."""
 
 
 class _Words(ctypes.Structure):

@@ -31,7 +31,7 @@ class HoldLine:
 
     Attributes:
         start, goal: Shape (joints,). Start and end of the line [rad or m].
-        pace_per_s: Share of the line that may be driven per second [1/s].
+        pace_per_s: Fraction of the line that may be driven per second [1/s].
         obstacle: Obstacle or limit before which the line was cut; empty if the line is complete.
     """
 
@@ -51,11 +51,11 @@ class LineCheck:
 
     Args:
         cell, robot: Limits, bodies and surroundings.
-        speed_share: Share of each joint's velocity limit at which a line is driven; at most
+        speed_share: Fraction of each joint's velocity limit at which a line is driven; at most
             `FASTEST_SHARE`.
 
     Raises:
-        ConfigError: The share is not above 0, is larger than permitted, or is not a number.
+        ConfigError: `speed_share` is not above 0, is larger than permitted, or is not a number.
     """
 
     def __init__(self, cell: CellConfig, robot: RobotDescription, speed_share: float) -> None:
@@ -92,7 +92,7 @@ class LineCheck:
         return HoldLine(start, poses[-1], self._pace(poses), obstacle)
 
     def _within_limits(self, start: FloatArray, wanted: FloatArray) -> tuple[float, str]:
-        """Return the share of a line that is within the limits, and the limit that cuts it."""
+        """Return the fraction of a line that is within the limits, and the limit that cuts it."""
         share, obstacle = 1.0, ""
         for i, joint in enumerate(self._robot.joints):
             way = wanted[i] - start[i]
@@ -104,7 +104,7 @@ class LineCheck:
         return share, obstacle
 
     def _pace(self, poses: FloatArray) -> float:
-        """Return the share of a line that joints and tool point may drive per second [1/s]."""
+        """Return the fraction of a line that joints and tool point may drive per second [1/s]."""
         way = np.abs(poses[-1] - poses[0])
         if not way.any():
             return 1.0

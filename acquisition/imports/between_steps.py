@@ -19,11 +19,11 @@ from config.arrays import FloatArray
 from dynamics.kernels.taut_string import pull_taut
 
 MOST_STEPS: Final = 100
-"""Changes by more steps are not used: their rounding errors add up."""
+"""Largest change that is used [steps]; rounding errors add up in larger changes."""
 OFF_THE_GRID: Final = 0.1
-"""Permitted deviation of a change from whole steps, in steps: rounding of the last digit."""
+"""Permitted deviation of a change from whole steps, due to rounding of the last digit [steps]."""
 FEWEST_STEPS: Final = 10
-"""Fewer changes can be multiples of one step by chance."""
+"""Smallest number of changes; fewer can be multiples of one step by chance."""
 
 
 def position_steps(rows: ImportRows) -> tuple[float | None, ...]:

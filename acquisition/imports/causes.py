@@ -18,7 +18,7 @@ from config.arrays import FloatArray
 from config.robot.robot import JointLimits, RobotDescription
 
 BEYOND_LIMIT = 0.05
-"""A joint may exceed its limits by this share of its range."""
+"""Permitted excess of a joint's limits, as a fraction of its range."""
 
 _BY_REASON = {
     "with a wrong number of columns": "check columns, delimiter and header_rows of the map",

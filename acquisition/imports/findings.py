@@ -27,7 +27,8 @@ RATIO_TOLERANCE = 0.03
 ALIKE = 0.015
 STUCK = 1e-4
 SELDOM_S = 0.2
-"""A longer step shows hardly 2 Hz of the 10 Hz bandwidth that identification uses."""
+"""Longest step between rows [s]; longer steps show less than 2 Hz of the 10 Hz used for
+identification."""
 STUCK_ROWS = 100
 STUCK_SHARE = 0.2
 _FACTORS = (

@@ -144,7 +144,7 @@ def _split(line: str, import_map: ImportMap) -> tuple[list[str], Callable[[str],
     separator, comma = SEPARATORS[import_map.delimiter], import_map.decimal == ","
     odd = "_" in line or not line.isascii() or (comma and "." in line)
     if separator == "," and comma and '"' not in line:
-        return [], float  # without quotes nothing tells a decimal comma from a delimiter
+        return [], float  # without quotes, a decimal comma looks like a delimiter
     if '"' in line and separator is not None:
         try:
             fields = next(csv.reader([line], delimiter=separator, skipinitialspace=True))

@@ -37,7 +37,7 @@ class DiskReserve:
         try:
             os.posix_fallocate(descriptor, 0, size_bytes)
         except OSError as error:
-            os.close(descriptor)  # without a reserve, a full disk ends the file as it is
+            os.close(descriptor)  # without a reserve, a file on a full disk stays unfinished
             if error.errno in FULL:
                 raise RecordingError(
                     f"{folder}: no space for the {size_bytes >> 20} MB that a recording reserves"

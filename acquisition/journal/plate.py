@@ -25,11 +25,11 @@ EVENT_TOPIC: Final = "/plate_event"
 EVENT_NAME: Final = "rid_daq/msg/PlateEvent"
 
 SATURATION: Final = 0.95
-"Share of the range from which a channel counts as overloaded (faults: row 28)."
+"Fraction of the range from which a channel counts as overloaded (docs/faults.md: row 28). "
 
 LINE_LOST: Final = 0x100
 LINE_RESTORED: Final = 0x101
-"""Events of this computer; the amplifier's own have one byte."""
+"""Codes of events of this computer; those of the amplifier have one byte."""
 
 _ROW: Fields = (
     ("arrival_s", "f8", 1, "when it was here, on the clock of SYNC [s]"),

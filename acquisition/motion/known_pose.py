@@ -17,7 +17,7 @@ from config.robot.robot import Joint, RobotDescription
 MOVED: Final = "RID-POSE-MOVED"
 
 LEAST_RAD: Final = 0.01
-"""Smaller displacements can be the play of the brake [rad]."""
+"""Smallest displacement that counts; smaller ones can be the play of the brake [rad]."""
 
 LEAST_M: Final = 2e-3
 """As `LEAST_RAD`, for a prismatic joint [m]."""

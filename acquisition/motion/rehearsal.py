@@ -11,7 +11,8 @@ from acquisition.motion.samples import MotionSamples, Phase
 from config.errors import ConfigError
 
 SLOWER = 4.0
-"""Duration of a rehearsal divided by that of the motion: it has a quarter of the speed."""
+"""Duration of a rehearsal divided by that of the motion; the rehearsal has a quarter of the speed.
+"""
 
 
 def rehearsal(samples: MotionSamples, slower: float = SLOWER) -> MotionSamples:

@@ -128,7 +128,7 @@ class GapLimits:
 
     Attributes:
         longest_gap: Largest number of missing consecutive samples of a period.
-        missing: Largest share of missing samples.
+        missing: Largest fraction of missing samples.
         rejected: Largest number of rejected periods.
     """
 

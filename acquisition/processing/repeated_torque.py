@@ -18,11 +18,12 @@ from config.errors import DataQualityError
 
 FEWEST_CHANGES: Final = 20
 SELDOM_SHARE: Final = 0.02
-"""Share of the changes that may follow another one within a row."""
+"""Largest fraction of a held torque's changes that directly follow another change."""
 COARSE_STEPS: Final = 3.0
-"""Steps of its resolution by which a held torque changes; a coarse one changes by one."""
+"""Smallest change of a held torque, in steps of its resolution; a coarse torque changes by one
+step."""
 MOVED_SHARE: Final = 0.5
-"""Share of the held rows in which the positions change: otherwise whole rows are repeated."""
+"""Smallest fraction of held rows in which positions change; otherwise whole rows are repeated."""
 
 
 @dataclass(frozen=True, eq=False)

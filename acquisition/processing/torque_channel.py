@@ -26,7 +26,7 @@ WIDTH_PERIODS: Final = 4.0
 ADVANCE_PERIODS: Final = 2.0
 """Widths after and before an event over which a zero-phase filter spreads most of the event."""
 PADDING_S: Final = 0.5
-"""Shortest time that a signal is extended by at its end before it is filtered."""
+"""Shortest extension of a signal at its end before it is filtered [s]."""
 
 
 @dataclass(frozen=True, eq=False)

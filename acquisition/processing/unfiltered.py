@@ -22,11 +22,11 @@ WINDOW_PERIODS: Final = 0.72
 SLOW_RAD_S: Final = 0.02
 """Speed above which encoder steps must not look like motion [rad/s or m/s]."""
 WIDTH_STEPS: Final = 1.6
-"""Width of the smoothing, in times of one encoder step at that speed."""
+"""Width of the smoothing, relative to the duration of one encoder step at that speed."""
 WIDEST_SMOOTHING_S: Final = 8e-3
 """Largest standard deviation of the smoothing [s]."""
 SMOOTHING_REACH: Final = 4.0
-"""Reach of the smoothing in its standard deviations."""
+"""Half length of the smoothing window, in standard deviations of the Gaussian."""
 NOISE_DIFFERENCES: Final = 6
 """Order of the differences that show a position's noise."""
 

@@ -20,7 +20,7 @@ from config.process.termination import Interruption
 _LATE = frozenset(
     {StopCode.INTERRUPTED, StopCode.STOP_COMMAND, StopCode.STOP_BUTTON, StopCode.CLIENT_LOST}
 )
-"""Stops that a user or client requests: they are valid also after the end of the motion."""
+"""Stops that a user or client requests; these also apply after the end of the motion."""
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from config.arrays import FloatArray, IntArray
 LATENESS_EDGES_S = (0.0, 1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2)
 MOST_VALUES = 1 << 16
 _COARSE = ~np.int64((1 << 42) - 1)
-"""Keeps sign, exponent and ten bits of a double: 0.1 %."""
+"""Bit mask that keeps sign, exponent and ten bits of a double; it rounds values to 0.1 %."""
 
 
 @dataclass(frozen=True)

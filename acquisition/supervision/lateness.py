@@ -6,7 +6,7 @@ from acquisition.supervision.stop_reason import StopCode, StopReason
 from config.cell.cell import CellConfig
 
 LATE_FRACTION = 0.5
-"""Part of a period from which a cycle counts as late."""
+"""Delay from which a cycle counts as late, as a fraction of the cycle time."""
 
 
 class Lateness:

@@ -10,7 +10,7 @@ from pathlib import Path
 SCHEDULER_PRIORITY = 20
 
 PROCESSOR_LATENCY = Path("/dev/cpu_dma_latency")
-"""A process that holds this file open limits the wake-up time of the processors [us, int32]."""
+"""File that limits the wake-up time of the processors [us, int32] while a process holds it open."""
 
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 _PR_SET_TIMERSLACK = 29

@@ -99,7 +99,7 @@ class Ring:
 
     @property
     def fill(self) -> float:
-        """Share of the ring that waits to be read, 0 to 1."""
+        """Fraction of the ring that waits to be read, 0 to 1."""
         return self.waiting / self.capacity
 
     def write(self, values: tuple[Any, ...]) -> bool:

@@ -210,8 +210,8 @@ def whiteness(misfit: NDArray[np.complex128]) -> float:
 def _chance_of_cost(measured: FrequencyResponse, cost: float, parameters: int) -> float:
     """Return the probability of a larger cost if only noise remains.
 
-    The variance of each line comes from few periods, so its share of the cost follows an F
-    distribution instead of chi-squared: mean and variance are matched.
+    The variance of each line comes from few periods. Therefore the line's part of the cost follows
+    an F distribution instead of chi-squared; mean and variance are matched.
     """
     lines, own = len(measured.frequency_hz), measured.noise_freedom
     if own <= 2:

@@ -71,7 +71,7 @@ REMEMBERS: Final = 20  # true if any joint has hysteresis
 SEEING: Final = 21  # true while the measured state counts
 COUNTS: Final = 22
 
-WEIGHT: Final = 4  # of `pace`: share of the compensation that is sent
+WEIGHT: Final = 4  # of `pace`: fraction of the compensation that is sent
 PACE: Final = 5
 
 CARRIED: Final = 0  # rows of the inverse's state: x, latest torque, latest correction, and room

@@ -87,8 +87,8 @@ class PathRows:
         dynamics: Model along the path.
         labels: Name of each row, for messages.
         rows: Shape (points, rows, 3). Coefficients of u, of x, and at rest.
-        bounds: Shape (points, rows, 3). Lower and upper bound, and share of the joint's friction in
-            the row.
+        bounds: Shape (points, rows, 3). Lower and upper bound, and fraction of the joint's friction
+            in the row.
         size: Shape (rows,). Divisor of rows and bounds.
         joints: Shape (rows,). Joint of the friction in the row, or -1.
         both: Shape (points - 1, n). True if an actuator reverses or rests, so that its friction has
@@ -163,7 +163,7 @@ class PathRows:
         least, most = self.at_rest()
         room = np.minimum(self.bounds[:, :, 1] - most, least - self.bounds[:, :, 0])
         room = np.maximum(room, SMALLEST)
-        most_of = MOST_OF_ROOM * room  # then asymptotically closer to the whole limit
+        most_of = MOST_OF_ROOM * room  # above it, the reserve only approaches the whole limit
         beyond = np.maximum(free - most_of, 0.0) / (room - most_of)
         keep = np.where(free < most_of, free, room - (room - most_of) * np.exp(-beyond))
         bounds = self.bounds.copy()

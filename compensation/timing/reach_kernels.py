@@ -282,7 +282,7 @@ def backwards(
 
     Args:
         rows: Shape (points, rows, 3). A, B and C.
-        bounds: Shape (points, rows, 3). Lower and upper bound of a row, and share of its joint's
+        bounds: Shape (points, rows, 3). Lower and upper bound of a row, and fraction of its joint's
             friction.
         friction: Tuple of (rows,) the joint of a row's friction, or -1; a table of friction terms
             as in `SampleTorque`; the smoothing of their sign; (points, n) the actuators' speeds at

@@ -121,7 +121,7 @@ class Clearances:
         return nearest
 
     def is_clear(self, q: FloatArray) -> bool:
-        """Return whether every pair stays apart by the margin over poses q of (samples, n)."""
+        """Return True if every pair stays apart by the margin over poses q of (samples, n)."""
         links = link_transforms(self.chain, q)
         rows, columns = self._near(links)
         return all(

@@ -52,9 +52,10 @@ def drive_presliding(
             slides.
         share: Fraction of the friction with presliding hysteresis; the rest is rigid.
         state: Shape (STATE,). Initial state; updated, so that the next samples can continue.
-        out: Shape (samples, FOUND). Written: the direction, its derivatives by the distance and by
-            the share, and 1 as soon as the direction does not depend on the initial state (the path
-            has covered twice the longest distance), otherwise 0.
+        out: Shape (samples, FOUND). Written for each sample: the direction, its derivatives by the
+            distance and by `share`, and 1 or 0. The last number is 1 as soon as the direction does
+            not depend on the initial state, that is, when the path has covered twice the longest
+            distance.
     """
     widest = 0.5 * ELEMENTS * distance
     longest = distance if share == 1.0 else max(distance, AT_ONCE)

@@ -132,7 +132,7 @@ class Friction:
 
     @property
     def nonlinear(self) -> tuple[NonlinearParameter, ...]:
-        """The nonlinear parameters: Stribeck velocities, presliding distances, then shares."""
+        """The nonlinear parameters: Stribeck velocities, presliding distances and fractions."""
         speeds = tuple(speed.parameter for speed in self.stribeck)
         distances = tuple(own.distance for own in self.presliding)
         return (*speeds, *distances, *(own.share for own in self.presliding if own.share))
@@ -301,7 +301,7 @@ def _column(j: int, joint: Joint, function: FrictionFunction) -> FrictionColumn:
 
 
 def _presliding(robot: RobotDescription) -> tuple[Presliding, ...]:
-    """Return the initial values of presliding distances and shares for an estimate."""
+    """Return the initial values of presliding distances and fractions for an estimate."""
     return tuple(
         Presliding(
             j,

@@ -32,7 +32,7 @@ from identification.equations.friction_columns import Column, friction_column
 from identification.model.base_parameters import BaseParameters
 
 CUTOFF_HZ: Final = 8.0
-"""Highest -3 dB frequency of the low-pass: below it, channels matter more than encoder noise."""
+"""Highest -3 dB frequency of the low-pass; at lower frequencies encoder noise has less effect."""
 KERNEL_PERIODS: Final = 0.72
 """Length of a Hann window with -3 dB at 1 Hz [s]."""
 ZEROS: Final = 4.0
@@ -40,7 +40,8 @@ ROW_S: Final = 0.005
 """Time between the rows of columns: the instant of a reversal is known to half this time."""
 EDGE_S: Final = 0.5
 LONGEST_S: Final = 300.0
-"""Total length of recordings that is used: of longer recordings each segment is shortened alike."""
+"""Largest total length of recordings [s]; of longer ones, each segment is shortened by the same
+factor."""
 
 Source = SmoothedSignals | UnfilteredSignals
 Rigid = Literal["rigid"]

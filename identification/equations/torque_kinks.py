@@ -22,7 +22,7 @@ MOST_ROWS: Final = 6
 """Longest reversal that counts as one event; a longer standstill is a stop and a start."""
 BEFORE: Final = 4
 AFTER: Final = 4
-"""Rows before and after the last row before a kink that the weights use."""
+"""Rows that the weights use, relative to the last row before a kink."""
 
 
 def integrable_torque(

@@ -22,7 +22,7 @@ SAME_POSITION: Final = 0.01
 """Largest difference of positions that count as equal [rad or m]."""
 
 JERK_SHARE: Final = 0.01
-"""Fraction of samples in which other joints' jerks may move a joint that stands still."""
+"""Largest fraction of samples in which jerks of other joints move a joint that stands still."""
 
 STILL_MODEL: Final = "RID-MODEL-STILL"
 

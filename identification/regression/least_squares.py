@@ -18,7 +18,7 @@ from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import EstimationError
 
 HUBER_LIMIT: Final = 1.345
-"""Limit in standard deviations; 95 % as efficient as least squares for Gaussian noise."""
+"""Huber's limit [standard deviations]: 95 % as efficient as least squares for Gaussian noise."""
 
 _NORMAL_MAD: Final = 0.6744897501960817
 _SINGULAR: Final = 1e-10

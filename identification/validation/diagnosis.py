@@ -47,7 +47,7 @@ class JointDiagnosis:
         over_noise: RMS error relative to that of noise alone; None if the noise is not known.
         white_p: P-value of Ljung and Box's test for white residuals; NaN for too few values.
         suspect: The quantity that the error follows most; empty if no quantity is distinct.
-        suspect_share: Share of the error's power that the quantity explains.
+        suspect_share: Fraction of the error's power that the quantity explains.
         remedy: The term that would model this error, or a note that the model has it.
     """
 
@@ -146,7 +146,7 @@ def _remedy(names: set[str], joint: str, suspect: str) -> str:
 def _suspect(
     validation: Validation, error: FloatArray, j: int, counted: BoolArray
 ) -> tuple[str, float]:
-    """Return the quantity that a joint's error follows most, and its share of the power."""
+    """Return the quantity that a joint's error follows most, and its fraction of the power."""
     v, q = validation.velocity[counted, j], validation.position[counted, j]
     rest = error[counted, j]
     total = float(rest @ rest)

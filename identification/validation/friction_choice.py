@@ -57,10 +57,11 @@ CANDIDATES: Final[tuple[Terms, ...]] = (
 TOGETHER: Final[tuple[Terms, ...]] = (("offset",), ("offset", "cubic", "load"))
 """Terms that are tried on all joints at once.
 
-Joints share the links' parameters, so that a missing term of one joint hides those of the others.
+The joints' equations contain the same links' parameters. Therefore a missing term of one joint
+hides those of the others.
 """
 BESIDE_THINNING: Final[Terms] = (*PLAIN, "offset", "load")
-"""Terms of all joints in which shear thinning then replaces viscous friction."""
+"""Terms of all joints when shear thinning is tried on all joints; it then replaces `viscous`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,9 +128,10 @@ def _add_terms(grams: Grams, start: Sequence[Terms], fit: Fit) -> tuple[list[Ter
 def _thinning_of_all_joints(grams: Grams) -> tuple[list[Terms], Fit] | None:
     """Return terms with shear thinning on all joints at once, and their solution.
 
-    Half a minute of data does not show this term on each joint, but on all joints together. The
-    joints share a speed; a joint that it predicts distinctly worse has the closest speed that does
-    not. None if the held-out error of all joints does not clearly fall.
+    Half a minute of data does not show this term on each joint, but on all joints together. All
+    joints get the same speed. If this speed predicts a joint distinctly worse, the joint gets the
+    closest speed that does not. The result is None if the held-out error of all joints does not
+    clearly fall.
     """
     plain = _fit_or_none(grams, [BESIDE_THINNING] * grams.joints)
     if plain is None:

@@ -23,7 +23,7 @@ SLOW_SHARE: Final = 0.05
 FEWEST_ROWS: Final = 20
 RIDGE: Final = 1e-9
 UNSEEN_RISE: Final = 0.01
-"""Rise of the sum of squared residuals by which a motion shows a wrong weight (2 sigma)."""
+"""Increase of the sum of squared residuals from which a wrong weight is visible (2 sigma)."""
 PARTS: Final = 5
 LEAST_GAIN: Final = 0.2
 FAR_BETTER_TIMES: Final = 2.0

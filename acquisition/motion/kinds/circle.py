@@ -80,7 +80,7 @@ class CircleMotion(Motion):
         return "tracking", run
 
     def points(self, share: FloatArray) -> FloatArray:
-        """Return points [m] at shares of the circle's length, 0 to 1; shape (len(share), 3)."""
+        """Return points [m] at fractions of the circle's length, 0 to 1; shape (len(share), 3)."""
         normal = np.array(self.normal) / np.linalg.norm(self.normal)
         other = np.eye(3)[int(np.argmin(np.abs(normal)))]
         x = np.cross(other, normal)

@@ -21,7 +21,8 @@ from dynamics.geometry.inverse_kinematics import PathSlopes
 POINTS_A_CHORD: Final = 40
 FEWEST: Final = 200
 SAME_POSE: Final = 1e-6
-"""Largest difference of two poses that are one [rad or m]: less than an encoder distinguishes."""
+"""Largest difference between poses that count as the same [rad or m]; encoders cannot resolve it.
+"""
 
 
 class JointPathMotion(Motion):

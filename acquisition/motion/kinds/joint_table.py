@@ -28,7 +28,7 @@ AT_REST: Final = 0.02
 MOST_FACTOR: Final = 5.0
 """Largest ratio between the velocities of a table and the changes of its positions."""
 STILL: Final = 1e-3
-"""Share of the velocity limit below which velocities count as zero."""
+"""Fraction of the velocity limit below which velocities count as zero."""
 STOPPING: Final = 5.77
 """Largest acceleration of a quintic from rest to rest, over distance / time^2: 10 / sqrt(3)."""
 POSITIONS: Final = Plausible(0.0, 50.0, "rad or m")

@@ -10,9 +10,10 @@ import numpy as np
 from config.arrays import FloatArray
 
 FEWEST_ROWS: Final = 6
-"""Rows of positions alone that determine the curve."""
+"""Smallest number of rows of positions that determine the curve without velocities."""
 TimedCurve = Callable[[FloatArray, int], FloatArray]
-"""Positions at times [s] (order 0), or their derivatives of an order."""
+"""Function of times [s] and an order: positions for order 0, else their derivative of this order.
+"""
 
 
 def curve_through_positions(time_s: FloatArray, position: FloatArray) -> TimedCurve:
