@@ -1,7 +1,8 @@
 """`merge_topics`: interpolates the columns of a table to the rows that have the first one.
 
 Programs that export several topics into one file write each message in a row of its own and leave
-the cells of the other topics empty. Two broadcasters of one robot do the same in a bag.
+the cells of the other topics empty. A bag with the messages of two broadcasters of one robot has
+the same form.
 """
 
 from __future__ import annotations

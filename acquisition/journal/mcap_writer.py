@@ -136,9 +136,9 @@ class JournalFile:
 
     @property
     def trouble(self) -> str:
-        """Problem of the open file, as a clause; empty for a sound file.
+        """Problem of the open file, as a part of a sentence; empty for an undamaged file.
 
-        If it is read at every flush, a deleted file is noticed within `MOST_LOST_S`.
+        If this property is read at every flush, a deleted file is noticed within `MOST_LOST_S`.
         """
         try:
             own, size = os.fstat(self._file.fileno()), self._output.written

@@ -21,7 +21,7 @@ class BlockFile:
 
     Raises:
         RecordingError: There is no space for temporary files; storing an array can also raise this
-        error.
+            error.
     """
 
     def __init__(self, shape: tuple[int, int]) -> None:

@@ -96,8 +96,8 @@ class PathTimer:
         cycle_s: Time between rows [s].
         margin: Uncertainty of the torques.
         intervals: Intervals of the path's grid.
-        positions_alone: True if the limits must also hold for differences of the positions, as a
-            stream of points is checked. The path is then from rest to rest.
+        positions_alone: True if the limits must also hold for differences of the positions; a
+            stream of points is checked in this way. The path is then from rest to rest.
     """
 
     robot: RobotDescription

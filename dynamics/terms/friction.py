@@ -132,7 +132,7 @@ class Friction:
 
     @property
     def nonlinear(self) -> tuple[NonlinearParameter, ...]:
-        """The nonlinear parameters: Stribeck velocities, presliding distances and fractions."""
+        """The nonlinear parameters: Stribeck velocities, presliding distances, then fractions."""
         speeds = tuple(speed.parameter for speed in self.stribeck)
         distances = tuple(own.distance for own in self.presliding)
         return (*speeds, *distances, *(own.share for own in self.presliding if own.share))

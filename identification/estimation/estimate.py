@@ -32,8 +32,11 @@ BLOCK_ROWS = 4096
 class Estimate:
     """Base parameters of one robot, with everything needed to use them.
 
-    Three covariances describe the uncertainty: from the measured noise, from residuals assumed
-    white, and a cluster-robust one that also holds for coloured residuals, that is for model error.
+    Three covariances describe the uncertainty:
+    - from the measured noise,
+    - from the residuals, assumed white,
+    - cluster-robust, from residuals of any colour. This one also includes the effect of model
+      error.
 
     Attributes:
         options: The terms of the model, with the estimated values of the nonlinear parameters.

@@ -79,7 +79,7 @@ class ConstantVelocityMotion(Motion):
         joints: Ranges and speeds of the joints to measure.
         acceleration_fraction: Share of the joint's acceleration limit that changes of speed use.
         longest_run_s: Longest duration of one run [s]. Faster runs use the whole range; slower runs
-        use a part around the middle of the range.
+            use a part around the middle of the range.
         repeats: Number of times that each speed is run forwards and backwards.
         dwell_s: Rest before and after each run [s].
     """
