@@ -145,7 +145,7 @@ def _smallest_noise(motion: _Motion, usual: float) -> FloatArray:
 def _calibrate_velocities(
     motion: _Motion, time_s: FloatArray, delay_s: float | None
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the mean velocity of each interval and the displacement that it must explain.
+    """Return the mean velocity of each interval, and the displacement that it must explain.
 
     Velocities are corrected for their scale, displacements for the delay of the velocity. `delay_s`
     is the common delay of all velocities; the scales are then relative to each other. If `delay_s`

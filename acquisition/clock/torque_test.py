@@ -1,9 +1,9 @@
 """Test of rebuilt times on the prediction of held-out torques.
 
 One half of the recording identifies the rigid robot with friction and predicts the torques of the
-other half, and vice versa. A wrong clock makes the accelerations wrong and thus the predicted
-torques. The friction model contains nonlinear terms of the speed, because real robots have such
-friction. Without these terms the residuals would hide the error of the clock.
+other half, and vice versa. With a wrong clock the accelerations are wrong, and so the predicted
+torques are wrong too. The friction model contains nonlinear terms of the speed, because real robots
+have such friction. Without these terms the residuals would hide the error of the clock.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Each message answers a challenge of the service and is valid according to the age of that challenge.
 Therefore a delay anywhere between the user and this class shortens the time for which a key counts
-and never extends it. Time is an argument.
+and never extends it. The present time is an argument of the methods.
 """
 
 from __future__ import annotations

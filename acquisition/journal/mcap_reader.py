@@ -1,9 +1,11 @@
 """`JournalReader`: messages of an MCAP file, complete, unfinished, torn or damaged.
 
-A chunk is accepted at any position if its frame is consistent and its CRC correct; its bytes are
-then those that were written. Missing messages are found by their sequence numbers and, in a
-finished file, by the count in its summary. Record framing is not trusted, so a single damaged
-length cannot hide the rest of the file.
+- A chunk is accepted at any position in the file if its frame is consistent and its CRC correct.
+  Its bytes are then those that were written.
+- Missing messages are found by their sequence numbers and, in a finished file, by the count in its
+  summary.
+- The lengths of records are not trusted. Therefore a single damaged length cannot hide the rest of
+  the file.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """Alignment of a force plate's rows with a recording: from `PlateRows` to `Reaction`, per stream.
 
-Each stream, from the amplifier's start to a loss of its line, has its own clock.
+A stream begins when the amplifier starts sending, and ends when the connection is lost. Each stream
+has its own clock.
 """
 
 from __future__ import annotations

@@ -46,8 +46,8 @@ EarlyStopRule = Callable[[NewPeriods], bool]
 class EarlyStop:
     """Asks the rule in its own thread, so that the supervision of the processes is not delayed.
 
-    It reads only new rows of the journal: the cost of a question does not depend on the duration of
-    the motion.
+    Only new rows of the journal are read. Therefore the cost of a question does not depend on the
+    duration of the motion.
 
     Args:
         path: The journal.

@@ -30,8 +30,9 @@ class SetPoint(NamedTuple):
 class Cycle:
     """Set-point, measurement and command of one cycle.
 
-    The exchange with the drives, `HeldPositions.take` and the position loop fill it; then it is
-    judged, sent and recorded. Lists have one element per joint.
+    The exchange with the drives, `HeldPositions.take` and the position loop fill the fields. Then
+    the supervisor checks the cycle, its command is sent, and the cycle is recorded. Lists have one
+    element per joint.
 
     Attributes:
         number: Cycle times since the first cycle.

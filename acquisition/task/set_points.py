@@ -74,8 +74,8 @@ class SetPointSource(Protocol):
     def at(self, row: int) -> SetPoint | None:
         """Return the set-point of a row; None once the motion is over and the robot may rest.
 
-        Rows are requested in increasing order, from 0. A row is skipped for each overrun cycle: the
-        result is the set-point of the motion at that time.
+        Rows are requested in increasing order, from 0. Rows whose cycles were skipped after an
+        overrun are not requested. Therefore the set-points stay synchronous with time.
         """
 
 

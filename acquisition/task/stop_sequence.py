@@ -31,10 +31,10 @@ SLACK = 0.1
 class StopSequence:
     """End of a motion. A bus failure during the stop becomes a note, not an error.
 
-    The timeout is the duration of the ramp from the largest speed, which the preflight limits
-    (`drivers.servo.stop_ramp.LONGEST_STOP_S` at most), plus `STOP_MARGIN_S`. With a coupled wrist,
-    rest and limits are checked per joint, and the deceleration per motor: a joint may accelerate
-    while all motors decelerate.
+    The timeout is the duration of the ramp from the largest speed, plus `STOP_MARGIN_S`. The
+    preflight limits this duration to `drivers.servo.stop_ramp.LONGEST_STOP_S`. With a coupled
+    wrist, rest and limits are checked per joint, and the deceleration per motor: a joint may
+    accelerate while all motors decelerate.
 
     Args:
         axes: The drives.

@@ -1,7 +1,8 @@
 """`PlateEquations`: the base wrench of some runs, condensed for fast trials of wrench matrices.
 
 A wrench is a matrix (6, 8) times the channels' readings. Least squares needs only the products of
-columns and channels. A trial therefore costs one small solution, independent of the runs' length.
+columns and channels, which are computed once. Each trial of a matrix is then one small solution,
+independent of the runs' length.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ SLOWER: Final = (2, 4)
 def easier_problems(problem: ExcitationProblem) -> Iterator[tuple[str, ExcitationProblem]]:
     """Yield easier tasks with a description: first fewer harmonics, then also longer periods.
 
-    A period multiplied by an integer remains a whole number of cycles.
+    Periods are multiplied by integers, so that they remain a whole number of cycles.
     """
     fewer = max(FEWEST_HARMONICS, problem.harmonics // 2)
     if fewer < problem.harmonics:

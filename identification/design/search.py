@@ -55,8 +55,8 @@ def refine_start(
     """Refine one start by an augmented Lagrangian and L-BFGS, and verify it on a dense grid.
 
     If the result violates a limit, its amplitudes are reduced about its middle pose until it
-    violates none. If it still violates one at half its size, it is reduced about the start's pose,
-    in which the robot can rest.
+    satisfies all limits. If half the amplitudes still violate a limit, the motion is moved to the
+    start's pose, in which the robot can rest, and reduced there.
 
     Args:
         problem: The design task.

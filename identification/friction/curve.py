@@ -1,8 +1,9 @@
 """`FrictionCurve`: friction of one joint as a function of speed, measured separately.
 
-The part that changes sign with the direction (`odd`) can be measured without knowing gravity. The
-part that does not (`even`: more friction in one direction) requires gravity to be known or
-modelled.
+The friction torque has two parts:
+- `odd` changes its sign with the direction. It can be measured without knowledge of gravity.
+- `even` does not change its sign: friction is larger in one direction. Its measurement needs known
+  or modelled gravity.
 """
 
 from __future__ import annotations

@@ -107,7 +107,7 @@ def reversed_curves(
 
 
 def _motor_turns(robot: RobotDescription, joint: int) -> float:
-    """Return the motor's rotation, over its gear ratio, when its joint alone turns by one.
+    """Return the motor's rotation, divided by its gear ratio, per unit rotation of its joint alone.
 
     Torque is measured at the motor, and friction depends on the motor's speed (theory: section 6).
     With a coupled wrist other motors turn too, but their friction does not affect this motor's

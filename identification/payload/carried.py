@@ -48,7 +48,7 @@ def carry(estimate: Estimate, payload: PayloadEstimate) -> Estimate:
     """Return an estimate of the robot with a payload that was identified separately.
 
     The errors of the two count as independent: the covariance of the payload is added. The runs of
-    the payload count as runs of the result, so that it is not validated with them.
+    the payload count as runs of the result, so that the result is not validated with these runs.
 
     Args:
         estimate: The robot; a payload that was identified together with it is replaced.

@@ -148,7 +148,7 @@ class Repeats:
     def ratio(self) -> float:
         """Scatter over reported standard deviation for all values together; near 1 if they agree.
 
-        Values that are fixed do not scatter and are not counted; 0 if all are fixed.
+        Fixed values do not scatter and are left out. The ratio is 0 if all values are fixed.
         """
         free = (self.sigma > 0.0).all(axis=0)
         deviation = (self.values - self.values.mean(axis=0))[:, free] / self.sigma[:, free]

@@ -39,8 +39,8 @@ def period_powers(recording: Recording, start: int | None = None) -> FloatArray:
 def power_change_percent(power_w: FloatArray) -> FloatArray:
     """Return the change of each joint's power per period, at the last period, (n,) [%].
 
-    It is the slope of a line through the last `FITTED_PERIODS`, which reduces the effect of noise;
-    it is negative if friction falls.
+    The change is the slope of a line through the last `FITTED_PERIODS` periods, which reduces the
+    effect of noise. It is negative if friction falls.
 
     Args:
         power_w: Shape (periods, n). Result of `period_powers`, at least two periods [W].

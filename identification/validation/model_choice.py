@@ -183,7 +183,8 @@ def _confirm_thinning(
 ) -> ModelChoice:
     """Return a choice in which joints keep shear thinning without Stribeck friction if confirmed.
 
-    It was chosen beside Stribeck friction, and one curve can compensate the other.
+    Shear thinning was chosen together with Stribeck friction, and one of the two curves can
+    compensate the other. Therefore it is tested again after Stribeck friction was removed.
 
     Args:
         lost: Shape (n,). True for joints that lost Stribeck friction.

@@ -148,7 +148,7 @@ def _whiten_all(fitted: FittedPeriods, equations: Sequence[BinEquations]) -> Out
 
 
 def _solve(fitted: FittedPeriods, white: Outputs, longest_s: float = 0.0) -> Solution:
-    """Solve the equations; limit the steps that the data do not determine to their ranges.
+    """Solve the equations; limit steps that the data do not determine to the parameters' ranges.
 
     If `longest_s` is not zero, the last n columns are those of delays.
     """

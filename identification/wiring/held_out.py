@@ -79,8 +79,9 @@ class _Equations:
 def _parts(signals: WiredSignals) -> list[tuple[IntArray, BoolArray]]:
     """Return for each part the rows that are predicted, and the rows that are left out of the fit.
 
-    In addition to an interval of time, all rows with similar positions and velocities are left out,
-    so that a repeated motion is not predicted from its repetition.
+    A part begins as an interval of time. All other rows with similar positions and velocities are
+    left out of the fit together with it. Otherwise a motion could be predicted from its own
+    repetition.
     """
     moving = signals.moving
     parts = (signals.position[:, moving], signals.velocity[:, moving])

@@ -161,8 +161,8 @@ class CondensedEquations:
     def held_out(self, torque: FloatArray) -> WiringTrial:
         """Return the quality of the prediction of each part by a fit to the others.
 
-        A joint counts as driving if its friction drives in every one of these fits, and if the
-        model explains its torque. The arm's weight is its value plus two standard deviations.
+        A joint counts as driving if its friction has negative power in every one of these fits, and
+        if the model explains its torque. `weight` is the arm's weight plus two standard deviations.
         """
         whole = self.products.sum(axis=0)
         values, sizes = self._fit(whole, torque)
