@@ -73,7 +73,7 @@ class Workplace:
         self(*words, runs=False)
 
     def record(self, motion: str, label: str, *words: str) -> None:
-        """Record a motion of the folder."""
+        """Record a motion file of the benchmark's folder."""
         self("record", self.cell, self.path(f"{motion}.yaml"), "--label", label, *words)
 
 

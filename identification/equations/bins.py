@@ -309,8 +309,8 @@ def _position_sigma(average: PeriodAverage) -> FloatArray:
 def _free_columns(slow: BoolArray, period_s: float, harmonics: int) -> FloatArray:
     """Return columns (2 H + 1, any) that represent any torque during the slow passages.
 
-    A passage is divided into pieces much shorter than the band can resolve, so that the instant of
-    the friction's sign change within a piece has no effect.
+    Each slow passage of a joint is divided into pieces. A piece is so short that frequencies in the
+    band do not show at which instant within it the friction changes its sign.
     """
     samples = len(slow)
     if not slow.any():

@@ -75,7 +75,7 @@ def compensate(
 ) -> Feedforward:
     """Compute the velocity feedforward with which the drives produce the torques of a motion.
 
-    The velocity loops are inverted for the torques tau = Y(q, v, a) beta of the motion
+    With it as input, the velocity loops give the torques tau = Y(q, v, a) beta of the motion
     (docs/theory.md 13.2).
 
     Args:

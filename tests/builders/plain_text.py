@@ -115,7 +115,7 @@ def passages(path: Path) -> tuple[Passage, ...]:
 
 
 def _blank(match: re.Match[str]) -> str:
-    """Return as many empty lines as the matched code block has."""
+    """Return the line ends of a code block, so that line numbers stay right."""
     return "\n" * match[0].count("\n")
 
 

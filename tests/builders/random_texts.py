@@ -36,7 +36,8 @@ def kind_of(path: Path, passage: Passage) -> str:
 def texts(path: Path) -> Iterator[Passage]:
     """Yield the texts of a file that are sentences, without code between the texts of a page."""
     for passage in passages(path):
-        if len(passage.text.split()) < _FEWEST_WORDS or re.match(r"\W*<", passage.text):
+        words = re.findall(r"[A-Za-z]{2,}", re.sub(r"\$?\{[^}]*\}", "", passage.text))
+        if len(words) < _FEWEST_WORDS or re.match(r"\W*<", passage.text):
             continue
         if path.suffix != ".js" or not _CODE.search(passage.text):
             yield passage

@@ -16,7 +16,7 @@ async function keep() {
       lock = null;
     }
   } catch {
-    // a device in battery-saving mode refuses; the text next to the lease explains the consequence
+    // a device that saves battery does not keep its screen on; the page explains what this means for the lease
   }
   asking = false;
 }

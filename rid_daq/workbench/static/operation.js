@@ -9,7 +9,7 @@ function show() {
   const kind = form.dataset.kind;
   const moves = "moves" in form.dataset;
   const figures = element("div", {});
-  const keep = ({ kind }) => kind === "plot"; // the panel shows all other blocks
+  const keep = ({ kind }) => kind === "plot"; // all other blocks are shown in this panel
   const panel = new WorkPanel(find("job"), { ended: (job) => job.run && showBlocks(figures, ofRun(job.run), { keep }) });
   find("job").after(figures);
   for (const input of form.elements) {
