@@ -92,7 +92,7 @@ class Commands(ConfigModel):
 
 
 class Events(ConfigModel):
-    """The numbers of the events between the rows.
+    """Numbers of the events that the amplifier sends between its rows.
 
     Attributes:
         overload: Channels are overloaded.
@@ -158,8 +158,9 @@ class AmplifierProfile(ConfigModel):
         terminator: End of each line.
         query: Character that makes a command a query.
         channel_separator: Character between the number of a channel and the command.
-        ok, error, charge_lost: Answers: the command is obeyed; it is refused, with a number of
-            `errors`; and, after `ok`, it discharged the channels.
+        ok, error, charge_lost: Answers. `ok`: the command was executed. `error`: it was refused; a
+            number of `errors` follows. `charge_lost` follows `ok` if the command discharged the
+            channels.
         commands: The mnemonics.
         errors: Meaning of each error number.
         ticks_per_s: Frequency of the device's clock.

@@ -80,9 +80,9 @@ class DriveAxis(ConfigModel):
 class DriveSafety(ConfigModel):
     """Safety settings that are written to every drive, and read back, before motion.
 
-    Settings with which an axis would not stop in time, or not within its range, are refused, based
-    on the values that the drive reads back: see the preflight's lines on a stop and on rest after a
-    fault.
+    The preflight computes stopping time and distance of each axis from the values that its drive
+    reads back. It refuses settings with which an axis would not stop in time, or not within its
+    range: see its lines on a stop and on rest after a fault.
 
     Attributes:
         master_node_id: Node id of this computer's heartbeat.
@@ -105,9 +105,9 @@ class DriveSafety(ConfigModel):
             stop by themselves if this computer fails.
         trip_watchdog_with_power: The preflight switches the drives on, at rest, and withholds this
             computer's heartbeat until each drive has stopped. Without this key it does the same
-            without power and checks the drives' emergency messages. A drive that lacks an object of
-            its reactions, or uses life guarding, is always switched on for this test, in a cell
-            that is clear.
+            without power and checks the drives' emergency messages. A drive is always switched on
+            for this test if it lacks one of the objects that define its reactions, or if it uses
+            life guarding. No person may then be in the cell.
     """
 
     master_node_id: Annotated[int, Field(ge=1, le=127)] = 127
@@ -163,9 +163,9 @@ class Supervision(ConfigModel):
             cycles while the commanded speed is above `stuck_encoder_velocity_rad_s`.
         stuck_encoder_velocity_rad_s: Lowest commanded speed for this check, without the part that
             comes from pre-compensation.
-        stuck_encoder_torque_fraction: With a slower command an encoder is stuck if, since
-            standstill, the torque has also changed by more than this fraction of the joint's limit;
-            a joint in stiction would break away before. The torque that braked a joint is measured
+        stuck_encoder_torque_fraction: At a slower command an encoder counts as stuck only if, since
+            standstill, the torque has also changed by more than this fraction of the joint's limit:
+            such a torque would have overcome stiction. The torque that braked a joint is measured
             late and is ignored for `stuck_encoder_cycles`.
         limit_margin_fraction: Allowed excess of speed and torque over the joints' limits, as a
             fraction of them.

@@ -1,7 +1,7 @@
 """`DriveProfile`: Modbus registers of a drive: their quantity, type, word order and scale.
 
 A profile is data, so that a drive of another maker only needs another file. Addresses are as on the
-wire, from 0; manuals that count from 1, or from 40001, are one (or 40001) higher.
+wire, from 0. If a manual counts from 1, subtract 1; if it counts from 40001, subtract 40001.
 """
 
 from __future__ import annotations

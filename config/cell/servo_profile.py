@@ -39,7 +39,9 @@ _STATUSWORD: Final = "6041h:00"
 _MAKERS_STATUS_BITS: Final = 1 << 8 | 1 << 14 | 1 << 15
 _INCREMENTS: Final = ("increments_per_s", 1.0)
 RATINGS_AGREE: Final = 1.6
-"""Largest factor between the torque constant and the rated torque over the rated current."""
+"""Largest accepted factor between the torque constant and its estimate, the rated torque divided by
+the rated current.
+"""
 _TENTHS: Final = {"0.1rpm": 10.0}
 
 
@@ -52,8 +54,8 @@ class TorqueObject(ConfigModel):
 
     Attributes:
         object: Index and subindex, such as `6077h:00`.
-        of: Unit, of which `units` counts are one: the rated torque, the rated current, or one
-            ampere.
+        of: Unit of the value: the rated torque, the rated current, or one ampere. The object holds
+            `units` counts per unit.
         units: Counts per unit.
         bits: Size of the object.
         asked: No PDO can carry the object: it is read by SDO after every SYNC.
@@ -130,14 +132,16 @@ class ServoProfile(ConfigModel):
     Attributes:
         base: Bundled profile from which keys that are left out come; without it, from CiA 402.
         vendor: Vendor id (1018h:01), by which the profile of an electronic data sheet is found.
-        mode: Mode of operation: `cyclic_velocity` 9, `profile_velocity` 3, `cyclic_position` 8 or
-            `interpolated_position` 7 in 6060h, or `makers`, -1, the manufacturer's own; for the
-            latter, `pdos` name the object that receives the velocity. A drive in a position mode
-            receives the sum of its velocities, in increments.
+        mode: Mode of operation, with its value of 6060h: `cyclic_velocity` (9), `profile_velocity`
+            (3), `cyclic_position` (8), `interpolated_position` (7), or `makers` (-1), the
+            manufacturer's own mode. With `makers`, `pdos` name the object that receives the
+            velocity. In a position mode the drive receives positions in increments: the sum of the
+            commanded velocities.
         encoder_increments: Units of 6064h per motor revolution; replaces 608Fh.
         velocity_unit: Unit of velocity.
         velocity_units: Counts of 60FFh per unit of velocity.
-        acceleration_unit: Unit of velocity for accelerations; left out, it is `velocity_unit`.
+        acceleration_unit: Unit of velocity in the drive's accelerations; by default
+            `velocity_unit`.
         acceleration_units: Counts of 6083h to 6085h per unit of velocity and second. Left out, it
             is `velocity_units`, or 1 if `acceleration_unit` is given.
         rated_torque_nm: Replaces 6076h.
@@ -159,8 +163,8 @@ class ServoProfile(ConfigModel):
             brakes and precharge.
         follows_bit: False if the drive never sets bit 12 of 6041h (drive follows the command
             value).
-        referenced: Bits that report that the drive has been homed. A drive that reports that it has
-            not is refused; without this key, the state is unknown.
+        referenced: Bits that report that the drive has been homed. A drive whose bits report the
+            opposite is refused. Without this key, the program does not know if the drive was homed.
         watch: How drive and computer detect each other's failure: by heartbeats (1016h, 1017h) or,
             for a drive without 1016h, by life guarding (100Ch, 100Dh), in which its state is
             requested.
@@ -231,7 +235,7 @@ class ServoProfile(ConfigModel):
 
     @property
     def sets_increments(self) -> bool:
-        """True if 608Fh is set as a factor, so that it does not describe the encoder."""
+        """True if the profile sets 608Fh as a factor; it then does not describe the encoder."""
         return any(extra.object.startswith("608Fh") for extra in self.settings)
 
     @property

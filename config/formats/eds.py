@@ -2,9 +2,9 @@
 
 Source: CiA 306-1. Vendors' files differ from it. Missing or unknown sections, keys and counters are
 therefore skipped, and objects are read from their own sections and not from the lists. Sections and
-keys must be valid; an error names file and line. A type, access, value or limit of an object that
-cannot be read is stored as a fault of this object, because many files contain one at an object that
-nobody uses.
+keys must be valid; an error names file and line. If the type, access, value or limit of an object
+cannot be read, this is stored as a fault of the object, not raised: many files contain such faults
+at objects that nobody uses.
 """
 
 from __future__ import annotations

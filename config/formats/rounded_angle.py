@@ -40,9 +40,10 @@ class AngleReading:
     def of(cls, angle_rad: float, exact_rad: float = 0.0) -> AngleReading:
         """Return the reading of an angle.
 
-        It is read as a multiple of 15 degrees if it differs from that, or from its value in single
-        precision, by less than one unit of its last decimal, and by 1e-3 rad at most (quarter
-        turns: 5e-3 rad).
+        Two differences decide if the angle is read as the nearest multiple of 15 degrees. Its
+        difference from the multiple, or from the multiple in single precision, must be less than
+        one unit of the angle's last decimal. Its difference from the multiple must be at most 1e-3
+        rad (quarter turns: 5e-3 rad).
 
         Args:
             angle_rad: The value in the file.

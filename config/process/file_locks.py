@@ -73,7 +73,8 @@ def lock_holder(descriptor: int) -> int | None:
         RecordingError: The kernel's list cannot be read.
 
     Note:
-        proc(5): ``1: FLOCK ADVISORY WRITE 4711 fe:00:2146400 0 EOF``; an arrow marks a waiting one.
+        proc(5): ``1: FLOCK ADVISORY WRITE 4711 fe:00:2146400 0 EOF``; an arrow marks a process that
+        waits for the lock.
     """
     try:
         inode = _inode(descriptor)

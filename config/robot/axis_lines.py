@@ -87,7 +87,10 @@ def rows_of_axes(points_m: FloatArray, directions: FloatArray, last: FloatArray)
 
 
 def _root_frame(point: FloatArray, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the origin of frame 0 and its x; the root's if axis 1 crosses the root's x axis."""
+    """Return origin and x axis of frame 0.
+
+    They are those of the root frame if axis 1 crosses the root's x axis.
+    """
     x = np.array([1.0, 0.0, 0.0])
     across = direction[1:]
     length = across @ across
@@ -134,7 +137,7 @@ def _crossing(
 
 
 def _perpendicular(wanted: FloatArray, u: FloatArray) -> FloatArray:
-    """Return the unit vector normal to u that is closest to the one wanted."""
+    """Return the unit vector normal to u that is closest to `wanted`."""
     for candidate in (wanted, *np.eye(3)):
         x = candidate - u * (candidate @ u)
         length = float(np.linalg.norm(x))

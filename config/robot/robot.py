@@ -348,8 +348,8 @@ class RobotDescription(PhysicalFile):
     def differences(self, other: RobotDescription) -> tuple[str, ...]:
         """Return the keys that show that the other description is of a different robot.
 
-        Limits, friction terms, drawings and bodies may differ, because they may be known better by
-        now.
+        Limits, friction terms, drawings and bodies may differ: a newer file may describe them
+        better.
         """
         of_robot = [key for key in _IDENTITY if getattr(self, key) != getattr(other, key)]
         if len(self.joints) != len(other.joints):

@@ -15,7 +15,7 @@ from config.robot.urdf_limits import ReplacedValue
 Direction = Literal[1, -1]
 RATIOS: Final = (0.05, 5e3)
 FRICTION_SHARE: Final = 0.6
-"""Share of a torque limit that friction may take in the simulation, at the velocity limit."""
+"""Largest friction in the simulation at the velocity limit, as a fraction of the torque limit."""
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,12 @@
 """`FaultScript`: the faults of a simulated cell, with their time and number.
 
-A fault begins at a time (`at_s`, since the cell was started), at a cycle (`at_cycle`: SYNCs since
-the drives were last commanded to be enabled) or, on the bus, at a frame (`at_frame`: of the frames
-that it concerns, from 1). Without any of these it begins at once. All random numbers come from
-`seed`.
+One of three keys states when a fault begins; without any of them it begins at once:
+- `at_s`: time since the start of the cell.
+- `at_cycle`: number of SYNCs since the drives were last commanded to be enabled.
+- `at_frame`, for faults on the bus: number of the frame, from 1, of the frames that the fault
+  concerns.
+
+All random numbers come from `seed`.
 """
 
 from __future__ import annotations
@@ -174,21 +177,23 @@ class DriveFault(TimedFault):
     """A fault of one drive, or of all.
 
     Attributes:
-        kind: For `duration_s`, or without end: `stuck_encoder` (6064h and the drive's own
-            supervision of it stop changing while the axis moves), `blocked` (its brake stays closed
-            while it is powered), `reversed` (it turns the other way), `ignores_quick_stop` (RPDOs
-            with a quick stop are ignored), `heartbeat_stops`, `watch_asleep` (it stores 1016h and
-            1400h:05 but does not act on them), `clock` (its own clock runs at another speed; this
-            affects every timer that it starts from then on: heartbeats, watches, ramps, but not its
-            speed, which only its command determines), `motor_power_lost` (as by an emergency stop:
-            the electronics run without power), `supply_lost` (it is off the bus, and boots after
-            `duration_s`). At once: `reset` (it boots), `fault`, `emergency` (messages, which change
-            nothing else).
+        kind: These faults last for `duration_s`, or without end. `stuck_encoder`: 6064h, and the
+            value that the drive itself supervises, stop changing while the axis moves. `blocked`:
+            the brake stays closed while the drive is powered. `reversed`: the axis turns the other
+            way. `ignores_quick_stop`: RPDOs with a quick stop are ignored. `heartbeat_stops`: the
+            drive sends no heartbeat. `watch_asleep`: the drive stores 1016h and 1400h:05 but does
+            not act on them. `clock`: the drive's own clock runs at another speed. This affects
+            every timer that the drive starts from then on (heartbeats, watches, ramps), but not the
+            axis's speed, which only the command determines. `motor_power_lost`: the motor loses its
+            power, as by an emergency stop; the electronics run on. `supply_lost`: the drive is off
+            the bus, and boots after `duration_s`. These faults happen at once. `reset`: the drive
+            boots. `fault`: the drive detects an internal fault. `emergency`: the drive sends
+            messages, which change nothing else.
         joint: The drive's joint; without it, all drives.
         duration_s: Duration of the fault.
         code: Error code of `fault` and `emergency`.
         count, period_s: Number of messages of `emergency`, and their period.
-        factor, ppm: Speed of `clock`: this factor, or so many millionths faster.
+        factor, ppm: Speed of `clock` relative to real time: `factor`, or 1 + `ppm` / 10⁶.
     """
 
     kind: Literal[

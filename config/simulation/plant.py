@@ -94,8 +94,8 @@ class SimulatedAxis(ConfigModel):
     K_p (1 + 1/(T_i s)) of the velocity error, followed by the current loop as a first-order lag.
 
     Attributes:
-        rotor_inertia_kg_m2: Inertia of the rotor at the motor side, so that it is the link side's
-            if `gear_ratio` is 1.
+        rotor_inertia_kg_m2: Inertia of the rotor at the motor side; with a `gear_ratio` of 1 this
+            is also its inertia at the link side.
         coulomb_nm, viscous_nm_s: Coulomb and viscous friction.
         velocity_gain_nm_s, velocity_integral_time_s: K_p and T_i of the velocity loop.
         current_loop_bandwidth_hz: Corner frequency of the current loop's lag.
@@ -174,8 +174,8 @@ class UnmodelledAxis(ConfigModel):
         tachometer_ripple: Relative ripple of the measured velocity.
         friction_drift_per_s: Relative change of friction per second.
         thermal: Warming of the motor.
-        presliding_rad: Presliding displacement of the motor, at the link side: up to it, friction
-            is a spring with hysteresis.
+        presliding_rad: Presliding displacement of the motor, at the link side. At smaller
+            displacements friction is a spring with hysteresis.
         joint_stiffness_nm_rad, joint_damping_nm_s: Spring and parallel damper between motor and
             link; without a stiffness the gear is rigid.
         play_rad: Play of the gear, within which neither spring nor damper acts.

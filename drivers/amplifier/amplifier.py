@@ -212,9 +212,9 @@ class SerialAmplifier(ForcePlate):
         return asked_s
 
     def forget_overloads(self) -> None:
-        """Request the overloads within the stream, which clears past ones in the rows' status.
+        """Request the overloads within the stream; the answer is an event.
 
-        The answer is an event.
+        The request clears past overloads in the status of the rows.
 
         Raises:
             TransportError: The port is lost.

@@ -26,15 +26,17 @@ PLATE_ROW: Final = np.dtype(
         ("counts", "<i2", (CHANNELS,)),
     ]
 )
-"""A row: `sequence` and `ticks` (device time), both without overflow; `stream`, which grows if the
-device's clock restarts, so that only the order connects two streams; `status`; and the channels'
-counts."""
+"""A row. `sequence` is its number and `ticks` its device time; both are counted on beyond the
+device's overflow. `stream` grows if the device's clock restarts: times of two streams cannot be
+compared, only the order of the streams is known. `status` and `counts` are as sent.
+"""
 
 PLATE_EVENT: Final = np.dtype(
     [("sequence", "<i8"), ("ticks", "<i8"), ("stream", "<u4"), ("kind", "<u2"), ("detail", "<u2")]
 )
-"""An event: number of the following row, the event's own device time, and `detail`, which the
-profile defines."""
+"""An event. `sequence` is the number of the following row, `ticks` the device time of the event.
+The profile defines the meaning of `detail`.
+"""
 
 _SEED = 0xFFFF
 _HEX_DIGIT = np.full(256, 255, dtype=np.uint8)

@@ -41,8 +41,8 @@ def worst_bits(data_bytes: int) -> int:
 def typical_bits(data_bytes: int) -> int:
     """Return the usual length [bit]: a third of the worst stuffing, 119 bit for 8 bytes.
 
-    Drive data (runs of zeros in status and position words) take 118 to 120 bits; random bytes
-    fewer.
+    A frame with drive data (runs of zeros in status and position words) has 118 to 120 bits; a
+    frame with random bytes has fewer.
     """
     stuffed = _HEADER_BITS + 8 * data_bytes + _CRC_BITS
     return stuffed + (stuffed - 1) // 4 // 3 + _UNSTUFFED_BITS

@@ -16,7 +16,9 @@ def heartbeat_frame(node_id: int, state: NmtState) -> Frame:
 
 
 TOGGLE_BIT = 0x80
-"""Alternates in guarding answers, to detect a controller that repeats its last answer."""
+"""Toggle bit of guarding answers; it alternates, to detect a controller that repeats its last
+answer.
+"""
 
 
 def guard_request(node_id: int) -> Frame:

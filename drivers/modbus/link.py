@@ -1,8 +1,9 @@
 """`ModbusLink`: requests to drives over Modbus, with typed errors and limited waits.
 
-This is the only module that uses pymodbus. A request is sent once. If no answer comes in time, the
-line is not used until a late answer must have come too, which is discarded: on a serial line an
-answer does not identify its request, and would be taken for the answer to the next one.
+This is the only module that uses pymodbus. A request is sent once. On a serial line an answer does
+not identify its request, so a late answer could be taken for the answer to the next request. If no
+answer comes in time, the line is therefore not used until even a late answer must have arrived;
+that answer is discarded.
 """
 
 from __future__ import annotations
@@ -155,7 +156,7 @@ class ModbusLink:
         self._client.close()  # type: ignore[no-untyped-call]
 
     def _forget_late_answer(self) -> None:
-        """Ensure that a late answer to an old request is not taken for one to the next.
+        """Ensure that a late answer is not taken for the answer to the next request.
 
         A network connection is closed, which discards pending data. On a serial line the late
         answer is awaited, and the client discards it before the next request.

@@ -1,8 +1,9 @@
 """python-can: opening of its buses, with its various failures as readable messages.
 
-It is imported without asammdf, whose reader of MDF files costs every process half a second. That
-package is installed for the export of recordings (the extra `mdf4`) and imports pandas. MDF files
-are never read or written through python-can here.
+python-can imports asammdf, its reader of MDF files, if that package is installed (here for the
+export of recordings, the extra `mdf4`). asammdf imports pandas, which would cost every process half
+a second. No MDF file is read or written through python-can here, so python-can is imported without
+asammdf.
 """
 
 from __future__ import annotations

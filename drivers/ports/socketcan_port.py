@@ -52,10 +52,11 @@ def both_clocks() -> tuple[int, int]:
 class KernelStamps:
     """Conversion of the kernel's time stamps to CLOCK_MONOTONIC, safe against a changed date.
 
-    The difference between the clocks is constant until the date is set; slewing affects both. A
-    frame arrived after all frames that were read before, and was stamped either by the old date or
-    by the new one. This order shows by which. If the date was changed by less than the time between
-    the two reads, the choice is ambiguous, and the arrival may be wrong by as much.
+    The difference between the clocks is constant until the date is set; slewing affects both. After
+    a change, a frame may have been stamped by the old date or by the new one. The right choice is
+    the one by which the frame arrived after all frames that were read before. If the date was
+    changed by less than the time between the two reads, the choice is ambiguous, and the arrival
+    may be wrong by as much.
 
     Args:
         date_ns, now_ns: CLOCK_REALTIME and CLOCK_MONOTONIC [ns], as in `look`.

@@ -195,8 +195,8 @@ class CanServoAxes:
     def send_heartbeat(self, now_s: float, *, asking: bool = True) -> None:
         """Send this computer's heartbeat if it is due at `now_s` [s].
 
-        It also requests the state of drives with life guarding. With `asking` False it does not, so
-        that both sides lose the connection.
+        It also requests the state of drives with life guarding. With `asking` False it sends no
+        requests, so that both sides detect the loss of the connection.
         """
         if self._heartbeats.due(now_s):
             self.last_heartbeat_s = now_s

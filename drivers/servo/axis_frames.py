@@ -135,7 +135,7 @@ class _Parts:
 
 
 class AnswerJoiner:
-    """The bus for `CyclicExchange`: an axis's parts are joined when all have arrived.
+    """Bus for `CyclicExchange` that joins the parts of an axis's answer when all have arrived.
 
     The time of an answer is that of its oldest part. A part that comes twice makes a second answer.
     Parts from before the last SYNC are never joined with later ones.
@@ -230,7 +230,10 @@ class AnswerJoiner:
         return data[1:_VALUE] == wanted and _VALUE + size >= self._ends[arrival.cob_id]
 
     def _joined(self, axis: int, parts: dict[int, Arrival]) -> Iterator[Arrival]:
-        """Yield the answer; nothing if the torque exceeds 16 bits, as without an answer."""
+        """Yield the joined answer; yield nothing if the torque exceeds 16 bits.
+
+        The axis then has no answer in this cycle.
+        """
         status, position, torque = [
             int.from_bytes(
                 parts[place.cob_id].data[place.start : place.end], "little", signed=number > 0

@@ -147,7 +147,7 @@ def refuse_red(settings: Iterable[DriveSetting]) -> None:
 
 
 def common_code(codes: Iterable[str]) -> str:
-    """Return the common code of some red lines, or that of a red preflight if they differ."""
+    """Return the error code of red lines; RID-PREFLIGHT-RED if their codes differ."""
     distinct = set(codes)
     return (distinct.pop() if len(distinct) == 1 else "") or "RID-PREFLIGHT-RED"
 

@@ -68,10 +68,11 @@ class CyclicExchange:
 
     Attributes:
         answers: The last answers of `collect`; counts, torque and status word are 6064h, 6077h and
-            6041h. A surplus answer is a late one if its drive did not answer in one of the
-            `LATE_CYCLES` cycles before, otherwise a second one. An answer after `collect` has
-            returned belongs to the previous cycle, whose first answer was used; the next
-            `WATCHED_CYCLES` cycles wait for both.
+            6041h. If a drive sends more than one answer in a cycle, the surplus answer counts as
+            late if the drive did not answer in one of the `LATE_CYCLES` cycles before, otherwise as
+            a second answer. After a second answer, `collect` waits for second answers in the next
+            `WATCHED_CYCLES` cycles. A second answer that comes after `collect` has returned is
+            counted for that cycle, whose first answer was already used.
         duplicate_frames: Number of second answers; they are not used.
         contradictions: Shape (n,). Number of cycles in which an identifier's answers differed; then
             neither is used.
@@ -227,8 +228,8 @@ class CyclicExchange:
         """Wait for every axis's answer, at most until `deadline_s` [s]; fill the arrays.
 
         An axis without an answer, or with two different ones, keeps its last values and has
-        `received` False. A drive's heartbeat counts as lost if its timeout will have ended by the
-        time at which a quick stop that is sent now is on the bus.
+        `received` False. A quick stop needs some time until it is on the bus. A drive's heartbeat
+        therefore counts as lost if its timeout ends within this time.
         """
         received = self.answers.received
         received.fill(False)

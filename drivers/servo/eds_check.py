@@ -43,8 +43,9 @@ Verdict = Literal["red", "allowed", "shown"]
 class EdsFinding:
     """One deviation of an EDS; `line` is 0 if it lacks the object.
 
-    Limits that a value exceeds are only shown: they are often wrong (0 to 65535 for a number of 32
-    bits), and a value that a drive does not accept is red when it is read back.
+    If a value exceeds the limits in the EDS, this is only shown. Such limits are often wrong (0 to
+    65535 for a number of 32 bits). If the drive does not accept the value, the setting becomes red
+    when it is read back.
     """
 
     object_name: str

@@ -5,8 +5,9 @@ homing mode, so the drive's profile names the manufacturer's bits (`referenced`)
 them can have a zero that the cell file states (`position_zero_counts`), as with an absolute
 encoder.
 
-A drive without a velocity mode gets the sum of its velocities, starting at the axis's position at
-power on. While its power is off, its set-point is its position, so that power on moves nothing.
+A drive without a velocity mode receives positions: the sum of the commanded velocities over the
+cycles, starting at the axis's position at power on. While its power is off, its set-point is its
+present position, so that power on moves nothing.
 """
 
 from __future__ import annotations
@@ -91,7 +92,7 @@ def read_counter(port: SdoPort) -> PositionCounter:
 
 
 def counter_setting(axis: DriveAxis, counter: PositionCounter, needed: float) -> DriveSetting:
-    """Return the setting that compares a counter with the increments of the axis's reach."""
+    """Return the setting that compares a counter's range with the axis's range."""
     return DriveSetting(
         axis.joint,
         axis.node_id,

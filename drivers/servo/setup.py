@@ -55,10 +55,10 @@ Verdict = Literal["ok", "red", "allowed", "shown"]
 
 @dataclass(frozen=True, slots=True)
 class SetupResult:
-    """Result of one drive's setup; `units` is None if they could not be read.
+    """Result of one drive's setup; `units` is None if the drive's units could not be read.
 
-    `left_to_trial` lists the reaction objects that it lacks, and that of life guarding: its
-    reaction is unknown until the watchdog test.
+    `left_to_trial` lists objects that define the drive's reactions but are missing in the drive,
+    and the object of life guarding if it is used. Only the watchdog test shows these reactions.
     """
 
     joint: str

@@ -1,7 +1,8 @@
 """`StopRamp`: stopping distance and time of an axis, from the values in its drive; too long is red.
 
 The values that the drive reads back are used. A deceleration that rounds to 0 in the drive's units
-does not stop the axis. A limit may let an axis run through its whole range before it acts.
+does not stop the axis. Some faults are detected by a limit, such as a following error. Too wide a
+limit would let an axis run through its whole range before the stop begins.
 """
 
 from __future__ import annotations

@@ -190,10 +190,10 @@ def _observe_stops(
 ) -> dict[str, float]:
     """Run cycles until no drive follows or `until_s`; return the times [s], or NaN.
 
-    A report is not a stop: its time counts only if the next answer shows that the drive has left
-    Operation Enabled, or if no answer comes. Only a drive whose answer shows it gets Disable
-    Voltage, and none gets a stop: a command of this computer, or another drive's act, would
-    otherwise be taken for its own reaction.
+    A report of a drive is not a stop yet. Its time counts only if the next answer shows that the
+    drive has left Operation Enabled, or if no answer comes. Only a drive whose answer shows this
+    gets Disable Voltage. No drive gets a quick stop: the effect of a command of this computer, or
+    of another drive's reaction, could otherwise be taken for the drive's own reaction.
     """
     left_s = dict.fromkeys(axes.joint_names, math.nan)
     words = dict.fromkeys(axes.joint_names, ControlWord.ENABLE_OPERATION)

@@ -15,8 +15,8 @@ def restore_order(
 ) -> Iterator[ObjectWrite]:
     """Yield the writes that restore `values` for the objects in `different`.
 
-    A PDO is switched off first, its mapping emptied and written, and its identifier comes last
-    (CiA 301, 7.5.2.34 and 7.5.2.36); it is written completely if any part differs.
+    If any part of a PDO differs, the PDO is written completely: it is switched off, its mapping is
+    emptied and written, and its identifier is written last (CiA 301, 7.5.2.34 and 7.5.2.36).
     """
     records = {record for index, _ in different if (record := pdo_of(index)) is not None}
     for index, subindex in sorted(different):

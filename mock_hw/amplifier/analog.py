@@ -250,7 +250,7 @@ def _at_limit(volts: Vector) -> NDArray[np.bool_]:
 
 
 def _step_ends(duration_s: float) -> Vector:
-    """Return the ends of steps of at most `LONGEST_STEP_S`, as shares of a duration."""
+    """Return the ends of steps of at most `LONGEST_STEP_S`, as fractions of a duration."""
     steps = max(1, math.ceil(duration_s / LONGEST_STEP_S - 1e-9))
     return np.arange(1, steps + 1) / steps
 

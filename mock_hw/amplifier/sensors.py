@@ -1,8 +1,8 @@
 """A simulated force plate: from the wrench at the robot's base to the charges of eight channels.
 
-The plate is rigid and rests on four equal three-component sensors at (±a, ±b). A force is shared as
-four equal springs share it: of all distributions that Kistler's formulas allow, the one of least
-energy.
+The plate is rigid and rests on four equal three-component sensors at (±a, ±b). A force on the plate
+is distributed over the sensors as over four equal springs. Of all distributions that Kistler's
+formulas allow, this is the one of least energy.
 """
 
 from __future__ import annotations

@@ -18,8 +18,8 @@ DEAD_BUS_S = 0.005
 class BusClient:
     """A connection to an external bus, on which transmission takes real time.
 
-    Frames are sent without regard to a device's earliest time: these delays (some tenths of a
-    millisecond) are shorter than the delays of such a bus itself.
+    Frames are sent at once. A device's earliest time of sending is ignored, because it would delay
+    a frame by some tenths of a millisecond only, less than such a bus itself does.
 
     Args:
         link: The open bus.

@@ -218,7 +218,7 @@ class SimulatedDrive:
                 self.power.abort_connection(self._now_s)
 
     def _reset(self, *, communication_only: bool) -> None:
-        """Reset the drive or only its communication; a fault outlasts the latter reset."""
+        """Reset the drive, or only its communication, which keeps a fault."""
         faulty = self.power.state in (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE)
         kept = communication_only and faulty
         self.power.switch_off(PowerState.FAULT if kept else PowerState.NOT_READY_TO_SWITCH_ON)

@@ -39,7 +39,9 @@ _WITHOUT_MOTOR_POWER = (PowerState.NOT_READY_TO_SWITCH_ON, PowerState.FAULT)
 
 
 class DriveClock:
-    """Clock of a drive, which may have a wrong rate; a timer keeps the rate at its start.
+    """Clock of a drive, which may have a wrong rate.
+
+    If the rate changes, a timer that runs already keeps the old rate.
 
     Attributes:
         rate: Seconds on the drive's clock per second.

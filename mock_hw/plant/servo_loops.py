@@ -11,11 +11,11 @@ A step is an implicit midpoint step for everything except Coulomb friction, whic
 f_C]: v⁺ minimises ½ v⁺ᵀAv⁺ - rᵀv⁺ + h f_Cᵀ|v⁺|, which has a unique solution for any step. An axis
 that sticks has v⁺ = 0 exactly.
 
-Friction with presliding is the elasto-plastic bristle of Dupont, Hayward, Armstrong and Altpeter
-(IEEE Transactions on Automatic Control 47(5), 2002) instead of the set: sigma_0 z + sigma_1 dz/dt
-with dz/dt = v (1 - alpha z sign(v) / z_ss). While the bristle is stretched further, alpha rises
-from 0 at 0.7 z_ss to 1 at z_ss; alpha is 0 while the bristle relaxes. Coulomb, Stribeck and load
-friction are sigma_0 z_ss. The brake remains a set.
+Friction with presliding is not such a set but the elasto-plastic bristle of Dupont, Hayward,
+Armstrong and Altpeter (IEEE Transactions on Automatic Control 47(5), 2002). Its force is sigma_0 z
++ sigma_1 dz/dt with dz/dt = v (1 - alpha z sign(v) / z_ss). While the bristle is stretched further,
+alpha rises from 0 at 0.7 z_ss to 1 at z_ss; alpha is 0 while the bristle relaxes. Coulomb, Stribeck
+and load friction are sigma_0 z_ss. The friction of the brake is still a set.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ COMMAND_ROWS = 5
 
 _SWEEPS = 60
 _ELASTIC_SHARE = 0.7
-"""Share of z_ss below which a bristle is fully elastic."""
+"""Fraction of z_ss below which a bristle is fully elastic."""
 _BRISTLE_DAMPING_S = 0.0002
 """sigma_1 / sigma_0; it damps oscillations of a bristle that holds an axis."""
 _NEGLIGIBLE_TORQUE = 1e-12
@@ -323,7 +323,7 @@ def bristle_yield(velocity: float, stretch: float, limit: float, step_s: float) 
 
 @njit(cache=True)
 def bristle_force(stiffness: float, rate: float, step_s: float) -> tuple[float, float]:
-    """Return the factors of a bristle's mean force over a step: for z before, and for the mean v.
+    """Return the factors of z before a step and of the mean v in a bristle's mean force.
 
     With dz/dt = v - rate z at the step's middle, z⁺ = (z (1 - h rate/2) + h v) / (1 + h rate/2).
     """

@@ -1,8 +1,8 @@
 """`MotorTemperatures`: temperatures of the simulated motors, and their effects.
 
-A motor is one thermal body: copper losses and a share of the friction heat warm it, and the ambient
-cools it. Warm grease reduces friction. Warm magnets give less torque per ampere, which no drive
-knows: a drive reports the current times the torque constant of the nameplate.
+A motor is one thermal body: copper losses and a fraction of the friction heat warm it, and the
+ambient cools it. Warm grease reduces friction. Warm magnets give less torque per ampere, which no
+drive knows: a drive reports the current times the torque constant of the nameplate.
 """
 
 from __future__ import annotations

@@ -172,8 +172,8 @@ class Model:
 
         Raises:
             EstimationError: A shape does not fit (RID-API-ARGUMENT), or a joint that stood still
-                when the robot was identified is elsewhere; friction depends on temperature
-                (`at_temperature`); or the model contains a payload (`with_payload`).
+                when the robot was identified is at another position; friction depends on
+                temperature (`at_temperature`); or the model contains a payload (`with_payload`).
         """
         self._require_stated_payload()
         q, v, a = self._motion(position, velocity, acceleration)
@@ -206,8 +206,8 @@ class Model:
     def mass_matrix(self, position: npt.ArrayLike) -> FloatArray:
         """Return M of tau = M(q) a + ..., rotors included, from a unit acceleration of each joint.
 
-        Weakly determined parameters can make it indefinite; that of `to_pinocchio` is of the
-        closest physically consistent parameters, which make it positive definite.
+        Weakly determined parameters can make the mass matrix indefinite. `to_pinocchio` uses the
+        closest physically consistent parameters, with which it is positive definite.
 
         Args:
             position: Shape (samples, joints) or (joints,). Positions [rad or m].
@@ -377,7 +377,7 @@ class Model:
         return exported_parameters(request, self.estimate)[0]
 
     def _require_stated_payload(self) -> None:
-        """Refuse to compute torques of a model with a payload that may hang there or not."""
+        """Refuse a model with a payload unless the caller stated if the robot carries it."""
         if contains_payload(self.estimate):
             raise EstimationError(
                 "the model contains a payload: use model.with_payload('model') for the robot with"

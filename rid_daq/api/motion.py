@@ -84,7 +84,7 @@ class Motion:
         Args:
             points: Shape (poses, joints). Positions [rad or m].
             cell: As for `load`.
-            speed_fraction: Share of the limits of velocity and acceleration.
+            speed_fraction: Fraction of the velocity and acceleration limits that the curve uses.
 
         Raises:
             ConfigError: The curve exceeds a limit, or has other joints than the robot.
@@ -173,10 +173,10 @@ def design(
 ) -> Motion:
     """Choose an excitation trajectory that makes the parameters identifiable, within every limit.
 
-    A Fourier series of each joint, found by exact gradients from many starts so that the
-    information about the base parameters is largest (docs/theory.md 10). Ramps, positions between
-    the samples, torques, workspace and self-collision are checked. Ctrl-C ends the search with the
-    best motion so far.
+    The motion is a Fourier series for each joint. A search from many starts, with exact gradients,
+    maximises the information about the base parameters (docs/theory.md 10). Ramps, positions
+    between the samples, torques, workspace and self-collision are checked. Ctrl-C ends the search
+    with the best motion so far.
 
     Args:
         cell: A robot, or a cell for its cycle time, workspace and plate: a bundled name or a file.
@@ -190,7 +190,7 @@ def design(
         progress: Called with the step, the number of starts done, and their total.
 
     Raises:
-        ConfigError: No motion keeps every limit (RID-DESIGN-NONE), or an option is none.
+        ConfigError: No motion keeps every limit (RID-DESIGN-NONE), or an option is invalid.
         KeyboardInterrupt: Ctrl-C before any motion was found.
     """
     asked = dict(options or {})
@@ -230,10 +230,10 @@ def retime(
     Args:
         motion: A motion along a path, such as `Motion.through`.
         model: The identified robot.
-        payload: What hangs on the flange.
+        payload: Payload on the flange.
         confidence: Probability with which each torque keeps its limit; 0 uses the model without a
             margin.
-        margin: Share of the torques to keep free besides.
+        margin: Additional fraction of the torque limits that is kept free.
         options: Further fields of the request `retime`, such as {"jerk": (80.0,)}.
 
     Raises:
@@ -267,9 +267,9 @@ def retime(
 
 
 def cell_reference(cell: Robot | str | Path, folder: Path) -> str:
-    """Return a cell as the operations take it; that of a robot is written into a folder.
+    """Return a cell's name or file for an operation; for a robot, write a cell file into a folder.
 
-    The cell of a robot has a cycle of 8 ms and no workspace, as that of `rid-daq init`.
+    Like the cell of `rid-daq init`, a robot's cell has a cycle of 8 ms and no workspace.
     """
     if isinstance(cell, str | Path):
         return str(cell)
@@ -281,7 +281,7 @@ def cell_reference(cell: Robot | str | Path, folder: Path) -> str:
 
 
 def _shown(blocks: Iterator[AnyBlock], folder: Path) -> tuple[AnyBlock, ...]:
-    """Return what an operation shows, without files of a temporary folder and next commands."""
+    """Return an operation's blocks, without temporary file names and next commands."""
     place = f"{folder}/"
     return tuple(
         each.model_copy(update={"text": each.text.replace(place, "")})

@@ -149,8 +149,8 @@ def identify_payload(
         loaded: Recordings with the payload.
         unloaded: Recordings without the payload; not needed if a model is given.
         model: Model of the robot without payload.
-        known: Quantities measured otherwise: value and standard deviation by name (m, cx, cy, cz,
-            Ixx, Iyy, Izz, Ixy, Ixz, Iyz) [kg, m, kg m²], such as {"m": (2.805, 0.005)}.
+        known: Quantities known from other measurements: value and standard deviation by name (m,
+            cx, cy, cz, Ixx, Iyy, Izz, Ixy, Ixz, Iyz) [kg, m, kg m²], such as {"m": (2.805, 0.005)}.
         options: Further fields of the request `payload identify`, such as {"procedure": "apart"}.
 
     Raises:

@@ -24,8 +24,8 @@ class Shown(Protocol):
 def plot(result: Shown) -> Figure:
     """Return a figure of a result, drawn by matplotlib.
 
-    A recording or motion over time, the friction of a model over speed, the torques of a
-    validation, the centre of gravity of a payload, the torques of a retimed path.
+    The figure shows a recording or motion over time, the friction of a model over speed, the
+    torques of a validation, the centre of gravity of a payload, or the torques of a retimed path.
 
     Args:
         result: What is drawn.

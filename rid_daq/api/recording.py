@@ -207,7 +207,7 @@ class Recording:
 def read_recording(
     source: str | Path,
     *further: str | Path,
-    map: str | Path = "",  # the word of the command line, and no builtin is needed here
+    map: str | Path = "",  # named as on the command line; the builtin is not used here
     rows: str = "",
     robot: Robot | None = None,
 ) -> Recording:

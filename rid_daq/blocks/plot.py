@@ -124,8 +124,7 @@ class Panel(ConfigModel):
         is_to_scale: True for the same scale on both axes.
         zooms_with_previous: True if it shares the x axis of the previous panel.
         title: Subject, such as a joint; empty if there is only one subject. On paper, a panel with
-            a
-            title begins a new drawing, unless panels are side by side.
+            a title begins a new drawing, unless panels are side by side.
     """
 
     x: Axis

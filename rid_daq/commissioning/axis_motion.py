@@ -80,6 +80,6 @@ class AxisMotion:
 
 
 def travelled_share(line: HoldLine, rows: NDArray[Any], number: int) -> float:
-    """Return the share of a line that the set-points of an axis have travelled_share."""
+    """Return the fraction of a path that the set-points of an axis have travelled."""
     target = rows["target_position"][:, number]
     return float((target[-1] - target[0]) / (line.goal[number] - line.start[number]))

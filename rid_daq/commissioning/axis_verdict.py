@@ -1,6 +1,6 @@
 """Verdict of the axis test: compare command, drive and person.
 
-Name the line of a file to change.
+It names the line of the file to change.
 """
 
 from __future__ import annotations

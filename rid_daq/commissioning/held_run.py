@@ -29,7 +29,7 @@ class HeldRun:
         label: Name of the run.
         sentence: Sentence on the motion, for the report.
         role: Purpose of the run.
-        plan: Function that returns the line of a held key.
+        plan: Function that returns the path for a held key.
         tapped: Function that gets every key; the run ends if it returns True.
         ready: Function that gets the pose in which the robot rests and waits for a key.
         once: True if the run ends after the first press.

@@ -149,7 +149,7 @@ def run_path_chapter(
     """Run the chapter on the identified robot; return its result sections.
 
     The velocity loops are identified from a multisine, torque scale and delay from the circle
-    without compensation. The path is used for neither.
+    without compensation. The other path is used for neither.
 
     Raises:
         RidDaqError: A step failed; the message names it.

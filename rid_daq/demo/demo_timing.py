@@ -34,8 +34,8 @@ from rid_daq.runs.followed_motion import path_error_of_run
 
 MODEL: Final = "model_with_base.json"
 MECHANICS: Final = 3.0
-"""Factor on the accelerations in the robot file, which are valid in every pose: limit of the arm's
-mechanics.
+"""Acceleration limits of the arm's mechanics, relative to the limits in the robot file. The latter
+are valid in every pose.
 """
 RATE: Final = 40.0
 """Limit of the torque rate, in torque limits per second: what the velocity loops can follow."""

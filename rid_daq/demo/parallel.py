@@ -40,8 +40,7 @@ def run_stories(
 
     Returns:
         Results of `rid_daq.demo.demo_story.run_story`; the key is True for the robot with
-        unmodelled
-        effects.
+        unmodelled effects.
 
     Raises:
         RidDaqError: A step failed.

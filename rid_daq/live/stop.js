@@ -2,7 +2,7 @@
 // Its script element names the cell ("*" for all), the address of the request, and the WebSocket.
 "use strict";
 (() => {
-  window.endStop?.(); // ends the script of the page that this one replaces; the press is repeated here
+  window.endStop?.(); // ends the script of the previous page, which this page replaces; this page repeats its press
   const AGAIN_MS = 250; // time between two attempts
   const REFUSED_MS = 1000; // time between two attempts after a refusal
   const LATE_MS = 2000; // time after which the page shows that there is no answer

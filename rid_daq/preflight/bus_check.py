@@ -1,6 +1,6 @@
 """`CheckLine`: a line of the preflight.
 
-And the lines of the bus: load, queue, senders, watchdogs.
+This module also makes the lines on the bus: load, queue, senders, watchdogs.
 """
 
 from __future__ import annotations

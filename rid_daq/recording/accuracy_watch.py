@@ -1,6 +1,6 @@
 """`AccuracyWatch`: running estimate during a motion.
 
-Ends the motion when the accuracy is reached.
+It ends the motion when the accuracy is reached.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 class ViolationEntry(Section):
-    """A parameter that no real robot has below zero, but whose estimate is below zero.
+    """A parameter that is never negative for a real robot, but whose estimate is below zero.
 
     Attributes:
         name, expression: Name of the parameter, and the combination of standard parameters that it

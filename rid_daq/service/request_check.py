@@ -172,7 +172,7 @@ def is_file_name(path: str) -> bool:
 
 
 def is_hidden(inside: Path) -> bool:
-    """Return True if a path contains a hidden part: a name that begins with a dot and no digit."""
+    """Return True if a part of a path is hidden: it begins with a dot that no digit follows."""
     return any(part.startswith(".") and not part[1:2].isdigit() for part in inside.parts)
 
 

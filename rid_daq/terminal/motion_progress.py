@@ -81,7 +81,7 @@ def progress_callback(
 
 
 def describe_load(joints: JointValues, names: Sequence[str]) -> str:
-    """Return torque and following error relative to their limits, each of the worst joint."""
+    """Return torque and following error relative to their limits, each for the worst joint."""
     torque, error = int(joints.torque_share.argmax()), int(joints.following_error_share.argmax())
     return (
         f"torque {joints.torque_share[torque]:.0%} ({names[torque]}), following error"

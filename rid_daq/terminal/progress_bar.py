@@ -22,9 +22,9 @@ class BarLine:
     """Layout of one line of the display.
 
     Attributes:
-        title: Title of the step, shorten.
+        title: Title of the step, shortened.
         bar: Width of the bar [columns].
-        tail: Status, shorten.
+        tail: Status, shortened.
     """
 
     title: str

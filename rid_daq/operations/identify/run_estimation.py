@@ -281,7 +281,7 @@ def signals_of(
 ) -> list[SmoothedSignals]:
     """Return runs as low-passed signals in time; of periodic runs the mean period.
 
-    If the channel of the recorded torque is known, the model's torque passes it too.
+    If the torque channel is known, the model's torque is filtered by it too.
     """
     if data[0].is_periodic:
         averages = period_averages(data, channel)

@@ -95,7 +95,7 @@ def track_runs(request: TrackingRequest) -> TrackedRuns:
 
 
 def _torque_words(estimate: Estimate) -> str:
-    """Return a phrase on the torques of a model that bend the gears."""
+    """Return a phrase that names the model's torques from which the deflection is computed."""
     words = "the model's torques of the links (gravity and inertia, no friction"
     names = estimate.robot.joint_names
     told = {f"{kind}{number}" for number in range(1, len(names) + 1) for kind in ("Im", "Ia")}
@@ -130,7 +130,7 @@ def _require_order(after: MotionRun, before: MotionRun | None) -> None:
     """Refuse a run compared with itself, or an uncompensated run compared with a compensated one.
 
     Raises:
-        ConfigError: The pair of runs is such a pair.
+        ConfigError: The two runs must not be compared.
     """
     if before is None:
         return

@@ -149,8 +149,9 @@ def report_payload(
     """Add an estimated payload to the result of a folder, and write the report.
 
     Args:
-        payload: The payload with its verdict, of `estimate_payload`: a payload file does not keep
-            the advice of a check, which says whether the check is of the fit.
+        payload: The payload with its verdict, as `estimate_payload` returns it. A payload read from
+            a file is not sufficient: the file lacks the advice of each check, which shows if the
+            check concerns the fit.
         repeats: Estimates of each run alone; None without them.
         path: The payload file, which is written.
         folder: The session, or the run that gets the report.

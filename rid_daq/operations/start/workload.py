@@ -1,6 +1,6 @@
 """`Workload`: inertia and gravity that a robot's motors must move.
 
-Limits that the motors can keep.
+It also computes limits that the motors can keep.
 """
 
 from __future__ import annotations

@@ -102,7 +102,7 @@ class AxisTorqueScale(Section):
         ratio: Measured torque divided by the torque that the plate implies; above 1 if the drive
             reports too much torque.
         std: Standard deviation of the ratio.
-        p_value: Probability of a difference as large by noise alone.
+        p_value: Probability that noise alone causes a difference at least as large.
         wrong: True if the difference shows that the torque constant is wrong.
     """
 
@@ -117,7 +117,8 @@ class TorqueConstants(Section):
     """Comparison of all torque constants with the force plate.
 
     Attributes:
-        p_value: Probability of differences as large by noise alone, for all axes together.
+        p_value: Probability that noise alone causes differences at least as large, for all axes
+            together.
         axes: Torque scale of each axis.
     """
 

@@ -55,8 +55,9 @@ class AxisLoop(Section):
         lag_s: Time constant of the controller's lag [s].
         std: Standard deviation of each fitted parameter, by its name.
         covariance: Covariance of the fitted parameters, in the order of `std`.
-        p_value: Probability of a misfit as large by noise alone.
-        whiteness: Probability, by noise alone, of misfits as similar on neighbouring lines.
+        p_value: Probability that noise alone causes a misfit at least as large.
+        whiteness: Probability that noise alone makes the misfits at neighbouring frequency lines at
+            least as similar.
         trials: The candidate models.
         inertia: Apparent inertia of the axis. It has no interval: stiction and the motion of other
             joints bias it by more than the noise.
