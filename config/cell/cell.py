@@ -87,9 +87,9 @@ class DriveSafety(ConfigModel):
     Attributes:
         master_node_id: Node id of this computer's heartbeat.
         master_heartbeat_ms: Period of this computer's heartbeat.
-        master_heartbeat_timeout_ms: Time without it after which the drives stop (1016h). On a cell
-            that is not simulated at most 100 ms: the robot continues to move for this time after
-            this computer failed.
+        master_heartbeat_timeout_ms: Time without this heartbeat after which the drives stop
+            (1016h). On a cell that is not simulated at most 100 ms: the robot continues to move for
+            this time after this computer failed.
         drive_heartbeat_ms: Period of the drives' heartbeats (1017h).
         drive_heartbeat_timeout_ms: Time without a drive's heartbeat after which all drives are
             stopped; on a cell that is not simulated at most 100 ms.

@@ -108,8 +108,8 @@ def arms_of(tree: UrdfTree, base: str | None) -> list[UrdfArm]:
     """Return every chain of driven joints that ends at a gripper or at its last link.
 
     The longest is first. A gripper begins after at least three joints if the chains beyond are
-    shorter than the arm and either several chains branch from one body or a joint's name contains
-    grip, finger, knuckle or jaw.
+    shorter than the arm. In addition, several chains must branch from one body, or a joint's name
+    must contain grip, finger, knuckle or jaw.
     """
     arms: dict[str, UrdfArm] = {}
     for root in (base,) if base is not None else tree.roots:

@@ -145,7 +145,7 @@ class Answers:
 class ServoAxes(Protocol):
     """All axes of a robot, commanded together by velocity.
 
-    In order: `bring_up`, `start`, `enable`; then, every cycle, `exchange`, `command`,
+    Order of the calls: `bring_up`, `start`, `enable`; then, in every cycle, `exchange`, `command`,
     `send_heartbeat`; at the end `quick_stop` and `disable`. Long operations between `start` and
     `enable` must call `keep_alive`.
 

@@ -38,7 +38,7 @@ class DriveWatch:
 
     It has neither clock nor bus: it gets frames and times. Before `arm` only emergencies and
     boot-ups are noted (a drive that has just been reset boots), and another master is refused.
-    After it, every frame is checked, and another master is an event that ends the motion.
+    After `arm`, every frame is checked, and another master is an event that ends the motion.
 
     Args:
         joint_names, node_ids: The axes, base to flange.

@@ -196,7 +196,7 @@ class DriveSetup:
         return motor, self._with_counter(units)
 
     def _with_counter(self, units: AxisUnits) -> AxisUnits:
-        """Return units with the wrap-around of 6064h, within the motor's reach."""
+        """Return units with the wrap-around of 6064h, within the motor's range."""
         counter = read_counter(self._port)
         ends = [units.counts_per_rad * end for end in self._reach]
         if counter.is_smaller_than_32_bits:

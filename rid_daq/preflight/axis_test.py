@@ -1,6 +1,6 @@
 """Record of a cell's axis test: signed, and valid until the cell file or robot file changes.
 
-The record is in this user account's state, in no folder that a service serves, so no request can
+The record is in the state folder of this user account, which no service serves, so no request can
 change it. Each axis is signed with a secret of this account on this computer, together with the
 cell, the hashes of its files, the person and the time. A record that was copied, edited or made by
 another account is therefore invalid.

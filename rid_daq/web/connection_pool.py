@@ -49,7 +49,11 @@ class ConnectionPool(Generic[Member]):
         return None
 
     def has_place(self, key: str) -> bool:
-        """Return True if an owner may have one more member without having more than the others."""
+        """Return True if an owner may have one more member.
+
+        There must be a free place, or the owner must then still have fewer members than the owner
+        with the most.
+        """
         own = len(self._of.get(key, ()))
         if own >= self._most_of_one:
             return False

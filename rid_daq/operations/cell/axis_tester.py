@@ -36,7 +36,7 @@ SPEED_SHARE: Final = 0.02
 TURN_RAD: Final = np.deg2rad(2.0)
 SHIFT_M: Final = 0.005
 LEAST_SHARE: Final = 0.5
-"""Least share of the planned motion that must be driven before the axis is judged."""
+"""Least fraction of the planned motion that must be driven before the axis is judged."""
 
 HOLD, QUIT = " ", "q"
 

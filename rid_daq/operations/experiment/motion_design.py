@@ -49,7 +49,7 @@ class DesignedMotion:
         samples: The planned motion.
         condition: Condition number of an excitation; None for other motions.
         found: Result of the search for the motion; None without a search.
-        use: Shape (joints, 3). Largest share of speed, acceleration and torque limit that a
+        use: Shape (joints, 3). Largest fractions of speed, acceleration and torque limit that a
             multisine uses.
         notes: Sentences about the motion that a person should read.
     """

@@ -122,7 +122,7 @@ class RetimeResult:
     exit_code: int = 0
 
     def document(self) -> dict[str, object]:
-        """Return the timing and the used share of each limit as numbers."""
+        """Return the timing and the used fraction of each limit as numbers."""
         section, report = self.made.section, self.request.report
         return {
             "motion": str(self.request.output),

@@ -127,7 +127,7 @@ class VerdictLimits(Request):
 
 
 def _of_percent(value: object, info: ValidationInfo) -> object:
-    """Convert a percentage given as text on the command line to a share."""
+    """Convert a percentage given as text on the command line to a fraction."""
     if info.mode == "json" or not isinstance(value, str):
         return value
     try:

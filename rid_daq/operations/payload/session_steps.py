@@ -233,7 +233,7 @@ class PayloadGuide:
 
 
 def rehearsal_motion(motion: FourierMotion, speed: float, cycle_s: float) -> FourierMotion:
-    """Return one period of the same path at a share of its speed (or slightly slower)."""
+    """Return one period of the same path at a fraction of its speed (or slightly slower)."""
     cycles = math.ceil(motion.period_s / speed / cycle_s - 1e-9)
     return motion.model_copy(
         update={"period_s": cycles * cycle_s, "periods": 1, "transient_periods": 0}

@@ -30,7 +30,7 @@ def simulated_plant(
 
     Args:
         robot: The robot, with its `cad`.
-        motors: Known friction of the motors; unknown friction is a share of the torque limit.
+        motors: Known friction of the motors; unknown friction is a fraction of the torque limit.
 
     Raises:
         ConfigError: The robot has no `cad`.

@@ -18,9 +18,9 @@ PLANNED_CLEARANCE_M: Final = 0.03
 POSES: Final = 150
 FIRST_POSES: Final = 10
 SUSPECT: Final = 0.6
-"""Share of the first poses in which a pair must touch to be tested in all poses."""
+"""Fraction of the first poses in which a pair must touch to be tested in all poses."""
 MOST_POSES: Final = 0.9
-"""If bodies touch at rest and in a larger share of the poses, they touch by design."""
+"""If bodies touch at rest and in a larger fraction of the poses, they touch by design."""
 
 
 def allow_touching_pairs(

@@ -21,9 +21,9 @@ POSES: Final = 300
 VALIDATION_POINTS: Final = 12
 SAMPLE_S: Final = 0.02
 TORQUE_SHARE: Final = 0.8
-"""Share of the torque limits for links and rotors; friction and control use the rest."""
+"""Fraction of the torque limits for links and rotors; friction and control use the rest."""
 GRAVITY_SHARE: Final = 0.6
-"""Largest share of the torque limits for gravity; motion needs the rest."""
+"""Largest fraction of the torque limits for gravity; motion needs the rest."""
 LEAST_CROSSING_S: Final = 0.5
 """Shortest time in which a joint may cross its range; it must stop within it after a fault."""
 INTEGRAL_TIME_S: Final = 0.04

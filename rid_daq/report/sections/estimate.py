@@ -63,7 +63,7 @@ class AxisResidual(Section):
         unit: Unit of the torque.
         residual: RMS residual, in `unit`.
         noise: RMS noise of the measurement, in `unit`; null if the recording has no periods.
-        left_out_fraction: Share of the samples that are not used for friction because of
+        left_out_fraction: Fraction of the samples that are not used for friction because of
             standstill.
         torque: RMS torque, in `unit`; left out if the estimate does not use torques.
         percent: Residual relative to the torque [%]; left out if the estimate does not use torques.

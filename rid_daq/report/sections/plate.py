@@ -28,8 +28,8 @@ class WrenchResidual(Section):
         unit: Unit of the component.
         residual: RMS of measured minus predicted component, in `unit`.
         noise: RMS that noise alone would leave, in `unit`.
-        percent: Residual relative to the component [%]. A small component counts as a fixed share
-            of the largest component of its unit.
+        percent: Residual relative to the component [%]. A small component counts as a fixed
+            fraction of the largest component of its unit.
         grade: "good", "doubtful" or "bad".
         reason: Reason for the grade.
     """

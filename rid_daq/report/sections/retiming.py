@@ -100,9 +100,9 @@ class RetimedWay(Section):
         torques: Torque of each joint, divided by its limit.
         margins: Margin of each joint's torque, divided by its limit.
         reached: The active limit of each interval.
-        done: Completed share of the way at `time_s`.
+        done: Completed fraction of the way at `time_s`.
         original_s: Times of the original motion [s].
-        original_done: Completed share of the way at `original_s`.
+        original_done: Completed fraction of the way at `original_s`.
         measured: Measured torque of each joint at `time_s`, divided by its limit; left out if the
             path was not driven.
     """
@@ -132,7 +132,7 @@ class RetimingSection(Section):
         rows: Number of rows that were checked against the model.
         scans: Number of scans of the path until all limits were kept.
         confidence: Probability that the robot's torques keep their limits; null without a margin.
-        margin: Additional share of the torques that is kept free.
+        margin: Additional fraction of the torque limits that is kept free.
         averaged_s: Longest time over which the motion is averaged [s].
         joints: Largest values of each joint.
         base: Largest values of the base wrench; left out if it is not limited.
@@ -222,7 +222,7 @@ class RetimingSection(Section):
         )
 
     def with_driven(self, driven: DrivenTiming, torque: FloatArray) -> RetimingSection:
-        """Return the section with measurements of its only way.
+        """Return the section with measurements; the path must be a single way from rest to rest.
 
         Args:
             driven: Comparison of the original and the retimed path.

@@ -62,8 +62,8 @@ class AxisLoop(Section):
         inertia: Apparent inertia of the axis. It has no interval: stiction and the motion of other
             joints bias it by more than the noise.
         damping: Apparent damping of the axis, biased as the inertia is.
-        mechanics_misfit: Share of the axis's response that inertia and damping do not explain.
-        mechanics_noise: The share that noise alone would leave unexplained.
+        mechanics_misfit: Fraction of the axis's response that inertia and damping do not explain.
+        mechanics_noise: The fraction that noise alone would leave unexplained.
         velocity_margins: Margins of the velocity loop.
         position_margins: Margins of the position loop.
         position_peak: Largest amplification of the closed position loop.
@@ -72,7 +72,7 @@ class AxisLoop(Section):
         mechanics_response: Measured response of the axis.
         cascade: Curves of the open loops.
         findings: Problems of the measurement or the fit; empty without problems.
-        grade: "good", "doubtful" or "bad", by the share `mechanics_misfit`.
+        grade: "good", "doubtful" or "bad", by the fraction `mechanics_misfit`.
         reason: Reason for the grade.
     """
 
@@ -105,7 +105,7 @@ class AxisLoop(Section):
 
     @property
     def left_words(self) -> str:
-        """A text: share of the response that the inertia does not explain, relative to noise."""
+        """Text: fraction of the response that the inertia does not explain, relative to noise."""
         left = (
             f"an inertia leaves {100.0 * self.mechanics_misfit:.2g} % of the response (torque"
             " to speed) unexplained"
