@@ -78,7 +78,7 @@ class DriveProfile(ConfigModel):
         name: Name of the profile.
         word_order: Order of the registers of a 32-bit number: `big`, the usual one, has the more
             significant register first.
-        largest_gap: Registers that are so many addresses apart, or fewer, are read together.
+        largest_gap: Registers that are at most this number of addresses apart are read together.
         most_registers: Largest number of registers in one request.
         registers: The register of each quantity, by its name.
     """

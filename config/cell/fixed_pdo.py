@@ -1,4 +1,4 @@
-"""`FixedPdo`: a PDO with fixed content, which the drive does not let be mapped."""
+"""`FixedPdo`: a PDO with fixed content; the drive does not allow another mapping."""
 
 from __future__ import annotations
 

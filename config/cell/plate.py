@@ -55,7 +55,7 @@ class AmplifierConfig(ConfigModel):
         range_n: Full scale of each channel.
         sensitivity_pc_n: Sensitivities of the sensors, with their sign, as on their certificate.
         trigger: The SYNC pulse is wired to the amplifier's trigger input: the device time of each
-            edge is sent with the rows, and its bytes count on the line.
+            edge is sent with the rows, and its bytes add to the line's load.
         bits: Resolution of the converter.
     """
 

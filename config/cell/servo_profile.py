@@ -94,8 +94,8 @@ class ReferencedBits(ConfigModel):
         object: Index and subindex.
         bits: Size of the object.
         mask: The bits that count.
-        value: The drive is referenced if the masked object equals it; without it, if all bits of
-            the mask are set.
+        value: The drive is referenced if the masked object equals this value; without a value, if
+            all bits of the mask are set.
     """
 
     object: ObjectName
@@ -156,7 +156,7 @@ class ServoProfile(ConfigModel):
         deceleration_rad_s2: The joint's deceleration if the drive has no 6085h to set.
         commands: Commands take effect at the next SYNC or, if the drive's RPDOs ignore SYNC, on
             arrival.
-        pdos: PDOs of a drive that does not let them be mapped; they are used as they are.
+        pdos: PDOs of a drive that does not allow another mapping; they are used unchanged.
         cycle_time_written: False if the drive takes the period of its set-points from SYNC, or from
             its own tool: 60C2h is then compared, if it exists, and not written.
         enable_timeout_s: Longest time from Switch On Disabled to Operation Enabled, including

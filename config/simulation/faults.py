@@ -59,9 +59,9 @@ class TimedFault(ConfigModel):
 class FrameFault(TimedFault):
     """A fault of frames on the CAN bus.
 
-    From its start on, each frame of the kind is affected with the probability, until the count is
-    reached. Without `count` one frame is affected, or every frame if a probability or `lasting` is
-    given.
+    From the start of the fault on, each frame of the kind is affected with `probability`, until
+    `count` frames have been affected. Without `count` one frame is affected, or every frame if a
+    probability or `lasting` is given.
 
     Attributes:
         kind: `drop`: the frame never arrives. `duplicate`: it comes twice. `delay`: it comes
@@ -69,10 +69,11 @@ class FrameFault(TimedFault):
             the same identifier. `corrupt`: one bit is flipped. `wrong_length`: it has `length`
             bytes. `spoof`: another node answers before the drive, with its identifier and changed
             data.
-        frames, joint: Kind of the frames, and joint of their drive; without it, all drives.
+        frames, joint: Kind of the frames, and joint of their drive; without a joint, the frames of
+            all drives.
         at_frame: Number of the first frame of this kind that is affected.
         probability, count: Probability for each frame, and number of affected frames.
-        lasting: Every frame from the start on.
+        lasting: True if every frame is affected from the start on.
         delay_s, length: Delay of `delay`, and length of `wrong_length`.
         bit: Flipped bit of `corrupt`; without it, a random one.
         position_counts, torque_permille: Amounts that `spoof` adds to position and torque.
@@ -251,7 +252,7 @@ class ProcessFreeze(TimedFault):
     """A process is suspended by SIGSTOP, and continued by SIGCONT.
 
     In simulated time this does not disturb the task, because its bus is suspended too; in real time
-    it is a stalled computer.
+    it acts like a stalled computer.
 
     Attributes:
         kind: Kind of fault.
@@ -327,8 +328,8 @@ class AmplifierFault(ConfigModel):
 
     Attributes:
         kind: `garbage`, `nuls`: `count` random or zero bytes come before the row. `lost_bytes`:
-            `count` consecutive bytes of the row never arrive. `torn_row`, `gap`, `bad_checksum`:
-            `count` consecutive rows end in the middle, never arrive, or have a flipped bit.
+            `count` consecutive bytes of the row never arrive. `torn_row`: `count` consecutive rows
+            end in the middle. `gap`: they never arrive. `bad_checksum`: they have a flipped bit.
             `stall`: nothing arrives for `duration_s`, then everything at once. `unplug`: the port
             is gone for `duration_s`, and all that was sent meanwhile is lost; then there is a new
             port. `overload`: a channel gets twice its range for `duration_s`. `drift`: the drift

@@ -1,9 +1,9 @@
 """`PositionCounter`: range and wrap-around of a drive's position; `PositionTargets` uses it.
 
 `reference_setting` reports whether the drive's zero is known. CiA 402 has no bit for that outside
-homing mode, so the drive's profile names the manufacturer's bits (`referenced`). A drive without
-them can have a zero that the cell file states (`position_zero_counts`), as with an absolute
-encoder.
+homing mode, so the drive's profile names the manufacturer's bits (`referenced`). For a drive
+without such bits, for example with an absolute encoder, the cell file can state the zero
+(`position_zero_counts`).
 
 A drive without a velocity mode receives positions: the sum of the commanded velocities over the
 cycles, starting at the axis's position at power on. While its power is off, its set-point is its
