@@ -52,8 +52,7 @@ class JobResult:
     Attributes:
         job: The job with its final state.
         document: Result for programs, as `--json` of the same command prints it; None if the job
-            has no
-            result.
+            has no result.
         ended: Last event of the job; None if its process died.
     """
 
@@ -92,14 +91,12 @@ class ServiceClient:
 
         Args:
             address: `local` for the only service of this user on this computer, the path of its
-                socket, or
-                its address as https://HOST:PORT.
+                socket, or its address as https://HOST:PORT.
             token: Token for the service (default: the environment variable RID_DAQ_TOKEN).
 
         Raises:
             ConfigError: The address is invalid, or `local` is ambiguous because no local service or
-                several
-                services run.
+                several services run.
         """
         headers = {"x-rid-daq": "client", "content-type": "application/json"}
         secret = token or os.environ.get(TOKEN_VARIABLE, "")

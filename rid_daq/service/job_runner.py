@@ -41,8 +41,7 @@ class JobRunner:
 
     Args:
         folder, runs, state: Folder of relative paths, folder of the run folders, folder of the
-            jobs'
-            event files.
+            jobs' event files.
         jobs: Database table of jobs.
         audit: Log of user actions.
         leases: Leases of the cells.
@@ -52,8 +51,7 @@ class JobRunner:
     Attributes:
         closing: True if no more jobs are started.
         bus_owners_changed: Called with the process id of each job that uses a cell's bus, by cell;
-            0
-            for a job that is being started.
+            0 for a job that is being started.
     """
 
     closing = False

@@ -67,8 +67,7 @@ class Leases:
             LockedError: Another client holds the cell.
             NotAllowedError: A program tries to take the cell over.
             ConfigError: The duration is too short or too long, or the confirmation differs from the
-                cell's
-                name.
+                cell's name.
         """
         self._check_duration(seconds)
         running = self._current_lease(cell)

@@ -76,8 +76,7 @@ class Pairing:
 
         Raises:
             LockedError: Too many devices of this address wait (`RID-PAIR-ADDRESS-FULL`), or too
-                many in
-                all (`RID-PAIR-FULL`).
+                many in all (`RID-PAIR-FULL`).
         """
         self._forget_old()
         if Counter(each.address for each in self._waiting)[address] >= MOST_OF_ADDRESS:

@@ -237,8 +237,7 @@ class CellService:
 
         Raises:
             LockedError: The job has no open question with this number, or the caller does not hold
-                the
-                cell.
+                the cell.
             NotAllowedError: The caller has read-only access.
         """
         require_role(who, Role.OPERATOR)

@@ -41,8 +41,7 @@ def hold_reachable_cell(
 
     Raises:
         ConfigError: A setting contradicts another one, or needs simulated devices that are started
-            here;
-            or the payload does not exist.
+            here; or the payload does not exist.
         PreflightError: According to its EDS file, a drive lacks a required object.
         LockedError: Another session holds the cell.
         TransportError: The simulated devices do not start.

@@ -26,8 +26,7 @@ def hold_cell(cell: CellConfig, folder: Path | None = None) -> Iterator[None]:
     Args:
         cell: The cell whose bus (interface and channel) is locked.
         folder: Folder of lock files (default: the computer's lock folder; for a simulated bus, the
-            folder
-            of its socket).
+            folder of its socket).
 
     Raises:
         LockedError: Another session holds the bus; the message names it.

@@ -39,8 +39,7 @@ class Access:
         token: Secret that a viewer must send; new at every start unless the user sets one.
         certificate: PEM file with certificate and key, for TLS.
         session: Secret in the addresses of the page. It expires when the program ends: a page that
-            stays
-            open cannot give a valid secret to another program that uses the port later.
+            stays open cannot give a valid secret to another program that uses the port later.
     """
 
     address: str
@@ -60,8 +59,7 @@ class Access:
 
         Raises:
             ConfigError: The address is invalid, or other computers can reach it and it has no token
-                or no
-                TLS; or a file is missing or too short.
+                or no TLS; or a file is missing or too short.
         """
         address, port = _parse_listen(listen)
         if not ipaddress.ip_address(address).is_loopback and (token is None or certificate is None):

@@ -27,19 +27,16 @@ class Limits:
         waiting: Connections with an incomplete request head or TLS handshake.
         answering: Connections whose request is being answered.
         streams, streams_of_one: WebSockets and event streams, of all owners and of one owner; a
-            further
-            one receives status 503.
+            further one receives status 503.
         leaving: Connections whose answer is complete but not yet received by the client.
         lines, lines_of_one: WebSockets for STOP, of all owners and of one owner.
         head_bytes, body_bytes: Size of a request's head and body; the head handler may allow
-            another
-            body size.
+            another body size.
         message_bytes: Size of a WebSocket message.
         stream_bytes, stream_bytes_s: Data that a client may send over a WebSocket at once, and per
             second.
         request_s: Time from the connection to the last byte of the request [s]; the head handler
-            may
-            allow more for large bodies.
+            may allow more for large bodies.
         answer_s, stream_s: Time for which a client may receive none of the pending data [s].
     """
 

@@ -33,15 +33,13 @@ class FormField:
         label, hint: Name with unit; description.
         kind: Type of one value.
         many: Form of several values: "" for one value, "list" for one per line, "numbers" for a
-            fixed
-            number of them in one line, "pairs" for NAME=VALUE, one per line.
+            fixed number of them in one line, "pairs" for NAME=VALUE, one per line.
         default: Value if nothing is given, as text.
         is_required: True if a value must be given.
         choices: Allowed values of a choice.
         offers: Suggestions while the user types: "files", "runs" or nothing.
         parts: Name and kind of each part of a value that has several parts, written in one line;
-            empty
-            for a plain value.
+            empty for a plain value.
     """
 
     path: str

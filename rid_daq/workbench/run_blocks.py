@@ -64,8 +64,7 @@ def warm_up_plot(
     Args:
         joint_names: Base to flange.
         power_w: Mean mechanical power of each joint, one row per whole period [W], as
-            `period_powers`
-            returns it.
+            `period_powers` returns it.
         settled_percent: Limit of the change per period of a warm joint [%].
     """
     power = np.asarray(power_w, dtype=np.float64).reshape(-1, len(joint_names))

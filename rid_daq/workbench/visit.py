@@ -68,8 +68,7 @@ class Visit:
             template: Name of the template in the folder `templates`.
             status: Status of the answer.
             **context: Values for the template, in addition to those of the frame (`cell`, `status`,
-                `who`,
-                `menu`).
+                `who`, `menu`).
         """
         cell = self.cell
         base = f"/cells/{cell.name}"

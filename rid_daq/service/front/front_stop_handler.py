@@ -58,8 +58,7 @@ class FrontStopHandler:
 
         Raises:
             NotKnownError: The sender is on another computer, and the request contains no secret
-                that was
-                ever issued.
+                that was ever issued.
         """
         shown = (sha256_of_secret(secret) for secret in all_secrets_of(headers))
         known = next((each for each in shown if each in self._issued), None)

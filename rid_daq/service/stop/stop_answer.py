@@ -49,8 +49,7 @@ class StopHandler(Protocol):
 
         Raises:
             NotKnownError: The sender is on another computer, and the request contains no secret
-                that was
-                ever issued.
+                that was ever issued.
         """
         ...
 
@@ -72,8 +71,7 @@ def stop_each(
         cells: Names of the cells.
         stop: Function that stops one cell; it returns True if a job received the stop.
         wrong: Function that is called with the name of a cell whose stop failed, inside the
-            exception
-            handler.
+            exception handler.
     """
     told, failed = False, []
     for name in cells:

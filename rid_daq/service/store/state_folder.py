@@ -27,8 +27,7 @@ def open_state_folder(folder: Path) -> Path:
 
     Raises:
         RecordingError: Another user owns the folder or can change it (`RID-STATE-NOT-PRIVATE`); or
-            it
-            cannot be created.
+            it cannot be created.
     """
     state = folder / STATE_FOLDER
     with system_errors(RecordingError, f"{state}: cannot be used", code="RID-FILE-ACCESS"):
