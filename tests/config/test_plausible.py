@@ -278,7 +278,7 @@ WITHOUT_RANGE = {
     *("zero_jump_pc", "drift_pc_s", "clock_offset_s"),
     *("load_friction", "tachometer_ripple", "friction_drift_per_s", "rise_k_per_w"),
     *("loss_at_rated_w", "friction_per_k", "torque_constant_per_k"),
-    *("time_s", "position"),  # of a table: `derived` states their ranges
+    *("time_s", "position", "velocity"),  # of a table: `derived` states their ranges
     "zero_offset",  # of a map, in the unit of its positions: `derived` states its range
 }
 """Numbers without a unit, directions, matrices, and values of a simulation."""

@@ -32,6 +32,7 @@ STILL: Final = 1e-3
 STOPPING: Final = 5.77
 """Largest acceleration of a quintic from rest to rest, over distance / time^2: 10 / sqrt(3)."""
 POSITIONS: Final = Plausible(0.0, 50.0, "rad or m")
+SPEEDS: Final = Plausible(0.0, 60.0, "rad/s or m/s")
 TIMES: Final = Plausible(0.01, LONGEST_MOTION_S, "s")
 
 
@@ -86,15 +87,22 @@ class JointTableMotion(Motion, Derived):
         return self
 
     def derived(self) -> dict[str, tuple[float, Plausible]]:
-        """Return the largest position and the duration of the table, once it is read."""
+        """Return largest position and velocity, and the duration of the table, once it is read."""
         furthest = max((abs(value) for row in self.position for value in row), default=0.0)
+        fastest = max((abs(value) for row in self.velocity for value in row), default=0.0)
         lasts_s = max(self.time_s) - min(self.time_s) if self.time_s else 0.0
-        return {"position": (furthest, POSITIONS), "time_s": (lasts_s, TIMES)}
+        return {
+            "position": (furthest, POSITIONS),
+            "velocity": (fastest, SPEEDS),
+            "time_s": (lasts_s, TIMES),
+        }
 
     @property
     def read_later(self) -> frozenset[str]:
         """Keys whose values are in the trajectory file."""
-        return frozenset({"position", "time_s"}) if self.file is not None else frozenset()
+        return (
+            frozenset({"position", "velocity", "time_s"}) if self.file is not None else frozenset()
+        )
 
     def describe(self) -> str:
         """Return a description of the motion in one sentence."""

@@ -100,7 +100,7 @@ def test_a_stored_cell_is_loaded_with_the_files_stored_with_it(tmp_path: Path) -
     ("content", "code", "details"),
     [
         (None, "RID-FILE-READ", ("cell.yaml:11:", "axes.1.eds:", "drive.eds:", os.strerror(2))),
-        (SHEET + "DataType=x\n", "RID-EDS-INVALID", ("drive.eds:6: DataType", "[1000]", "'x'")),
+        (SHEET + "ObjectType=x\n", "RID-EDS-INVALID", ("drive.eds:6: ObjectType", "'x'")),
         ("name: ir361\n", "RID-FILE-TYPE", ("drive.eds:1: 'name: ir361'",)),
         ("", "RID-FILE-TYPE", ("drive.eds: ", "[DeviceInfo]")),
         (" " * (MAX_BYTES + 1), "RID-FILE-READ", ("axes.1.eds:", "drive.eds:", "4 MB")),
