@@ -1,12 +1,9 @@
 """`FaultScript`: the faults of a simulated cell, with their time and number.
 
-One of three keys states when a fault begins; without any of them it begins at once:
+A fault begins at once, or at one of these keys; all random numbers come from `seed`:
 - `at_s`: time since the start of the cell.
 - `at_cycle`: number of SYNCs since the drives were last commanded to be enabled.
-- `at_frame`, for faults on the bus: number of the frame, from 1, of the frames that the fault
-  concerns.
-
-All random numbers come from `seed`.
+- `at_frame`, on the bus: number of the frame, from 1, among those that the fault concerns.
 """
 
 from __future__ import annotations
@@ -69,8 +66,7 @@ class FrameFault(TimedFault):
             the same identifier. `corrupt`: one bit is flipped. `wrong_length`: it has `length`
             bytes. `spoof`: another node answers before the drive, with its identifier and changed
             data.
-        frames, joint: Kind of the frames, and joint of their drive; without a joint, the frames of
-            all drives.
+        frames, joint: Kind of the frames, and joint of their drive; without it, of all drives.
         at_frame: Number of the first frame of this kind that is affected.
         probability, count: Probability for each frame, and number of affected frames.
         lasting: True if every frame is affected from the start on.
@@ -187,9 +183,8 @@ class DriveFault(TimedFault):
             every timer that the drive starts from then on (heartbeats, watches, ramps), but not the
             axis's speed, which only the command determines. `motor_power_lost`: the motor loses its
             power, as by an emergency stop; the electronics run on. `supply_lost`: the drive is off
-            the bus, and boots after `duration_s`. These faults happen at once. `reset`: the drive
-            boots. `fault`: the drive detects an internal fault. `emergency`: the drive sends
-            messages, which change nothing else.
+            the bus, and boots after `duration_s`. At once: `reset` (the drive boots), `fault` (it
+            detects an internal fault), `emergency` (it sends messages that change nothing else).
         joint: The drive's joint; without it, all drives.
         duration_s: Duration of the fault.
         code: Error code of `fault` and `emergency`.

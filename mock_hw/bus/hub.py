@@ -61,10 +61,9 @@ class _Client:
 class CanHub:
     """A CAN bus between the clients of a socket: a `SimulatedDevice` on the computer's clock.
 
-    In real time, a frame is forwarded when its transmission time is over. A device gives each of
-    its frames a time of sending. The transmission counts from this time if the bus was free then
-    and the time is recent, so that the computing time of a simulated device is not counted as bus
-    time.
+    In real time, a frame is forwarded when its transmission time is over. A device gives each frame
+    a time of sending. The transmission counts from this time if the bus was free then and the time
+    is recent, so that the computing time of a simulated device is not bus time.
 
     In lock-step, the hub owns the time. It is a conservative discrete-event simulation: time moves
     to the next event only while every master and device waits. Order and times therefore depend
