@@ -117,9 +117,8 @@ def test_sheets_with_random_changes_are_read_or_refused_with_their_line(sheets: 
         counts[outcome(change_bytes(SMALL, chance))] += 1
     assert counts["read"] > 0.2 * sheets
     assert counts.total() - counts["read"] > 0.2 * sheets
-    assert len(counts) > (
-        50 if sheets == 100_000 else 40
-    )  # at least this many kinds of faults occurred, and all were reported
+    # At least this many kinds of refusals occurred; faults of an object refuse no sheet.
+    assert len(counts) > (44 if sheets == 100_000 else 34)
 
 
 def test_a_complete_sheet_with_random_changes_is_read_or_refused() -> None:
