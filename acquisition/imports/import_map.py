@@ -242,14 +242,20 @@ class ImportMap(PhysicalFile, Derived):
             "rated_torque_nm": [units.torque] if units.torque in RATED else [],
             "rated_current_a": [units.current] if units.current in RATED else [],
         }
+        columns = {
+            "increments_per_rev": "position",
+            "rated_torque_nm": "torque",
+            "rated_current_a": "current",
+        }
         for key, needing in needs.items():
             if needing and states is not None:
                 raise ValueError(f"unit {needing[0]} is for CSV files, not for joint_states")
             for joint in joints:
                 given = getattr(joint, key) is not None
-                if given and not needing:
+                has_column = getattr(joint, columns[key], None) is not None
+                if given and not (needing and has_column):
                     raise ValueError(f"{key} of {joint.joint} is not used: no unit needs it")
-                if needing and not given:
+                if needing and has_column and not given:
                     raise ValueError(f"unit {needing[0]}: give {key} of {joint.joint}")
         return self
 

@@ -156,11 +156,17 @@ def _rows_of_csv(path: Path, data: bytes) -> TrajectoryRows:
 
 def _joint_columns(path: Path, header: list[str], time: int) -> tuple[list[int], list[int]]:
     """Return the columns of the positions, and those of the velocities in the same order."""
-    speeds = {
-        form.format(name): name for name in header for form in VELOCITIES if header.count(name) == 1
-    }
+    forms = {form.format(name): name for name in header for form in VELOCITIES}
+    speeds = {name: forms[name] for name in header if name in forms}
     velocity = {speeds[name]: column for column, name in enumerate(header) if name in speeds}
     joints = [column for column, name in enumerate(header) if column != time and name not in speeds]
+    moving = [speeds[name] for name in header if name in speeds]
+    if len(velocity) < len(moving):
+        joint = next(each for each in moving if moving.count(each) > 1)
+        raise ConfigError(
+            f"{path}:1: has two columns of velocities of {joint}: remove one of them",
+            code="RID-TABLE-INVALID",
+        )
     without = [header[column] for column in joints if header[column] not in velocity]
     if velocity and without:
         raise ConfigError(

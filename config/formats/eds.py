@@ -148,17 +148,9 @@ class _Reader:
         if entry is None:
             return None
         try:
-            number = parse_integer(entry.text)
+            return _parse_in_range(entry.text, allowed)
         except ConfigError as error:
             refuse_line(self.name, entry.line, f"{entry.key} of [{section.name}]: {error}")
-        if number not in allowed:
-            refuse_line(
-                self.name,
-                entry.line,
-                f"{entry.key} of [{section.name}] is {shown(entry.text)}; give {allowed[0]} to"
-                f" {allowed[-1]:#x}",
-            )
-        return number
 
     def node_id(self) -> int | None:
         for title in ("devicecomissioning", "devicecommissioning"):  # the former is CiA's spelling
@@ -269,17 +261,17 @@ class _Reader:
 
 def _number(section: EdsSection, key: str, allowed: range, faults: list[EdsFault]) -> int | None:
     """Return the integer of a key; None if it is missing, cannot be read, or is out of range."""
+    return _parse_or_note(section, key, lambda text: _parse_in_range(text, allowed), faults)
 
-    def parse(text: str) -> int:
-        number = parse_integer(text)
-        if number not in allowed:
-            raise ConfigError(
-                f"{shown(text)} is out of range; give {allowed[0]} to {allowed[-1]:#x}",
-                code="RID-EDS-INVALID",
-            )
-        return number
 
-    return _parse_or_note(section, key, parse, faults)
+def _parse_in_range(text: str, allowed: range) -> int:
+    number = parse_integer(text)
+    if number not in allowed:
+        raise ConfigError(
+            f"{shown(text)} is out of range; give {allowed[0]} to {allowed[-1]:#x}",
+            code="RID-EDS-INVALID",
+        )
+    return number
 
 
 def _parse_access(text: str) -> Access:

@@ -103,6 +103,11 @@ def test_a_minimal_map_is_enough() -> None:
             ("unit increments", "increments_per_rev of a"),
         ),
         ({"units": {"torque": "permille"}}, "", ("unit permille", "rated_torque_nm of a")),
+        (
+            {"units": {"current": "percent"}, "joints": [JOINT | {"rated_current_a": 3.0}]},
+            "",
+            ("rated_current_a of a", "not used"),
+        ),
         ({"joints": [JOINT | {"rated_torque_nm": 3.0}]}, "", ("rated_torque_nm of a", "not used")),
     ],
 )

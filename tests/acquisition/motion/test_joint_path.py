@@ -243,6 +243,7 @@ def test_a_file_without_one_trajectory_is_refused(tmp_path: Path) -> None:
     [
         (VELOCITY_NAMES[0].replace(",axis3_velocity", ",vel"), 1.0, ("path.csv:1: ", "axis3")),
         (VELOCITY_NAMES[0], 57.3, ("'axis1'", "0.0")),
+        (VELOCITY_NAMES[0].replace("axis2_velocity", "vel_axis1"), 1.0, ("path.csv:1: ", "axis1")),
         (VELOCITY_NAMES[0], 573.0, ("velocity: ", "60 rad/s")),
         (VELOCITY_NAMES[0], -1.0, ("'axis1'", "-")),
         (VELOCITY_NAMES[1], 0.0, ("'axis1'", "vel_axis1")),
