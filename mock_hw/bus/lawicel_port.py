@@ -105,6 +105,12 @@ class LawicelPort:
 
 
 def _unread_bytes(descriptor: int) -> int:
-    """Return the number of bytes that a terminal's reader has not read."""
-    count = fcntl.ioctl(descriptor, termios.FIONREAD, bytes(4))
+    """Return the number of bytes that a terminal's reader has not read.
+
+    Linux's own slcan driver reads every byte at once, and its line discipline has no such request.
+    """
+    try:
+        count = fcntl.ioctl(descriptor, termios.FIONREAD, bytes(4))
+    except OSError:
+        return 0
     return int.from_bytes(count, sys.byteorder)
