@@ -19,12 +19,14 @@ from tests.rid_daq.service.conftest import PATIENCE_S, ServedProcess
 CHECK = {"seconds": 0.2}
 
 
-def until(condition: Callable[[], bool], patience_s: float = PATIENCE_S) -> None:
-    """Wait until a condition is true; fail after a timeout."""
+def until(
+    condition: Callable[[], bool], patience_s: float = PATIENCE_S, period_s: float = 0.05
+) -> None:
+    """Wait until a condition is true, asked every `period_s`; fail after a timeout."""
     end_s = time.monotonic() + patience_s
     while not condition():
         assert time.monotonic() < end_s, "the condition was not met in time"
-        time.sleep(0.02)
+        time.sleep(period_s)
 
 
 def begin_motion(served: ServedProcess, lease: str, pace: float = 1.0, **wanted: object) -> Job:

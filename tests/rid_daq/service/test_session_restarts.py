@@ -68,7 +68,7 @@ class Operator:
             assert end.value in entered or not state.is_over, told[-1]
             return end.value in entered
 
-        until(is_there)
+        until(is_there, period_s=0.3)  # the service answers with all events each time
         return entered
 
     def end(self, job: Job, how: str) -> None:
@@ -119,7 +119,7 @@ def test_a_session_continues_from_every_state(served: ServedProcess, motion: str
         assert operator.answer_until(job, State.IDENTIFY)[:3] == [
             *(State.ATTACH.value, State.WARM_UP_WITH.value, State.RECORD_WITH.value)
         ]
-        until(lambda: client.job(job.id).state.is_over)
+        until(lambda: client.job(job.id).state.is_over, period_s=0.3)
         job = operator.begin(
             resume=session
         )  # no payload was attached: the payload is estimated again
