@@ -12,7 +12,7 @@ tests() { step env RID_DAQ_LINES="$lines" $bin/python -m pytest -q -m "not slow 
 step $bin/ruff format --check .
 step $bin/ruff check .
 step $bin/lint-imports --no-cache
-step nice $bin/pyright & # runs at the same time as the first tests, which use one process
+step nice $bin/pyright & # both run at the same time as the tests
 pyright=$!
 step nice $bin/mypy &
 mypy=$!
@@ -27,7 +27,7 @@ if [ $# = 0 ]; then
     tests "${kernels[@]}"
     set -- --durations 20 "${kernels[@]/#/--ignore=}"
 fi
+tests -n 3 --dist loadfile --no-loadscope-reorder "$@"
 wait $pyright
 wait $mypy
-tests -n 3 --dist loadfile --no-loadscope-reorder "$@"
 [ -z "$lines" ] || step $bin/python -m tests.builders.measured_lines "$lines" --worst 20
