@@ -64,7 +64,7 @@ class SocketBus(can.BusABC):
 
 
 def driver_cycle(bus: can.BusABC) -> Callable[[], None]:
-    """Return a cycle of our driver."""
+    """Return a function that runs one exchange cycle with our driver."""
     nodes = tuple(range(1, AXES + 1))
     safety = DriveSafety(quick_stop_deceleration_rad_s2=10.0, following_error_rad=0.1)
     watch = DriveWatch([f"joint{node}" for node in nodes], nodes, safety)

@@ -1,4 +1,4 @@
-"""Impossible torques are named, and the proposed corrections are possible."""
+"""Torques that no such robot can have are reported; a proposed correction gives possible ones."""
 
 from __future__ import annotations
 
