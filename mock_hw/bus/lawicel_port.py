@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import select
@@ -111,6 +112,8 @@ def _unread_bytes(descriptor: int) -> int:
     """
     try:
         count = fcntl.ioctl(descriptor, termios.FIONREAD, bytes(4))
-    except OSError:
+    except OSError as error:
+        if error.errno != errno.ENOTTY:
+            raise
         return 0
     return int.from_bytes(count, sys.byteorder)
