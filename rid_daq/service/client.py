@@ -39,6 +39,7 @@ _REACH_S: Final = 10.0
 _PATIENCE_S: Final = (
     60.0  # an overloaded computer answers late; a timeout does not cancel the request
 )
+_IDEMPOTENT: Final = ("GET", "PUT", "DELETE")
 _STOP_PATIENCE_S: Final = 10.0  # the user must know soon if the stop has arrived
 
 Watch = Callable[[Job, AnyEvent], None]
@@ -193,9 +194,19 @@ class ServiceClient:
         return self._send_checked(self._http.build_request("GET", path)).content
 
     def _send_checked(self, request: httpx.Request) -> httpx.Response:
-        """Send a request and return the answer; raise the error of a refusal."""
+        """Send a request and return the answer; raise the error of a refusal.
+
+        A request that changes nothing when it is repeated (RFC 9110, 9.2.2) is sent once more if
+        the service closes the connection without an answer, as it does if this program sends too
+        late on an overloaded computer.
+        """
         try:
-            answer = self._http.send(request)
+            try:
+                answer = self._http.send(request)
+            except (httpx.RemoteProtocolError, httpx.ReadError, httpx.WriteError):
+                if not (request.method in _IDEMPOTENT or request.url.path.endswith("/stop")):
+                    raise
+                answer = self._http.send(request)
         except httpx.ReadTimeout:
             waited_s = request.extensions["timeout"]["read"]
             raise ServiceError(

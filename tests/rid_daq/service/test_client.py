@@ -73,6 +73,43 @@ def test_a_broken_connection_gives_the_same_error_for_every_request(tmp_path: Pa
                 asked()
 
 
+@pytest.mark.parametrize(("method", "times"), [("GET", 2), ("PUT", 2), ("DELETE", 2), ("POST", 1)])
+def test_only_a_repeatable_request_is_sent_again_after_a_closed_connection(
+    tmp_path: Path, method: str, times: int
+) -> None:
+    connections: list[socket.socket] = []
+
+    def close_the_first(connection: socket.socket) -> None:
+        connections.append(connection)
+        if len(connections) == 1:
+            connection.close()
+            return
+        connection.recv(1024)
+        connection.sendall(b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\n[]")
+
+    with listening_client(tmp_path, close_the_first) as client:
+        if times == 2:
+            assert client.ask(method, "/cells") == []
+        else:
+            with raises_code(ServiceError, "RID-SERVICE-UNREACHABLE"):
+                client.ask(method, "/cells")
+    assert len(connections) == times
+
+
+def test_a_stop_is_sent_again_after_a_closed_connection(tmp_path: Path) -> None:
+    requests: list[bytes] = []
+
+    def close_the_first(connection: socket.socket) -> None:
+        requests.append(connection.recv(1024))
+        if len(requests) == 2:
+            connection.sendall(b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\n{}")
+        connection.close()
+
+    with listening_client(tmp_path, close_the_first) as client:
+        client.stop("arm")
+    assert [each.split()[:2] for each in requests] == [[b"POST", b"/api/v1/cells/arm/stop"]] * 2
+
+
 def test_require_done_refuses_a_failed_job() -> None:
     failed = job("record").model_copy(update={"state": JobState.FAILED, "reason": "stopped"})
     with raises_code(ServiceError, "RID-JOB-NOT-DONE", failed.id, "record", "failed", "stopped"):
