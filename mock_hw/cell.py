@@ -26,7 +26,8 @@ class SimulatedCell:
     """A running simulated cell: ``with SimulatedCell(simulation) as simulated: ...``.
 
     The cell's `can.interface` selects the bus. `rid_sim` is the hub, with transmission times and
-    both clocks. `slcan` is a simulated adapter on a pseudo-terminal. `virtual` is a bus within this
+    both clocks; it has a process of its own in real time, and is in the drives' process in
+    lock-step. `slcan` is a simulated adapter on a pseudo-terminal. `virtual` is a bus within this
     process, for the drives alone. On any other interface of python-can, such as `socketcan` or
     `udp_multicast`, the drives join the existing bus in real time.
 
@@ -147,8 +148,9 @@ class SimulatedCell:
         if bus is not None and bus.interface == ONE_PROCESS:
             drives_pipe = _launch_thread(stack, drives)
         else:
-            hub = None if bus is not None else DeviceProcess(serve_hub, simulation.hub(socket))
-            if hub is not None:
+            hub = None
+            if drives.has_hub_process:
+                hub = DeviceProcess(serve_hub, simulation.hub(socket))
                 stack.callback(hub.end)
             process = DeviceProcess(serve_drives, drives)
             stack.callback(process.end)

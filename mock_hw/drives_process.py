@@ -1,4 +1,7 @@
-"""The process of the simulated drives and their robot: connects a `DriveRack` to the bus."""
+"""The process of the simulated drives and their robot: connects a `DriveRack` to the bus.
+
+In lock-step it is also the process of the bus: drives and hub exchange frames by calls.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +24,9 @@ from drivers.canopen.frames import NMT_COB_ID, SYNC_COB_ID, Frame, sdo_request_c
 from drivers.ports.can_link import CanLink, open_can
 from mock_hw.amplifier.port import AmplifierPort, PlateSettings
 from mock_hw.bus.bus_client import BusClient
+from mock_hw.bus.embedded_client import EmbeddedClient
 from mock_hw.bus.hub_client import HubClient
-from mock_hw.bus.hub_process import LINGER_NS
+from mock_hw.bus.hub_process import LINGER_NS, open_hub
 from mock_hw.bus.hub_protocol import HubRole
 from mock_hw.bus.lawicel_port import LawicelPort
 from mock_hw.bus.served_bus import adapter_path, hold_served_bus
@@ -41,7 +45,7 @@ if TYPE_CHECKING:
 _LOOK_S = 0.1
 _FAULT_PATIENCE_S = 5.0
 
-DeviceClient = HubClient | BusClient
+DeviceClient = HubClient | BusClient | EmbeddedClient
 """Connection of the drives to their bus."""
 
 LONGEST_WAIT_S = 0.010
@@ -67,23 +71,29 @@ class DrivesSettings:
     bus: CanBusConfig | None = None
 
     @property
+    def has_hub_process(self) -> bool:
+        """True if the hub has a process of its own, as in real time."""
+        return self.bus is None and self.simulation.realtime
+
+    @property
     def snapshot(self) -> Path:
         """File with the true state of the axes."""
         return axes_path(str(self.socket))
 
 
 def serve_drives(settings: DrivesSettings, pipe: Connection) -> None:
-    """Serve a cell's drives until the hub ends.
+    """Serve a cell's drives until their hub ends.
 
-    Without a hub, the drives end some seconds after the parent process. The function waits for a
-    message in `pipe` before it joins the bus. When the drives are on the bus, it sends the TCP port
-    of their registers (0 without registers). After an error it sends the error's text instead.
+    Without a hub in another process, the drives end some seconds after the parent process. The
+    function waits for a message in `pipe` before it joins the bus. When the drives are on the bus,
+    it sends the TCP port of their registers (0 without registers). After an error it sends the
+    error's text instead.
     """
     leave_signals_to_parent()
     signal.signal(signal.SIGTERM, _exit)
     with contextlib.ExitStack() as stack:
         try:
-            if settings.bus is not None and settings.simulation.private:
+            if settings.simulation.private and not settings.has_hub_process:
                 stack.callback(shutil.rmtree, settings.socket.parent, ignore_errors=True)
                 stack.enter_context(folder_in_use(settings.socket.parent))
             if settings.bus is not None:
@@ -101,7 +111,7 @@ def serve_until(
 
     Args:
         pipe: As for `serve_drives`.
-        ended: Called at every wait of a bus without a hub.
+        ended: Called at every wait of a bus without a hub process.
         alone: True in a separate process; False in a thread.
     """
     try:
@@ -137,15 +147,12 @@ def _rack_on_bus(
     pipe.recv()
     snapshots = SnapshotWriter(settings.snapshot, len(robot.joints))
     try:
-        client = _join_bus(settings, ended)
-        try:
+        with _join_bus(settings, ended) as client:
             now_s = client.now_ns * 1e-9
             announce = _announcer(pipe, client)
             faults = simulation.faults
             rack = DriveRack(cell, robot, plant, seed, snapshots, now_s, faults, announce)
             yield rack, client
-        finally:
-            client.close()
     finally:
         settings.snapshot.unlink(missing_ok=True)
 
@@ -166,15 +173,28 @@ def _announcer(pipe: Connection, client: DeviceClient) -> Callable[[int], None]:
     return announce
 
 
-def _join_bus(settings: DrivesSettings, ended: Callable[[], bool]) -> DeviceClient:
-    bus = settings.bus
-    if bus is None:
-        urgent = [NMT_COB_ID, SYNC_COB_ID]
-        urgent += [sdo_request_cob_id(axis.node_id) for axis in settings.simulation.cell.axes]
-        return HubClient(settings.socket, HubRole.DEVICE, urgent)
-    if bus.interface == "slcan":
-        return BusClient(CanLink(LawicelPort(adapter_path(bus.channel), bus.bitrate)), ended)
-    return BusClient(open_can(bus, watch_errors=False), ended)
+@contextlib.contextmanager
+def _join_bus(settings: DrivesSettings, ended: Callable[[], bool]) -> Iterator[DeviceClient]:
+    """Join the bus, or in lock-step open the hub; leave it at the end."""
+    bus, simulation = settings.bus, settings.simulation
+    with contextlib.ExitStack() as stack:
+        client: DeviceClient
+        if bus is not None:
+            if bus.interface == "slcan":
+                link = CanLink(LawicelPort(adapter_path(bus.channel), bus.bitrate))
+            else:
+                link = open_can(bus, watch_errors=False)
+            client = BusClient(link, ended)
+        else:
+            urgent = [NMT_COB_ID, SYNC_COB_ID]
+            urgent += [sdo_request_cob_id(axis.node_id) for axis in simulation.cell.axes]
+            if settings.has_hub_process:
+                client = HubClient(settings.socket, HubRole.DEVICE, urgent)
+            else:
+                hub = stack.enter_context(open_hub(simulation.hub(settings.socket)))
+                client = EmbeddedClient(hub, urgent, ended)
+        stack.callback(client.close)
+        yield client
 
 
 def _parent_ended() -> Callable[[], bool]:

@@ -1,8 +1,8 @@
 """`PlateService`: serves the plate's amplifier in the drives' process, with the robot's time.
 
 In lock-step, a command to the amplifier always arrives at the same simulated time of a run. The
-reason is the order: the service listens to the hub first, and the hub wakes the drives before any
-master.
+reason is the order: the hub reads no packet of a master before the amplifier has received the
+commands that were sent earlier.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 from mock_hw.amplifier.port import AmplifierPort
 from mock_hw.bus.arbitration import WireFrame
 from mock_hw.bus.bus_client import BusClient
+from mock_hw.bus.embedded_client import EmbeddedClient
 from mock_hw.bus.hub_client import HubClient
 
 if TYPE_CHECKING:
@@ -35,7 +36,12 @@ class PlateService:
         client: Connection to the bus, which provides the time.
     """
 
-    def __init__(self, port: AmplifierPort, rack: DriveRack, client: HubClient | BusClient) -> None:
+    def __init__(
+        self,
+        port: AmplifierPort,
+        rack: DriveRack,
+        client: HubClient | BusClient | EmbeddedClient,
+    ) -> None:
         self._port = port
         self._rack = rack
         self._client = client
@@ -43,7 +49,8 @@ class PlateService:
         self._commanded = False
         self._port_fd = -1
         self._epoll = select.epoll()
-        self._epoll.register(client.fileno(), select.EPOLLIN)
+        if not isinstance(client, EmbeddedClient):
+            self._epoll.register(client.fileno(), select.EPOLLIN)
 
     def note_sync(self, time_s: float) -> None:
         """Store an edge of the trigger input, which is wired to SYNC."""
@@ -66,8 +73,8 @@ class PlateService:
             TransportError: The hub has ended.
         """
         self._follow_port()
-        if self._client.lockstep:
-            return self._wait_lockstep(until_ns, on_frames)
+        if isinstance(self._client, EmbeddedClient):
+            return self._wait_lockstep(self._client, until_ns, on_frames)
         frames = self._client.wait(0)
         if frames:
             return frames
@@ -84,23 +91,20 @@ class PlateService:
         self._epoll.close()
         self._port.close()
 
-    def _wait_lockstep(self, until_ns: int, on_frames: bool) -> Sequence[WireFrame]:
-        self._client.begin_wait(until_ns, on_frames)
-        while True:
+    def _wait_lockstep(
+        self, client: EmbeddedClient, until_ns: int, on_frames: bool
+    ) -> Sequence[WireFrame]:
+        client.begin_wait(until_ns, on_frames)
+        while not client.serve([self._epoll.fileno()]):
+            self._poll(0.0)
             if self._commanded:
                 self._execute_commands(None)
-            if self._poll(-1.0):
-                return self._client.end_wait()
+        return client.end_wait()
 
-    def _poll(self, timeout_s: float) -> bool:
-        """Wait for the hub and the port; return True if the hub has sent something."""
-        heard = False
-        for fd, _ in self._epoll.poll(timeout_s):
-            if fd == self._port_fd:
-                self._commanded = True
-            else:
-                heard = True
-        return heard
+    def _poll(self, timeout_s: float) -> None:
+        """Wait for frames of the bus in real time, and for commands at the port."""
+        if any(fd == self._port_fd for fd, _ in self._epoll.poll(timeout_s)):
+            self._commanded = True
 
     def _execute_commands(self, now_s: float | None) -> None:
         self._commanded = False

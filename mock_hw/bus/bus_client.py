@@ -74,14 +74,6 @@ class BusClient:
         self.now_ns = time.monotonic_ns()
         return frames
 
-    def begin_wait(self, until_ns: int = FOREVER_NS, on_frames: bool = True) -> None:
-        """Refuse the call, because only lock-step time has waits in two halves."""
-        raise TransportError("this bus has real time only", code="RID-MOCK-REAL-TIME")
-
-    def end_wait(self) -> list[WireFrame]:
-        """Refuse the call, because only lock-step time has waits in two halves."""
-        raise TransportError("this bus has real time only", code="RID-MOCK-REAL-TIME")
-
     def close(self) -> None:
         """Leave the bus."""
         with contextlib.suppress(TransportError):

@@ -1,4 +1,4 @@
-"""`CanHub`: the simulated CAN bus between processes, in lock-step or in real time."""
+"""`CanHub`: the simulated CAN bus between its clients, in lock-step or in real time."""
 
 from __future__ import annotations
 
@@ -6,22 +6,18 @@ import math
 import select
 import socket
 import time
-from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TextIO
 
 from config.errors import ProtocolError
 from mock_hw.bus.arbitration import FOREVER_NS, CanWire, Delivery, WireFrame, candump_line
 from mock_hw.bus.faults import BusFaults
+from mock_hw.bus.hub_member import HubMember, SocketMember
 from mock_hw.bus.hub_protocol import (
-    FRAME,
-    FRAMES_PER_PACKET,
     HEADER,
     OWN_PORT,
-    PACKET_BYTES,
     HubRole,
     PacketKind,
-    pack,
     protocol_violation,
     unpack_frames,
     unpack_header,
@@ -37,29 +33,14 @@ _LONGEST_BURST_NS = 1_000_000
 _LONGEST_AGO_NS = 1_000_000
 _LONGEST_SELECT_S = 3600.0
 _LONGEST_WAIT_NS = 24 * 3600 * 10**9  # a longer wait is a mistake of the client
-_INBOX_FRAMES = 4096
-_BUFFER_BYTES = 1 << 20
 _BUS_OFF = ERROR_FLAG | 0x40
 
 
-class _Client:
-    """A connection: what it waits for, and the frames that were not sent to it yet."""
-
-    def __init__(self, key: int, connection: socket.socket) -> None:
-        self.key = key
-        self.socket = connection
-        self.role: HubRole | None = None
-        self.urgent: frozenset[int] = frozenset()
-        self.own_frames = False
-        self.idle = True
-        self.due_ns = FOREVER_NS
-        self.on_frames = False
-        self.number = 0
-        self.inbox: deque[bytes] = deque(maxlen=_INBOX_FRAMES)
-
-
 class CanHub:
-    """A CAN bus between the clients of a socket: a `SimulatedDevice` on the computer's clock.
+    """A CAN bus between its clients: a `SimulatedDevice` on the computer's clock.
+
+    A client is a member of the hub: another process behind a socket, or in lock-step the devices in
+    this process (`EmbeddedClient`).
 
     In real time, a frame is forwarded when its transmission time is over. A device gives each frame
     a time of sending. The transmission counts from this time if the bus was free then and the time
@@ -103,10 +84,11 @@ class CanHub:
         self._log = log
         self._epoch_ns = time.time_ns() - time.monotonic_ns() if realtime else 0
         self._now_ns = time.monotonic_ns() if realtime else 0
-        self._clients: dict[int, _Client] = {}
-        self._timed: list[_Client] = []
-        self._joining: list[_Client] = []
-        self._to_wake: list[_Client] = []
+        self._members: dict[int, HubMember] = {}
+        self._sockets: list[SocketMember] = []
+        self._timed: list[HubMember] = []
+        self._joining: list[HubMember] = []
+        self._to_wake: list[HubMember] = []
         self._next_key = self._busy = self._masters = 0
         self._horizon_ns = 0
         self._masterless_pace = PaceKeeper(1.0)
@@ -118,8 +100,7 @@ class CanHub:
         stop_at_s = stop_at_ns * 1e-9
         while (now_s := time.monotonic()) < stop_at_s:
             self.advance(now_s)
-            wait_s = min(self.next_s, stop_at_s) - time.monotonic()
-            if self._serve(stop_fds, min(max(0.0, wait_s), _LONGEST_SELECT_S)):
+            if self.receive(stop_fds, stop_at_s):
                 return
 
     def advance(self, until_s: float) -> None:
@@ -134,11 +115,56 @@ class CanHub:
         else:
             self._advance_lockstep(until_ns)
 
+    def receive(self, fds: Sequence[int], until_s: float) -> list[int]:
+        """Wait for clients, at most until the bus's next action, and process what they send.
+
+        Args:
+            fds: File descriptors that also end the wait; they go first.
+            until_s: Latest end of the wait [s, CLOCK_MONOTONIC].
+
+        Returns:
+            The readable ones of `fds`; if there are any, no client was read.
+        """
+        wait_s = min(max(0.0, min(self.next_s, until_s) - time.monotonic()), _LONGEST_SELECT_S)
+        readable, _, _ = select.select([*fds, self._listener, *self._sockets], [], [], wait_s)
+        if others := [fd for fd in fds if fd in readable]:
+            return others
+        for member in readable:
+            if isinstance(member, SocketMember):
+                self._read(member)
+        if self._listener in readable:
+            self._accept()
+        return []
+
+    def add_devices(self, member: HubMember) -> None:
+        """Let the devices of this process join; time stands still until their first wait."""
+        self._add(member)
+        member.role = HubRole.DEVICE
+        self._welcome(member)
+
+    def begin_wait(
+        self, member: HubMember, frames: Iterable[WireFrame], until_ns: int, *, on_frames: bool
+    ) -> None:
+        """Queue frames of a member, which then waits for a time or, if wanted, for frames."""
+        now_ns = time.monotonic_ns() if self._realtime else self._now_ns
+        for frame in frames:
+            self._queue(member, frame, now_ns)
+        if member not in self._timed:
+            return
+        if self._faults is not None and member.role == HubRole.MASTER and not on_frames:
+            until_ns += self._faults.hold_up_ns()
+        member.on_frames = on_frames
+        member.due_ns = now_ns if member.inbox and on_frames else until_ns
+        if not member.idle:
+            member.idle = True
+            self._busy -= 1
+
     def close(self) -> None:
         """Disconnect every client and close the listening socket."""
-        for client in [*self._clients.values()]:
-            client.socket.close()
-        self._clients.clear()
+        for member in self._members.values():
+            member.close()
+        self._members.clear()
+        self._sockets.clear()
         self._listener.close()
         if self._log is not None:
             self._log.flush()
@@ -205,141 +231,113 @@ class CanHub:
         if self._busy == 0 and not wire.sending and wire.next_ns <= now_ns:
             wire.step()
 
-    def _wake(self, client: _Client) -> None:
-        client.idle = False
-        client.due_ns = FOREVER_NS
+    def _wake(self, member: HubMember) -> None:
+        member.idle = False
+        member.due_ns = FOREVER_NS
         self._busy += 1
-        self._send_inbox(client, pack(PacketKind.WAKE, 0, client.number, self._now_ns))
+        self._send_inbox(member, PacketKind.WAKE)
 
     def _admit_masters(self) -> None:
-        joining, self._joining = self._joining, []  # clients that have left are dropped as members
+        joining, self._joining = self._joining, []
         self._master_pace.begin(time.monotonic_ns(), self._now_ns)
-        for client in joining:
+        for member in joining:
             self._masters += 1
-            self._welcome(client)
+            self._welcome(member)
 
     # Frames
 
     def _deliver(self, delivery: Delivery) -> None:
         (key, _), frame = delivery
-        record = FRAME.pack(*frame)
         cut_off = self._faults is not None and frame.time_ns < self._faults.cut_off_until_ns
-        for client in self._clients.values():
-            own = client.key == key
-            if client.role is not None and (client.own_frames or not own):
-                if cut_off and client.role == HubRole.MASTER:
+        for member in self._members.values():
+            own = member.key == key
+            if member.role is not None and (member.own_frames or not own):
+                if cut_off and member.role == HubRole.MASTER:
                     continue
-                client.inbox.append(FRAME.pack(*frame._replace(port=OWN_PORT)) if own else record)
-                if frame.can_id in client.urgent:
-                    client.due_ns = frame.time_ns
-                elif client.on_frames:
-                    client.due_ns = min(client.due_ns, frame.time_ns + _LONGEST_BURST_NS)
+                member.inbox.append(frame._replace(port=OWN_PORT) if own else frame)
+                if frame.can_id in member.urgent:
+                    member.due_ns = frame.time_ns
+                elif member.on_frames:
+                    member.due_ns = min(member.due_ns, frame.time_ns + _LONGEST_BURST_NS)
         if self._log is not None:
             self._log.write(candump_line(frame, frame.time_ns + self._epoch_ns, self._channel))
 
     def _send_frames(self, *, observers_only: bool) -> None:
-        for client in [*self._clients.values()]:
-            if client.inbox and not (observers_only and client.role != HubRole.OBSERVER):
-                self._send_inbox(client, pack(PacketKind.FRAMES, 0, 0, self._now_ns))
+        for member in [*self._members.values()]:
+            if member.inbox and not (observers_only and member.role != HubRole.OBSERVER):
+                self._send_inbox(member, PacketKind.FRAMES)
 
-    def _send_inbox(self, client: _Client, header: bytes) -> None:
-        """Send a client its frames; drop the frames of a client that does not read."""
-        inbox = client.inbox
+    def _send_inbox(self, member: HubMember, kind: PacketKind) -> None:
+        """Send a member its frames; drop the frames of a member that does not read."""
         try:
-            while len(inbox) > FRAMES_PER_PACKET:
-                some = [inbox.popleft() for _ in range(FRAMES_PER_PACKET)]
-                client.socket.send(pack(PacketKind.FRAMES) + b"".join(some))
-            client.socket.send(header + b"".join(inbox))
+            member.send(kind, self._now_ns, simulated=not self._realtime)
         except BlockingIOError:
-            if client in self._timed:
-                self._drop(client)
+            if member in self._timed:
+                self._drop(member)
         except OSError:
-            self._drop(client)
-        inbox.clear()
+            self._drop(member)
+        member.inbox.clear()
 
     # Clients
-
-    def _serve(self, stop_fds: Sequence[int], timeout_s: float) -> bool:
-        """Read from clients for at most `timeout_s`; return True if the hub must stop."""
-        clients = [*self._clients.values()]
-        waiting: list[int | socket.socket] = [
-            *stop_fds,
-            self._listener,
-            *(client.socket for client in clients),
-        ]
-        readable, _, _ = select.select(waiting, [], [], timeout_s)
-        if not readable:
-            return False
-        if any(stop_fd in readable for stop_fd in stop_fds):
-            return True
-        if self._listener in readable:
-            self._accept()
-        for client in clients:
-            if client.socket in readable:
-                self._read(client)
-        return False
 
     def _accept(self) -> None:
         try:
             connection, _ = self._listener.accept()
         except OSError:
             return
-        connection.setblocking(False)
-        connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER_BYTES)
-        self._clients[self._next_key] = _Client(self._next_key, connection)
+        member = SocketMember(connection)
+        self._add(member)
+        self._sockets.append(member)
+
+    def _add(self, member: HubMember) -> None:
+        member.key = self._next_key
+        self._members[self._next_key] = member
         self._next_key += 1
 
-    def _read(self, client: _Client) -> None:
+    def _read(self, member: SocketMember) -> None:
         try:
-            packet = client.socket.recv(PACKET_BYTES)
+            packet = member.receive()
             if packet:
-                self._handle(client, packet)
+                self._handle(member, packet)
                 return
         except BlockingIOError:
             return
         except (OSError, ProtocolError, ValueError):
-            self._drop(client)
+            self._drop(member)
             return
-        self._drop(client)
+        self._drop(member)
 
-    def _handle(self, client: _Client, packet: bytes) -> None:
+    def _handle(self, member: SocketMember, packet: bytes) -> None:
         kind, flag, number, time_ns = unpack_header(packet)
-        if kind == PacketKind.HELLO and client.role is None:
-            client.own_frames = bool(number)
-            self._join(client, HubRole(flag), packet)
-        elif kind in (PacketKind.SEND, PacketKind.IDLE) and client.role is not None:
+        if kind == PacketKind.HELLO and member.role is None:
+            member.own_frames = bool(number)
+            self._join(member, HubRole(flag), packet)
+        elif kind in (PacketKind.SEND, PacketKind.IDLE) and member.role is not None:
             now_ns = time.monotonic_ns() if self._realtime else self._now_ns
-            latest_ns = now_ns + _LONGEST_WAIT_NS
-            if latest_ns < time_ns != FOREVER_NS:
+            frames = unpack_frames(packet)
+            waits_ns = () if time_ns == FOREVER_NS else (time_ns,)
+            last_ns = max((*waits_ns, *(frame.time_ns for frame in frames)), default=0)
+            if last_ns > now_ns + _LONGEST_WAIT_NS:
                 raise protocol_violation(
-                    f"a client waits until {time_ns} ns, which is too far in the future"
+                    f"a client waits or sends until {last_ns} ns, which is too far in the future"
                 )
-            for frame in unpack_frames(packet):
-                if frame.time_ns > latest_ns:
-                    raise protocol_violation(
-                        f"a client sends a frame at {frame.time_ns} ns, which is too far"
-                        " in the future"
-                    )
-                self._queue(client, frame, now_ns)
-            if kind == PacketKind.IDLE and client in self._timed:
-                if self._faults is not None and client.role == HubRole.MASTER and not flag:
-                    time_ns += self._faults.hold_up_ns()
-                client.number, client.on_frames = number, bool(flag)
-                client.due_ns = now_ns if client.inbox and flag else time_ns
-                if not client.idle:
-                    client.idle = True
-                    self._busy -= 1
+            if kind == PacketKind.SEND:
+                for frame in frames:
+                    self._queue(member, frame, now_ns)
+            else:
+                member.number = number
+                self.begin_wait(member, frames, time_ns, on_frames=bool(flag))
         else:
             raise protocol_violation(f"unexpected packet of kind {kind}")
 
-    def _queue(self, client: _Client, frame: WireFrame, now_ns: int) -> None:
-        source, faults = (client.key, frame.port), self._faults
-        if self._realtime and client.role == HubRole.DEVICE and frame.time_ns:
+    def _queue(self, member: HubMember, frame: WireFrame, now_ns: int) -> None:
+        source, faults = (member.key, frame.port), self._faults
+        if self._realtime and member.role == HubRole.DEVICE and frame.time_ns:
             now_ns = max(now_ns - _LONGEST_AGO_NS, min(now_ns, frame.time_ns))
         if faults is None:
             self._wire.queue(source, frame, now_ns)
             return
-        from_master = client.role == HubRole.MASTER
+        from_master = member.role == HubRole.MASTER
         for each, spoiled in faults.take(source, frame, now_ns, from_master=from_master):
             self._wire.queue(each, spoiled, now_ns)
         if faults.bus_off:
@@ -347,52 +345,53 @@ class CanHub:
             self._send_to_masters(WireFrame(now_ns, _BUS_OFF, 8, 0, bytes(8)))
         if faults.unplugged:
             faults.unplugged = False
-            for each_client in [*self._clients.values()]:
-                if each_client.role == HubRole.MASTER:
-                    self._drop(each_client)
+            for each_member in [*self._members.values()]:
+                if each_member.role == HubRole.MASTER:
+                    self._drop(each_member)
 
     def _send_to_masters(self, frame: WireFrame) -> None:
         """Send every master a frame of its own adapter at once."""
-        for client in self._clients.values():
-            if client.role == HubRole.MASTER:
-                client.inbox.append(FRAME.pack(*frame))
-                if client.on_frames:
-                    client.due_ns = min(client.due_ns, frame.time_ns)
+        for member in self._members.values():
+            if member.role == HubRole.MASTER:
+                member.inbox.append(frame)
+                if member.on_frames:
+                    member.due_ns = min(member.due_ns, frame.time_ns)
 
-    def _join(self, client: _Client, role: HubRole, packet: bytes) -> None:
+    def _join(self, member: HubMember, role: HubRole, packet: bytes) -> None:
         now_ns = time.monotonic_ns() if self._realtime else self._now_ns
         if role == HubRole.MASTER and self._faults and now_ns < self._faults.unplugged_until_ns:
-            self._drop(client)
+            self._drop(member)
             return
-        client.urgent = unpack_identifiers(packet[HEADER.size :])
-        client.role = role
+        member.urgent = unpack_identifiers(packet[HEADER.size :])
+        member.role = role
         if role == HubRole.MASTER and not self._realtime and not self._masters:
-            self._joining.append(client)
+            self._joining.append(member)
             return
         self._masters += role == HubRole.MASTER
-        self._welcome(client)
+        self._welcome(member)
 
-    def _welcome(self, client: _Client) -> None:
-        if client.role != HubRole.OBSERVER and not self._realtime:
-            self._timed.append(client)
-            client.idle = False
+    def _welcome(self, member: HubMember) -> None:
+        if member.role != HubRole.OBSERVER and not self._realtime:
+            self._timed.append(member)
+            member.idle = False
             self._busy += 1
-        client.inbox.clear()
-        header = pack(PacketKind.WELCOME, not self._realtime, 0, self._now_ns)
-        self._send_inbox(client, header)
+        member.inbox.clear()
+        self._send_inbox(member, PacketKind.WELCOME)
 
-    def _drop(self, client: _Client) -> None:
-        if self._clients.pop(client.key, None) is None:
+    def _drop(self, member: HubMember) -> None:
+        if self._members.pop(member.key, None) is None:
             return
-        client.socket.close()
-        if client in self._joining:
-            self._joining.remove(client)
+        member.close()
+        if isinstance(member, SocketMember):
+            self._sockets.remove(member)
+        if member in self._joining:
+            self._joining.remove(member)
             return
-        if client in self._timed:
-            self._timed.remove(client)
-            if not client.idle:
+        if member in self._timed:
+            self._timed.remove(member)
+            if not member.idle:
                 self._busy -= 1
-            if client.role == HubRole.MASTER:
+            if member.role == HubRole.MASTER:
                 self._masters -= 1
                 if not self._masters:
                     back_ns = self._faults.unplugged_until_ns if self._faults else 0

@@ -1,4 +1,4 @@
-"""The hub as a process: its socket, its signals, and its end after that of its parent process."""
+"""The hub with its socket, and as a process: its signals, and its end after its parent process."""
 
 from __future__ import annotations
 
@@ -72,26 +72,39 @@ def serve_hub(settings: HubSettings, ready: Connection) -> None:
             if settings.private_folder:
                 stack.callback(shutil.rmtree, settings.path.parent, ignore_errors=True)
                 stack.enter_context(folder_in_use(settings.path.parent))
-            log = None
-            if settings.log is not None:
-                log = stack.enter_context(settings.log.open("w", encoding="ascii"))
-            listener = stack.enter_context(listening_socket(settings.path))
-            hub = CanHub(
-                listener,
-                settings.bitrate,
-                realtime=settings.realtime,
-                pace=settings.pace,
-                channel=settings.channel,
-                log=log,
-                faults=_faults(settings),
-            )
-            stack.callback(hub.close)
+            hub = stack.enter_context(open_hub(settings))
             ready.send(None)
             ready.close()
             _run(hub, stop_fd)
     except (MemoryError, OSError, RidDaqError) as error:
         with contextlib.suppress(OSError):
             ready.send(str(error))
+
+
+@contextlib.contextmanager
+def open_hub(settings: HubSettings) -> Iterator[CanHub]:
+    """Listen at the hub's path and yield the hub; close both at the end.
+
+    Raises:
+        TransportError: The path cannot be used.
+        OSError: The log cannot be written.
+    """
+    with contextlib.ExitStack() as stack:
+        log = None
+        if settings.log is not None:
+            log = stack.enter_context(settings.log.open("w", encoding="ascii"))
+        listener = stack.enter_context(listening_socket(settings.path))
+        hub = CanHub(
+            listener,
+            settings.bitrate,
+            realtime=settings.realtime,
+            pace=settings.pace,
+            channel=settings.channel,
+            log=log,
+            faults=_faults(settings),
+        )
+        stack.callback(hub.close)
+        yield hub
 
 
 def _faults(settings: HubSettings) -> BusFaults | None:
