@@ -1,13 +1,12 @@
 """A simulated cell in lock-step within the test's process: hub, drives, plant and cyclic task.
 
-Frames go through the hub's sockets and its simulated bus, as between processes. Tests compare the
-frames on the bus and the motion of the simulated axes, and do not check calls.
+Frames of the master go through the hub's socket and its simulated bus, as between processes. Tests
+compare the frames on the bus and the motion of the simulated axes, and do not check calls.
 """
 
 from __future__ import annotations
 
 import contextlib
-import os
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -34,6 +33,7 @@ from config.load import LoadedCell, load_cell
 from config.simulation.faults import NO_SCRIPT, FaultScript
 from drivers.canopen.frames import NMT_COB_ID, SYNC_COB_ID, sdo_request_cob_id
 from drivers.cell import Cell, open_cell
+from mock_hw.bus.embedded_client import EmbeddedClient
 from mock_hw.bus.faults import BusFaults
 from mock_hw.bus.hub import CanHub
 from mock_hw.bus.hub_client import HubClient
@@ -172,7 +172,7 @@ def _is(frame: Logged, word: int) -> bool:
 
 
 class Rig:
-    """Hub, drives and robot in threads; sessions and motions run in the test's own thread.
+    """Hub, drives and robot in a thread; sessions and motions run in the test's own thread.
 
     Attributes:
         config: The cell with the bus's address.
@@ -182,38 +182,31 @@ class Rig:
     def __init__(self, loaded: LoadedCell, folder: Path, script: FaultScript) -> None:
         assert loaded.plant is not None
         self._loaded = loaded
-        self._stop, self._stopper = os.pipe()
+        self._ended = threading.Event()
         self._log = StringIO()
         self.truth = Truth()
         self.path = folder / "hub.sock"
-        ready, served = threading.Event(), threading.Event()
+        served = threading.Event()
         cell, robot, plant = loaded.config, loaded.robot, loaded.plant.without_unmodelled()
         nodes = {axis.joint: axis.node_id for axis in cell.axes}
         faults = BusFaults(script, nodes, cell.drive_safety.master_node_id)
 
-        def serve_hub() -> None:
+        def serve() -> None:
+            urgent = [NMT_COB_ID, SYNC_COB_ID, *map(sdo_request_cob_id, nodes.values())]
             with listening_socket(self.path) as listener:
                 hub = CanHub(
                     listener, cell.can.bitrate, realtime=False, channel="test", log=self._log,
                     faults=faults,
                 )  # fmt: skip
-                ready.set()
-                hub.run([self._stop])
+                client = EmbeddedClient(hub, urgent, self._ended.is_set)
+                self.rack = DriveRack(cell, robot, plant, 1, self.truth, 0.0, script)  # type: ignore[arg-type]
+                served.set()
+                with contextlib.suppress(TransportError):
+                    run_rack(self.rack, client)
                 hub.close()
 
-        def serve_drives() -> None:
-            urgent = [NMT_COB_ID, SYNC_COB_ID, *map(sdo_request_cob_id, nodes.values())]
-            client = HubClient(self.path, HubRole.DEVICE, urgent)
-            self.rack = DriveRack(cell, robot, plant, 1, self.truth, 0.0, script)  # type: ignore[arg-type]
-            served.set()
-            with contextlib.suppress(TransportError):
-                run_rack(self.rack, client)
-            client.close()
-
-        self._threads = [threading.Thread(target=serve_hub), threading.Thread(target=serve_drives)]
-        self._threads[0].start()
-        assert ready.wait(120.0)
-        self._threads[1].start()
+        self._thread = threading.Thread(target=serve)
+        self._thread.start()
         assert served.wait(120.0)
         channel = cell.can.model_copy(update={"channel": str(self.path)})
         self.config = cell.model_copy(update={"can": channel})
@@ -223,12 +216,11 @@ class Rig:
         return parse_log(self._log.getvalue())
 
     def close(self) -> None:
-        os.write(self._stopper, b"x")
-        for thread in self._threads:
-            thread.join(120.0)
-            assert not thread.is_alive()
-        os.close(self._stop)
-        os.close(self._stopper)
+        self._ended.set()
+        with contextlib.suppress(TransportError):  # a new client ends the hub's wait
+            HubClient(self.path, HubRole.OBSERVER).close()
+        self._thread.join(120.0)
+        assert not self._thread.is_alive()
 
     @contextlib.contextmanager
     def session(self) -> Iterator[Cell]:
