@@ -126,7 +126,9 @@ class CanHub:
             The readable ones of `fds`; if there are any, no client was read.
         """
         wait_s = min(max(0.0, min(self.next_s, until_s) - time.monotonic()), _LONGEST_SELECT_S)
-        readable, _, _ = select.select([*fds, self._listener, *self._sockets], [], [], wait_s)
+        waiting: list[int | socket.socket | SocketMember]
+        waiting = [*fds, self._listener, *self._sockets]
+        readable, _, _ = select.select(waiting, [], [], wait_s)
         if others := [fd for fd in fds if fd in readable]:
             return others
         for member in readable:
@@ -290,9 +292,8 @@ class CanHub:
         self._sockets.append(member)
 
     def _add(self, member: HubMember) -> None:
-        member.key = self._next_key
-        self._members[self._next_key] = member
-        self._next_key += 1
+        member.key = self._next_key = self._next_key + 1
+        self._members[member.key] = member
 
     def _read(self, member: SocketMember) -> None:
         try:

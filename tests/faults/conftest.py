@@ -199,10 +199,10 @@ class Rig:
                     faults=faults,
                 )  # fmt: skip
                 client = EmbeddedClient(hub, urgent, self._ended.is_set)
-                self.rack = DriveRack(cell, robot, plant, 1, self.truth, 0.0, script)  # type: ignore[arg-type]
+                rack = DriveRack(cell, robot, plant, 1, self.truth, 0.0, script)  # type: ignore[arg-type]
                 served.set()
                 with contextlib.suppress(TransportError):
-                    run_rack(self.rack, client)
+                    run_rack(rack, client)
                 hub.close()
 
         self._thread = threading.Thread(target=serve)

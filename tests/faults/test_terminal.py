@@ -191,7 +191,7 @@ def test_after_any_end_no_process_remains_and_the_recording_is_complete(
     shell: Shell, how: str, tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
     before = len(shell.processes())
-    assert before >= 6, "program, task, recorder, live page, hub, drives"
+    assert before >= 5, "program, task, recorder, live page, simulated cell"
     if how == "Ctrl-C":
         os.write(shell.terminal, b"\x03")
     elif how == "closed terminal":
