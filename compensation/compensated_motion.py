@@ -15,8 +15,7 @@ from compensation.feedforward.inverse import (
     periodic_feedforward,
     rest_to_rest_feedforward,
 )
-from compensation.loops.velocity_loop import VelocityLoop
-from compensation.online.online import in_order
+from compensation.loops.velocity_loop import VelocityLoop, in_order
 from config.arrays import FloatArray
 from config.errors import LimitError
 from config.robot.robot import RobotDescription

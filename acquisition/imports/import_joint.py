@@ -9,7 +9,7 @@ from pydantic import model_validator
 from acquisition.imports.time_column import Column
 from config.model import ConfigModel
 from config.plausible import Plausible
-from config.robot.robot import Positive
+from config.quantities import Positive
 
 
 class JointReading(ConfigModel):

@@ -15,7 +15,8 @@ from config.formats.yaml_tree import parse_yaml
 from config.load import read_named, validate
 from config.model import ConfigModel
 from config.plausible import Derived, PhysicalFile, Plausible
-from config.robot.robot import MOST_JOINTS, Positive, RobotDescription
+from config.quantities import MOST_JOINTS, Positive
+from config.robot.robot import RobotDescription
 
 Columns = Annotated[int, Field(ge=2, le=10_000)]
 

@@ -8,10 +8,10 @@ from typing import Literal, Self, TypeVar
 
 from pydantic import Field, ValidationError
 
-from config.cell.cell import ButterworthFilter
+from config.cell.torque_filter import ButterworthFilter
 from config.errors import RecordingError
 from config.model import ConfigModel
-from config.robot.robot import MOST_JOINTS, Positive
+from config.quantities import MOST_JOINTS, Positive
 
 
 class HeaderModel(ConfigModel):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
 from acquisition.motion.samples import MotionSamples, Phase
 from config.errors import ConfigError
@@ -30,6 +29,8 @@ def rehearsal(samples: MotionSamples, slower: float = SLOWER) -> MotionSamples:
             f"invalid rehearsal: slower is {slower:g}, but must be at least 1 and finite",
             code="RID-OPTION-RANGE",
         )
+    from scipy.interpolate import CubicHermiteSpline  # a slow import that few motions need
+
     rows = _rows_of_one_period(samples)
     period_s = samples.sample_period_s
     path = CubicHermiteSpline(

@@ -11,7 +11,7 @@ from acquisition.motion.samples import Phase
 from acquisition.processing.block_file import BlockFile
 from acquisition.recording.recording import Recording
 from config.arrays import BoolArray, FloatArray, IntArray
-from config.cell.cell import ButterworthFilter
+from config.cell.torque_filter import ButterworthFilter
 from config.errors import DataQualityError
 
 MISSING_FRACTION_LIMIT = 0.02

@@ -22,7 +22,7 @@ from acquisition.processing.reaction_average import (
 )
 from acquisition.recording.recording import Recording
 from config.arrays import BoolArray, FloatArray, freeze
-from config.cell.cell import ButterworthFilter
+from config.cell.torque_filter import ButterworthFilter
 from config.errors import DataQualityError
 
 LONGEST_GAP = 3

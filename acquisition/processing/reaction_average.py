@@ -14,7 +14,7 @@ import numpy as np
 
 from acquisition.recording.reaction import Reaction
 from config.arrays import BoolArray, FloatArray, IntArray, freeze, read_only
-from config.cell.cell import ButterworthFilter
+from config.cell.torque_filter import ButterworthFilter
 from config.errors import DataQualityError
 
 FEWEST_CHANNELS = 3

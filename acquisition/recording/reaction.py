@@ -11,8 +11,8 @@ from acquisition.recording.plate_geometry import PlateGeometry
 from acquisition.signals.clocks import DeviceClock
 from acquisition.signals.resampling import resample
 from config.arrays import BoolArray, FloatArray, freeze
-from config.cell.cell import ButterworthFilter
 from config.cell.plate import CHANNEL_NAMES, PlateConfig
+from config.cell.torque_filter import ButterworthFilter
 from config.errors import RecordingError
 
 

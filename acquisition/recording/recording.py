@@ -10,7 +10,7 @@ import numpy as np
 
 from acquisition.recording.reaction import Reaction
 from config.arrays import BoolArray, FloatArray, IntArray, PhaseArray, freeze
-from config.cell.cell import ButterworthFilter
+from config.cell.torque_filter import ButterworthFilter
 from config.errors import RecordingError
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from config.arrays import FloatArray
-from config.cell.cell import ButterworthFilter
+from config.cell.torque_filter import ButterworthFilter
 from config.errors import ConfigError
 
 Bins = NDArray[np.complex128]

@@ -12,7 +12,7 @@ from compensation.loops.velocity_loop import VelocityLoop
 from config.formats.json_file import json_content, read_content
 from config.formats.whole_file import write_whole
 from config.model import ConfigModel
-from config.robot.robot import NonNegative, Positive
+from config.quantities import NonNegative, Positive
 
 FORMAT: Final = "rid-daq velocity loops 1"
 LARGEST_FILE_BYTES: Final = 1_000_000

@@ -13,7 +13,7 @@ from acquisition.motion.samples import Phase
 from acquisition.recording.recording import Recording
 from acquisition.signals.bins import filter_response
 from config.arrays import FloatArray, IntArray, PhaseArray
-from config.cell.cell import ButterworthFilter
+from config.cell.torque_filter import ButterworthFilter
 from config.errors import DataQualityError
 from config.robot.robot import RobotDescription
 from config.robot.wrist_coupling import WristCoupling

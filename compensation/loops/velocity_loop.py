@@ -19,12 +19,11 @@ from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 from scipy.special import chdtrc
 
 from compensation.loops.frequency_response import FrequencyResponse
 from config.arrays import FloatArray, freeze
-from config.errors import EstimationError
+from config.errors import ConfigError, EstimationError
 
 if TYPE_CHECKING:
     import control
@@ -243,6 +242,8 @@ def _fit(
     measured: FrequencyResponse, extras: tuple[Extra, ...]
 ) -> tuple[tuple[Extra, ...], FloatArray, FloatArray, float]:
     """Return the parameters, their covariance and the cost, sum |misfit|^2 / variance."""
+    from scipy.optimize import least_squares  # a slow import that few commands need
+
     frequency_hz, weight = measured.frequency_hz, 1.0 / np.sqrt(measured.variance)
 
     def unfold(x: FloatArray) -> tuple[float, float, float, float]:
@@ -298,3 +299,27 @@ def _response(
         np.polyval(numerator, s) / np.polyval(denominator, s) * np.exp(-s * delay_s),
         dtype=np.complex128,
     )
+
+
+def in_order(
+    names: Sequence[str], modelled: Sequence[str], loops: Sequence[VelocityLoop]
+) -> list[VelocityLoop]:
+    """Return the loops in the order of the joints.
+
+    Raises:
+        ConfigError: The model belongs to other joints, or a loop is missing.
+    """
+    if tuple(modelled) != tuple(names):
+        raise ConfigError(
+            f"the model has the joints {', '.join(modelled)}, the motion {', '.join(names)}: use a"
+            " model of this robot",
+            code="RID-ROBOT-OTHER",
+        )
+    measured = {loop.joint_name: loop for loop in loops}
+    missing = [name for name in names if name not in measured]
+    if missing:
+        raise ConfigError(
+            f"no velocity loop of {', '.join(missing)}: measure it with `rid-daq loop`",
+            code="RID-LOOP-MISSING",
+        )
+    return [measured[name] for name in names]

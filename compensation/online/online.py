@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from compensation.feedforward.inverse import CYCLES_TO_ACT, FeedforwardTuning, refuse_coupled_wrist
-from compensation.loops.velocity_loop import VelocityLoop
+from compensation.loops.velocity_loop import VelocityLoop, in_order
 from compensation.online import online_kernel as stage
 from compensation.online import path_kernels as path
 from config.arrays import FloatArray
@@ -138,27 +138,3 @@ class OnlineFeedforward:
     def delay_cycles(self) -> int:
         """Number of cycles between the path's head and the set-points."""
         return int(self.axes[stage.CYCLES].max()) + 1
-
-
-def in_order(
-    names: Sequence[str], modelled: Sequence[str], loops: Sequence[VelocityLoop]
-) -> list[VelocityLoop]:
-    """Return the loops in the order of the joints.
-
-    Raises:
-        ConfigError: The model belongs to other joints, or a loop is missing.
-    """
-    if tuple(modelled) != tuple(names):
-        raise ConfigError(
-            f"the model has the joints {', '.join(modelled)}, the motion {', '.join(names)}: use a"
-            " model of this robot",
-            code="RID-ROBOT-OTHER",
-        )
-    measured = {loop.joint_name: loop for loop in loops}
-    missing = [name for name in names if name not in measured]
-    if missing:
-        raise ConfigError(
-            f"no velocity loop of {', '.join(missing)}: measure it with `rid-daq loop`",
-            code="RID-LOOP-MISSING",
-        )
-    return [measured[name] for name in names]

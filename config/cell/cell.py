@@ -9,11 +9,12 @@ from pydantic import Field, model_validator
 from config.cell.monitor import MonitorConfig
 from config.cell.plate import PlateConfig
 from config.cell.servo_profile import ServoProfile, Unsigned32, VelocityUnit
+from config.cell.torque_filter import ButterworthFilter
 from config.errors import ConfigError
 from config.model import ConfigModel
 from config.plausible import PhysicalFile, Plausible
+from config.quantities import MOST_JOINTS, NonNegative, Positive
 from config.robot.bodies import Workspace
-from config.robot.robot import MOST_JOINTS, NonNegative, Positive
 
 Milliseconds = Annotated[int, Field(gt=0, le=65535)]
 LONGEST_SILENCE_MS = 100
@@ -182,18 +183,6 @@ class Supervision(ConfigModel):
     stuck_encoder_velocity_rad_s: Annotated[Positive, Plausible(1e-4, 5.0, "rad/s or m/s")] = 0.05
     stuck_encoder_torque_fraction: Annotated[float, Field(gt=0.0, le=2.0)] = 0.35
     limit_margin_fraction: Annotated[float, Field(ge=0.0, le=0.5)] = 0.1
-
-
-class ButterworthFilter(ConfigModel):
-    """The analog anti-alias filter in front of the drives' torque converters.
-
-    Attributes:
-        order: Number of poles.
-        cutoff_hz: Frequency of -3 dB.
-    """
-
-    order: Annotated[int, Field(ge=1, le=12)]
-    cutoff_hz: Annotated[Positive, Plausible(0.5, 2e4, "Hz")]
 
 
 class CellConfig(PhysicalFile):

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from config.model import ConfigModel
-from config.robot.robot import Temperature
+from config.quantities import Temperature
 
 
 class ModbusTls(ConfigModel):

@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 
 from config.model import ConfigModel
 from config.plausible import Plausible
-from config.robot.robot import Place, Positive, Turn
+from config.quantities import Place, Positive, Turn
 
 CHANNELS: Final = 8
 CHANNEL_NAMES: Final = ("fx12", "fx34", "fy14", "fy23", "fz1", "fz2", "fz3", "fz4")

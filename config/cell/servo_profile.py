@@ -22,7 +22,7 @@ from config.cell.fixed_pdo import (
 )
 from config.model import ConfigModel
 from config.plausible import Plausible
-from config.robot.robot import Positive
+from config.quantities import Positive
 
 Unsigned32 = Annotated[int, Field(ge=0, lt=2**32)]
 FamilyObject = Annotated[str, Field(pattern=r"^[0-9A-F]{4}h(:[0-9A-F]{2})?$")]

@@ -10,20 +10,20 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from config.model import ConfigModel
 from config.plausible import Derived, PhysicalFile, Plausible, radius_of_gyration
+from config.quantities import (
+    MOST_JOINTS,
+    InertiaElements,
+    NonNegative,
+    Place,
+    Positive,
+    Temperature,
+    Turn,
+    Vector3,
+)
 from config.robot.bodies import Body, refuse_unknown_pairs
 from config.robot.friction_terms import FrictionTerm
 from config.robot.kinematic_table import Kinematics
 
-Vector3 = tuple[float, float, float]
-Positive = Annotated[float, Field(gt=0.0)]
-NonNegative = Annotated[float, Field(ge=0.0)]
-
-Place = Annotated[Vector3, Plausible(0.0, 20.0, "m")]
-Turn = Annotated[Vector3, Plausible(0.0, 11.0, "rad")]
-Temperature = Annotated[Positive, Plausible(220.0, 450.0, "K")]
-Mass = Annotated[Positive, Plausible(1e-4, 3e3, "kg")]
-Inertia = Annotated[float, Plausible(0.0, 1e4, "kg m²")]
-InertiaElements = tuple[Inertia, Inertia, Inertia, Inertia, Inertia, Inertia]
 JointPosition = Annotated[float, Plausible(0.0, 15.0, "rad", Plausible(0.0, 50.0, "m"))]
 JointVelocity = Annotated[Positive, Plausible(1e-3, 60.0, "rad/s", Plausible(1e-3, 20.0, "m/s"))]
 JointAcceleration = Annotated[
@@ -40,8 +40,6 @@ _JOINT_IDENTITY: Final = (
     *("name", "type", "gear_ratio"),
     *("torque_constant_nm_per_a", "torque_constant_per_k"),
 )
-
-MOST_JOINTS: Final = 16
 
 JointType = Literal["revolute", "prismatic"]
 

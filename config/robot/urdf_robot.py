@@ -14,10 +14,11 @@ from config.errors import ConfigError
 from config.formats.urdf import UrdfTree, rpy_of_rotation
 from config.formats.yaml_tree import Path
 from config.plausible import implausible, key_name
+from config.quantities import Vector3
 from config.robot.axis_lines import rows_of_axes
 from config.robot.joint_size import GRAVITY_M_S2, joint_sizes
 from config.robot.kinematic_table import Kinematics
-from config.robot.robot import Joint, RobotDescription, Vector3
+from config.robot.robot import Joint, RobotDescription
 from config.robot.urdf_bodies import bodies_of_urdf, without_rounding_errors
 from config.robot.urdf_chain import UrdfArm, arm_between, held_positions
 from config.robot.urdf_limits import LimitDefaults, ReplacedValue, limits_of_urdf

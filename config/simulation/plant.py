@@ -15,8 +15,8 @@ from config.cell.plate import Eight, EightSensitivities, SquareMatrix
 from config.errors import ConfigError
 from config.model import ConfigModel
 from config.plausible import Derived, PhysicalFile, Plausible, radius_of_gyration
+from config.quantities import InertiaElements, Mass, NonNegative, Place, Positive, Temperature
 from config.robot.kinematic_table import Kinematics
-from config.robot.robot import InertiaElements, Mass, NonNegative, Place, Positive, Temperature
 
 
 class LinkInertia(Derived):

@@ -19,7 +19,7 @@ import numpy as np
 from acquisition.processing.periods import PeriodAverage
 from acquisition.signals.bins import Derivatives, differentiate_on_bins, filter_response, to_bins
 from config.arrays import BoolArray, FloatArray
-from config.cell.cell import ButterworthFilter
+from config.cell.torque_filter import ButterworthFilter
 from config.errors import EstimationError
 from dynamics.model.memory import (
     samples_with_known_friction,

@@ -15,7 +15,7 @@ from acquisition.processing.smoothing import SmoothedSignals, smooth_nonperiodic
 from acquisition.recording.recording import Recording
 from acquisition.signals.bins import filter_response
 from config.arrays import FloatArray
-from config.cell.cell import ButterworthFilter
+from config.cell.torque_filter import ButterworthFilter
 from config.errors import EstimationError
 
 MARGIN_PERIODS = 40.0

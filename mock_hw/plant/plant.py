@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin  # pyright: ignore[reportMissingImports]
 from numpy.typing import ArrayLike, NDArray
 
-from config.cell.cell import ButterworthFilter
+from config.cell.torque_filter import ButterworthFilter
 from config.robot.robot import RobotDescription
 from config.simulation.plant import PlantConfig
 from mock_hw.plant import servo_loops as rows

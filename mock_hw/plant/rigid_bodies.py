@@ -24,8 +24,9 @@ import pinocchio as pin  # pyright: ignore[reportMissingImports]
 from numpy.typing import NDArray
 
 from config.errors import ConfigError
+from config.quantities import Vector3
 from config.robot.kinematic_table import KinematicRow
-from config.robot.robot import RobotDescription, Vector3
+from config.robot.robot import RobotDescription
 from config.simulation.plant import LinkInertia, PlantConfig
 
 Vector = NDArray[np.float64]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from config.cell.cell import ButterworthFilter
+from config.cell.torque_filter import ButterworthFilter
 
 Vector = NDArray[np.float64]
 ComplexVector = NDArray[np.complex128]

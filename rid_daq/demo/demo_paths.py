@@ -21,8 +21,7 @@ from compensation.feedforward.tuning import Tuning, tune
 from compensation.loops.frequency_response import frequency_responses
 from compensation.loops.loop_file import write_loops
 from compensation.loops.multisine_motion import MultisineOptions, multisine_motion
-from compensation.loops.velocity_loop import VelocityLoop, fit_velocity_loop
-from compensation.online.online import in_order
+from compensation.loops.velocity_loop import VelocityLoop, fit_velocity_loop, in_order
 from config.cell.cell import CellConfig
 from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate

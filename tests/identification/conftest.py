@@ -21,8 +21,8 @@ from acquisition.recording.reaction import resample_reaction
 from acquisition.recording.recording import Recording
 from acquisition.signals.clocks import clock_from_arrivals
 from benchmarks.closed_loop import closed_loop
-from config.cell.cell import ButterworthFilter
 from config.cell.plate import AmplifierConfig, PlateConfig
+from config.cell.torque_filter import ButterworthFilter
 from config.load import LoadedCell, load_cell, load_robot
 from config.robot.bodies import Capsule
 from config.robot.robot import RobotDescription

@@ -21,7 +21,8 @@ from acquisition.signals.bins import to_bins
 from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.plausible import Plausible
-from config.robot.robot import Place, Positive, RobotDescription, Vector3
+from config.quantities import Place, Positive, Vector3
+from config.robot.robot import RobotDescription
 from dynamics.geometry.inverse_kinematics import follow_tool_path
 from dynamics.geometry.kinematics import Chain, link_transforms
 

@@ -10,7 +10,8 @@ from acquisition.motion.limits import verify_limits
 from acquisition.motion.samples import MotionSamples
 from config.errors import ConfigError
 from config.plausible import PhysicalFile, Plausible
-from config.robot.robot import Positive, RobotDescription
+from config.quantities import Positive
+from config.robot.robot import RobotDescription
 
 LONGEST_MOTION_S: Final = 4 * 3600.0
 

@@ -6,11 +6,10 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import numpy as np
 from pydantic import Field
-from scipy.interpolate import CubicSpline
 
 from acquisition.motion.kinds.motion import Motion, Position, ToolSpeed, refuse_longer
 from acquisition.motion.limits import refuse, violations
@@ -34,9 +33,13 @@ from acquisition.motion.samples import (
 from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.plausible import Plausible
-from config.robot.robot import Place, Positive, RobotDescription
+from config.quantities import Place, Positive
+from config.robot.robot import RobotDescription
 from dynamics.geometry.inverse_kinematics import PathSlopes, reach, refine_positions
 from dynamics.geometry.kinematics import Chain, link_transforms
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 COARSE_M: Final = 0.005
 FINE_M: Final = 0.001
@@ -209,6 +212,8 @@ class _SectionPath:
         cls, section: PathSection, chain: Chain, rotation: FloatArray | None, pose: FloatArray
     ) -> _SectionPath:
         """Follow a section from a pose, in coarse steps and then on a fine grid."""
+        from scipy.interpolate import CubicSpline  # a slow import that few motions need
+
         lengths = np.linspace(0.0, section.length_m, _grid_points(section, COARSE_M))
         found = np.empty((len(lengths), chain.n))
         coarse = section.at(lengths).point_m

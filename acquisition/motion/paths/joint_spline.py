@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from scipy.interpolate import CubicSpline
+from typing import TYPE_CHECKING
 
 from config.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 
 def joint_spline(knots: FloatArray, points: FloatArray) -> CubicSpline:
@@ -14,6 +17,8 @@ def joint_spline(knots: FloatArray, points: FloatArray) -> CubicSpline:
         knots: Shape (m,). Length at each pose, increasing.
         points: Shape (m, n). Poses, at least two.
     """
+    from scipy.interpolate import CubicSpline  # a slow import that few motions need
+
     if len(points) > 2:
         return CubicSpline(knots, points)
     slope = (points[1] - points[0]) / (knots[1] - knots[0])

@@ -9,13 +9,12 @@ from typing import Annotated, Final, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, model_validator
-from scipy.interpolate import CubicSpline
 
 from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.model import ConfigModel
 from config.plausible import Plausible
-from config.robot.robot import NonNegative, Place, Positive, Vector3
+from config.quantities import NonNegative, Place, Positive, Vector3
 
 SHORTEST_M: Final = 1e-6
 CELLS: Final = 256
@@ -176,6 +175,8 @@ class SplineSegment(PathSegment):
 
     def curve_from(self, start_m: FloatArray, label: str) -> KnottedCurve:
         """Return the spline."""
+        from scipy.interpolate import CubicSpline  # a slow import that few motions need
+
         points = np.array([start_m, *self.through_m])
         chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
         if chords.min() < SHORTEST_M:

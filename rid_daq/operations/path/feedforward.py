@@ -24,8 +24,7 @@ from compensation.feedforward.refinement import Refinement, refinement
 from compensation.feedforward.repeated_error import RepeatedError, repeated_error
 from compensation.feedforward.tuning import tune
 from compensation.loops import loop_file
-from compensation.loops.velocity_loop import VelocityLoop
-from compensation.online.online import in_order
+from compensation.loops.velocity_loop import VelocityLoop, in_order
 from compensation.operating_temperature import at_operating_temperature
 from config.errors import ConfigError, DataQualityError
 from config.formats.approved_files import sha256_of

@@ -16,7 +16,7 @@ from mcap.reader import make_reader
 from acquisition.journal.cycle_row import row_dtype
 from acquisition.journal.cycles import JournalWriter, read_journal
 from acquisition.journal.header import JournalHeader
-from config.cell.cell import ButterworthFilter
+from config.cell.torque_filter import ButterworthFilter
 from config.errors import RecordingError
 from tests.builders.raised_codes import raises_code
 

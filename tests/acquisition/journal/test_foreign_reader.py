@@ -16,7 +16,7 @@ from mcap.reader import make_reader
 from acquisition.journal.cycle_row import row_dtype
 from acquisition.journal.cycles import JournalWriter
 from acquisition.journal.header import JournalHeader
-from config.cell.cell import ButterworthFilter
+from config.cell.torque_filter import ButterworthFilter
 
 CODES = {
     "float64": "d", "float32": "f", "int64": "q", "uint64": "Q", "int32": "i", "uint32": "I",

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from acquisition.motion.samples import Phase
 from acquisition.processing.periods import PeriodAverage, average_periods
 from acquisition.recording.recording import Recording
-from config.cell.cell import ButterworthFilter
+from config.cell.torque_filter import ButterworthFilter
 from config.errors import DataQualityError, RecordingError
 from tests.builders.raised_codes import raises_code
 

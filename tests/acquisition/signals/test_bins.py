@@ -16,7 +16,7 @@ from acquisition.signals.bins import (
     from_bins,
     to_bins,
 )
-from config.cell.cell import ButterworthFilter
+from config.cell.torque_filter import ButterworthFilter
 from config.errors import ConfigError
 from tests.builders.raised_codes import raises_code
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from acquisition.processing.periods import PeriodAverage, average_periods
 from acquisition.recording.recording import Recording
-from config.cell.cell import ButterworthFilter
+from config.cell.torque_filter import ButterworthFilter
 from config.errors import EstimationError
 from config.robot.kinematic_table import KinematicRow, Kinematics
 from config.robot.robot import Joint, JointLimits, RobotDescription

@@ -8,7 +8,7 @@ from scipy import signal
 
 from acquisition.processing.smoothing import low_pass
 from acquisition.recording.recording import Recording
-from config.cell.cell import ButterworthFilter
+from config.cell.torque_filter import ButterworthFilter
 from config.errors import EstimationError
 from identification.equations.deconvolution import without_torque_filter
 from tests.builders.raised_codes import raises_code

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from acquisition.processing.periods import average_periods
 from acquisition.recording.recording import Recording
-from config.cell.cell import ButterworthFilter
+from config.cell.torque_filter import ButterworthFilter
 from config.errors import EstimationError
 from dynamics.model.true_parameters import true_parameters
 from identification.accuracy.plate_benefit import improvement

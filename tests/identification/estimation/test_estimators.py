@@ -14,7 +14,7 @@ from acquisition.motion.kinds.fourier import FourierMotion
 from acquisition.processing.periods import average_periods
 from acquisition.processing.smoothing import SmoothedSignals
 from acquisition.recording.recording import Recording
-from config.cell.cell import ButterworthFilter
+from config.cell.torque_filter import ButterworthFilter
 from config.errors import EstimationError
 from dynamics.model.robot_model import torque
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic

@@ -15,7 +15,7 @@ from acquisition.motion.kinds.reversed import ReversedMotion
 from acquisition.motion.motion_file import AnyMotion
 from acquisition.motion.samples import Phase
 from acquisition.recording.recording import Recording
-from config.cell.cell import ButterworthFilter
+from config.cell.torque_filter import ButterworthFilter
 from config.errors import DataQualityError, EstimationError
 from config.load import load_robot
 from config.robot.robot import RobotDescription

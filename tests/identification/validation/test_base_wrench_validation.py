@@ -9,7 +9,7 @@ import pytest
 
 from acquisition.processing.periods import average_periods
 from acquisition.recording.recording import Recording
-from config.cell.cell import ButterworthFilter
+from config.cell.torque_filter import ButterworthFilter
 from config.errors import DataQualityError, EstimationError
 from dynamics.model.true_parameters import true_parameters
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic

@@ -12,7 +12,7 @@ import pytest
 from acquisition.processing.periods import average_periods
 from acquisition.recording.recording import Recording
 from acquisition.signals.bins import from_bins, to_bins
-from config.cell.cell import ButterworthFilter
+from config.cell.torque_filter import ButterworthFilter
 from identification.equations.segments import period_signals
 from identification.estimation.estimate import predict
 from identification.estimation.fitted_periods import fit_periodic

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from config.cell.cell import ButterworthFilter
+from config.cell.torque_filter import ButterworthFilter
 from config.load import load_cell
 from config.robot.robot import RobotDescription
 from config.simulation.plant import PlantConfig

@@ -1,0 +1,23 @@
+"""Physical quantities in files: numbers with a unit and a plausible range."""
+
+from __future__ import annotations
+
+from typing import Annotated, Final
+
+from pydantic import Field
+
+from config.plausible import Plausible
+
+Vector3 = tuple[float, float, float]
+Positive = Annotated[float, Field(gt=0.0)]
+NonNegative = Annotated[float, Field(ge=0.0)]
+
+Place = Annotated[Vector3, Plausible(0.0, 20.0, "m")]
+Turn = Annotated[Vector3, Plausible(0.0, 11.0, "rad")]
+Temperature = Annotated[Positive, Plausible(220.0, 450.0, "K")]
+Mass = Annotated[Positive, Plausible(1e-4, 3e3, "kg")]
+Inertia = Annotated[float, Plausible(0.0, 1e4, "kg m²")]
+InertiaElements = tuple[Inertia, Inertia, Inertia, Inertia, Inertia, Inertia]
+
+MOST_JOINTS: Final = 16
+"""Largest number of joints of a robot."""
