@@ -11,7 +11,9 @@ from typing import Any
 
 import pytest
 
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from config.errors import LockedError
+from config.load import to_yaml
 from rid_daq.service.client import ServiceClient
 from rid_daq.service.records import CellState, Job
 from rid_daq.terminal.job_events import SessionState as State
@@ -21,6 +23,18 @@ from tests.rid_daq.service.moving import CHECK, events, until
 pytestmark = pytest.mark.slow
 
 SHORT = {"rehearsal_percent": 80.0, "warm_up_percent": 50.0, "warm_up_periods": 4}
+MOTION = FourierMotion(
+    kind="fourier",
+    robot="ir361",
+    period_s=2.4,
+    periods=3,
+    ramp_s=2.0,
+    joints=tuple(
+        FourierJoint(joint=joint, sine=(0.1, 0.05), cosine=(0.0, 0.05))
+        for joint in ("axis1", "axis2", "axis3")
+    ),
+)
+"""Short motion of the bundled cell: the length and the accuracy are not the subject."""
 
 
 class Operator:
@@ -88,8 +102,8 @@ def stored_state(folder: Path) -> tuple[str, State]:
     return file.parent.name, State(json.loads(file.read_text())["state"])
 
 
-def test_a_session_continues_from_every_state(served: ServedProcess, motion: str) -> None:
-    (served.folder / "motion.yaml").write_text(motion, encoding="utf-8")
+def test_a_session_continues_from_every_state(served: ServedProcess) -> None:
+    (served.folder / "motion.yaml").write_text(to_yaml(MOTION), encoding="utf-8")
     with served.client as client:
         operator = Operator(client)
         job = operator.begin(motion="motion.yaml", **SHORT)
