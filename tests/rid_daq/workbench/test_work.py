@@ -66,7 +66,7 @@ def test_a_new_user_gets_from_an_experiment_to_a_validated_model(
     checked(page)
 
     page.locator("#design").evaluate("part => { part.open = true }")
-    page.locator("#period").fill("4.8")
+    page.locator("#period").fill("2.4")
     page.locator("#periods").fill("3")
     page.locator("#design-go").click()
     expect(page.locator("#picture")).to_contain_text("Condition number")
