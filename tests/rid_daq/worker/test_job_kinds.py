@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any, cast
 
@@ -97,3 +99,15 @@ def test_a_run_outside_the_folder_is_not_recovered(tmp_path: Path) -> None:
     for told in ({"what": str(run.path)}, {"what": "a", "output": "../b"}):
         with raises_code(ConfigError, "RID-PATH-OUTSIDE"):
             run_job(JobKind("recover"), told, folder)
+
+
+def test_a_worker_waits_for_its_job_without_slow_imports_that_few_jobs_need() -> None:
+    program = (
+        "import sys; from rid_daq.operations.catalogue import operation;"
+        "[operation(name).load() for name in ('record', 'identify', 'check')];"
+        "print(sorted({'scipy.interpolate', 'scipy.optimize', 'matplotlib'} & set(sys.modules)))"
+    )
+    shown = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120.0, check=True
+    )
+    assert shown.stdout == "[]\n"
