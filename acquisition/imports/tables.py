@@ -140,7 +140,7 @@ def _read_file(
 
 
 def _split(line: str, import_map: ImportMap) -> tuple[list[str], Callable[[str], float]]:
-    """Return the fields of a line and the function that reads a number."""
+    """Return the fields of a line, and the function that converts a field to a number."""
     separator, comma = SEPARATORS[import_map.delimiter], import_map.decimal == ","
     odd = "_" in line or not line.isascii() or (comma and "." in line)
     if separator == "," and comma and '"' not in line:

@@ -213,7 +213,7 @@ class AmplifierProfile(ConfigModel):
         return sum(part.size for part in self.row_parts(form)) + self._terminator_bytes(form)
 
     def event_bytes(self, form: str) -> int:
-        """Return the length of an event on the line, with its terminator [bytes]."""
+        """Return the length of an event message on the line, with its terminator [bytes]."""
         return sum(part.size for part in self.event_parts(form)) + self._terminator_bytes(form)
 
     def _templates(self, form: str) -> FrameTemplates:

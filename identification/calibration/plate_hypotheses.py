@@ -181,7 +181,10 @@ def _scaled(
 
 
 def _orders(equations: PlateEquations, matrix: FloatArray) -> Iterator[PlateHypothesis]:
-    """Yield two swapped channels, and the best of many other orders, improved by more swaps."""
+    """Yield every order with two exchanged channels, and the best one of many other orders.
+
+    The best one is improved by exchanges of two channels until none reduces the cost.
+    """
     identity = tuple(range(CHANNELS))
     swaps = [_swapped(identity, *pair) for pair in combinations(identity, 2)]
     for order in swaps:

@@ -92,7 +92,7 @@ over.addEventListener("click", async () => {
     if (input.value.trim() !== page.cell) throw new Error(`Type ${page.cell}.`);
     return { note: note.value.trim() };
   };
-  const text = element("p", {}, `${owner} holds the cell. Talk to ${owner} first: after this, ${owner} cannot move the cell.`);
+  const text = element("p", {}, `${owner} holds the cell. Talk to ${owner} first: if you take it over, ${owner} can no longer move the cell.`);
   const content = [text, moving, label, input, noteLabel, note].filter(Boolean);
   const wanted = await dialog(`Take cell ${page.cell} over`, content, "Take over", { danger: true, read });
   if (wanted) await attempt(() => lease.take(wanted.note, page.cell));
