@@ -9,7 +9,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page, expect
+from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, expect
 
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
@@ -31,6 +31,9 @@ def served_pages(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedPro
 
 OpenPage = Callable[..., Page]
 
+REPLACED = "WebSocket is closed before the connection is established"
+"""Chromium's warning if a page replaces a connection that an overloaded service accepts late."""
+
 
 @pytest.fixture
 def problems() -> list[str]:
@@ -45,6 +48,10 @@ def open_page(
     """Return a function that opens a page in a new browser profile, by default logged in."""
     contexts = []
 
+    def note(message: ConsoleMessage) -> None:
+        if message.type in ("error", "warning") and REPLACED not in message.text:
+            problems.append(message.text)
+
     def opened(*, known: bool = True, dark: bool = False, width: int = 1280) -> Page:
         context = browser.new_context(
             viewport={"width": width, "height": 900}, color_scheme="dark" if dark else "light"
@@ -53,10 +60,7 @@ def open_page(
         contexts.append(context)
         page = context.new_page()
         page.on("pageerror", lambda error: problems.append(str(error)))
-        page.on(
-            "console",
-            lambda said: problems.append(said.text) if said.type in ("error", "warning") else None,
-        )
+        page.on("console", note)
         page.goto(served_pages.url if known else served_pages.url.split("?")[0])
         return page
 
