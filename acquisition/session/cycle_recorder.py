@@ -20,7 +20,7 @@ from config.process.own_process import ProcessName, set_process_name
 from config.process.shortage import named_error
 from config.process.termination import leave_terminal
 
-IDLE_S = 0.02
+IDLE_S = 0.01
 ORPHAN_PATIENCE_S = 5.0
 
 
