@@ -54,9 +54,11 @@ def prepare_amplifier(served: Any) -> None:
         amplifier.operate()
 
 
-def record(served: Any, path: Path, *, parent: int | None = None) -> PlateBlock:
+def record(served: Any, path: Path, *, parent: int | None = None, ends: bool = True) -> PlateBlock:
+    """Record until the amplifier's stream ends, or if `ends` is False until an error."""
     block = PlateBlock.create()
-    served.on_end = block.request_stop
+    if ends:
+        served.on_end = block.request_stop
     task = PlateTask(served.plate, served.profile, path, cell_name="cell", run_id="01J")
     run_plate_recorder(task, block, os.getppid() if parent is None else parent)
     return block
@@ -154,7 +156,7 @@ def test_a_line_that_stays_disconnected_is_an_error(
     served = serve_amplifier(AmplifierFault(kind="unplug", row=5000, duration_s=1e5))
     served.stream_s = 6.0
     prepare_amplifier(served)
-    block = record(served, tmp_path / "plate.mcap")
+    block = record(served, tmp_path / "plate.mcap", ends=False)
     assert isinstance(block.error, TransportError)
     assert block.error.refusal == "RID-AMPLIFIER-SILENT"
 
