@@ -172,9 +172,8 @@ class ServiceClient:
             ServiceError: As in `ask`, but after 10 s without an answer.
         """
         path = _api_path(f"/cells/{quote(cell)}/stop")
-        self._send_checked(
-            self._http.build_request("POST", path, timeout=_timeout(_STOP_PATIENCE_S))
-        )
+        request = self._http.build_request("POST", path, timeout=_timeout(_STOP_PATIENCE_S))
+        self._send_checked(request, repeatable=True)
 
     def put_file(self, path: Path, name: str) -> None:
         """Upload a local file into the service's folder."""
@@ -193,18 +192,19 @@ class ServiceClient:
         path = _api_path(f"/runs/{quote(run)}/files/{quote(name)}")
         return self._send_checked(self._http.build_request("GET", path)).content
 
-    def _send_checked(self, request: httpx.Request) -> httpx.Response:
+    def _send_checked(self, request: httpx.Request, *, repeatable: bool = False) -> httpx.Response:
         """Send a request and return the answer; raise the error of a refusal.
 
-        A request that changes nothing when it is repeated (RFC 9110, 9.2.2) is sent once more if
-        the service closes the connection without an answer, as it does if this program sends too
-        late on an overloaded computer.
+        A request with an idempotent method (RFC 9110, 9.2.2), or one that is `repeatable`, is sent
+        once more if the service closes the connection without an answer. The service does so if
+        this program sends too late, as on an overloaded computer.
         """
+        repeatable = repeatable or request.method in _IDEMPOTENT
         try:
             try:
                 answer = self._http.send(request)
             except (httpx.RemoteProtocolError, httpx.ReadError, httpx.WriteError):
-                if not (request.method in _IDEMPOTENT or request.url.path.endswith("/stop")):
+                if not repeatable:
                     raise
                 answer = self._http.send(request)
         except httpx.ReadTimeout:
