@@ -1,4 +1,4 @@
-"""Physical quantities in files: numbers with a unit and a plausible range."""
+"""Types of numbers in files: their sign, and the unit and plausible range of common quantities."""
 
 from __future__ import annotations
 
