@@ -26,12 +26,11 @@ class BusClient:
         ended: Called at every wait; True ends the client.
 
     Attributes:
-        lockstep, simulated_time: False: there is real time only.
+        lockstep: False: there is real time only.
         now_ns: CLOCK_MONOTONIC at the last `wait` [ns].
     """
 
     lockstep = False
-    simulated_time = False
 
     def __init__(self, link: CanLink, ended: Callable[[], bool]) -> None:
         self._link = link

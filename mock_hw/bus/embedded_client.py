@@ -29,12 +29,11 @@ class EmbeddedClient(HubMember):
         ended: Called at every wait, and ten times a second during it; True ends the client.
 
     Attributes:
-        lockstep, simulated_time: True: there is simulated time only.
+        lockstep: True: there is simulated time only.
         now_ns: The simulated time at the end of the last wait [ns].
     """
 
     lockstep = True
-    simulated_time = True
 
     def __init__(self, hub: CanHub, urgent: Iterable[int], ended: Callable[[], bool]) -> None:
         super().__init__()
@@ -47,9 +46,9 @@ class EmbeddedClient(HubMember):
         self.now_ns = 0
         hub.add_devices(self)
 
-    def send(self, kind: PacketKind, now_ns: int, *, simulated: bool) -> None:
+    def send(self, kind: PacketKind, flag: int, now_ns: int) -> None:
         """Keep the frames for `end_wait`."""
-        del kind, simulated
+        del kind, flag
         self._received += self.inbox
         self.now_ns = now_ns
 

@@ -269,10 +269,10 @@ class CanHub:
             if member.inbox and not (observers_only and member.role != HubRole.OBSERVER):
                 self._send_inbox(member, PacketKind.FRAMES)
 
-    def _send_inbox(self, member: HubMember, kind: PacketKind) -> None:
+    def _send_inbox(self, member: HubMember, kind: PacketKind, flag: int = 0) -> None:
         """Send a member its frames; drop the frames of a member that does not read."""
         try:
-            member.send(kind, self._now_ns, simulated=not self._realtime)
+            member.send(kind, flag, self._now_ns)
         except BlockingIOError:
             if member in self._timed:
                 self._drop(member)
@@ -377,7 +377,7 @@ class CanHub:
             member.idle = False
             self._busy += 1
         member.inbox.clear()
-        self._send_inbox(member, PacketKind.WELCOME)
+        self._send_inbox(member, PacketKind.WELCOME, flag=not self._realtime)
 
     def _drop(self, member: HubMember) -> None:
         if self._members.pop(member.key, None) is None:

@@ -45,8 +45,12 @@ class HubMember(ABC):
         self.inbox: deque[WireFrame] = deque(maxlen=_INBOX_FRAMES)
 
     @abstractmethod
-    def send(self, kind: PacketKind, now_ns: int, *, simulated: bool) -> None:
-        """Send the frames of the inbox with the present time [ns]; the hub then empties the inbox.
+    def send(self, kind: PacketKind, flag: int, now_ns: int) -> None:
+        """Send the frames of the inbox; the hub then empties the inbox.
+
+        Args:
+            kind, flag: As for `hub_protocol.pack`.
+            now_ns: The present time [ns].
 
         Raises:
             OSError: The client has gone or does not read.
@@ -83,15 +87,13 @@ class SocketMember(HubMember):
         """
         return self._socket.recv(PACKET_BYTES)
 
-    def send(self, kind: PacketKind, now_ns: int, *, simulated: bool) -> None:
+    def send(self, kind: PacketKind, flag: int, now_ns: int) -> None:
         """Send the frames in as many packets as they need; the last one has the kind."""
         packed = [FRAME.pack(*frame) for frame in self.inbox]
         while len(packed) > FRAMES_PER_PACKET:
             some, packed = packed[:FRAMES_PER_PACKET], packed[FRAMES_PER_PACKET:]
             self._socket.send(pack(PacketKind.FRAMES) + b"".join(some))
-        flag = int(simulated and kind is PacketKind.WELCOME)
-        number = self.number if kind is PacketKind.WAKE else 0
-        self._socket.send(pack(kind, flag, number, now_ns) + b"".join(packed))
+        self._socket.send(pack(kind, flag, self.number, now_ns) + b"".join(packed))
 
     def close(self) -> None:
         """Close the socket."""
