@@ -38,14 +38,17 @@ def motion() -> str:
 
 @pytest.fixture(scope="session")
 def long_motion() -> str:
-    """Return the same motion for two minutes, so that even on a busy computer the test ends it."""
-    return periodic(25)
+    """Return a motion of two minutes, so that even on a busy computer the test ends it.
+
+    Its periods are short, so that its main part begins soon.
+    """
+    return periodic(100, period_s=1.2)
 
 
-def periodic(periods: int) -> str:
+def periodic(periods: int, period_s: float = 4.8) -> str:
     cell = load_cell("ir361")
     options = TwoHarmonicOptions(
-        4.8, highest_harmonic=4, limit_fraction=0.35, tries=8, seed=3, periods=periods
+        period_s, highest_harmonic=4, limit_fraction=0.35, tries=8, seed=3, periods=periods
     )
     return to_yaml(design_two_harmonic(cell.robot, options, cell.config.cycle_time_s))
 

@@ -37,14 +37,15 @@ def begin_motion(served: ServedProcess, lease: str, pace: float = 1.0, **wanted:
         job = Job.model_validate(client.ask("POST", "/cells/ir361/jobs", body, lease))
         pid = client.job(job.id).pid
         assert pid is not None
-        until(lambda: is_in_motion(pid))
+        until(lambda: is_in_motion(pid) or client.job(job.id).state.is_over)
+        assert is_in_motion(pid), client.job(job.id)
         return job
 
 
 def is_in_motion(pid: int) -> bool:
-    """Return True if a worker's robot is in the main part of its motion."""
+    """Return True if a worker's robot has left the start of its motion."""
     control = ControlBlock.of_process(pid)
-    return control is not None and control.progress.phase is Phase.MAIN
+    return control is not None and Phase.RUN_IN <= control.progress.phase < Phase.HOLD
 
 
 def events(client: ServiceClient, job: Job) -> list[dict[str, object]]:
