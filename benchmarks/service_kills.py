@@ -43,11 +43,11 @@ from config.load import load_cell
 from rid_daq.service.client import ServiceClient
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import CellState, Job
-from rid_daq.service.running_job import EventTail
 from rid_daq.service.sockets import socket_path_of
 from rid_daq.service.store.database import open_database
 from rid_daq.service.store.jobs import JobStore
 from rid_daq.service.store.state_folder import STATE_FOLDER
+from rid_daq.service.workers.running_job import EventTail
 
 PATIENCE_S: Final = 300.0
 CELL: Final = "ir361"

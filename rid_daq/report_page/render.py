@@ -81,6 +81,12 @@ def render_certificate(certificate: Certificate) -> str:
     )
 
 
+def load_templates() -> None:
+    """Compile the templates of all pages; a page compiles those that it lacks."""
+    for name in _environment().list_templates(extensions=["html"]):
+        _environment().get_template(name)
+
+
 def _part(name: str, blocks: Iterable[AnyBlock], figures: LiveFigures | None) -> Markup:
     """Return a part of the page; if `figures` is None, plots are not interactive."""
     template = _environment().get_template("blocks.html")

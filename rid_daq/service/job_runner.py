@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import os
 import signal
 import time
 from collections import deque
@@ -21,10 +22,11 @@ from rid_daq.service.logs import LOG, ErrorIsolator
 from rid_daq.service.readiness import Readiness
 from rid_daq.service.records import Job, JobState
 from rid_daq.service.refusals import StoreBusyError
-from rid_daq.service.running_job import EventTail, ReadyWorker, RunningJob, StartingJob
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.store.audit import AuditLog
 from rid_daq.service.store.jobs import JobStore
+from rid_daq.service.workers.running_job import EventTail, RunningJob, StartingJob
+from rid_daq.service.workers.worker_template import WorkerTemplate
 from rid_daq.terminal.job_events import EndEvent, MotionEvent
 from rid_daq.web.feed import Feed
 
@@ -81,7 +83,7 @@ class JobRunner:
         self.bus_owners_changed: Callable[[dict[str, int]], None] = lambda _jobs: None
         self._starting: dict[str, StartingJob] = {}
         self._errors = ErrorIsolator()
-        self._ready_worker = ReadyWorker(state / "workers.log")
+        self._template = WorkerTemplate(state / "workers.log")
         self._mark_interrupted_jobs()
 
     def __iter__(self) -> Iterator[RunningJob]:
@@ -147,9 +149,9 @@ class JobRunner:
             begun.stop(f"cancelled by {who}", StopCode.STOP_BUTTON)
 
     async def prepare(self) -> None:
-        """Start a spare worker that waits for the next job."""
-        with self._errors.isolate("spare worker"):
-            await self._ready_worker.prepare()
+        """Start the template of the workers unless it runs."""
+        with self._errors.isolate("template of the workers"):
+            await self._template.prepare()
 
     async def poll(self) -> None:
         """Publish new events of jobs, save the outcome of ended jobs, start waiting jobs."""
@@ -171,7 +173,7 @@ class JobRunner:
         """Send every worker the service's heartbeat and the end time of its motion's lease."""
         now_s = safety_now_s()
         for running in self:
-            running.beat.write(now_s, self._lease_end_s(running.job))
+            running.process.beat.write(now_s, self._lease_end_s(running.job))
 
     async def close(self) -> None:
         """Stop all motions, end all computations, and save the outcome of every job."""
@@ -189,7 +191,7 @@ class JobRunner:
             with self._errors.isolate(f"job {running.job.id}"):
                 self._publish_events(running)
                 self._record_end(running)
-        await self._ready_worker.end()
+        await self._template.end()
         for job, _ in self._queue:
             self._record_state(
                 job, JobState.INTERRUPTED, "the service ended before the job started"
@@ -286,21 +288,20 @@ class JobRunner:
         try:
             if job.kind.operation.opens_cell:
                 await self._wait_until_journaled(job)
-            worker = await self._ready_worker.acquire()
+            worker = await self._template.start_worker()
         except OSError as error:
             reason = f"the job's process cannot be started: {error.strerror}"
             return self._record_state(job, JobState.FAILED, reason)
         finally:
             del self._starting[job.id]
             self._report_bus_owners()
-        process = worker.process
         if starting.stopping:
-            process.kill()
-            await process.wait()
+            worker.kill()
+            await worker.wait()
             return self._record_state(
                 job, JobState.STOPPED, f"{starting.stopping} before it started"
             )
-        job = self._jobs.change(job, state=JobState.RUNNING, began_s=time.time(), pid=process.pid)
+        job = self._jobs.change(job, state=JobState.RUNNING, began_s=time.time(), pid=worker.pid)
         running = RunningJob(job, cell, worker, self.events(job.id))
         self._running[job.id] = running
         self.send_heartbeats()
@@ -314,6 +315,7 @@ class JobRunner:
             events=str(self.events(job.id)),
             cleared=cleared,
             owner=job.owner,
+            service=os.getpid(),
             niceness=0 if job.kind.operation.opens_cell else NICENESS,
             approved=dict(approved or {}),
         )

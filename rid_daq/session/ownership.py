@@ -6,11 +6,23 @@ import contextlib
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Final
 
 from config.cell.cell import CellConfig
 from config.errors import LockedError, RecordingError
 from config.process.file_locks import file_holder, held_file
 from rid_daq.session.session import lock_path
+
+_accepted_owners: Final[set[int]] = set()
+
+
+def accept_owner(pid: int) -> None:
+    """Let this process open the cells of the service that has started it for a job.
+
+    Args:
+        pid: Process id of the service.
+    """
+    _accepted_owners.add(pid)
 
 
 @contextlib.contextmanager
@@ -39,13 +51,13 @@ def own_cell(cell: CellConfig) -> Iterator[None]:
 
 
 def refuse_owned(cell: CellConfig) -> None:
-    """Raise an error if a service owns the cell, unless that service has started this process.
+    """Raise an error if a service owns the cell, except if it has started this process for a job.
 
     Raises:
         LockedError: A service owns the cell.
     """
     owner = file_holder(_owner_file(cell))
-    if owner is not None and owner not in (os.getpid(), os.getppid()):
+    if owner is not None and owner not in (os.getpid(), *_accepted_owners):
         raise LockedError(
             f"cell {cell.name}: a service owns it (process {owner}): send the request to it with"
             " `--service local`, or end the service",

@@ -17,7 +17,7 @@ from rid_daq.service.api.context import OfCell, OfJob, Service, Who
 from rid_daq.service.api.runs import run_folder
 from rid_daq.service.refusals import UnknownError
 from rid_daq.service.request_check import require_inside
-from rid_daq.service.running_job import EventTail
+from rid_daq.service.workers.running_job import EventTail
 from rid_daq.terminal.choices import NO_PAYLOAD, PAYLOAD_OF_MODEL
 from rid_daq.terminal.job_events import WarmUpEvent
 from rid_daq.workbench.compressed import CompressedBody

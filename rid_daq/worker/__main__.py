@@ -1,4 +1,4 @@
-"""`python -m rid_daq.worker`: executes one job of the service, read from standard input."""
+"""`python -m rid_daq.worker`: the template of the workers, which execute the service's jobs."""
 
 import sys
 

@@ -1,10 +1,11 @@
-"""Life of a worker: it waits for a job, executes it, and writes how the job ended."""
+"""Life of a worker: forked from the template, it executes a job and writes how the job ended."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import signal
+import socket
 import sys
 import time
 from collections.abc import Callable
@@ -15,16 +16,23 @@ from pydantic import BaseModel, ConfigDict
 
 from acquisition.task.service_beat import ServiceBeat
 from config.formats.approved_files import approve_files
+from config.load import load_cell
+from config.process.own_process import keep_from_collections
 from config.process.termination import TERMINATION, signals_deferred
+from dynamics.model.robot_model import RobotModel
+from identification.model.base_parameters import base_parameters
 from rid_daq.app import Ending, end_by_signals, ending_of
 from rid_daq.operations.catalogue import operation
 from rid_daq.operations.perform import perform
+from rid_daq.report_page.render import load_templates
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.request_check import parse_request, require_ending
+from rid_daq.session.ownership import accept_owner
 from rid_daq.terminal.console import make_printable
 from rid_daq.terminal.job_events import EndEvent
 from rid_daq.worker.job_console import EventFile, JobConsole
 from rid_daq.worker.orders import Orders
+from rid_daq.worker.template import fork_workers
 
 
 class WorkOrder(BaseModel):
@@ -38,6 +46,7 @@ class WorkOrder(BaseModel):
             events.
         cleared: True if a person has just confirmed that the cell is clear.
         owner: Person or program that started the job.
+        service: Process id of the service.
         niceness: Nice value of the process.
         approved: SHA-256 of the files with which the job was accepted, by their paths.
     """
@@ -52,18 +61,29 @@ class WorkOrder(BaseModel):
     events: Path
     cleared: bool
     owner: str = ""
+    service: int
     niceness: int = 0
     approved: dict[str, str] = {}
 
 
 def main() -> int:
+    """Import what jobs need, and fork workers for the service until it ends.
+
+    The argument is the file descriptor of the connection to the service.
+    """
+    line = socket.socket(fileno=int(sys.argv[1]))
+    line.set_inheritable(False)
+    _warm_up()
+    keep_from_collections()
+    descriptor = fork_workers(line)
+    return 0 if descriptor is None else run_worker(ServiceBeat.inherited(descriptor))
+
+
+def run_worker(service: ServiceBeat) -> int:
     """Wait for the job on standard input, execute it, and return its exit code.
 
-    The argument is the file descriptor of the service's heartbeat (`ServiceBeat`). A signal is
-    deferred until the job can write how it ended.
+    A signal is deferred until the job can write how it ended.
     """
-    service = ServiceBeat.inherited(int(sys.argv[1]))
-    os.set_inheritable(service.descriptor, False)
     with contextlib.ExitStack() as deferral:
         mask = signal.pthread_sigmask(
             signal.SIG_BLOCK, TERMINATION
@@ -71,7 +91,6 @@ def main() -> int:
         deferral.callback(signal.pthread_sigmask, signal.SIG_SETMASK, mask)
         end_by_signals()
         deferral.enter_context(signals_deferred())
-        _warm_up()
         line = sys.stdin.readline()
         if not line:
             return 0
@@ -101,6 +120,7 @@ def work(
     os.chdir(order.folder)
     approve_files(order.approved)
     os.nice(order.niceness)
+    accept_owner(order.service)
     with EventFile(order.events) as events:
         orders = Orders(source, service=service)
         console = JobConsole(events=events, orders=orders)
@@ -141,6 +161,8 @@ def _ended(ending: Ending) -> EndEvent:
 
 
 def _warm_up() -> None:
-    """Import the modules that most jobs need, so that a job starts at once."""
+    """Import modules, load compiled kernels and compile page templates that most jobs need."""
     for name in ("record", "identify", "check"):
         operation(name).load()
+    base_parameters(RobotModel.from_description(load_cell("ir361").robot))
+    load_templates()

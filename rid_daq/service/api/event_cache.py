@@ -7,7 +7,7 @@ import threading
 from pathlib import Path
 from typing import Final
 
-from rid_daq.service.running_job import EventTail
+from rid_daq.service.workers.running_job import EventTail
 from rid_daq.terminal.job_events import EVENT
 
 MOST_JOBS: Final = 16

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import pytest
 
@@ -22,10 +22,11 @@ from identification.design.two_harmonic import TwoHarmonicOptions, design_two_ha
 from rid_daq.service.client import ServiceClient
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import Job, JobState
-from rid_daq.service.running_job import ReadyWorker, WorkerProcess
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
 from rid_daq.service.sockets import socket_path_of
+from rid_daq.service.workers.worker_process import WorkerProcess
+from rid_daq.service.workers.worker_template import WorkerTemplate
 
 PATIENCE_S = 180.0
 
@@ -72,13 +73,23 @@ def job(kind: str = "payload_session") -> Job:
     )
 
 
+class ClosedInput:
+    """Standard input of a worker that no longer reads."""
+
+    def is_closing(self) -> bool:
+        return True
+
+
 class Worker:
     """A worker whose process is the test's own; the test simulates its motions."""
 
     pid = os.getpid()
     returncode: int | None = None
-    stdin = None
+    stdin = ClosedInput()
     terminated = 0
+
+    def __init__(self) -> None:
+        self.beat = ServiceBeat.create()
 
     def terminate(self) -> None:
         self.terminated += 1
@@ -91,7 +102,7 @@ class Worker:
 
 
 def as_worker(process: Worker) -> WorkerProcess:
-    return WorkerProcess(cast("Any", process), ServiceBeat.create())
+    return cast(WorkerProcess, process)
 
 
 @pytest.fixture
@@ -99,16 +110,23 @@ def worker(monkeypatch: pytest.MonkeyPatch) -> Worker:
     """Return the next worker of the service, which becomes available after one event loop step."""
     worker = Worker()
 
-    async def take(_warm: ReadyWorker) -> Any:
+    async def start_worker(_template: WorkerTemplate) -> WorkerProcess:
         await asyncio.sleep(0)
         return as_worker(worker)
 
-    async def prepare(_warm: ReadyWorker) -> None:
+    async def prepare(_template: WorkerTemplate) -> None:
         pass
 
-    monkeypatch.setattr(ReadyWorker, "acquire", take)
-    monkeypatch.setattr(ReadyWorker, "prepare", prepare)
+    monkeypatch.setattr(WorkerTemplate, "start_worker", start_worker)
+    monkeypatch.setattr(WorkerTemplate, "prepare", prepare)
     return worker
+
+
+def has_handler(pid: int, number: signal.Signals) -> bool:
+    """Return True if a process has a handler for a signal."""
+    status = Path(f"/proc/{pid}/status").read_text()
+    mask = int(status.partition("SigCgt:")[2].split(maxsplit=1)[0], 16)
+    return bool(mask >> (number - 1) & 1)
 
 
 @dataclass

@@ -15,9 +15,9 @@ from config.formats.approved_files import approve_files
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import Identity, Role
 from rid_daq.service.request_check import hash_named_files
-from rid_daq.service.running_job import RunningJob
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
+from rid_daq.service.workers.running_job import RunningJob
 from rid_daq.worker.worker import WorkOrder, work
 from tests.rid_daq.service.conftest import Worker
 
@@ -90,6 +90,7 @@ def test_a_worker_refuses_files_that_changed_after_the_order(tmp_path: Path, cha
         folder=tmp_path,
         events=tmp_path / "events.jsonl",
         cleared=False,
+        service=os.getpid(),
         approved={str(path): sha256(path.read_bytes()) for path in files},
     )
     path = tmp_path / changed

@@ -15,9 +15,9 @@ from config.load import load_cell
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import HeldLease, Identity, Role
 from rid_daq.service.refusals import NotAllowedError
-from rid_daq.service.running_job import RunningJob
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
+from rid_daq.service.workers.running_job import RunningJob
 from rid_daq.terminal.job_events import QuestionEvent
 from tests.builders.raised_codes import raises_code
 from tests.rid_daq.service.conftest import Worker, job

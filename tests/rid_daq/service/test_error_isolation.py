@@ -15,10 +15,12 @@ from acquisition.task.service_beat import ServiceBeat
 from config.load import load_cell
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import CellState, Job, JobState
-from rid_daq.service.running_job import ReadyWorker, RunningJob, WorkerProcess
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
+from rid_daq.service.workers.running_job import RunningJob
+from rid_daq.service.workers.worker_template import WorkerTemplate
 from rid_daq.terminal.job_events import AnyEvent
+from tests.rid_daq.service.conftest import ClosedInput
 
 
 class Worker:
@@ -26,7 +28,10 @@ class Worker:
 
     pid = 1
     returncode: int | None = None
-    stdin = None
+    stdin = ClosedInput()
+
+    def __init__(self) -> None:
+        self.beat = ServiceBeat.create()
 
 
 class BrokenJob(RunningJob):
@@ -55,9 +60,7 @@ def start_job(service: CellService, kind: type[RunningJob], worker: Worker) -> A
     )
     service.jobs.add(job)
     events = service.job_runner.events(job.id)
-    running = kind(
-        job, service.cell("ir361"), WorkerProcess(cast("Any", worker), ServiceBeat.create()), events
-    )
+    running = kind(job, service.cell("ir361"), cast("Any", worker), events)
     service.job_runner._running[job.id] = running
     return running
 
@@ -66,10 +69,10 @@ def start_job(service: CellService, kind: type[RunningJob], worker: Worker) -> A
 def no_workers(monkeypatch: pytest.MonkeyPatch) -> None:
     """Make the start of every worker fail."""
 
-    async def start(_self: ReadyWorker) -> None:
+    async def start(_self: WorkerTemplate) -> None:
         raise BlockingIOError(11, "Resource temporarily unavailable")
 
-    monkeypatch.setattr(ReadyWorker, "_start", start)
+    monkeypatch.setattr(WorkerTemplate, "_start", start)
 
 
 @pytest.mark.parametrize("error", [RuntimeError("a mistake"), sqlite3.OperationalError("full")])
@@ -90,7 +93,7 @@ def test_an_error_of_one_cell_does_not_end_the_service(
         asyncio.run(service.run(until))
     said = [record.message for record in caplog.records]
     assert said == [
-        "spare worker: unexpected error; the service continues",
+        "template of the workers: unexpected error; the service continues",
         "cell ir361: unexpected error; the service continues",
     ]
 

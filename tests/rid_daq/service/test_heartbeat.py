@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import signal
 from math import inf
 from pathlib import Path
@@ -18,12 +19,13 @@ from rid_daq.blocks.block import Verdict
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.job_runner import outcome_of_job
 from rid_daq.service.records import Identity, Job, JobState, OnLostClient, Role
-from rid_daq.service.running_job import EventTail, ReadyWorker, RunningJob
 from rid_daq.service.service import CellService
+from rid_daq.service.workers.running_job import EventTail, RunningJob
+from rid_daq.service.workers.worker_template import WorkerTemplate
 from rid_daq.terminal.job_events import EndEvent, MotionEvent, ResultEvent
 from rid_daq.worker.job_console import EventFile
 from tests.builders.raised_codes import raises_code
-from tests.rid_daq.service.conftest import PATIENCE_S, Worker, as_worker, job
+from tests.rid_daq.service.conftest import PATIENCE_S, Worker, as_worker, has_handler, job
 
 ANNA = Identity(name="Anna", role=Role.OPERATOR, person=True, token="a")
 
@@ -37,7 +39,7 @@ def start_job(service: CellService, kind: JobKind, policy: OnLostClient, lease: 
 def lease_end_s(service: CellService) -> float:
     (running,) = service.job_runner
     service.job_runner.send_heartbeats()
-    end_s: float = running.beat._words.lease_end_s
+    end_s: float = running.process.beat._words.lease_end_s
     return end_s
 
 
@@ -52,8 +54,8 @@ def test_a_job_that_continues_without_its_client_has_no_lease_end(
     start_job(service, kind, policy, None)
     assert lease_end_s(service) == inf
     (running,) = service.job_runner
-    assert running.beat.reason(safety_now_s()) is None
-    silent = running.beat.reason(safety_now_s() + SERVICE_LIMIT_S + 1.0)
+    assert running.process.beat.reason(safety_now_s()) is None
+    silent = running.process.beat.reason(safety_now_s() + SERVICE_LIMIT_S + 1.0)
     assert silent is not None
     assert silent.code is StopCode.SERVICE_LOST
 
@@ -69,7 +71,7 @@ def test_a_motion_is_permitted_as_long_as_its_lease(service: CellService, worker
     service.leases.take("ir361", ANNA, "", 60.0, confirmed="ir361")
     assert lease_end_s(service) == -inf, "another lease has the cell"
     (running,) = service.job_runner
-    lost = running.beat.reason(safety_now_s())
+    lost = running.process.beat.reason(safety_now_s())
     assert lost is not None
     assert lost.code is StopCode.CLIENT_LOST
 
@@ -159,28 +161,23 @@ def test_a_worker_terminated_during_its_imports_reports_it(tmp_path: Path) -> No
         "folder": str(tmp_path),
         "events": str(tmp_path / "events"),
         "cleared": False,
+        "service": os.getpid(),
     }
 
     async def ended() -> int | None:
-        worker = await ReadyWorker(tmp_path / "log")._start()
+        template = WorkerTemplate(tmp_path / "log")
+        worker = await template.start_worker()
         worker.beat.write(safety_now_s(), inf)
-        process = worker.process
-        assert process.stdin is not None
-        process.stdin.write(json.dumps(order).encode() + b"\n")
-        while not has_handler(process.pid, signal.SIGTERM):
+        worker.stdin.write(json.dumps(order).encode() + b"\n")
+        while not has_handler(worker.pid, signal.SIGTERM):
             await asyncio.sleep(0.001)
-        process.terminate()
-        return await asyncio.wait_for(process.wait(), PATIENCE_S)
+        worker.terminate()
+        await asyncio.wait_for(worker.wait(), PATIENCE_S)
+        await template.end()
+        return worker.returncode
 
     assert asyncio.run(ended()) == 128 + signal.SIGTERM
     assert (tmp_path / "log").read_bytes() == b""
     *_, last = EventTail(tmp_path / "events").read_new()
     assert isinstance(last, EndEvent)
     assert last.error == "Terminated"
-
-
-def has_handler(pid: int, number: signal.Signals) -> bool:
-    """Return True if a process has a handler for a signal."""
-    status = Path(f"/proc/{pid}/status").read_text()
-    mask = int(status.partition("SigCgt:")[2].split(maxsplit=1)[0], 16)
-    return bool(mask >> (number - 1) & 1)

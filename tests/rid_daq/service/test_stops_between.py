@@ -12,8 +12,8 @@ from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import Identity, Job, JobState, Role
-from rid_daq.service.running_job import RunningJob
 from rid_daq.service.service import CellService
+from rid_daq.service.workers.running_job import RunningJob
 from tests.rid_daq.service.conftest import Worker, as_worker, job
 
 WHO = Identity(name="anna", role=Role.OPERATOR, person=True, token="")

@@ -22,7 +22,7 @@ from config.errors import ConfigError, PreflightError
 from rid_daq.blocks.block import Column, Heading, Interval, Next, Table, Text, Verdict
 from rid_daq.blocks.plot import Axis, Line, Panel, Plot
 from rid_daq.service.remote_jobs import _EventDisplay
-from rid_daq.service.running_job import EventTail
+from rid_daq.service.workers.running_job import EventTail
 from rid_daq.terminal.console import Console
 from rid_daq.terminal.job_events import KeyRefusalEvent, ProgressEvent, QuestionEvent, ResultEvent
 from rid_daq.worker.job_console import EventFile, JobConsole

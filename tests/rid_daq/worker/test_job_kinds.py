@@ -23,7 +23,7 @@ from rid_daq.blocks.block import Verdict
 from rid_daq.operations.perform import perform
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.request_check import check_request, parse_request
-from rid_daq.service.running_job import EventTail
+from rid_daq.service.workers.running_job import EventTail
 from rid_daq.terminal.job_events import AnyEvent, ResultEvent
 from rid_daq.worker.job_console import EventFile, JobConsole
 from rid_daq.worker.orders import Orders

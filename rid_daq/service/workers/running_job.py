@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import json
 from collections.abc import Iterable, Sequence
@@ -15,12 +14,11 @@ from pydantic import ValidationError
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
-from acquisition.task.service_beat import ServiceBeat
-from config.process.own_process import own_python
 from rid_daq.blocks.block import Verdict
 from rid_daq.live.picture import MotionPicture, ShownMotion
 from rid_daq.service.records import Job
 from rid_daq.service.served_cell import ServedCell
+from rid_daq.service.workers.worker_process import WorkerProcess
 from rid_daq.terminal.job_events import (
     EVENT,
     AnswerEvent,
@@ -66,19 +64,6 @@ class EventTail:
         return events
 
 
-@dataclass(frozen=True)
-class WorkerProcess:
-    """A worker process, and the shared memory with the service's heartbeat.
-
-    Attributes:
-        process: The worker.
-        beat: The shared memory.
-    """
-
-    process: asyncio.subprocess.Process
-    beat: ServiceBeat
-
-
 class RunningJob:
     """A running job.
 
@@ -88,7 +73,6 @@ class RunningJob:
 
     Attributes:
         job: The job as it was saved last.
-        beat: Shared memory with the service's heartbeat for the worker.
         stopping: Reason of the stop request; empty without a stop request.
         question: Question of the job that waits for an answer.
         ended: Last event of the job.
@@ -97,8 +81,7 @@ class RunningJob:
     def __init__(self, job: Job, cell: ServedCell, worker: WorkerProcess, events: Path) -> None:
         self.job = job
         self.cell = cell
-        self.process = worker.process
-        self.beat = worker.beat
+        self.process = worker
         self.stopping = ""
         self.question: QuestionEvent | None = None
         self.ended: EndEvent | None = None
@@ -144,8 +127,7 @@ class RunningJob:
         if control is not None:
             control.program.request_stop(code)
         if control is None or control.task_gone:  # this task may no longer read the control block
-            with contextlib.suppress(ProcessLookupError):
-                self.process.terminate()
+            self.process.terminate()
 
     def repeat_stop(self) -> None:
         """Repeat the stop request for a motion that began after it; do nothing without a motion."""
@@ -155,13 +137,13 @@ class RunningJob:
     def send_order(self, **order: Any) -> None:
         """Send an order to the worker; do nothing if it has ended."""
         writer = self.process.stdin
-        if writer is not None and not writer.is_closing():
+        if not writer.is_closing():
             writer.write((json.dumps(order) + "\n").encode())
 
     def send_order_if_writable(self, **order: Any) -> None:
         """Send an order that is useless later, unless too many orders wait already."""
         writer = self.process.stdin
-        if writer is not None and writer.transport.get_write_buffer_size() < MOST_WAITING_BYTES:
+        if writer.transport.get_write_buffer_size() < MOST_WAITING_BYTES:
             self.send_order(**order)
 
     @property
@@ -225,47 +207,3 @@ class StartingJob:
     def stop(self, why: str, _code: StopCode) -> None:
         """Prevent the start of the job."""
         self.stopping = self.stopping or why
-
-
-class ReadyWorker:
-    """Spare worker that has already imported the modules that jobs need.
-
-    Args:
-        log: Log file for output of workers that is not an event, such as tracebacks.
-    """
-
-    def __init__(self, log: Path) -> None:
-        self._log = log
-        self._ready: WorkerProcess | None = None
-
-    async def prepare(self) -> None:
-        """Start a spare worker unless one is ready."""
-        if self._ready is None or self._ready.process.returncode is not None:
-            self._ready = await self._start()
-
-    async def acquire(self) -> WorkerProcess:
-        """Return a worker that waits for its job."""
-        ready, self._ready = self._ready, None
-        if ready is not None and ready.process.returncode is None:
-            return ready
-        return await self._start()
-
-    async def end(self) -> None:
-        """End the spare worker."""
-        ready, self._ready = self._ready, None
-        if ready is not None and ready.process.returncode is None:
-            ready.process.kill()
-            await ready.process.wait()
-
-    async def _start(self) -> WorkerProcess:
-        beat = ServiceBeat.create()
-        with self._log.open("ab") as log:
-            process = await asyncio.create_subprocess_exec(
-                *own_python("rid_daq.worker", str(beat.descriptor)),
-                stdin=asyncio.subprocess.PIPE,
-                stdout=log,
-                stderr=log,
-                start_new_session=True,
-                pass_fds=(beat.descriptor,),
-            )
-        return WorkerProcess(process, beat)

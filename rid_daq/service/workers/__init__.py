@@ -1,0 +1,1 @@
+"""The jobs that run: a worker process for each, forked from a template, and its events."""
