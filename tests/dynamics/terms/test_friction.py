@@ -191,7 +191,7 @@ class TestStribeck:
         tau = friction_torque(robot, [10.0, 4.0], self.SPEED)
         v = self.SPEED
         np.testing.assert_allclose(tau, np.sign(v) * (10.0 + 4.0 * np.exp(-np.abs(v) / 0.2)))
-        assert tau[5] == pytest.approx(10.0 + 4.0 / np.e)
+        assert tau[5] == pytest.approx(10.0 + 4.0 * np.exp(-1.0))
 
     def test_the_stribeck_speed_is_a_nonlinear_parameter_with_the_files_start_value(
         self, ir361
