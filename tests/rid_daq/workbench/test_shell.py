@@ -153,8 +153,15 @@ def test_a_key_held_over_a_slow_link_moves_nothing_with_a_reason(
     at_rest = position.inner_text()
     link.make_late(1.0, 0.4, 0.45)
     page.get_by_role("button", name="hold to move in positive direction").hover()
+    too_slow = re.compile(r"link too slow: .*\d+ ms")
     page.mouse.down()
-    expect(said).to_contain_text(re.compile(r"link too slow: .*\d+ ms"))
+    for _ in range(20):  # a slow page loses the held key: press it again
+        page.wait_for_timeout(2000)
+        if too_slow.search(said.inner_text()):
+            break
+        page.mouse.up()
+        page.mouse.down()
+    expect(said).to_contain_text(too_slow)
     link.mend()
     page.wait_for_timeout(
         1000
