@@ -25,6 +25,9 @@ def fork_workers(line: socket.socket) -> int | None:
 
     Returns:
         In a worker the descriptor of the service's heartbeat, in the template None.
+
+    Raises:
+        BrokenPipeError: The service ended before it read a report; only in the template.
     """
     workers: dict[int, int] = {}  # process ids by pidfds
     # An epoll would be shared with the workers.
@@ -67,7 +70,7 @@ def _fork(received: list[int]) -> int:
 
 
 def _open_pidfd(pid: int) -> int:
-    """Return a pidfd of a child process; if there is none, kill the child process."""
+    """Return a pidfd of a child process; kill the child process if that fails."""
     try:
         return os.pidfd_open(pid)
     except OSError:

@@ -75,7 +75,10 @@ def main() -> int:
     line.set_inheritable(False)
     _warm_up()
     keep_from_collections()
-    descriptor = fork_workers(line)
+    try:
+        descriptor = fork_workers(line)
+    except BrokenPipeError:  # the service ended before it read a report
+        return 0
     return 0 if descriptor is None else run_worker(ServiceBeat.inherited(descriptor))
 
 

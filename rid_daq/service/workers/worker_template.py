@@ -119,7 +119,7 @@ class WorkerTemplate:
             return
         worker.note_start(report.pid, descriptors[0])
         self._workers[report.pid] = worker
-        if started.done():  # cancelled: nobody has an order for this worker
+        if started.done():  # cancelled: this worker will get no order
             worker.kill()
         else:
             started.set_result(None)
