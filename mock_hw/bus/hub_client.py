@@ -142,6 +142,8 @@ class HubClient:
                     timeout_s = 0.0
                     continue
                 if count == 0:
+                    if frames:  # the next call raises
+                        return frames
                     raise self._lost("connection closed")
                 frames += FRAME.iter_unpack(buffer[HEADER.size : count])
         except (OSError, ValueError) as error:
@@ -197,6 +199,9 @@ class HubClient:
             while select.select([self._socket], [], [], timeout_s)[0]:
                 frames += unpack_frames(self._receive(), errors=True)
                 timeout_s = 0.0
+        except TransportError:
+            if not frames:  # otherwise the next call raises
+                raise
         except ValueError as error:
             raise self._lost("this connection is closed") from error
         self.now_ns = time.monotonic_ns()

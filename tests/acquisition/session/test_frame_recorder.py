@@ -20,6 +20,7 @@ from config.cell.cell import CanBusConfig
 from config.errors import ConfigError, DriverError, RecordingError, TransportError
 from config.load import load_cell
 from drivers.canopen.frames import SYNC_COB_ID, tpdo_cob_id
+from drivers.ports.python_can import open_bus
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
 from tests.builders.raised_codes import raises_code
@@ -87,9 +88,16 @@ def test_a_lost_bus_is_reported_and_the_received_frames_are_kept(
     with contextlib.ExitStack() as stack:
         with simulated as cell:
             recorder = stack.enter_context(FrameRecorder(cell.cell.can, file))
-            with can.Bus(interface="rid_sim", channel=cell.channel, participant=True) as master:
+            with (
+                open_bus(cell.cell.can, listening=True) as listener,
+                open_bus(cell.cell.can) as master,
+            ):
                 master.send(can.Message(arbitration_id=0x123, data=b"abc", is_extended_id=False))
-                master.recv(0.01)
+                received: list[int] = []
+                while 0x123 not in received:
+                    master.recv(0.001)  # simulated time passes while the master waits
+                    message = listener.recv(0.1)
+                    received += [message.arbitration_id] if message else []
         with raises_code(TransportError, "RID-CAN-LOST", "ir361.sock"):
             recorder.finish()
     assert (0x123, b"abc") in [frame[:2] for frame in frames(can.BLFReader(file))]

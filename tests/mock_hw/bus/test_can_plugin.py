@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,10 @@ import pytest
 from config.cell.cell import CanBusConfig
 from drivers.canopen.frames import SYNC, Frame
 from drivers.ports.can_link import open_can
+from mock_hw.bus.arbitration import WireFrame
 from mock_hw.bus.can_plugin import RidSimBus
+from mock_hw.bus.hub_process import listening_socket
+from mock_hw.bus.hub_protocol import FRAME, PacketKind, pack
 from mock_hw.bus.wire_time import wire_bits
 
 Serve = Callable[..., Any]
@@ -173,6 +177,37 @@ def test_a_hub_that_has_ended_is_python_cans_error(serve: Serve, join: Join) -> 
     bus._client._socket.shutdown(2)
     with pytest.raises(can.CanOperationError):
         bus.recv(1.0)
+
+
+def test_frames_sent_before_the_hub_ended_are_received_before_the_error(tmp_path: Path) -> None:
+    sent = [WireFrame(number, number, 1, 0, bytes([number])) for number in range(1, 4)]
+
+    def open_bus_of_an_ended_hub() -> RidSimBus:
+        path = tmp_path / "ended.sock"
+        with listening_socket(path) as listener, ThreadPoolExecutor(1) as pool:
+            opening = pool.submit(can.Bus, interface="rid_sim", channel=str(path))
+            listener.setblocking(True)
+            hub, _ = listener.accept()
+            with hub:
+                hub.recv(100)
+                hub.send(pack(PacketKind.WELCOME))
+                for frame in sent:
+                    hub.send(pack(PacketKind.FRAMES) + FRAME.pack(*frame))
+            bus = opening.result()
+        assert isinstance(bus, RidSimBus)
+        return bus
+
+    with open_bus_of_an_ended_hub() as bus:
+        messages = [bus.recv(1.0) for _ in sent]
+        assert [message and message.arbitration_id for message in messages] == [1, 2, 3]
+        with pytest.raises(can.CanOperationError):
+            bus.recv(1.0)
+    with open_bus_of_an_ended_hub() as bus:
+        arrivals = bus.receive_frames(1.0)
+        assert arrivals is not None
+        assert [arrival.cob_id for arrival in arrivals] == [1, 2, 3]
+        with pytest.raises(can.CanOperationError):
+            bus.receive_frames(1.0)
 
 
 def test_python_cans_logger_receives_frames(serve: Serve, join: Join) -> None:
